@@ -1,0 +1,97 @@
+# Every target sets up what it needs; `make help` lists them.
+SHELL := /bin/bash
+.DEFAULT_GOAL := help
+
+PYTHON ?= python3
+VENV := .venv
+RUN := $(VENV)/bin/python
+
+VEHICLES ?= 1
+SPEED ?= 1
+WIND ?= 0
+SEED ?= 1
+EDGE_PORT ?= 8000
+CLOUD_PORT ?= 8100
+MAVLINK_PORT ?= 14540
+GCS_PORT ?= 14550
+VEHICLE_PORT_BASE ?= 14580
+STATE_DIR ?= var
+TRUTH ?= 0
+PLAN ?=
+export VEHICLES SPEED WIND SEED EDGE_PORT CLOUD_PORT MAVLINK_PORT GCS_PORT VEHICLE_PORT_BASE STATE_DIR TRUTH PLAN
+
+RUNTIME := $(VENV)/.runtime
+DEV := $(VENV)/.dev
+
+.PHONY: help
+help: ## list the targets
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sort | sed -E 's/:[^#]*## /\t/' | expand -t 12
+
+$(VENV)/bin/python:
+	$(PYTHON) -m venv $(VENV)
+
+$(RUNTIME): requirements.lock | $(VENV)/bin/python
+	@echo "installing the locked run-time packages into $(VENV)"
+	$(RUN) -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	@touch $@
+
+$(DEV): requirements-dev.lock | $(VENV)/bin/python
+	@echo "installing the locked development packages into $(VENV)"
+	$(RUN) -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-dev.lock
+	@touch $@ $(RUNTIME)
+
+.PHONY: install
+install: $(DEV) ## create the virtual environment with everything
+
+.PHONY: lock
+lock: $(DEV) ## resolve pyproject.toml again into the two lock files
+	$(VENV)/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-annotate --no-header pyproject.toml -o requirements.lock
+	$(VENV)/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-annotate --no-header --extra dev pyproject.toml -o requirements-dev.lock
+
+.PHONY: sim
+sim: $(RUNTIME) ## run the whole system: edge server, relay, broker, vehicles, mock cloud
+	@exec $(RUN) -m sim
+
+.PHONY: demo
+demo: $(RUNTIME) ## run the system, fly an example plan, end when the cloud holds every result
+	@exec $(RUN) -m sim demo
+
+.PHONY: edge
+edge: $(RUNTIME) ## run the edge server alone
+	@exec $(RUN) -m edge_server
+
+.PHONY: broker
+broker: $(RUNTIME) ## run the broker alone
+	@exec $(RUN) -m mavlink_broker
+
+.PHONY: uav
+uav: $(RUNTIME) ## run one vehicle alone
+	@exec $(RUN) -m uav_firmware --system-id 1
+
+.PHONY: cloud
+cloud: $(RUNTIME) ## run the mock cloud alone
+	@exec $(RUN) -m sim.cloud
+
+.PHONY: test
+test: $(DEV) ## run all tests
+	$(RUN) -m pytest -n 2
+
+.PHONY: check
+check: $(DEV) ## format, lint, types, import contracts
+	$(VENV)/bin/ruff format --check .
+	$(VENV)/bin/ruff check .
+	$(VENV)/bin/mypy
+	$(VENV)/bin/lint-imports
+
+.PHONY: format
+format: $(DEV) ## format and fix what a tool can fix
+	$(VENV)/bin/ruff format .
+	$(VENV)/bin/ruff check --fix .
+
+.PHONY: bench
+bench: $(DEV) ## measure and write STATE_DIR/bench/results.json
+	@exec $(RUN) -m tests.bench
+
+.PHONY: clean
+clean: ## remove the state and the virtual environment
+	rm -rf $(VENV) $(STATE_DIR)

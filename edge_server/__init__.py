@@ -1,0 +1,1 @@
+"""The farm's edge server: plans in by REST, telemetry kept until the cloud has it."""

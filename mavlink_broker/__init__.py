@@ -1,0 +1,1 @@
+"""The broker: missions from the edge server, flown over MAVLink on any autopilot."""

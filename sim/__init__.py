@@ -1,0 +1,1 @@
+"""The simulated world: JSBSim physics, sensors, mock cloud and launcher."""

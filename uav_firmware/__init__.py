@@ -1,0 +1,1 @@
+"""The autopilot: PX4-style modules joined by typed topics."""

@@ -1,0 +1,50 @@
+"""Typed topics: how modules meet. Single-threaded, no copies, no callbacks."""
+
+from collections import deque
+from typing import Generic, TypeVar
+
+T = TypeVar("T")
+
+
+class Topic(Generic[T]):
+    """The newest value of one kind of message, and how many have been published.
+
+    A reader keeps the last `count` it acted on and compares: a new value has a new count.
+    """
+
+    __slots__ = ("count", "value")
+
+    def __init__(self) -> None:
+        self.value: T | None = None
+        self.count: int = 0
+
+    def publish(self, value: T) -> None:
+        """Replace the value."""
+        self.value = value
+        self.count += 1
+
+
+class Queue(Generic[T]):
+    """Messages of which none may be missed, for one reader: commands, answers, texts.
+
+    Bounded: when full, the oldest is dropped and counted, so that a reader that died cannot
+    eat the memory.
+    """
+
+    __slots__ = ("_items", "dropped")
+
+    def __init__(self, limit: int = 256) -> None:
+        self._items: deque[T] = deque(maxlen=limit)
+        self.dropped: int = 0
+
+    def publish(self, item: T) -> None:
+        """Append an item."""
+        if len(self._items) == self._items.maxlen:
+            self.dropped += 1
+        self._items.append(item)
+
+    def drain(self) -> list[T]:
+        """Return all waiting items, oldest first, and forget them."""
+        items = list(self._items)
+        self._items.clear()
+        return items

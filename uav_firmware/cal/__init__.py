@@ -1,0 +1,1 @@
+"""Component abstraction layer: the protocols between the flight stack and one vehicle."""

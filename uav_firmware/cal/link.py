@@ -1,0 +1,19 @@
+"""A datagram link that carries MAVLink frames, whatever it is made of."""
+
+from collections.abc import Sequence
+from typing import Protocol, TypeAlias
+
+Address: TypeAlias = tuple[str, int]
+
+
+class Link(Protocol):
+    """Never blocks; loses rather than waits."""
+
+    def receive(self) -> Sequence[tuple[bytes, Address]]:
+        """All datagrams that have arrived, with their senders."""
+
+    def send(self, datagram: bytes, address: Address) -> None:
+        """Send one datagram; an unreachable address is no error."""
+
+    def close(self) -> None:
+        """Release the socket."""

@@ -1,0 +1,64 @@
+"""What a vehicle's hardware offers the flight stack, whatever it is made of.
+
+The scheduler calls, in each control step: `write_motors`, `advance`, then the `read_*`
+methods. A reading that is not due in this step is None.
+"""
+
+from typing import Protocol
+
+from uav_firmware.msg.sensors import (
+    SensorBaro,
+    SensorBattery,
+    SensorGps,
+    SensorImu,
+    SensorMag,
+    SensorTruth,
+)
+from uav_firmware.msg.vectors import Motors
+
+
+class Actuators(Protocol):
+    """Motors of a quadrotor."""
+
+    def write_motors(self, control: Motors) -> None:
+        """Command the motors, 0 stopped to 1 full, in PX4's quad-x order."""
+
+
+class Sensors(Protocol):
+    """The vehicle's instruments."""
+
+    def read_imu(self) -> SensorImu:
+        """Newest inertial sample; there is one in every step."""
+
+    def read_baro(self) -> SensorBaro | None:
+        """Barometer sample if one is due."""
+
+    def read_mag(self) -> SensorMag | None:
+        """Magnetometer sample if one is due."""
+
+    def read_gps(self) -> SensorGps | None:
+        """GNSS fix if one has arrived."""
+
+    def read_battery(self) -> SensorBattery | None:
+        """Battery sample if one is due."""
+
+    def read_truth(self) -> SensorTruth | None:
+        """True state where the vehicle is simulated, else None."""
+
+
+class Vehicle(Actuators, Sensors, Protocol):
+    """A whole vehicle with its own clock."""
+
+    @property
+    def time_us(self) -> int:
+        """Time since boot [us]; the only clock that the flight stack knows."""
+
+    @property
+    def step_us(self) -> int:
+        """Length of a control step [us]."""
+
+    def advance(self) -> None:
+        """Let one control step pass: physics in a simulation, a timer on hardware."""
+
+    def close(self) -> None:
+        """Release files and devices."""

@@ -1,0 +1,1 @@
+"""Drivers: each implements the protocols of cal for one vehicle, link or medium."""

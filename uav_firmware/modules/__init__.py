@@ -1,0 +1,1 @@
+"""Modules: a thin shell each, reading and writing topics, around pure laws."""

@@ -1,0 +1,71 @@
+"""What the sensors measure. Written by the driver, read by the estimator and mavlink."""
+
+from typing import NamedTuple
+
+from uav_firmware.msg.vectors import Vector3
+
+
+class SensorImu(NamedTuple):
+    """Inertial measurement, one per control step; read by estimator and rate_control."""
+
+    time_us: int  # [us] Simulated time since boot
+    rate_frd: Vector3  # [rad/s] Angular rate of the body against inertial space
+    specific_force_frd: Vector3  # [m/s^2] Accelerometer: about (0, 0, -9.81) at rest
+
+
+class SensorBaro(NamedTuple):
+    """Barometer at 25 Hz or more; read by estimator."""
+
+    time_us: int  # [us] Time of the measurement
+    pressure_pa: float  # [Pa] Static pressure
+    temperature_c: float  # [deg C] Of the sensor
+
+
+class SensorMag(NamedTuple):
+    """Magnetometer at 25 Hz or more; read by estimator."""
+
+    time_us: int  # [us] Time of the measurement
+    field_frd: Vector3  # [gauss] Earth's field in the body frame
+
+
+class SensorGps(NamedTuple):
+    """GNSS receiver at 5 to 10 Hz, delivered late; read by estimator and mavlink."""
+
+    time_us: int  # [us] Time of validity, not of delivery
+    time_utc_us: int  # [us] Since 1970, 0 when unknown
+    latitude_deg: float  # [deg] WGS-84
+    longitude_deg: float  # [deg] WGS-84
+    altitude_amsl_m: float  # [m] Above mean sea level
+    velocity_ned: Vector3  # [m/s] Ground velocity
+    horizontal_accuracy_m: float  # [m] One sigma
+    vertical_accuracy_m: float  # [m] One sigma
+    speed_accuracy_m_s: float  # [m/s] One sigma
+    fix_type: int  # [-] MAVLink GPS_FIX_TYPE: 0 no GPS, 1 no fix, 3 3D fix
+    satellites_used: int  # [-]
+    hdop: float  # [-]
+    vdop: float  # [-]
+
+
+class SensorBattery(NamedTuple):
+    """Battery as its monitor measures it, at 5 Hz or more; read by commander and mavlink."""
+
+    time_us: int  # [us]
+    voltage_v: float  # [V] At the pack
+    current_a: float  # [A] Drawn
+    consumed_ah: float  # [Ah] Since boot
+    capacity_ah: float  # [Ah] Of the full pack
+    remaining: float  # [-] 0 empty to 1 full
+
+
+class SensorTruth(NamedTuple):
+    """Ground truth from a simulation, for HIL_STATE_QUATERNION only; no module flies by it."""
+
+    time_us: int  # [us]
+    latitude_deg: float  # [deg]
+    longitude_deg: float  # [deg]
+    altitude_amsl_m: float  # [m]
+    velocity_ned: Vector3  # [m/s]
+    q_ned_frd: tuple[float, float, float, float]  # [-] Scalar first
+    rate_frd: Vector3  # [rad/s]
+    acceleration_frd: Vector3  # [m/s^2] Specific force
+    airspeed_m_s: float  # [m/s] True airspeed

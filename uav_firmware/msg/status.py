@@ -1,0 +1,107 @@
+"""State of the vehicle as a whole, commands to it and their answers."""
+
+from enum import IntEnum
+from typing import NamedTuple
+
+
+class NavigationState(IntEnum):
+    """Flight modes; the names are PX4's. `mavlink` maps them to custom_mode."""
+
+    MANUAL = 0
+    ALTCTL = 1
+    POSCTL = 2
+    AUTO_MISSION = 3
+    AUTO_LOITER = 4
+    AUTO_RTL = 5
+    ACRO = 10
+    TERMINATION = 13
+    OFFBOARD = 14
+    STAB = 15
+    AUTO_TAKEOFF = 17
+    AUTO_LAND = 18
+    AUTO_FOLLOW_TARGET = 19
+    AUTO_PRECLAND = 20
+    ORBIT = 21
+
+
+class LandedState(IntEnum):
+    """MAVLink's MAV_LANDED_STATE."""
+
+    UNDEFINED = 0
+    ON_GROUND = 1
+    IN_AIR = 2
+    TAKEOFF = 3
+    LANDING = 4
+
+
+class VehicleStatus(NamedTuple):
+    """Written by commander at 2 Hz and on change; read by all."""
+
+    time_us: int  # [us]
+    armed: bool
+    navigation_state: NavigationState
+    failsafe: bool  # A failsafe action flies the vehicle
+    preflight_checks_pass: bool  # Arming would be accepted
+    armed_since_us: int  # [us] 0 when disarmed
+    sensors_present: int  # [-] MAV_SYS_STATUS_SENSOR bits
+    sensors_enabled: int  # [-]
+    sensors_health: int  # [-]
+
+
+class LandDetected(NamedTuple):
+    """Written by land_detector on change and at 1 Hz; read by commander and mavlink."""
+
+    time_us: int  # [us]
+    landed: bool
+    ground_contact: bool
+    landed_state: LandedState
+
+
+class HomePosition(NamedTuple):
+    """Where return ends. Written by commander at arming and on command."""
+
+    time_us: int  # [us]
+    latitude_deg: float  # [deg]
+    longitude_deg: float  # [deg]
+    altitude_amsl_m: float  # [m]
+    position_ned: tuple[float, float, float]  # [m] About the local origin
+    yaw: float  # [rad] Heading at the time of setting
+
+
+class VehicleCommand(NamedTuple):
+    """A command to the vehicle, from a link or from a module; read by commander.
+
+    `param5` and `param6` are degrees when the command carries a position; NaN means unset.
+    """
+
+    time_us: int  # [us]
+    command: int  # [-] MAV_CMD
+    param1: float
+    param2: float
+    param3: float
+    param4: float
+    param5: float
+    param6: float
+    param7: float
+    frame: int  # [-] MAV_FRAME of param7: 0 AMSL (COMMAND_LONG), 3 relative to home
+    source_system: int  # [-] 0 when the vehicle itself commands
+    source_component: int  # [-]
+    token: int  # [-] Copied into the answer; the link's key to route it
+
+
+class VehicleCommandAck(NamedTuple):
+    """Answer to a VehicleCommand; exactly one final one each. Read by mavlink."""
+
+    time_us: int  # [us]
+    command: int  # [-] MAV_CMD
+    result: int  # [-] MAV_RESULT; 5 in progress is not final
+    progress: int  # [%] With result 5; 255 unknown
+    token: int  # [-] Of the command answered
+
+
+class StatusText(NamedTuple):
+    """A sentence for the operator. Written by any module, read by mavlink and logger."""
+
+    time_us: int  # [us]
+    severity: int  # [-] MAV_SEVERITY: 0 emergency to 7 debug
+    text: str

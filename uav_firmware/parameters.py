@@ -1,0 +1,196 @@
+"""Parameters: declared beside each module, registered once, changed by MAVLink, saved.
+
+A module declares a frozen dataclass whose fields are made by `param`:
+
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class PositionControlParams:
+        xy_p: float = param("MPC_XY_P", 0.95, unit="1/s", minimum=0.0, maximum=2.0,
+                            short="Corrective velocity per metre of horizontal position error")
+
+`Registry.add(PositionControlParams)` registers its parameters; `Registry.read(...)` gives an
+instance with the present values; `Registry.version` grows at each change, so a module
+re-reads only when it differs. Names and types are PX4's: int is INT32, float is REAL32.
+"""
+
+import json
+import math
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any, TypeVar
+
+P = TypeVar("P")
+_METADATA = "parameter"
+
+
+class ParameterError(Exception):
+    """Base of all parameter faults.
+
+    ParameterError
+      +- UnknownParameterError    no such name
+      +- ParameterRangeError      outside minimum..maximum, or not finite
+      +- ParameterTypeError       a fraction or a bool for an integer parameter
+    """
+
+
+class UnknownParameterError(ParameterError):
+    """No parameter has this name."""
+
+
+class ParameterRangeError(ParameterError):
+    """The value lies outside the declared range or is not finite."""
+
+
+class ParameterTypeError(ParameterError):
+    """The value does not fit the declared type."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Declaration:
+    """One parameter as its module declares it."""
+
+    name: str  # PX4's name, at most 16 characters
+    default: float | int
+    unit: str
+    minimum: float
+    maximum: float
+    short: str
+    is_integer: bool
+
+
+def param(
+    name: str,
+    default: float,
+    *,
+    unit: str,
+    minimum: float,
+    maximum: float,
+    short: str,
+) -> Any:
+    """Declare a parameter as a dataclass field; an int default makes an INT32."""
+    if len(name) > 16:
+        raise ParameterTypeError(f"{name}: longer than 16 characters")
+    declaration = Declaration(
+        name=name,
+        default=default,
+        unit=unit,
+        minimum=minimum,
+        maximum=maximum,
+        short=short,
+        is_integer=isinstance(default, int),
+    )
+    return field(default=default, metadata={_METADATA: declaration})
+
+
+def _as_real32(value: float) -> float:
+    """Round to what four bytes hold, so that a value reads back as it was stored."""
+    rounded: float = struct.unpack("<f", struct.pack("<f", value))[0]
+    return rounded
+
+
+class Registry:
+    """All parameters of a vehicle with their present values."""
+
+    def __init__(self) -> None:
+        self._declarations: dict[str, Declaration] = {}
+        self._values: dict[str, float | int] = {}
+        self.version: int = 0
+
+    def add(self, group: type[Any]) -> None:
+        """Register every parameter that a module's dataclass declares."""
+        for entry in fields(group):
+            declaration: Declaration = entry.metadata[_METADATA]
+            if declaration.name in self._declarations:
+                raise ParameterError(f"{declaration.name}: declared twice")
+            self._declarations[declaration.name] = declaration
+            self._values[declaration.name] = (
+                declaration.default if declaration.is_integer else _as_real32(declaration.default)
+            )
+
+    def read(self, group: type[P]) -> P:
+        """Give an instance of a module's dataclass with the present values."""
+        return group(
+            **{
+                entry.name: self._values[entry.metadata[_METADATA].name]
+                for entry in fields(group)  # type: ignore[arg-type]  # P is a dataclass
+            }
+        )
+
+    def names(self) -> list[str]:
+        """All names, sorted: the index of a name is stable while the firmware is the same."""
+        return sorted(self._declarations)
+
+    def declaration(self, name: str) -> Declaration:
+        """Give the declaration of `name`.
+
+        Raises:
+            UnknownParameterError: if there is none.
+        """
+        try:
+            return self._declarations[name]
+        except KeyError:
+            raise UnknownParameterError(f"{name}: no such parameter") from None
+
+    def get(self, name: str) -> float | int:
+        """Give the present value of `name`; raises UnknownParameterError."""
+        self.declaration(name)
+        return self._values[name]
+
+    def set(self, name: str, value: float) -> None:
+        """Change a value.
+
+        Raises:
+            UnknownParameterError: if the name is unknown.
+            ParameterTypeError: if an integer parameter is given a fraction.
+            ParameterRangeError: if the value is not finite or out of range.
+        """
+        declaration = self.declaration(name)
+        if isinstance(value, bool) or not math.isfinite(value):
+            raise ParameterRangeError(f"{name}: {value} is not a finite number")
+        if declaration.is_integer and value != int(value):
+            raise ParameterTypeError(f"{name}: {value} is not an integer")
+        if not declaration.minimum <= value <= declaration.maximum:
+            raise ParameterRangeError(
+                f"{name}: {value} is outside {declaration.minimum}..{declaration.maximum}"
+            )
+        self._values[name] = int(value) if declaration.is_integer else _as_real32(value)
+        self.version += 1
+
+    def changed(self) -> dict[str, float | int]:
+        """Values that differ from their defaults."""
+        return {
+            name: value
+            for name, value in self._values.items()
+            if value
+            != (
+                self._declarations[name].default
+                if self._declarations[name].is_integer
+                else _as_real32(self._declarations[name].default)
+            )
+        }
+
+    def load(self, values: Mapping[str, float]) -> list[str]:
+        """Set stored values; returns a sentence for each one that no longer fits."""
+        faults = []
+        for name, value in values.items():
+            try:
+                self.set(name, value)
+            except ParameterError as error:
+                faults.append(str(error))
+        return faults
+
+
+def load_file(registry: Registry, path: Path) -> list[str]:
+    """Load stored parameters; a missing file is no fault, a broken one is a sentence."""
+    try:
+        stored = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return []
+    except (OSError, ValueError) as error:
+        return [f"parameters not loaded: {error}"]
+    if not isinstance(stored, dict):
+        return ["parameters not loaded: the file holds no object"]
+    return registry.load(
+        {str(k): v for k, v in stored.items() if isinstance(v, (int, float))},
+    )
