@@ -1,0 +1,98 @@
+"""Numbers, times and texts as JSON carries them, with what AFarCloud allows.
+
+JSON has one number type; Python's coercions are wider than that. A bool is no number, a string
+is no number, 1.0 is an integer, and NaN or infinity is never accepted.
+"""
+
+import math
+from datetime import UTC, datetime
+from typing import Annotated, Any, TypeAlias
+
+from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field, PlainSerializer
+
+INT32_MAX = 2**31 - 1
+MAXIMUM_HEIGHT_M = 120.0
+"""Height limit above ground of the EU open category (Regulation 2019/947)."""
+
+
+def json_integer(value: Any) -> Any:
+    """Refuse a bool or a string, accept 1.0 as 1; anything else is left to the type."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise ValueError("must be an integer")  # noqa: TRY004  # pydantic wants ValueError
+    if isinstance(value, float):
+        if not math.isfinite(value) or value != int(value):
+            raise ValueError(f"must be an integer, not {value}")
+        return int(value)
+    return value
+
+
+def json_number(value: Any) -> Any:
+    """Refuse a bool, a string, NaN and infinity."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise ValueError("must be a number")  # noqa: TRY004  # pydantic wants ValueError
+    try:
+        number = float(value)
+    except OverflowError:
+        raise ValueError("must be a finite number") from None
+    if not math.isfinite(number):
+        raise ValueError("must be a finite number")
+    return number
+
+
+def json_boolean(value: Any) -> Any:
+    """Accept true and false only."""
+    if not isinstance(value, bool):
+        raise ValueError("must be true or false")  # noqa: TRY004  # pydantic wants ValueError
+    return value
+
+
+def _json_time(value: Any) -> Any:
+    if not isinstance(value, (str, datetime)):
+        message = "must be an RFC 3339 time such as 2026-11-21T08:00:00Z"
+        raise ValueError(message)  # noqa: TRY004  # pydantic wants ValueError
+    return value
+
+
+def _compass(degrees: float) -> float:
+    """Bring an angle to [0, 360); adding a turn to a tiny negative must not give 360."""
+    turned = degrees % 360.0
+    return 0.0 if turned >= 360.0 else turned
+
+
+def format_time(value: datetime) -> str:
+    """Write a time as RFC 3339 in UTC with a Z."""
+    return value.astimezone(UTC).isoformat().replace("+00:00", "Z")
+
+
+Int32: TypeAlias = Annotated[int, Field(ge=0, le=INT32_MAX), BeforeValidator(json_integer)]
+"""A counter or an id: 0 to 2^31 - 1."""
+
+VehicleId: TypeAlias = Annotated[int, Field(ge=1, le=INT32_MAX), BeforeValidator(json_integer)]
+Byte: TypeAlias = Annotated[int, Field(ge=0, le=255), BeforeValidator(json_integer)]
+PositiveByte: TypeAlias = Annotated[int, Field(ge=1, le=255), BeforeValidator(json_integer)]
+EpochSeconds: TypeAlias = Annotated[int, Field(ge=0, le=2**63 - 1), BeforeValidator(json_integer)]
+
+Number: TypeAlias = Annotated[float, BeforeValidator(json_number)]
+Latitude: TypeAlias = Annotated[float, Field(ge=-90, le=90), BeforeValidator(json_number)]
+Longitude: TypeAlias = Annotated[float, Field(ge=-180, le=180), BeforeValidator(json_number)]
+
+Yaw: TypeAlias = Annotated[
+    float, Field(ge=-180, lt=360), AfterValidator(_compass), BeforeValidator(json_number)
+]
+"""Degrees clockwise from north; -180 to 360 is read, [0, 360) is kept."""
+
+HeightAboveHome: TypeAlias = Annotated[
+    float, Field(ge=0, le=MAXIMUM_HEIGHT_M), BeforeValidator(json_number)
+]
+PositiveHeightAboveHome: TypeAlias = Annotated[
+    float, Field(gt=0, le=MAXIMUM_HEIGHT_M), BeforeValidator(json_number)
+]
+
+Fraction: TypeAlias = Annotated[float, Field(ge=0, le=1), BeforeValidator(json_number)]
+Boolean: TypeAlias = Annotated[bool, BeforeValidator(json_boolean)]
+Time: TypeAlias = Annotated[
+    AwareDatetime, BeforeValidator(_json_time), PlainSerializer(format_time, when_used="json")
+]
+ShortText: TypeAlias = Annotated[str, Field(min_length=1, max_length=255)]
+Ulid: TypeAlias = Annotated[str, Field(pattern=r"^[0-7][0-9A-HJKMNP-TV-Z]{25}$")]
+"""Crockford base 32, 26 characters: 48 bits of milliseconds and 80 random bits."""

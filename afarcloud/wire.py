@@ -1,0 +1,151 @@
+"""JSON to types and back; the only file that knows envelopes and spells error paths.
+
+Every kind is read in its envelope, `{"pose": {...}}`, or bare, and written bare. A bare mission
+is read as a plan of one mission. Faults carry the path in the document as it was sent, envelope
+left out.
+"""
+
+import json
+from collections.abc import Iterable, Mapping
+from enum import StrEnum
+from typing import Any, Final
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from afarcloud.commands import TAG_PREFIX
+from afarcloud.faults import Fault, InvalidError, SyntaxFaultError
+from afarcloud.model import FIELD_RULE, Model
+from afarcloud.plan import Event, LatestStateVector, Plan
+from afarcloud.state import Alarm, Battery, Image, MissionReport, ObservationList, Pose, StateVector
+
+
+class Kind(StrEnum):
+    """What a document is; the value is its envelope key and its place in a URL."""
+
+    PLAN = "plan"
+    EVENT = "event"
+    LATEST_STATE_VECTOR = "latest_state_vector"
+    POSE = "pose"
+    BATTERY = "battery"
+    IMAGE = "image"
+    OBSERVATION = "observation"
+    STATE_VECTOR = "state_vector"
+    MISSION_REPORT = "mission_report"
+    ALARM = "alarm"
+
+
+MODELS: Final[Mapping[Kind, type[Model]]] = {
+    Kind.PLAN: Plan,
+    Kind.EVENT: Event,
+    Kind.LATEST_STATE_VECTOR: LatestStateVector,
+    Kind.POSE: Pose,
+    Kind.BATTERY: Battery,
+    Kind.IMAGE: Image,
+    Kind.OBSERVATION: ObservationList,
+    Kind.STATE_VECTOR: StateVector,
+    Kind.MISSION_REPORT: MissionReport,
+    Kind.ALARM: Alarm,
+}
+
+TELEMETRY: Final = (
+    Kind.POSE,
+    Kind.BATTERY,
+    Kind.IMAGE,
+    Kind.OBSERVATION,
+    Kind.STATE_VECTOR,
+    Kind.MISSION_REPORT,
+    Kind.ALARM,
+)
+"""The kinds that go up to the cloud, in no order."""
+
+_CODES: Final = {"mission_id": (400, "NO_MISSION_ID"), "command_array": (404, "NO_COMMANDS")}
+"""AFarCloud's validation codes for a field that is missing or empty."""
+
+
+def parse_json(raw: bytes) -> Any:
+    """Parse bytes as JSON; NaN and Infinity pass here and fail later with their path.
+
+    Raises:
+        SyntaxFaultError: if the bytes are not UTF-8 or not JSON, or nest too deep.
+    """
+    try:
+        return json.loads(raw.decode("utf-8"))
+    except UnicodeDecodeError as error:
+        raise SyntaxFaultError((Fault("", f"not UTF-8 at byte {error.start}"),)) from None
+    except json.JSONDecodeError as error:
+        place = f"line {error.lineno} column {error.colno}"
+        raise SyntaxFaultError((Fault("", f"not JSON: {error.msg} at {place}"),)) from None
+    except (RecursionError, ValueError) as error:
+        raise SyntaxFaultError((Fault("", f"not JSON that can be read: {error}"),)) from None
+
+
+def read(kind: Kind, document: Any) -> Model:
+    """Turn a parsed document of a known kind into its type.
+
+    Raises:
+        InvalidError: with one fault per faulty field.
+    """
+    body = _without_envelope(kind, document)
+    if not isinstance(body, dict):
+        raise InvalidError((Fault("", f"must be a JSON object with a {kind.value}"),))
+    prefix = ""
+    if kind is Kind.PLAN and "missions" not in body and "vehicle_id" in body:
+        body, prefix = {"missions": [body]}, "missions.0."
+    try:
+        return MODELS[kind].model_validate(body)
+    except ValidationError as error:
+        raise InvalidError(tuple(_faults(error.errors(), prefix))) from None
+    except RecursionError:
+        raise InvalidError((Fault("", "nests too deep"),)) from None
+
+
+def read_plan(raw: bytes) -> Plan:
+    """Read a plan from bytes; raises SyntaxFaultError or InvalidError."""
+    plan = read(Kind.PLAN, parse_json(raw))
+    if not isinstance(plan, Plan):
+        raise TypeError(type(plan))
+    return plan
+
+
+def write(model: Model) -> dict[str, Any]:
+    """Give the canonical bare JSON object; what is not set is left out."""
+    return model.model_dump(mode="json", exclude_none=True)
+
+
+def _without_envelope(kind: Kind, document: Any) -> Any:
+    if isinstance(document, dict) and document.keys() == {kind.value}:
+        return document[kind.value]
+    return document
+
+
+def _faults(errors: Iterable[ErrorDetails], prefix: str) -> Iterable[Fault]:
+    for error in errors:
+        steps = [str(s) for s in error["loc"] if not str(s).startswith(TAG_PREFIX)]
+        context = error.get("ctx", {})
+        if error["type"] == FIELD_RULE:
+            steps.append(context["field"])
+        elif error["type"] in {"union_tag_invalid", "union_tag_not_found"}:
+            steps.append("command_type_id")
+        path = ".".join(steps).removeprefix(prefix)
+        code, name = _code_of(error["type"], steps[-1] if steps else "")
+        yield Fault(path, _message(error), code, name)
+
+
+def _code_of(error_type: str, field: str) -> tuple[int | None, str | None]:
+    if error_type in {"missing", "too_short"} and field in _CODES:
+        return _CODES[field]
+    return None, None
+
+
+def _message(error: ErrorDetails) -> str:
+    """Say in one sentence what is wrong; the input itself is never echoed."""
+    match error["type"]:
+        case "union_tag_invalid" | "union_tag_not_found":
+            return "must be a known command type, 1 to 11"
+        case "missing":
+            return "is required"
+        case "extra_forbidden":
+            return "is not a known field"
+        case _:
+            return error["msg"].removeprefix("Value error, ")
