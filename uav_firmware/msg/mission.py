@@ -1,6 +1,8 @@
-"""Missions as the navigator flies them. Written by mavlink, read by navigator."""
+"""Missions as the navigator flies them, and what commander and navigator tell each other."""
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
+
+from uav_firmware.msg.status import NavigationState
 
 
 class MissionItem(NamedTuple):
@@ -49,3 +51,47 @@ class MissionProgress(NamedTuple):
     seq_reached: int  # [-] Last item reached, -1 for none
     reached_count: int  # [-] Grows at each item reached
     state: int  # [-] MISSION_STATE: 1 none, 2 not started, 3 active, 4 paused, 5 complete
+
+
+class NavigatorTarget(NamedTuple):
+    """Where a commanded mode shall fly. Written by commander just before it changes the mode.
+
+    NaN keeps the present value. A target whose mode is not entered next is forgotten.
+    """
+
+    time_us: int  # [us]
+    navigation_state: NavigationState  # Mode that the target belongs to
+    latitude_deg: float  # [deg] NaN: present position
+    longitude_deg: float  # [deg]
+    altitude_amsl_m: float  # [m] NaN: present altitude, or the mode's own
+    yaw: float  # [rad] NaN: keep
+    speed_m_s: float  # [m/s] Horizontal; NaN: cruise speed
+
+
+class SpeedRequest(NamedTuple):
+    """A change of speed until the next mode or mission. Written by commander."""
+
+    time_us: int  # [us]
+    speed_type: int  # [-] MAVLink SPEED_TYPE: 1 ground, 2 climb, 3 descent
+    speed_m_s: float  # [m/s] NaN: back to the parameter's value
+
+
+class MissionCurrentRequest(NamedTuple):
+    """Which item to fly next. Written by commander."""
+
+    time_us: int  # [us]
+    seq: int  # [-] -1 keeps the current item
+    reset: bool  # Forget completion and jump counters
+
+
+NavigatorRequest: TypeAlias = NavigatorTarget | SpeedRequest | MissionCurrentRequest
+"""What the navigator's request queue carries."""
+
+
+class NavigatorStatus(NamedTuple):
+    """What the navigator makes of its orders. Written by navigator on change; read by commander."""
+
+    time_us: int  # [us]
+    navigation_state: NavigationState  # Mode that the navigator flies
+    finished: bool  # That mode has done its work and now holds, or sits on the ground
+    mission_rejection: MissionRejection | None  # Why the stored mission cannot be flown now
