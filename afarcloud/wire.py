@@ -6,7 +6,7 @@ left out.
 """
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
 from typing import Any, Final
 
@@ -119,8 +119,10 @@ def _without_envelope(kind: Kind, document: Any) -> Any:
     return document
 
 
-def _faults(errors: Iterable[ErrorDetails], prefix: str) -> Iterable[Fault]:
+def _faults(errors: Sequence[ErrorDetails], prefix: str) -> Iterable[Fault]:
     for error in errors:
+        if error["type"] == "too_short" and _has_deeper(errors, error["loc"]):
+            continue  # A list counts only its good entries; the bad one is told by itself.
         steps = [str(s) for s in error["loc"] if not str(s).startswith(TAG_PREFIX)]
         context = error.get("ctx", {})
         if error["type"] == FIELD_RULE:
@@ -132,6 +134,10 @@ def _faults(errors: Iterable[ErrorDetails], prefix: str) -> Iterable[Fault]:
         yield Fault(path, _message(error), code, name)
 
 
+def _has_deeper(errors: Sequence[ErrorDetails], place: tuple[int | str, ...]) -> bool:
+    return any(len(e["loc"]) > len(place) and e["loc"][: len(place)] == place for e in errors)
+
+
 def _code_of(error_type: str, field: str) -> tuple[int | None, str | None]:
     if error_type in {"missing", "too_short"} and field in _CODES:
         return _CODES[field]
@@ -140,6 +146,7 @@ def _code_of(error_type: str, field: str) -> tuple[int | None, str | None]:
 
 def _message(error: ErrorDetails) -> str:
     """Say in one sentence what is wrong; the input itself is never echoed."""
+    context = error.get("ctx", {})
     match error["type"]:
         case "union_tag_invalid" | "union_tag_not_found":
             return "must be a known command type, 1 to 11"
@@ -147,5 +154,10 @@ def _message(error: ErrorDetails) -> str:
             return "is required"
         case "extra_forbidden":
             return "is not a known field"
+        case "too_short":
+            return f"must have at least {context['min_length']} entries"
+        case "too_long":
+            return f"must have at most {context['max_length']} entries"
         case _:
-            return error["msg"].removeprefix("Value error, ")
+            message = error["msg"].removeprefix("Value error, ")
+            return message.replace("Input should", "must", 1)
