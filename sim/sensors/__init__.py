@@ -1,0 +1,1 @@
+"""Instruments: each turns the truth into what a real one of its kind would read."""

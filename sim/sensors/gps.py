@@ -1,0 +1,139 @@
+"""Satellite receiver: a solution at 10 Hz, handed over 120 ms after its time of validity.
+
+Position error = correlated error + white noise, north, east and down apart; velocity error is
+white. The figures are those of a multi-band receiver with corrections, as farms use them:
+0.10 m per horizontal axis correlated over 60 s and 0.03 m white, vertically twice that;
+velocity 0.05 m/s (the speed accuracy that u-blox states for the M9 and F9 families), down
+0.08 m/s. A single-band receiver without corrections is about ten times worse in position:
+noise factor 10 for this instrument.
+
+The latency is what PX4 assumes of a serial receiver (EKF2_GPS_DELAY, 110 ms) and a little.
+After power-up the receiver searches for three seconds and says so with fix type 1.
+"""
+
+import math
+from collections import deque
+from typing import Final
+
+import numpy as np
+
+from sim.earth import degrees_per_metre
+from sim.sensors.noise import GaussMarkov, standard_normals
+from sim.sensors.readings import GpsReading
+from sim.truth import Truth
+
+RATE_HZ: Final = 10
+DELAY_US: Final = 120_000
+FIRST_FIX_US: Final = 3_000_000
+
+CORRELATED_SIGMA_NED_M: Final = (0.10, 0.10, 0.20)
+CORRELATION_TIME_S: Final = 60.0
+WHITE_SIGMA_NED_M: Final = (0.03, 0.03, 0.06)
+VELOCITY_SIGMA_NED_M_S: Final = (0.05, 0.05, 0.08)
+_SMALLEST_ACCURACY: Final = 0.01  # [m, m/s] A receiver never claims to be perfect
+
+_FIX_NONE: Final = 1
+_FIX_3D: Final = 3
+_SATELLITES: Final = 18
+_HDOP: Final = 0.7
+_VDOP: Final = 1.1
+_DOP_UNKNOWN: Final = 99.99
+
+
+def radial(*sigmas: float) -> float:
+    """Standard deviation of the length of a vector with independent components."""
+    return math.sqrt(sum(sigma * sigma for sigma in sigmas))
+
+
+class Gps:
+    """`factor` scales every error and the accuracies that are reported with it."""
+
+    def __init__(
+        self, generator: np.random.Generator, *, factor: float, start_time_utc_us: int
+    ) -> None:
+        self._normals = standard_normals(generator)
+        self._start_time_utc_us = start_time_utc_us
+        self._correlated = tuple(
+            GaussMarkov(
+                self._normals,
+                sigma=sigma * factor,
+                correlation_time_s=CORRELATION_TIME_S,
+                step_s=1.0 / RATE_HZ,
+            )
+            for sigma in CORRELATED_SIGMA_NED_M
+        )
+        self._white = tuple(sigma * factor for sigma in WHITE_SIGMA_NED_M)
+        self._velocity = tuple(sigma * factor for sigma in VELOCITY_SIGMA_NED_M_S)
+        self._accuracies = _reported_accuracies(factor)
+        self._on_its_way: deque[GpsReading] = deque()
+
+    def measure(self, truth: Truth) -> None:
+        """Take a solution for this instant; `deliver` hands it over later."""
+        if truth.time_us < FIRST_FIX_US:
+            self._on_its_way.append(self._searching(truth.time_us))
+        else:
+            self._on_its_way.append(self._solution(truth))
+
+    def deliver(self, time_us: int) -> GpsReading | None:
+        """The solution whose latency has passed at `time_us`, if there is one."""
+        if self._on_its_way and self._on_its_way[0].time_us + DELAY_US <= time_us:
+            return self._on_its_way.popleft()
+        return None
+
+    def _solution(self, truth: Truth) -> GpsReading:
+        north, east, down = (
+            drift.step() + sigma * next(self._normals)
+            for drift, sigma in zip(self._correlated, self._white, strict=True)
+        )
+        velocity_north, velocity_east, velocity_down = (
+            component + sigma * next(self._normals)
+            for component, sigma in zip(truth.velocity_ned, self._velocity, strict=True)
+        )
+        metre = degrees_per_metre(truth.latitude_deg, truth.altitude_amsl_m)
+        horizontal_m, vertical_m, speed_m_s = self._accuracies
+        return GpsReading(
+            time_us=truth.time_us,
+            time_utc_us=self._start_time_utc_us + truth.time_us,
+            latitude_deg=truth.latitude_deg + north * metre.north,
+            longitude_deg=truth.longitude_deg + east * metre.east,
+            altitude_amsl_m=truth.altitude_amsl_m - down,
+            velocity_ned=(velocity_north, velocity_east, velocity_down),
+            horizontal_accuracy_m=horizontal_m,
+            vertical_accuracy_m=vertical_m,
+            speed_accuracy_m_s=speed_m_s,
+            fix_type=_FIX_3D,
+            satellites_used=_SATELLITES,
+            hdop=_HDOP,
+            vdop=_VDOP,
+        )
+
+    @staticmethod
+    def _searching(time_us: int) -> GpsReading:
+        return GpsReading(
+            time_us=time_us,
+            time_utc_us=0,
+            latitude_deg=0.0,
+            longitude_deg=0.0,
+            altitude_amsl_m=0.0,
+            velocity_ned=(0.0, 0.0, 0.0),
+            horizontal_accuracy_m=_DOP_UNKNOWN,
+            vertical_accuracy_m=_DOP_UNKNOWN,
+            speed_accuracy_m_s=_DOP_UNKNOWN,
+            fix_type=_FIX_NONE,
+            satellites_used=0,
+            hdop=_DOP_UNKNOWN,
+            vdop=_DOP_UNKNOWN,
+        )
+
+
+def _reported_accuracies(factor: float) -> tuple[float, float, float]:
+    """Horizontal [m], vertical [m] and speed [m/s] accuracy: the true sigmas, no better."""
+    north, east, down = (
+        radial(correlated, white)
+        for correlated, white in zip(CORRELATED_SIGMA_NED_M, WHITE_SIGMA_NED_M, strict=True)
+    )
+    return (
+        max(_SMALLEST_ACCURACY, factor * radial(north, east)),
+        max(_SMALLEST_ACCURACY, factor * down),
+        max(_SMALLEST_ACCURACY, factor * radial(*VELOCITY_SIGMA_NED_M_S)),
+    )

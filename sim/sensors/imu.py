@@ -1,0 +1,118 @@
+"""Inertial measurement unit: a MEMS gyroscope and accelerometer of a small autopilot.
+
+Per axis: reading = truth + turn-on bias + drifting bias + white noise + vibration.
+
+Noise densities are those of the TDK InvenSense ICM-42688-P data sheet (DS-000347, tables 1
+and 2): 0.0028 deg/s/sqrt(Hz) and 70 ug/sqrt(Hz). Turn-on biases are what a calibration
+leaves of the sheet's +-0.5 deg/s and +-20 mg. Bias instability, which the sheet does not
+give, is 3 deg/h and 0.03 mg with a correlation time of 300 s, usual for the class. Vibration
+grows with the square of the rotor speed; on the soft mount of a quadrotor in hover it is
+some 0.4 m/s^2 and 0.01 rad/s, white at the sampling rate.
+"""
+
+import math
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from sim.sensors.noise import GaussMarkov, normal_vector, standard_normals, white_sigma
+from sim.sensors.readings import ImuReading
+from sim.truth import Truth, Vector3
+
+_STANDARD_GRAVITY_M_S2: Final = 9.80665
+_BIAS_RATE_HZ: Final = 10  # Often enough for a bias that takes minutes to change
+_HOVER_RPM: Final = 5000.0
+
+
+class AxisNoise(NamedTuple):
+    """Errors of a triad, in rad/s or m/s^2."""
+
+    density: float  # [unit/sqrt(Hz)] White noise
+    turn_on_sigma: float  # Bias constant for a flight
+    instability_sigma: float  # Bias that drifts
+    correlation_time_s: float  # [s] Of the drift
+    vibration_at_hover: float  # White, in proportion to the square of the rotor speed
+
+
+GYROSCOPE: Final = AxisNoise(
+    density=math.radians(0.0028),
+    turn_on_sigma=math.radians(0.1),
+    instability_sigma=math.radians(3.0 / 3600.0),
+    correlation_time_s=300.0,
+    vibration_at_hover=0.01,
+)
+ACCELEROMETER: Final = AxisNoise(
+    density=70e-6 * _STANDARD_GRAVITY_M_S2,
+    turn_on_sigma=4e-3 * _STANDARD_GRAVITY_M_S2,
+    instability_sigma=0.03e-3 * _STANDARD_GRAVITY_M_S2,
+    correlation_time_s=300.0,
+    vibration_at_hover=0.4,
+)
+
+
+class Triad:
+    """Errors of three like axes."""
+
+    def __init__(
+        self, normals: Iterator[float], noise: AxisNoise, *, rate_hz: int, factor: float
+    ) -> None:
+        self._normals = normals
+        self._turn_on = normal_vector(normals, noise.turn_on_sigma * factor)
+        self._drifts = tuple(
+            GaussMarkov(
+                normals,
+                sigma=noise.instability_sigma * factor,
+                correlation_time_s=noise.correlation_time_s,
+                step_s=1.0 / _BIAS_RATE_HZ,
+            )
+            for _ in range(3)
+        )
+        self._variance = (white_sigma(noise.density, rate_hz) * factor) ** 2
+        self._vibration = noise.vibration_at_hover * factor
+        self.bias: Vector3 = self._turn_on
+        self.step_bias()
+
+    def step_bias(self) -> None:
+        """Let the biases drift for a tenth of a second."""
+        x, y, z = self._turn_on
+        drift_x, drift_y, drift_z = self._drifts
+        self.bias = (x + drift_x.step(), y + drift_y.step(), z + drift_z.step())
+
+    def read(self, true_value: Vector3, rotor_load: float) -> Vector3:
+        """Measured components; `rotor_load` is the rotor speed over hover's, squared."""
+        vibration = self._vibration * rotor_load
+        sigma = math.sqrt(self._variance + vibration * vibration)
+        normals = self._normals
+        return (
+            true_value[0] + self.bias[0] + sigma * next(normals),
+            true_value[1] + self.bias[1] + sigma * next(normals),
+            true_value[2] + self.bias[2] + sigma * next(normals),
+        )
+
+
+class Imu:
+    """Samples in every control step; `factor` scales every error alike."""
+
+    def __init__(self, generator: np.random.Generator, *, rate_hz: int, factor: float) -> None:
+        normals = standard_normals(generator)
+        self.gyroscope = Triad(normals, GYROSCOPE, rate_hz=rate_hz, factor=factor)
+        self.accelerometer = Triad(normals, ACCELEROMETER, rate_hz=rate_hz, factor=factor)
+        self._steps_per_bias = max(1, rate_hz // _BIAS_RATE_HZ)
+        self._steps_to_bias = self._steps_per_bias
+
+    def read(self, truth: Truth) -> ImuReading:
+        """One sample."""
+        self._steps_to_bias -= 1
+        if self._steps_to_bias == 0:
+            self._steps_to_bias = self._steps_per_bias
+            self.gyroscope.step_bias()
+            self.accelerometer.step_bias()
+        rpm = truth.rotor_rpm
+        mean_rpm = 0.25 * (rpm[0] + rpm[1] + rpm[2] + rpm[3])
+        rotor_load = (mean_rpm / _HOVER_RPM) ** 2
+        return ImuReading(
+            truth.time_us,
+            self.gyroscope.read(truth.inertial_rate_frd, rotor_load),
+            self.accelerometer.read(truth.specific_force_frd, rotor_load),
+        )

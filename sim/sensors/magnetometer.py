@@ -1,0 +1,37 @@
+"""Magnetometer: reading = Earth's field in the body frame + hard iron + white noise.
+
+The noise, 3 mgauss (0.3 uT) rms, is that of an iSentek IST8310, the magnetometer of most GPS
+pucks; the hard iron is what a good calibration leaves, 3 mgauss per axis, about half a degree
+of heading at this latitude.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from sim.earth import MAGNETIC_FIELD_NED_GAUSS
+from sim.sensors.noise import normal_vector, standard_normals
+from sim.sensors.readings import MagReading
+from sim.truth import Truth, body_from_ned
+
+RATE_HZ: Final = 50
+WHITE_SIGMA_GAUSS: Final = 3e-3
+HARD_IRON_SIGMA_GAUSS: Final = 3e-3
+
+
+class Magnetometer:
+    """`factor` scales every error alike."""
+
+    def __init__(self, generator: np.random.Generator, *, factor: float) -> None:
+        self._normals = standard_normals(generator)
+        self._hard_iron_gauss = normal_vector(self._normals, HARD_IRON_SIGMA_GAUSS * factor)
+        self._white_gauss = WHITE_SIGMA_GAUSS * factor
+
+    def read(self, truth: Truth) -> MagReading:
+        """One sample."""
+        x, y, z = body_from_ned(truth.q_ned_frd, MAGNETIC_FIELD_NED_GAUSS)
+        iron_x, iron_y, iron_z = self._hard_iron_gauss
+        noise_x, noise_y, noise_z = normal_vector(self._normals, self._white_gauss)
+        return MagReading(
+            truth.time_us, (x + iron_x + noise_x, y + iron_y + noise_y, z + iron_z + noise_z)
+        )

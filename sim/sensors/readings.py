@@ -1,0 +1,67 @@
+"""What the instruments read; a reading that is not due is None in `Readings`."""
+
+from typing import NamedTuple
+
+from sim.truth import Vector3
+
+
+class ImuReading(NamedTuple):
+    """Gyroscope and accelerometer, one in every control step."""
+
+    time_us: int  # [us]
+    rate_frd: Vector3  # [rad/s] Of the body against inertial space
+    specific_force_frd: Vector3  # [m/s^2] About (0, 0, -9.8) at rest
+
+
+class BaroReading(NamedTuple):
+    """Barometer."""
+
+    time_us: int  # [us]
+    pressure_pa: float  # [Pa] Static
+    temperature_c: float  # [deg C] Of the sensor
+
+
+class MagReading(NamedTuple):
+    """Magnetometer."""
+
+    time_us: int  # [us]
+    field_frd_gauss: Vector3  # [gauss]
+
+
+class GpsReading(NamedTuple):
+    """A receiver's solution, handed over some time after the instant it is valid for."""
+
+    time_us: int  # [us] Time of validity
+    time_utc_us: int  # [us] The same instant since 1970
+    latitude_deg: float  # [deg] WGS-84
+    longitude_deg: float  # [deg] WGS-84
+    altitude_amsl_m: float  # [m]
+    velocity_ned: Vector3  # [m/s]
+    horizontal_accuracy_m: float  # [m] One sigma, radial
+    vertical_accuracy_m: float  # [m] One sigma
+    speed_accuracy_m_s: float  # [m/s] One sigma, of the vector's length
+    fix_type: int  # [-] As MAVLink's GPS_FIX_TYPE: 1 no fix, 3 three-dimensional
+    satellites_used: int  # [-]
+    hdop: float  # [-]
+    vdop: float  # [-]
+
+
+class BatteryReading(NamedTuple):
+    """Battery monitor."""
+
+    time_us: int  # [us]
+    voltage_v: float  # [V] At the pack's terminals, under load
+    current_a: float  # [A] Drawn
+    consumed_ah: float  # [Ah] Since the start
+    capacity_ah: float  # [Ah] Of the full pack
+    remaining: float  # [-] 0 empty to 1 full, by coulomb count
+
+
+class Readings(NamedTuple):
+    """All that the instruments say after one control step."""
+
+    imu: ImuReading
+    baro: BaroReading | None
+    mag: MagReading | None
+    gps: GpsReading | None
+    battery: BatteryReading | None

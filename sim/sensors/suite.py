@@ -1,0 +1,72 @@
+"""All instruments of one vehicle, each read when it is due."""
+
+from typing import Final
+
+from sim.config import SimulationConfig
+from sim.sensors import baro, battery, gps, magnetometer
+from sim.sensors.baro import Barometer
+from sim.sensors.battery import Battery
+from sim.sensors.gps import Gps
+from sim.sensors.imu import Imu
+from sim.sensors.magnetometer import Magnetometer
+from sim.sensors.noise import generators
+from sim.sensors.readings import Readings
+from sim.truth import Truth
+
+_MICROSECONDS: Final = 1_000_000
+
+
+class Schedule:
+    """Says when a periodic sample is due: at `first_us` and every period after it."""
+
+    __slots__ = ("_next_us", "_period_us")
+
+    def __init__(self, rate_hz: int, *, first_us: int = 0) -> None:
+        self._period_us = _MICROSECONDS // rate_hz
+        self._next_us = first_us
+
+    def due(self, time_us: int) -> bool:
+        """Whether a sample is due at `time_us`; says so once per period."""
+        if time_us < self._next_us:
+            return False
+        self._next_us += self._period_us
+        return True
+
+
+class SensorSuite:
+    """Instruments on a common clock, with noise from one seed.
+
+    Their first samples are some milliseconds apart, as instruments that know nothing of each
+    other would take them; that also keeps their work out of the same control step.
+    """
+
+    def __init__(self, config: SimulationConfig) -> None:
+        streams = generators(config.seed)
+        factor = config.sensor_noise_factor
+        self.imu = Imu(streams["imu"], rate_hz=config.control_rate_hz, factor=factor)
+        self.baro = Barometer(streams["baro"], factor=factor)
+        self.magnetometer = Magnetometer(streams["magnetometer"], factor=factor)
+        self.gps = Gps(streams["gps"], factor=factor, start_time_utc_us=config.start_time_utc_us)
+        self.battery = Battery(
+            streams["battery"],
+            capacity_ah=config.battery_capacity_ah,
+            initial_charge=config.battery_initial_charge,
+            factor=factor,
+        )
+        self._baro_schedule = Schedule(baro.RATE_HZ, first_us=4_000)
+        self._mag_schedule = Schedule(magnetometer.RATE_HZ, first_us=8_000)
+        self._gps_schedule = Schedule(gps.RATE_HZ, first_us=12_000)
+        self._battery_schedule = Schedule(battery.RATE_HZ, first_us=16_000)
+
+    def read(self, truth: Truth) -> Readings:
+        """Every reading that is due at the instant of the truth."""
+        time_us = truth.time_us
+        if self._gps_schedule.due(time_us):
+            self.gps.measure(truth)
+        return Readings(
+            self.imu.read(truth),
+            self.baro.read(truth) if self._baro_schedule.due(time_us) else None,
+            self.magnetometer.read(truth) if self._mag_schedule.due(time_us) else None,
+            self.gps.deliver(time_us),
+            self.battery.read(time_us) if self._battery_schedule.due(time_us) else None,
+        )
