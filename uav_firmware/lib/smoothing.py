@@ -20,12 +20,13 @@ from typing import NamedTuple
 
 from uav_firmware.lib import speed_profile
 from uav_firmware.lib.speed_profile import Limits, Phase
+from uav_firmware.lib.vector import ZERO, add, dot, norm, scale, subtract
 from uav_firmware.msg.vectors import Vector3
-
-ZERO: Vector3 = (0.0, 0.0, 0.0)
 
 _SHORTEST_LEG_M = 1e-3  # below it a leg has no direction
 _STRAIGHT = 1e-6  # |u2 - u1| below which a waypoint needs no turn
+_SHARE_OF_LEG = 0.45  # of a leg that the turn at either end may cut off
+_SLOWEST_TURN = 0.1  # [m/s] a slower turn is flown as a stop
 
 
 class MotionLimits(NamedTuple):
@@ -92,7 +93,7 @@ class Waypoint(NamedTuple):
     """A point to reach, and how."""
 
     position: Vector3  # [m]
-    tolerance: float  # [m] How far a turn may miss the point
+    tolerance: float  # [m] How far a turn may miss the point; 0 is a stop
     limits: MotionLimits  # On the way there
 
 
@@ -109,24 +110,15 @@ class _Turn(NamedTuple):
     speed: float  # [m/s]
 
 
-def add(left: Vector3, right: Vector3) -> Vector3:
-    """Sum of two vectors."""
-    return (left[0] + right[0], left[1] + right[1], left[2] + right[2])
+_STOP = _Turn(0.0, 0.0)
 
 
-def subtract(left: Vector3, right: Vector3) -> Vector3:
-    """Difference of two vectors."""
-    return (left[0] - right[0], left[1] - right[1], left[2] - right[2])
+class _Course(NamedTuple):
+    """Geometry of the way through the waypoints."""
 
-
-def scale(vector: Vector3, factor: float) -> Vector3:
-    """Vector times number."""
-    return (vector[0] * factor, vector[1] * factor, vector[2] * factor)
-
-
-def norm(vector: Vector3) -> float:
-    """Length of a vector."""
-    return math.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
+    directions: list[Vector3]  # [-] Unit vectors to each waypoint
+    distances: list[float]  # [m] Whole lengths of the legs
+    turns: list[_Turn]
 
 
 def along(direction: Vector3, limits: MotionLimits) -> Limits:
@@ -186,20 +178,23 @@ def _turn_piece(corner: Vector3, before: Vector3, after: Vector3, turn: _Turn) -
 
 
 def straight_pieces(
-    start: Vector3, direction: Vector3, speed: float, acceleration: float, phases: Sequence[Phase]
+    start: MotionState, direction: Vector3, phases: Sequence[Phase]
 ) -> tuple[Piece, ...]:
-    """Pieces of a speed profile that begins at `start` with `speed` and `acceleration`."""
+    """Pieces of a speed profile along a unit vector; only the last may go on for ever."""
     pieces: list[Piece] = []
-    state = MotionState(start, scale(direction, speed), scale(direction, acceleration))
     for phase in phases:
-        piece = Piece(phase.duration, *state, scale(direction, phase.jerk), ZERO)
-        pieces.append(piece)
-        state = piece.end()
+        state = pieces[-1].end() if pieces else start
+        pieces.append(Piece(phase.duration, *state, scale(direction, phase.jerk), ZERO))
     return tuple(pieces)
 
 
 def plan_leg(
-    start: Vector3, speed: float, waypoints: Sequence[Waypoint], acceleration: float = 0.0
+    start: Vector3,
+    speed: float,
+    waypoints: Sequence[Waypoint],
+    *,
+    acceleration: float = 0.0,
+    origin: Vector3 | None = None,
 ) -> Leg | None:
     """Plan the way to the first of `waypoints`, heading on to the others; the last is a stop.
 
@@ -208,46 +203,61 @@ def plan_leg(
         speed: present speed towards it [m/s].
         waypoints: at least one; those after the first only shape the turns.
         acceleration: present acceleration towards it [m/s^2].
+        origin: where the line to the first waypoint began [m]; `start` when None.
 
     Returns:
         The leg, or None when the speed is too high to make the turn or the stop.
     """
-    directions, distances = _geometry(start, waypoints)
-    turns = _turns(directions, distances, waypoints)
-    exit_speed = _exit_speed(directions, distances, turns, waypoints)
-    direction, distance = directions[0], distances[0]
-    if distance == 0.0:
-        return Leg((), (), 0.0) if speed <= 0.0 or len(waypoints) == 1 else None
-    turn = turns[0]._replace(speed=exit_speed)
+    course = _course(start, start if origin is None else origin, waypoints)
+    direction, distance = course.directions[0], norm(subtract(waypoints[0].position, start))
+    if distance < _SHORTEST_LEG_M:
+        return Leg((), (), 0.0) if speed <= 0.0 else None
     limits = along(direction, waypoints[0].limits)
-    released = speed_profile.release(acceleration, limits)
-    lead = straight_pieces(start, direction, speed, acceleration, released)
-    position, velocity, _ = lead[-1].end() if lead else MotionState(start, ZERO, ZERO)
-    speed = _dot(velocity, direction) if lead else speed
-    room = distance - 0.5 * turn.length - norm(subtract(position, start))
-    phases = speed_profile.plan(room, speed, exit_speed, limits) if min(speed, room) >= 0 else None
+    moving = MotionState(start, scale(direction, speed), scale(direction, acceleration))
+    lead = straight_pieces(moving, direction, speed_profile.release(acceleration, limits))
+    freed = lead[-1].end() if lead else moving
+    freed_speed = dot(freed.velocity, direction)
+    room = dot(subtract(waypoints[0].position, freed.position), direction)
+    turn = _first_turn(course, waypoints, room, freed_speed)
+    if freed_speed < 0.0 or turn is None:
+        return None
+    phases = speed_profile.plan(room - 0.5 * turn.length, freed_speed, turn.speed, limits)
     if phases is None:
         return None
-    straight = lead + straight_pieces(position, direction, speed, 0.0, phases)
-    if turn.length > 0.0 and exit_speed > 0.0:
-        corner = _turn_piece(waypoints[0].position, direction, directions[1], turn)
-        return Leg(straight, (corner,), exit_speed)
-    return Leg(straight, (), exit_speed)
+    coasting = freed._replace(acceleration=ZERO)
+    straight = lead + straight_pieces(coasting, direction, phases)
+    if turn.length == 0.0:
+        return Leg(straight, (), turn.speed)
+    corner = _turn_piece(waypoints[0].position, direction, course.directions[1], turn)
+    return Leg(straight, (corner,), turn.speed)
 
 
-def _dot(left: Vector3, right: Vector3) -> float:
-    return left[0] * right[0] + left[1] * right[1] + left[2] * right[2]
+def _first_turn(
+    course: _Course, waypoints: Sequence[Waypoint], room: float, speed: float
+) -> _Turn | None:
+    """Turn at the first waypoint at the speed that can be reached and is safe; None if none."""
+    limits = along(course.directions[0], waypoints[0].limits)
+    turn = course.turns[0]
+    room -= 0.5 * turn.length
+    if room < 0.0:
+        return None
+    wanted = _exit_speed(course, waypoints)
+    reachable = speed_profile.highest_start(room, speed, limits)
+    wanted = min(wanted, reachable)
+    return turn._replace(speed=wanted) if wanted > _SLOWEST_TURN else _STOP
 
 
-def _geometry(start: Vector3, waypoints: Sequence[Waypoint]) -> tuple[list[Vector3], list[float]]:
+def _course(start: Vector3, origin: Vector3, waypoints: Sequence[Waypoint]) -> _Course:
     directions: list[Vector3] = []
     distances: list[float] = []
-    for waypoint in waypoints:
-        direction, distance = _direction(start, waypoint.position)
+    for index, waypoint in enumerate(waypoints):
+        before = start if index == 0 else waypoints[index - 1].position
+        direction, distance = _direction(before, waypoint.position)
         directions.append(direction)
         distances.append(distance)
-        start = waypoint.position
-    return directions, distances
+    if distances[0] > 0.0:
+        distances[0] = max(distances[0], norm(subtract(waypoints[0].position, origin)))
+    return _Course(directions, distances, _turns(directions, distances, waypoints))
 
 
 def _turns(
@@ -256,22 +266,18 @@ def _turns(
     """Turn at each waypoint; a stop at the last, and where two coincide."""
     turns: list[_Turn] = []
     for index in range(len(waypoints) - 1):
-        if distances[index] == 0.0 or distances[index + 1] == 0.0:
-            turns.append(_Turn(0.0, 0.0))
-            continue
-        room = 0.45 * min(distances[index], distances[index + 1])
-        turns.append(_turn(directions[index], directions[index + 1], room, waypoints[index]))
-    turns.append(_Turn(0.0, 0.0))
+        room = _SHARE_OF_LEG * min(distances[index], distances[index + 1])
+        if room == 0.0 or waypoints[index].tolerance <= 0.0:
+            turns.append(_STOP)
+        else:
+            turns.append(_turn(directions[index], directions[index + 1], room, waypoints[index]))
+    turns.append(_STOP)
     return turns
 
 
-def _exit_speed(
-    directions: Sequence[Vector3],
-    distances: Sequence[float],
-    turns: Sequence[_Turn],
-    waypoints: Sequence[Waypoint],
-) -> float:
+def _exit_speed(course: _Course, waypoints: Sequence[Waypoint]) -> float:
     """Speed [m/s] past the first waypoint from which all later turns and the stop can be made."""
+    directions, distances, turns = course
     speed = 0.0
     for index in range(len(waypoints) - 1, 0, -1):
         limits = along(directions[index], waypoints[index].limits)
@@ -289,9 +295,11 @@ def stop_piece(state: MotionState, limits: MotionLimits) -> Piece | None:
     if speed < 1e-6 and pull < 1e-6:
         return None
     ceiling = min(limits.acceleration_horizontal, limits.acceleration_up, limits.acceleration_down)
-    # Slope of the Hermite polynomials: at most 3/2 and 1; curvature: at most 6 and 4.
+    # With x = t / T the acceleration is v / T (6 x^2 - 6 x) + a (3 x^2 - 4 x + 1), of which the
+    # first is at most 3/2 v / T and the second at most a / 3 where it adds to it; the jerk is
+    # greatest at the beginning, 6 v / T^2 + 4 a / T.
     duration = max(
-        1.5 * speed / ceiling,
+        1.5 * speed / max(ceiling - pull / 3.0, 0.5 * ceiling),
         (4.0 * pull + math.sqrt(16.0 * pull * pull + 24.0 * limits.jerk * speed))
         / (2.0 * limits.jerk),
     )

@@ -1,8 +1,49 @@
 """Missions as the navigator flies them, and what commander and navigator tell each other."""
 
+from enum import IntEnum
 from typing import NamedTuple, TypeAlias
 
 from uav_firmware.msg.status import NavigationState
+
+
+class MissionCommand(IntEnum):
+    """MAVLink's MAV_CMD of the items that the navigator flies."""
+
+    NAV_WAYPOINT = 16
+    NAV_LOITER_UNLIM = 17
+    NAV_LOITER_TIME = 19
+    NAV_RETURN_TO_LAUNCH = 20
+    NAV_LAND = 21
+    NAV_TAKEOFF = 22
+    NAV_DELAY = 93
+    DO_JUMP = 177
+    DO_CHANGE_SPEED = 178
+
+
+class MissionResult(IntEnum):
+    """MAVLink's MAV_MISSION_RESULT, as far as a check of the items gives it."""
+
+    UNSUPPORTED_FRAME = 2
+    UNSUPPORTED = 3
+    INVALID = 5
+    INVALID_PARAM1 = 6
+    INVALID_PARAM2 = 7
+    INVALID_PARAM3 = 8
+    INVALID_PARAM4 = 9
+    INVALID_PARAM5_X = 10
+    INVALID_PARAM6_Y = 11
+    INVALID_PARAM7 = 12
+    INVALID_SEQUENCE = 13
+
+
+class MissionState(IntEnum):
+    """MAVLink's MISSION_STATE."""
+
+    NO_MISSION = 1
+    NOT_STARTED = 2
+    ACTIVE = 3
+    PAUSED = 4
+    COMPLETE = 5
 
 
 class MissionItem(NamedTuple):

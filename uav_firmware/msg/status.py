@@ -34,6 +34,35 @@ class LandedState(IntEnum):
     LANDING = 4
 
 
+class Command(IntEnum):
+    """MAVLink's MAV_CMD of the commands that commander answers."""
+
+    NAV_LOITER_UNLIM = 17
+    NAV_RETURN_TO_LAUNCH = 20
+    NAV_LAND = 21
+    NAV_TAKEOFF = 22
+    DO_SET_MODE = 176
+    DO_CHANGE_SPEED = 178
+    DO_SET_HOME = 179
+    DO_FLIGHTTERMINATION = 185
+    DO_REPOSITION = 192
+    DO_PAUSE_CONTINUE = 193
+    DO_SET_MISSION_CURRENT = 224
+    MISSION_START = 300
+    COMPONENT_ARM_DISARM = 400
+
+
+class CommandResult(IntEnum):
+    """MAVLink's MAV_RESULT."""
+
+    ACCEPTED = 0
+    TEMPORARILY_REJECTED = 1
+    DENIED = 2
+    UNSUPPORTED = 3
+    FAILED = 4
+    IN_PROGRESS = 5
+
+
 class VehicleStatus(NamedTuple):
     """Written by commander at 2 Hz and on change; read by all."""
 
