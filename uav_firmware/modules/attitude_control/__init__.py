@@ -1,0 +1,1 @@
+"""Attitude to body rates; PX4's mc_att_control."""

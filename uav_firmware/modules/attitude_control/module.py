@@ -1,0 +1,59 @@
+"""Reads attitude and its set-point, publishes wanted body rates, at control rate."""
+
+import math
+
+from uav_firmware.bus import Topic
+from uav_firmware.modules.attitude_control.controller import AttitudeGains, rate_setpoint
+from uav_firmware.modules.attitude_control.params import AttitudeControlParams
+from uav_firmware.msg.estimate import VehicleAttitude
+from uav_firmware.msg.setpoints import VehicleAttitudeSetpoint, VehicleRatesSetpoint
+from uav_firmware.parameters import Registry
+
+_LEVEL_RATES = (0.0, 0.0, 0.0)
+
+
+class AttitudeControlModule:
+    """Shell of the attitude law."""
+
+    def __init__(
+        self,
+        *,
+        attitude: Topic[VehicleAttitude],
+        attitude_setpoint: Topic[VehicleAttitudeSetpoint],
+        rates_setpoint: Topic[VehicleRatesSetpoint],
+        registry: Registry,
+    ) -> None:
+        self._attitude = attitude
+        self._attitude_setpoint = attitude_setpoint
+        self._rates_setpoint = rates_setpoint
+        self._registry = registry
+        self._seen_version = registry.version
+        self._gains = _gains(registry.read(AttitudeControlParams))
+
+    def update(self) -> None:
+        """Run the law once; without thrust no rate is asked for."""
+        attitude = self._attitude.value
+        setpoint = self._attitude_setpoint.value
+        if attitude is None or setpoint is None:
+            return
+        if self._seen_version != self._registry.version:
+            self._seen_version = self._registry.version
+            self._gains = _gains(self._registry.read(AttitudeControlParams))
+        rates = _LEVEL_RATES
+        if setpoint.thrust > 0.0:
+            rates = rate_setpoint(
+                attitude.q_ned_frd, setpoint.q_ned_frd, setpoint.yaw_rate, self._gains
+            )
+        self._rates_setpoint.publish(VehicleRatesSetpoint(attitude.time_us, rates, setpoint.thrust))
+
+
+def _gains(params: AttitudeControlParams) -> AttitudeGains:
+    return AttitudeGains(
+        p_frd=(params.roll_p, params.pitch_p, params.yaw_p),
+        yaw_weight=params.yaw_weight,
+        rate_limit_frd=(
+            math.radians(params.roll_rate_max_deg_s),
+            math.radians(params.pitch_rate_max_deg_s),
+            math.radians(params.yaw_rate_max_deg_s),
+        ),
+    )

@@ -1,0 +1,1 @@
+"""Torque and thrust to motors; PX4's control_allocator."""

@@ -1,0 +1,76 @@
+"""Reads torque and thrust, publishes motor commands and what could not be produced."""
+
+from uav_firmware.bus import Topic
+from uav_firmware.modules.control_allocator.allocation import allocate, motor_command
+from uav_firmware.modules.control_allocator.geometry import Mix, Rotor, mix_of
+from uav_firmware.modules.control_allocator.params import ControlAllocatorParams
+from uav_firmware.msg.actuators import ActuatorMotors
+from uav_firmware.msg.setpoints import ControlAllocatorStatus, VehicleTorqueThrustSetpoint
+from uav_firmware.msg.status import VehicleStatus
+from uav_firmware.msg.vectors import Motors
+from uav_firmware.parameters import Registry
+
+_STOPPED: Motors = (0.0, 0.0, 0.0, 0.0)
+
+
+class ControlAllocatorModule:
+    """Shell of the allocation law; the last gate before the motors."""
+
+    def __init__(
+        self,
+        *,
+        torque_thrust: Topic[VehicleTorqueThrustSetpoint],
+        vehicle_status: Topic[VehicleStatus],
+        motors: Topic[ActuatorMotors],
+        allocator_status: Topic[ControlAllocatorStatus],
+        registry: Registry,
+    ) -> None:
+        self._torque_thrust = torque_thrust
+        self._vehicle_status = vehicle_status
+        self._motors = motors
+        self._allocator_status = allocator_status
+        self._registry = registry
+        self._retune()
+
+    def update(self, now_us: int) -> None:
+        """Run the law once. Safety: a motor turns only while the vehicle is armed."""
+        if self._seen_version != self._registry.version:
+            self._retune()
+        status = self._vehicle_status.value
+        setpoint = self._torque_thrust.value
+        if status is None or not status.armed:
+            self._motors.publish(ActuatorMotors(now_us, _STOPPED))
+            return
+        if setpoint is None or setpoint.thrust <= 0.0:
+            self._motors.publish(ActuatorMotors(now_us, self._idling))
+            return
+        result = allocate(setpoint.torque_frd, setpoint.thrust, self._mix)
+        factor, idle = self._model_factor, self._idle
+        one, two, three, four = result.thrust
+        control = (
+            max(motor_command(one, factor), idle),
+            max(motor_command(two, factor), idle),
+            max(motor_command(three, factor), idle),
+            max(motor_command(four, factor), idle),
+        )
+        self._motors.publish(ActuatorMotors(now_us, control))
+        self._allocator_status.publish(
+            ControlAllocatorStatus(now_us, result.unallocated_torque_frd, result.unallocated_thrust)
+        )
+
+    def _retune(self) -> None:
+        self._seen_version = self._registry.version
+        params = self._registry.read(ControlAllocatorParams)
+        self._mix: Mix = mix_of(_rotors(params))
+        self._model_factor = params.thrust_model_factor
+        self._idle = params.idle
+        self._idling: Motors = (params.idle, params.idle, params.idle, params.idle)
+
+
+def _rotors(params: ControlAllocatorParams) -> tuple[Rotor, Rotor, Rotor, Rotor]:
+    return (
+        Rotor(params.rotor0_x, params.rotor0_y, params.rotor0_moment),
+        Rotor(params.rotor1_x, params.rotor1_y, params.rotor1_moment),
+        Rotor(params.rotor2_x, params.rotor2_y, params.rotor2_moment),
+        Rotor(params.rotor3_x, params.rotor3_y, params.rotor3_moment),
+    )

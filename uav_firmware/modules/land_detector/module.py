@@ -1,0 +1,153 @@
+"""Watches motion and thrust, publishes whether the vehicle stands."""
+
+import math
+from typing import Final
+
+from uav_firmware.bus import Topic
+from uav_firmware.modules.land_detector.params import LandDetectorParams
+from uav_firmware.modules.land_detector.signs import (
+    Observation,
+    Thresholds,
+    is_clear,
+    lifts_off,
+    stands,
+    touches_ground,
+)
+from uav_firmware.modules.land_detector.states import LandEvent, next_state
+from uav_firmware.msg.estimate import VehicleAttitude, VehicleLocalPosition
+from uav_firmware.msg.setpoints import TrajectorySetpoint, VehicleTorqueThrustSetpoint
+from uav_firmware.msg.status import LandDetected, LandedState, NavigationState, VehicleStatus
+from uav_firmware.parameters import Registry
+
+_PERIOD_US: Final = 1_000_000  # repeated at least this often
+_LIFT_OFF_S: Final = 0.1  # time that lift-off must be seen
+_LANDING_HEIGHT: Final = 2.0  # [m] A descent below it is a landing in every mode
+_LEADING_SPEED: Final = 0.1  # [m/s] Of a set-point that leads up or down
+_LANDING_STATES: Final = frozenset({NavigationState.AUTO_LAND, NavigationState.AUTO_PRECLAND})
+
+
+class LandDetectorModule:
+    """Shell of the land detector: thresholds, times and the table of states."""
+
+    def __init__(
+        self,
+        *,
+        attitude: Topic[VehicleAttitude],
+        local_position: Topic[VehicleLocalPosition],
+        torque_thrust: Topic[VehicleTorqueThrustSetpoint],
+        trajectory: Topic[TrajectorySetpoint],
+        vehicle_status: Topic[VehicleStatus],
+        land_detected: Topic[LandDetected],
+        registry: Registry,
+    ) -> None:
+        self._attitude = attitude
+        self._local_position = local_position
+        self._torque_thrust = torque_thrust
+        self._trajectory = trajectory
+        self._vehicle_status = vehicle_status
+        self._land_detected = land_detected
+        self._registry = registry
+        self._state = LandedState.ON_GROUND
+        self._ground_down = 0.0  # [m] Down position of the ground where it last stood
+        self._touching_since_us: int | None = None
+        self._standing_since_us: int | None = None
+        self._lifting_since_us: int | None = None
+        self._retune()
+
+    def update(self) -> None:
+        """Look once; publish on change and once a second."""
+        position = self._local_position.value
+        attitude = self._attitude.value
+        status = self._vehicle_status.value
+        if position is None or attitude is None or status is None:
+            return
+        if self._seen_version != self._registry.version:
+            self._retune()
+        if self._state is LandedState.ON_GROUND and not status.armed:
+            self._ground_down = position.position_ned[2]
+        torque_thrust = self._torque_thrust.value
+        seen = Observation(
+            position.velocity_ned,
+            attitude.rate_frd,
+            0.0 if torque_thrust is None else torque_thrust.thrust,
+            self._ground_down - position.position_ned[2],
+        )
+        now_us = attitude.time_us
+        self._note_times(seen, now_us)
+        for event in self._events(seen, status, now_us):
+            self._state = next_state(self._state, event)
+        self._publish(now_us, status)
+
+    def _note_times(self, seen: Observation, now_us: int) -> None:
+        """Remember since when each sign has held."""
+        limits = self._limits
+        if not touches_ground(seen, limits):
+            self._touching_since_us = None
+        elif self._touching_since_us is None:
+            self._touching_since_us = now_us
+        if not stands(seen, limits):
+            self._standing_since_us = None
+        elif self._standing_since_us is None:
+            self._standing_since_us = now_us
+        if not lifts_off(seen, limits):
+            self._lifting_since_us = None
+        elif self._lifting_since_us is None:
+            self._lifting_since_us = now_us
+
+    def _events(self, seen: Observation, status: VehicleStatus, now_us: int) -> list[LandEvent]:
+        """What has been seen, the most certain first."""
+        events = []
+        if not status.armed:
+            return [LandEvent.DISARM]
+        if _held(self._standing_since_us, now_us, self._trigger_s):
+            events.append(LandEvent.TOUCH_DOWN)
+        if _held(self._lifting_since_us, now_us, _LIFT_OFF_S):
+            events.append(LandEvent.LIFT_OFF)
+        if is_clear(seen):
+            events.append(LandEvent.CLEAR)
+        leading = self._leading_speed()
+        in_landing = status.navigation_state in _LANDING_STATES or seen.height < _LANDING_HEIGHT
+        if leading > _LEADING_SPEED and in_landing:
+            events.append(LandEvent.DESCEND)
+        if leading < -_LEADING_SPEED:
+            events.append(LandEvent.CLIMB)
+        return events
+
+    def _leading_speed(self) -> float:
+        """Vertical speed that the navigator asks for [m/s, down]; 0 when unset."""
+        setpoint = self._trajectory.value
+        if setpoint is None or math.isnan(setpoint.velocity_ned[2]):
+            return 0.0
+        return setpoint.velocity_ned[2]
+
+    def _publish(self, now_us: int, status: VehicleStatus) -> None:
+        landed = self._state is LandedState.ON_GROUND
+        contact = landed or (
+            status.armed and _held(self._touching_since_us, now_us, 0.5 * self._trigger_s)
+        )
+        former = self._land_detected.value
+        if (
+            former is None
+            or former.landed_state is not self._state
+            or former.ground_contact is not contact
+            or now_us - former.time_us >= _PERIOD_US
+        ):
+            self._land_detected.publish(LandDetected(now_us, landed, contact, self._state))
+
+    def _retune(self) -> None:
+        self._seen_version = self._registry.version
+        params = self._registry.read(LandDetectorParams)
+        least = self._registry.get("MPC_THR_MIN")
+        hover = self._registry.get("MPC_THR_HOVER")
+        self._trigger_s = params.trigger_time_s
+        self._limits = Thresholds(
+            vertical_speed=params.vertical_speed_max,
+            horizontal_speed=params.horizontal_speed_max,
+            rotation=math.radians(params.rotation_max_deg_s),
+            thrust=least + params.low_thrust * (hover - least),
+        )
+
+
+def _held(since_us: int | None, now_us: int, duration_s: float) -> bool:
+    """Whether a sign has held for a while."""
+    return since_us is not None and (now_us - since_us) * 1e-6 >= duration_s

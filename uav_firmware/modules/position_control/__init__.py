@@ -1,0 +1,1 @@
+"""Trajectory to attitude and thrust; PX4's mc_pos_control."""

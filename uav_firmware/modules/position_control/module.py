@@ -1,0 +1,175 @@
+"""Reads trajectory and estimate, publishes attitude and thrust."""
+
+import math
+from typing import Final
+
+from uav_firmware.bus import Topic
+from uav_firmware.lib.rotation import from_thrust_direction_and_yaw
+from uav_firmware.modules.position_control.control_math import ThrustLimits
+from uav_firmware.modules.position_control.controller import (
+    Motion,
+    PositionController,
+    PositionGains,
+    PositionLimits,
+)
+from uav_firmware.modules.position_control.params import PositionControlParams
+from uav_firmware.modules.position_control.takeoff_ramp import Takeoff, TakeoffRamp
+from uav_firmware.modules.position_control.wanted_motion import (
+    BLIND,
+    LEVEL,
+    observable,
+    wants_climb,
+)
+from uav_firmware.msg.estimate import VehicleLocalPosition
+from uav_firmware.msg.setpoints import TrajectorySetpoint, VehicleAttitudeSetpoint
+from uav_firmware.msg.status import LandDetected, VehicleStatus
+from uav_firmware.msg.vectors import Vector3
+from uav_firmware.parameters import Registry
+
+_STALE_US: Final = 500_000  # a set-point older than this counts as none
+_LONGEST_STEP_S: Final = 0.1  # after a longer pause the integrator does not move
+_UP_NED: Final[Vector3] = (0.0, 0.0, -1.0)
+
+
+class PositionControlModule:
+    """Shell of the position law, with the take-off ramp."""
+
+    def __init__(
+        self,
+        *,
+        trajectory: Topic[TrajectorySetpoint],
+        local_position: Topic[VehicleLocalPosition],
+        vehicle_status: Topic[VehicleStatus],
+        land_detected: Topic[LandDetected],
+        attitude_setpoint: Topic[VehicleAttitudeSetpoint],
+        registry: Registry,
+    ) -> None:
+        self._trajectory = trajectory
+        self._local_position = local_position
+        self._vehicle_status = vehicle_status
+        self._land_detected = land_detected
+        self._attitude_setpoint = attitude_setpoint
+        self._registry = registry
+        self._ramp = TakeoffRamp()
+        self._yaw = 0.0
+        self._last_us = 0
+        self._retune()
+        self._law = PositionController(_gains(self._params), _limits(self._params))
+
+    def update(self) -> None:
+        """Run the law once on the newest estimate; on the ground the thrust is zero."""
+        position = self._local_position.value
+        status = self._vehicle_status.value
+        if position is None or status is None:
+            return
+        if self._seen_version != self._registry.version:
+            self._retune()
+            self._law.gains = _gains(self._params)
+            self._law.limits = _limits(self._params)
+        dt = (position.time_us - self._last_us) * 1e-6
+        self._last_us = position.time_us
+        wanted = self._wanted(position)
+        thrust_max = self._thrust_limit(position, status, wanted)
+        if thrust_max <= 0.0:
+            self._idle(position)
+        elif dt > 0.0:
+            self._fly(position, wanted, thrust_max, min(dt, _LONGEST_STEP_S))
+
+    def _thrust_limit(
+        self, position: VehicleLocalPosition, status: VehicleStatus, wanted: Motion
+    ) -> float:
+        """Let the take-off go its way; gives the largest thrust of this moment."""
+        params = self._params
+        now_s = position.time_us * 1e-6
+        land = self._land_detected.value
+        self._ramp.update(
+            now_s=now_s,
+            armed=status.armed,
+            landed=land is None or land.landed,
+            wants_climb=wants_climb(wanted, position),
+            spool_up_time_s=params.spool_up_time_s,
+            ramp_time_s=params.takeoff_ramp_time_s,
+        )
+        return self._ramp.thrust_limit(
+            now_s=now_s,
+            ramp_time_s=params.takeoff_ramp_time_s,
+            start=params.thrust_min,
+            full=params.thrust_max,
+        )
+
+    def _wanted(self, position: VehicleLocalPosition) -> Motion:
+        """The trajectory's motion as far as the estimate can follow it; else a descent."""
+        setpoint = self._trajectory.value
+        if setpoint is None or position.time_us - setpoint.time_us > _STALE_US:
+            wanted = Motion(BLIND, (0.0, 0.0, self._params.blind_descent_speed), LEVEL)
+        else:
+            wanted = Motion(setpoint.position_ned, setpoint.velocity_ned, setpoint.acceleration_ned)
+        return observable(wanted, position)
+
+    def _fly(
+        self, position: VehicleLocalPosition, wanted: Motion, thrust_max: float, dt: float
+    ) -> None:
+        params = self._params
+        land = self._land_detected.value
+        near_ground = self._ramp.state is Takeoff.RAMP_UP or (
+            land is not None and land.ground_contact
+        )
+        limits = ThrustLimits(
+            minimum=min(params.thrust_min, thrust_max),
+            maximum=thrust_max,
+            horizontal_margin=min(params.thrust_xy_margin, thrust_max),
+            tilt=self._tilt_ground if near_ground else self._tilt_air,
+        )
+        measured = Motion(position.position_ned, position.velocity_ned, position.acceleration_ned)
+        thrust = self._law.update(wanted, measured, limits, params.thrust_hover, dt)
+        yaw_rate = self._follow_yaw(position)
+        north, east, down = thrust
+        self._attitude_setpoint.publish(
+            VehicleAttitudeSetpoint(
+                position.time_us,
+                from_thrust_direction_and_yaw(thrust, self._yaw),
+                yaw_rate,
+                math.sqrt(north * north + east * east + down * down),
+            )
+        )
+
+    def _follow_yaw(self, position: VehicleLocalPosition) -> float:
+        """Take over the wanted yaw, keep the former one where none is set; gives the rate."""
+        setpoint = self._trajectory.value
+        if setpoint is None or position.time_us - setpoint.time_us > _STALE_US:
+            return 0.0
+        if not math.isnan(setpoint.yaw):
+            self._yaw = setpoint.yaw
+        return 0.0 if math.isnan(setpoint.yaw_rate) else setpoint.yaw_rate
+
+    def _idle(self, position: VehicleLocalPosition) -> None:
+        self._law.reset()
+        self._yaw = position.heading
+        self._attitude_setpoint.publish(
+            VehicleAttitudeSetpoint(
+                position.time_us, from_thrust_direction_and_yaw(_UP_NED, self._yaw), 0.0, 0.0
+            )
+        )
+
+    def _retune(self) -> None:
+        self._seen_version = self._registry.version
+        self._params = self._registry.read(PositionControlParams)
+        self._tilt_air = math.radians(self._params.tilt_max_air_deg)
+        self._tilt_ground = math.radians(self._params.tilt_max_ground_deg)
+
+
+def _gains(params: PositionControlParams) -> PositionGains:
+    return PositionGains(
+        position_p=(params.xy_p, params.z_p),
+        velocity_p=(params.xy_velocity_p, params.z_velocity_p),
+        velocity_i=(params.xy_velocity_i, params.z_velocity_i),
+        velocity_d=(params.xy_velocity_d, params.z_velocity_d),
+    )
+
+
+def _limits(params: PositionControlParams) -> PositionLimits:
+    return PositionLimits(
+        speed_horizontal=params.xy_velocity_max,
+        speed_up=params.z_velocity_max_up,
+        speed_down=params.z_velocity_max_down,
+    )

@@ -1,0 +1,1 @@
+"""Body rates to normalised torque; PX4's mc_rate_control."""
