@@ -107,7 +107,7 @@ class Quadrotor:
             raise MotorCommandError(f"motor commands must be finite, not {motors}")
         self._motors = motors
         for setter, motor in zip(self._set_motors, motors, strict=True):
-            setter(min(max(motor, 0.0), 1.0))
+            setter(motor)  # JSBSim's actuators clip to 0 and 1
 
     def set_wind(self, wind_ned: Vector3) -> None:
         """Velocity [m/s, NED] of the air that the vehicle flies in."""
@@ -201,7 +201,8 @@ class Quadrotor:
         )
 
     def _flying(self, time_us: int) -> Truth:
-        roll, pitch, yaw = (getter() for getter in self._get_attitude)
+        get_roll, get_pitch, get_yaw = self._get_attitude
+        roll, pitch, yaw = get_roll(), get_pitch(), get_yaw()
         north, east, down = self._get_velocity
         p, q, r = self._get_rate
         pi, qi, ri = self._get_inertial_rate

@@ -6,9 +6,10 @@ how fast.
 
 from sim.config import SimulationConfig
 from sim.quadrotor import RATED_VOLTAGE_V, Quadrotor
+from sim.sensors.battery import DRAW_RATE_HZ
 from sim.sensors.noise import generators
 from sim.sensors.readings import Readings
-from sim.sensors.suite import SensorSuite
+from sim.sensors.suite import Schedule, SensorSuite
 from sim.truth import Motors, Truth
 from sim.truth_log import TruthLog
 from sim.wind import Wind
@@ -28,7 +29,7 @@ class Simulation:
     def __init__(self, config: SimulationConfig) -> None:
         self.config = config
         self._substeps = config.physics_rate_hz // config.control_rate_hz
-        self._step_s = 1.0 / config.control_rate_hz
+        self._draw_schedule = Schedule(DRAW_RATE_HZ, first_us=1_000_000 // DRAW_RATE_HZ)
         self._quadrotor = Quadrotor(config)
         self._suite = SensorSuite(config)
         self._wind = Wind(
@@ -36,7 +37,7 @@ class Simulation:
             speed_m_s=config.wind_speed_m_s,
             from_deg=config.wind_from_deg,
             gusts=config.gusts,
-            step_s=self._step_s,
+            step_s=1.0 / config.control_rate_hz,
         )
         self._quadrotor.set_wind(self._wind.mean_ned)
         self._log = None if config.truth_log_path is None else TruthLog(config.truth_log_path)
@@ -67,8 +68,9 @@ class Simulation:
                 self._wind.step(self.truth.height_above_home_m, self.truth.airspeed_m_s)
             )
         self._quadrotor.advance(self._substeps)
-        self._suite.battery.draw(self._quadrotor.motor_power_w(), self._step_s)
         self.truth = self._quadrotor.truth(self.truth.time_us + self.config.step_us)
+        if self._draw_schedule.due(self.truth.time_us):
+            self._suite.battery.draw(self._quadrotor.motor_power_w(), 1.0 / DRAW_RATE_HZ)
         self.readings = self._observe()
         return self.readings
 

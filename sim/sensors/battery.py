@@ -20,6 +20,9 @@ from sim.sensors.noise import standard_normals
 from sim.sensors.readings import BatteryReading
 
 RATE_HZ: Final = 10
+DRAW_RATE_HZ: Final = 50
+"""How often the load is taken from the pack: fast against the motors' 56 ms."""
+
 CELLS: Final = 4
 INTERNAL_RESISTANCE_OHM: Final = 0.025
 AVIONICS_POWER_W: Final = 6.0
