@@ -1,0 +1,80 @@
+"""MAVLink datagrams over a UDP socket that never blocks."""
+
+import select
+import socket
+from collections.abc import Sequence
+from typing import Final
+
+from uav_firmware.cal.link import Address
+
+MAX_DATAGRAMS_PER_CALL: Final = 64
+"""A flood is served in slices, so that the control loop keeps its step time."""
+MAX_DATAGRAM_BYTES: Final = 4096
+_BUFFER_BYTES: Final = 1 << 20
+
+
+class UdpLink:
+    """A bound UDP socket; implements `uav_firmware.cal.link.Link`.
+
+    A datagram that cannot be sent is lost and counted, as it would be on a radio: nobody
+    listens, no route, or the buffer is full.
+    """
+
+    def __init__(self, host: str, port: int) -> None:
+        """Bind to `host` and `port`; port 0 lets the system choose.
+
+        Raises:
+            OSError: if the address cannot be bound.
+        """
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._socket.setblocking(False)
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER_BYTES)
+            self._socket.bind((host, port))
+        except OSError:
+            self._socket.close()
+            raise
+        # Asking a poll object costs a third of a failed recvfrom, and idle is the usual case.
+        self._poll = select.poll()
+        self._poll.register(self._socket, select.POLLIN)
+        self.send_faults: int = 0
+
+    @property
+    def address(self) -> Address:
+        """Address that the socket is bound to."""
+        host, port = self._socket.getsockname()
+        return (host, port)
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until a datagram has arrived or the time is over; True when one has.
+
+        For the pacing of a loop that has nothing else to do until its next step.
+        """
+        return bool(self._poll.poll(max(timeout_s, 0.0) * 1e3))
+
+    def receive(self) -> Sequence[tuple[bytes, Address]]:
+        """Datagrams that have arrived with their senders, at most 64 in a call."""
+        if not self._poll.poll(0):
+            return ()
+        datagrams: list[tuple[bytes, Address]] = []
+        for _ in range(MAX_DATAGRAMS_PER_CALL):
+            try:
+                datagrams.append(self._socket.recvfrom(MAX_DATAGRAM_BYTES))
+            except BlockingIOError:
+                break
+            except OSError:
+                # The answer of a former destination that nobody listens on; not a datagram.
+                continue
+        return datagrams
+
+    def send(self, datagram: bytes, address: Address) -> None:
+        """Send one datagram; an unreachable address is no error."""
+        try:
+            self._socket.sendto(datagram, address)
+        except OSError:
+            self.send_faults += 1
+
+    def close(self) -> None:
+        """Release the socket."""
+        self._socket.close()

@@ -1,0 +1,1 @@
+"""The vehicle's MAVLink interface: identity, telemetry, commands, missions, parameters."""

@@ -1,0 +1,1 @@
+"""Messages built from topics: pure functions, one file per family."""

@@ -1,0 +1,129 @@
+"""Where the vehicle wants to be: mission, set-points, motors."""
+
+import math
+from typing import Final
+
+from uav_firmware.modules.mavlink.builders.context import Context
+from uav_firmware.modules.mavlink.builders.conversion import (
+    NAN,
+    UINT16_MAX,
+    UINT32_MAX,
+    boot_ms,
+    int16,
+    saturated,
+    uint16,
+)
+from uav_firmware.modules.mavlink.dialect import Message, mavlink
+from uav_firmware.modules.mavlink.dialect_extensions import MissionCurrent
+from uav_firmware.msg.status import NavigationState
+
+_MISSION_MODE_ACTIVE: Final = 1
+_MISSION_MODE_SUSPENDED: Final = 2
+_PWM_MIN: Final = 1000
+_PWM_SPAN: Final = 1000
+
+
+def mission_current(context: Context) -> Message:
+    """MISSION_CURRENT with state, mode and the mission's id.
+
+    Until the navigator has taken a new mission over, that mission is "not started".
+    """
+    mission = context.topics.mission.value
+    if mission is None or not mission.items:
+        return MissionCurrent(
+            seq=0, total=UINT16_MAX, mission_state=mavlink.MISSION_STATE_NO_MISSION
+        )
+    progress = context.topics.mission_progress.value
+    status = context.topics.vehicle_status.value
+    flown = status is not None and status.navigation_state is NavigationState.AUTO_MISSION
+    seq, state = 0, mavlink.MISSION_STATE_NOT_STARTED
+    if progress is not None and progress.mission_id == mission.mission_id:
+        seq, state = max(progress.seq_current, 0), progress.state
+    return MissionCurrent(
+        seq=seq,
+        total=len(mission.items),
+        mission_state=state,
+        mission_mode=_MISSION_MODE_ACTIVE if flown else _MISSION_MODE_SUSPENDED,
+        mission_id=mission.mission_id,
+    )
+
+
+def _unset_bits(values: tuple[float, ...], first_bit: int) -> int:
+    """POSITION_TARGET_TYPEMASK bits of the values that are not set."""
+    return sum(1 << first_bit + i for i, value in enumerate(values) if math.isnan(value))
+
+
+def _zero_if_unset(value: float) -> float:
+    return 0.0 if math.isnan(value) else value
+
+
+def position_target_local_ned(context: Context) -> Message | None:
+    """POSITION_TARGET_LOCAL_NED: the navigator's set-point; the mask names what is not set."""
+    target = context.topics.trajectory_setpoint.value
+    if target is None:
+        return None
+    numbers = (*target.position_ned, *target.velocity_ned, *target.acceleration_ned)
+    mask = _unset_bits(numbers, 0) | _unset_bits((target.yaw, target.yaw_rate), 10)
+    x, y, z, vx, vy, vz, afx, afy, afz = (_zero_if_unset(number) for number in numbers)
+    return mavlink.MAVLink_position_target_local_ned_message(
+        time_boot_ms=boot_ms(target.time_us),
+        coordinate_frame=mavlink.MAV_FRAME_LOCAL_NED,
+        type_mask=mask,
+        x=x,
+        y=y,
+        z=z,
+        vx=vx,
+        vy=vy,
+        vz=vz,
+        afx=afx,
+        afy=afy,
+        afz=afz,
+        yaw=_zero_if_unset(target.yaw),
+        yaw_rate=_zero_if_unset(target.yaw_rate),
+    )
+
+
+def nav_controller_output(context: Context) -> Message | None:
+    """NAV_CONTROLLER_OUTPUT: bearing, distance and height of the set-point; the rest is NaN."""
+    target = context.topics.trajectory_setpoint.value
+    local = context.topics.local_position.value
+    if target is None or local is None:
+        return None
+    north, east, down = (
+        wanted - present
+        for wanted, present in zip(target.position_ned, local.position_ned, strict=True)
+    )
+    bearing_deg = math.degrees(math.atan2(east, north))
+    return mavlink.MAVLink_nav_controller_output_message(
+        nav_roll=NAN,
+        nav_pitch=NAN,
+        nav_bearing=int16(bearing_deg),
+        target_bearing=int16(bearing_deg),
+        wp_dist=uint16(math.hypot(north, east), unknown=0),
+        alt_error=-down,
+        aspd_error=NAN,
+        xtrack_error=NAN,
+    )
+
+
+def servo_output_raw(context: Context) -> Message | None:
+    """SERVO_OUTPUT_RAW: each motor command as the pulse width that would carry it [us]."""
+    motors = context.topics.actuator_motors.value
+    if motors is None:
+        return None
+    pulses = [
+        saturated(_PWM_MIN + _PWM_SPAN * control, _PWM_MIN, _PWM_MIN + _PWM_SPAN, _PWM_MIN)
+        for control in motors.control
+    ]
+    return mavlink.MAVLink_servo_output_raw_message(
+        time_usec=motors.time_us & UINT32_MAX,
+        port=0,
+        servo1_raw=pulses[0],
+        servo2_raw=pulses[1],
+        servo3_raw=pulses[2],
+        servo4_raw=pulses[3],
+        servo5_raw=0,
+        servo6_raw=0,
+        servo7_raw=0,
+        servo8_raw=0,
+    )

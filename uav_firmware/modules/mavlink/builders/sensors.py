@@ -1,0 +1,141 @@
+"""What the sensors measure, and the simulator's truth where there is one."""
+
+import math
+from typing import Final
+
+from uav_firmware.modules.mavlink.builders.context import Context
+from uav_firmware.modules.mavlink.builders.conversion import (
+    NAN,
+    UINT8_MAX,
+    boot_ms,
+    compass_centidegrees,
+    degrees_e7,
+    int16,
+    millimetres,
+    saturated,
+    uint16,
+    uint32,
+)
+from uav_firmware.modules.mavlink.dialect import Message, mavlink
+from uav_firmware.msg.sensors import SensorBaro
+
+STANDARD_GRAVITY: Final = 9.80665
+"""[m/s^2] CGPM 1901."""
+_SEA_LEVEL_PRESSURE_PA: Final = 101_325.0
+_ACCEL_AND_GYRO: Final = 0b111_111
+_PRESSURE_HEIGHT_TEMPERATURE: Final = 1 << 9 | 1 << 11 | 1 << 12
+
+
+def pressure_altitude_m(pressure_pa: float) -> float:
+    """Height in the standard atmosphere (ICAO Doc 7488, troposphere); NaN without pressure."""
+    if not pressure_pa > 0.0:
+        return NAN
+    return 44_330.8 * (1.0 - math.pow(pressure_pa / _SEA_LEVEL_PRESSURE_PA, 0.190263))
+
+
+def gps_raw_int(context: Context) -> Message | None:
+    """GPS_RAW_INT; the receiver's geoid height is not known, so alt_ellipsoid is 0."""
+    gps = context.topics.gps.value
+    if gps is None:
+        return None
+    north, east, _ = gps.velocity_ned
+    return mavlink.MAVLink_gps_raw_int_message(
+        time_usec=gps.time_us,
+        fix_type=gps.fix_type,
+        lat=degrees_e7(gps.latitude_deg),
+        lon=degrees_e7(gps.longitude_deg),
+        alt=millimetres(gps.altitude_amsl_m),
+        eph=uint16(gps.hdop * 1e2),
+        epv=uint16(gps.vdop * 1e2),
+        vel=uint16(math.hypot(north, east) * 1e2),
+        cog=compass_centidegrees(math.atan2(east, north)),
+        satellites_visible=saturated(gps.satellites_used, 0, UINT8_MAX),
+        h_acc=uint32(gps.horizontal_accuracy_m * 1e3),
+        v_acc=uint32(gps.vertical_accuracy_m * 1e3),
+        vel_acc=uint32(gps.speed_accuracy_m_s * 1e3),
+    )
+
+
+def scaled_pressure(context: Context) -> Message | None:
+    """SCALED_PRESSURE: static pressure [hPa] and the sensor's temperature."""
+    baro = context.topics.baro.value
+    if baro is None:
+        return None
+    return mavlink.MAVLink_scaled_pressure_message(
+        time_boot_ms=boot_ms(baro.time_us),
+        press_abs=baro.pressure_pa / 1e2,
+        press_diff=0.0,
+        temperature=int16(baro.temperature_c * 1e2),
+    )
+
+
+_NO_BARO: Final = SensorBaro(time_us=0, pressure_pa=NAN, temperature_c=NAN)
+
+
+def highres_imu(context: Context) -> Message | None:
+    """HIGHRES_IMU without the magnetometer; `fields_updated` names what holds."""
+    imu, baro = context.topics.imu.value, context.topics.baro.value
+    if imu is None:
+        return None
+    pressure = baro or _NO_BARO
+    return mavlink.MAVLink_highres_imu_message(
+        time_usec=imu.time_us,
+        xacc=imu.specific_force_frd[0],
+        yacc=imu.specific_force_frd[1],
+        zacc=imu.specific_force_frd[2],
+        xgyro=imu.rate_frd[0],
+        ygyro=imu.rate_frd[1],
+        zgyro=imu.rate_frd[2],
+        xmag=NAN,
+        ymag=NAN,
+        zmag=NAN,
+        abs_pressure=pressure.pressure_pa / 1e2,
+        diff_pressure=NAN,
+        pressure_alt=pressure_altitude_m(pressure.pressure_pa),
+        temperature=pressure.temperature_c,
+        fields_updated=_ACCEL_AND_GYRO | (_PRESSURE_HEIGHT_TEMPERATURE if baro else 0),
+    )
+
+
+def vibration(context: Context) -> Message | None:
+    """VIBRATION: mean change between accelerometer samples; no sensor clips here."""
+    if context.topics.imu.value is None:
+        return None
+    x, y, z = context.vibration_frd
+    return mavlink.MAVLink_vibration_message(
+        time_usec=context.now_us,
+        vibration_x=x,
+        vibration_y=y,
+        vibration_z=z,
+        clipping_0=0,
+        clipping_1=0,
+        clipping_2=0,
+    )
+
+
+def hil_state_quaternion(context: Context) -> Message | None:
+    """HIL_STATE_QUATERNION: ground truth, only where the vehicle is simulated."""
+    truth = context.topics.truth.value
+    if truth is None:
+        return None
+    velocity, force = truth.velocity_ned, truth.acceleration_frd
+    airspeed = uint16(truth.airspeed_m_s * 1e2)
+    milli_g = 1e3 / STANDARD_GRAVITY
+    return mavlink.MAVLink_hil_state_quaternion_message(
+        time_usec=truth.time_us,
+        attitude_quaternion=list(truth.q_ned_frd),
+        rollspeed=truth.rate_frd[0],
+        pitchspeed=truth.rate_frd[1],
+        yawspeed=truth.rate_frd[2],
+        lat=degrees_e7(truth.latitude_deg),
+        lon=degrees_e7(truth.longitude_deg),
+        alt=millimetres(truth.altitude_amsl_m),
+        vx=int16(velocity[0] * 1e2),
+        vy=int16(velocity[1] * 1e2),
+        vz=int16(velocity[2] * 1e2),
+        ind_airspeed=airspeed,
+        true_airspeed=airspeed,
+        xacc=int16(force[0] * milli_g),
+        yacc=int16(force[1] * milli_g),
+        zacc=int16(force[2] * milli_g),
+    )

@@ -1,0 +1,94 @@
+"""Messages and values that MAVLink has and the shipped dialect lacks.
+
+Extension fields stand at the end of a payload and do not change CRC_EXTRA, so a peer with the
+shipped dialect reads these messages and cuts the fields it does not know. Definitions: MAVLink
+common.xml and development.xml, messages 42, 44, 47 and 80.
+"""
+
+import struct
+from typing import Any, Final
+
+from uav_firmware.modules.mavlink.dialect import mavlink, register
+
+MAV_RESULT_CANCELLED: Final = 6
+MAV_RESULT_COMMAND_UNSUPPORTED_MAV_FRAME: Final = 9
+MAV_PARAM_ERROR_TYPE_MISMATCH: Final = 7
+MAV_CMD_DO_SET_STANDARD_MODE: Final = 262
+
+
+def _extended(base: Any, names: list[str]) -> dict[str, Any]:
+    """Class attributes of a message with uint32 extension fields appended."""
+    count = len(names)
+    layout = bytes(base.native_format).decode() + "I" * count
+    return {
+        "fieldnames": [*base.fieldnames, *names],
+        "ordered_fieldnames": [*base.ordered_fieldnames, *names],
+        "fieldtypes": [*base.fieldtypes, *["uint32_t"] * count],
+        "native_format": bytearray(layout.encode()),
+        "orders": [*base.orders, *range(len(base.orders), len(base.orders) + count)],
+        "lengths": [*base.lengths, *[1] * count],
+        "array_lengths": [*base.array_lengths, *[0] * count],
+        "unpacker": struct.Struct(layout),
+    }
+
+
+class _Extended(mavlink.MAVLink_message):  # type: ignore[misc]  # pymavlink is untyped
+    """A generated message with further fields, built by name or in the order of `fieldnames`."""
+
+    def __init__(self, *values: Any, **named: Any) -> None:
+        super().__init__(self.id, self.msgname)
+        self._fieldnames = self.fieldnames
+        self._instance_field = None
+        self._instance_offset = -1
+        fields = dict.fromkeys(self.fieldnames, 0)
+        fields.update(zip(self.fieldnames, values, strict=False))
+        unknown = named.keys() - fields.keys()
+        if unknown:
+            raise TypeError(f"{self.msgname} has no field {', '.join(sorted(unknown))}")
+        fields.update(named)
+        for name, value in fields.items():
+            setattr(self, name, value)
+
+    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:  # noqa: FBT001, FBT002 - pymavlink's signature
+        """Pack as pymavlink's generated classes do."""
+        values = [getattr(self, name) for name in self.ordered_fieldnames]
+        packed: bytes = self._pack(
+            mav, self.crc_extra, self.unpacker.pack(*values), force_mavlink1=force_mavlink1
+        )
+        return packed
+
+
+def _extend(base: Any, names: list[str]) -> Any:
+    """Make and register a class like `base` with `names` appended."""
+    attributes = {
+        "__doc__": f"{base.msgname} with {', '.join(names)}.",
+        "id": base.id,
+        "msgname": base.msgname,
+        "crc_extra": base.crc_extra,
+        **_extended(base, names),
+    }
+    return register(type(base.msgname, (_Extended,), attributes))
+
+
+MissionAck: Final = _extend(mavlink.MAVLink_mission_ack_message, ["opaque_id"])
+MissionCount: Final = _extend(mavlink.MAVLink_mission_count_message, ["opaque_id"])
+MissionCurrent: Final = _extend(
+    mavlink.MAVLink_mission_current_message, ["mission_id", "fence_id", "rally_points_id"]
+)
+
+
+@register
+class CommandCancel(_Extended):
+    """COMMAND_CANCEL(80): ends a long-running command."""
+
+    id = 80
+    msgname = "COMMAND_CANCEL"
+    fieldnames: list[str] = ["target_system", "target_component", "command"]  # noqa: RUF012 - pymavlink's layout
+    ordered_fieldnames: list[str] = ["command", "target_system", "target_component"]  # noqa: RUF012 - as above
+    fieldtypes: list[str] = ["uint8_t", "uint8_t", "uint16_t"]  # noqa: RUF012 - as above
+    native_format = bytearray(b"<HBB")
+    orders: list[int] = [1, 2, 0]  # noqa: RUF012 - as above
+    lengths: list[int] = [1, 1, 1]  # noqa: RUF012 - as above
+    array_lengths: list[int] = [0, 0, 0]  # noqa: RUF012 - as above
+    crc_extra = 14
+    unpacker = struct.Struct("<HBB")

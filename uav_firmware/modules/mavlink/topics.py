@@ -1,0 +1,48 @@
+"""The topics and queues that the MAVLink module reads and writes."""
+
+from dataclasses import dataclass
+
+from uav_firmware.bus import Queue, Topic
+from uav_firmware.msg.actuators import ActuatorMotors
+from uav_firmware.msg.estimate import (
+    EstimatorStatus,
+    VehicleAttitude,
+    VehicleGlobalPosition,
+    VehicleLocalPosition,
+)
+from uav_firmware.msg.mission import Mission, MissionProgress
+from uav_firmware.msg.sensors import SensorBaro, SensorBattery, SensorGps, SensorImu, SensorTruth
+from uav_firmware.msg.setpoints import TrajectorySetpoint
+from uav_firmware.msg.status import (
+    HomePosition,
+    LandDetected,
+    StatusText,
+    VehicleCommand,
+    VehicleCommandAck,
+    VehicleStatus,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MavlinkTopics:
+    """Every connection of the module to the bus; the last two are written, the rest read."""
+
+    attitude: Topic[VehicleAttitude]
+    local_position: Topic[VehicleLocalPosition]
+    global_position: Topic[VehicleGlobalPosition]
+    estimator_status: Topic[EstimatorStatus]
+    gps: Topic[SensorGps]
+    imu: Topic[SensorImu]
+    baro: Topic[SensorBaro]
+    battery: Topic[SensorBattery]
+    vehicle_status: Topic[VehicleStatus]
+    land_detected: Topic[LandDetected]
+    home: Topic[HomePosition]
+    mission_progress: Topic[MissionProgress]
+    trajectory_setpoint: Topic[TrajectorySetpoint]
+    actuator_motors: Topic[ActuatorMotors]
+    truth: Topic[SensorTruth]
+    command_ack: Queue[VehicleCommandAck]
+    status_text: Queue[StatusText]
+    vehicle_command: Queue[VehicleCommand]
+    mission: Topic[Mission]

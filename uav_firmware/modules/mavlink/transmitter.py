@@ -1,0 +1,72 @@
+"""Frames what is to be said and hands it to the link, once per peer that it is for."""
+
+import struct
+from collections.abc import Iterable
+
+from uav_firmware.cal.link import Link
+from uav_firmware.modules.mavlink.addressing import AUTOPILOT_COMPONENT, Outgoing
+from uav_firmware.modules.mavlink.builders.context import Context
+from uav_firmware.modules.mavlink.dialect import Payload, frame, pack
+from uav_firmware.modules.mavlink.peers import Channel, PeerTable
+from uav_firmware.modules.mavlink.streams import BUILDERS
+
+
+class Transmitter:
+    """Sends to the channels of a peer table; a message is packed once for all of them.
+
+    One frame goes into one datagram, as PX4 does, because some readers look for no second.
+    """
+
+    def __init__(self, link: Link, system_id: int, peers: PeerTable) -> None:
+        self._link = link
+        self._system_id = system_id
+        self._peers = peers
+        self.unpackable: int = 0
+
+    def send(self, messages: Iterable[Outgoing]) -> None:
+        """Send each message to its address, or to every peer."""
+        for message, address in messages:
+            payload = pack(message)
+            if address is None:
+                for channel in self._peers:
+                    self._frame(payload, channel)
+            else:
+                channel = self._peers.get(address)
+                if channel is not None:
+                    self._frame(payload, channel)
+
+    def stream(self, context: Context) -> None:
+        """Send every peer the telemetry that is due."""
+        packed: dict[int, Payload | None] = {}
+        for channel in self._peers:
+            for message_id in channel.schedule.take_due(context.now_us):
+                if message_id not in packed:
+                    packed[message_id] = self._build(message_id, context)
+                payload = packed[message_id]
+                if payload is not None:
+                    self._frame(payload, channel)
+
+    def broadcast(self, message_ids: Iterable[int], context: Context) -> None:
+        """Send telemetry to every peer now, whether due or not."""
+        for message_id in message_ids:
+            payload = self._build(message_id, context)
+            if payload is not None:
+                for channel in self._peers:
+                    self._frame(payload, channel)
+
+    def _build(self, message_id: int, context: Context) -> Payload | None:
+        """Payload of a telemetry message; None while its contents are unknown.
+
+        A value that fits no field (an estimate run off to infinity) costs that message, not
+        the flight.
+        """
+        try:
+            message = BUILDERS[message_id](context)
+            return None if message is None else pack(message)
+        except (struct.error, OverflowError, ValueError):
+            self.unpackable += 1
+            return None
+
+    def _frame(self, payload: Payload, channel: Channel) -> None:
+        datagram = frame(payload, channel.next_sequence(), self._system_id, AUTOPILOT_COMPONENT)
+        self._link.send(datagram, channel.address)
