@@ -1,0 +1,57 @@
+"""`python -m sim.cloud`: run the mock cloud alone."""
+
+import argparse
+import logging
+import os
+import signal
+import sys
+import threading
+from pathlib import Path
+
+from werkzeug.serving import WSGIRequestHandler, make_server
+
+from sim.cloud.app import create_app
+from sim.cloud.store import Store
+
+
+class _KeepAliveHandler(WSGIRequestHandler):
+    """HTTP/1.1, so that a sender keeps its connection; quiet about each request."""
+
+    protocol_version = "HTTP/1.1"
+
+    def log_request(self, code: int | str = "-", size: int | str = "-") -> None:
+        """Log at debug level only: a vehicle sends every second."""
+        logging.getLogger("sim.cloud").debug("%s %s %s", self.requestline, code, size)
+
+
+def main() -> int:
+    """Serve until SIGINT or SIGTERM; 2 when the port is taken."""
+    environment = os.environ
+    parser = argparse.ArgumentParser(prog="sim.cloud", description=__doc__)
+    parser.add_argument("--port", type=int, default=int(environment.get("CLOUD_PORT", "8100")))
+    parser.add_argument("--host", default="127.0.0.1")
+    parser.add_argument("--state-dir", type=Path, default=Path(environment.get("STATE_DIR", "var")))
+    arguments = parser.parse_args()
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s cloud %(message)s")
+    store = Store(arguments.state_dir / "cloud" / "records.ndjson")
+    try:
+        server = make_server(
+            arguments.host,
+            arguments.port,
+            create_app(store),
+            threaded=True,
+            request_handler=_KeepAliveHandler,
+        )
+    except SystemExit:
+        print(f"port {arguments.port} is taken: set CLOUD_PORT", file=sys.stderr)
+        return 2
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: threading.Thread(target=server.shutdown).start())
+    logging.getLogger("sim.cloud").info("listening on http://%s:%d", arguments.host, arguments.port)
+    server.serve_forever()
+    server.server_close()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
