@@ -1,6 +1,7 @@
 """Inertial measurement unit: a MEMS gyroscope and accelerometer of a small autopilot.
 
-Per axis: reading = truth + turn-on bias + drifting bias + white noise + vibration.
+Per axis: reading = truth + turn-on bias + drifting bias + white noise + vibration, limited
+to the full scale of +-2000 deg/s and +-16 g, which a hard landing exceeds.
 
 Noise densities are those of the TDK InvenSense ICM-42688-P data sheet (DS-000347, tables 1
 and 2): 0.0028 deg/s/sqrt(Hz) and 70 ug/sqrt(Hz). Turn-on biases are what a calibration
@@ -33,6 +34,7 @@ class AxisNoise(NamedTuple):
     instability_sigma: float  # Bias that drifts
     correlation_time_s: float  # [s] Of the drift
     vibration_at_hover: float  # White, in proportion to the square of the rotor speed
+    full_scale: float  # Largest reading of an axis
 
 
 GYROSCOPE: Final = AxisNoise(
@@ -41,6 +43,7 @@ GYROSCOPE: Final = AxisNoise(
     instability_sigma=math.radians(3.0 / 3600.0),
     correlation_time_s=300.0,
     vibration_at_hover=0.01,
+    full_scale=math.radians(2000.0),
 )
 ACCELEROMETER: Final = AxisNoise(
     density=70e-6 * _STANDARD_GRAVITY_M_S2,
@@ -48,6 +51,7 @@ ACCELEROMETER: Final = AxisNoise(
     instability_sigma=0.03e-3 * _STANDARD_GRAVITY_M_S2,
     correlation_time_s=300.0,
     vibration_at_hover=0.4,
+    full_scale=16.0 * _STANDARD_GRAVITY_M_S2,
 )
 
 
@@ -70,6 +74,7 @@ class Triad:
         )
         self._variance = (white_sigma(noise.density, rate_hz) * factor) ** 2
         self._vibration = noise.vibration_at_hover * factor
+        self._full_scale = noise.full_scale
         self.bias: Vector3 = self._turn_on
         self.step_bias()
 
@@ -83,11 +88,16 @@ class Triad:
         """Measured components; `rotor_load` is the rotor speed over hover's, squared."""
         vibration = self._vibration * rotor_load
         sigma = math.sqrt(self._variance + vibration * vibration)
-        normals = self._normals
+        normals, bias, limit = self._normals, self.bias, self._full_scale
+        x = true_value[0] + bias[0] + sigma * next(normals)
+        y = true_value[1] + bias[1] + sigma * next(normals)
+        z = true_value[2] + bias[2] + sigma * next(normals)
+        if -limit <= x <= limit and -limit <= y <= limit and -limit <= z <= limit:
+            return x, y, z
         return (
-            true_value[0] + self.bias[0] + sigma * next(normals),
-            true_value[1] + self.bias[1] + sigma * next(normals),
-            true_value[2] + self.bias[2] + sigma * next(normals),
+            min(max(x, -limit), limit),
+            min(max(y, -limit), limit),
+            min(max(z, -limit), limit),
         )
 
 
