@@ -4,6 +4,10 @@ The only file of the firmware that knows the simulator. Frames and units are the
 sides (NED, FRD, SI); what changes here is the type.
 """
 
+from dataclasses import replace
+from pathlib import Path
+
+from sim.config import SimulationConfig, start_east_m
 from sim.sensors.readings import Readings
 from sim.simulation import Simulation
 from uav_firmware.msg.sensors import (
@@ -119,3 +123,43 @@ class JsbsimVehicle:
     def close(self) -> None:
         """Close the truth log."""
         self._simulation.close()
+
+
+def simulated_vehicle(
+    *,
+    number: int,
+    seed: int,
+    home: tuple[float, float, float, float] | None,
+    wind_m_s: float,
+    wind_from_deg: float,
+    noise_factor: float,
+    truth_path: Path | None,
+) -> JsbsimVehicle:
+    """Make vehicle 1, 2, 3, ... of a farm.
+
+    `home` is latitude [deg], longitude [deg], altitude above mean sea level [m] and heading
+    [deg]; None is the simulation's home, where the vehicles stand side by side.
+
+    Raises:
+        ValueError: if a value is out of range.
+        OSError: if the truth log cannot be created.
+    """
+    config = SimulationConfig(
+        seed=seed,
+        wind_speed_m_s=wind_m_s,
+        wind_from_deg=wind_from_deg,
+        sensor_noise_factor=noise_factor,
+        truth_log_path=truth_path,
+    )
+    if home is None:
+        config = replace(config, start_east_m=start_east_m(number))
+    else:
+        latitude, longitude, altitude, heading = home
+        config = replace(
+            config,
+            home_latitude_deg=latitude,
+            home_longitude_deg=longitude,
+            home_altitude_amsl_m=altitude,
+            heading_deg=heading,
+        )
+    return JsbsimVehicle(Simulation(config))

@@ -27,6 +27,7 @@ from uav_firmware.msg.vectors import Vector3
 from uav_firmware.parameters import Registry
 
 _STALE_US: Final = 500_000  # a set-point older than this counts as none
+_BLIND_DESCENT_SPEED: Final = 0.5  # [m/s] Of an armed vehicle that nobody leads
 _LONGEST_STEP_S: Final = 0.1  # after a longer pause the integrator does not move
 _UP_NED: Final[Vector3] = (0.0, 0.0, -1.0)
 
@@ -101,7 +102,7 @@ class PositionControlModule:
         """The trajectory's motion as far as the estimate can follow it; else a descent."""
         setpoint = self._trajectory.value
         if setpoint is None or position.time_us - setpoint.time_us > _STALE_US:
-            wanted = Motion(BLIND, (0.0, 0.0, self._params.blind_descent_speed), LEVEL)
+            wanted = Motion(BLIND, (0.0, 0.0, _BLIND_DESCENT_SPEED), LEVEL)
         else:
             wanted = Motion(setpoint.position_ned, setpoint.velocity_ned, setpoint.acceleration_ned)
         return observable(wanted, position)

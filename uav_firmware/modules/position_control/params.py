@@ -85,7 +85,3 @@ class PositionControlParams:
         "COM_SPOOLUP_TIME", 1.0, unit="s", minimum=0.0, maximum=5.0,
         short="Time that the motors idle after arming before the thrust rises",
     )  # fmt: skip
-    blind_descent_speed: float = param(
-        "MPC_LAND_CRWL", 0.5, unit="m/s", minimum=0.1, maximum=1.0,
-        short="Sink speed when nobody says where to fly",
-    )  # fmt: skip

@@ -1,0 +1,178 @@
+"""What a vehicle is started with: flags over environment over defaults, frozen, checked once.
+
+ConfigError(ValueError) names the flag and the reason.
+"""
+
+import argparse
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+_DRIVERS: Final = ("jsbsim",)
+_LARGEST_SPEED: Final = 1000.0
+
+
+class ConfigError(ValueError):
+    """A flag or an environment variable cannot be used; the message names it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Home:
+    """Where the vehicle stands at the start."""
+
+    latitude_deg: float  # [deg] WGS-84
+    longitude_deg: float  # [deg] WGS-84
+    altitude_amsl_m: float  # [m]
+    heading_deg: float  # [deg] Clockwise from true north
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Endpoint:
+    """Host and UDP port of a peer."""
+
+    host: str
+    port: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleConfig:
+    """Everything that tells one vehicle from another."""
+
+    system_id: int  # [-] MAVLink system id, 1 to 250
+    driver: str  # Name of the driver of the component abstraction layer
+    speed: float  # [-] Times the wall clock; 0 unpaced
+    seed: int  # [-] Of all randomness
+    wind_m_s: float  # [m/s] Mean wind of the simulation
+    wind_from_deg: float  # [deg] Where it blows from
+    noise: float  # [-] Factor on all sensor noise
+    home: Home | None  # None: the simulation's home, 3 m apart to the east
+    bind: str  # Own address; loopback while the link is unsigned
+    port: int  # [-] Own UDP port; 0 lets the system choose
+    broker: Endpoint
+    gcs: Endpoint
+    state_dir: Path
+    truth: bool  # Write the true track
+
+    @property
+    def folder(self) -> Path:
+        """Where this vehicle keeps its files."""
+        return self.state_dir / f"vehicle-{self.system_id}"
+
+
+def read_config(arguments: Sequence[str], environment: Mapping[str, str]) -> VehicleConfig:
+    """Read the command line on top of the environment.
+
+    Raises:
+        ConfigError: on a value that cannot be used.
+        SystemExit: on --help, and on flags that do not exist.
+    """
+    flags = _parser(environment).parse_args(arguments)
+    system_id = _integer("--system-id", flags.system_id, 1, 250)
+    port_base = _integer(
+        "VEHICLE_PORT_BASE", environment.get("VEHICLE_PORT_BASE", "14580"), 1, 65535
+    )
+    port = flags.port if flags.port is not None else str(port_base + system_id)
+    return VehicleConfig(
+        system_id=system_id,
+        driver=flags.driver,
+        speed=_speed(flags.speed),
+        seed=_integer("--seed", flags.seed, 0, 2**32 - 1),
+        wind_m_s=_number("--wind", flags.wind, 0.0, 30.0),
+        wind_from_deg=_number("--wind-from", flags.wind_from, 0.0, 360.0),
+        noise=_number("--noise", flags.noise, 0.0, 100.0),
+        home=None if flags.home is None else _home(flags.home),
+        bind=flags.bind,
+        port=_integer("--port", port, 0, 65535),
+        broker=_endpoint("--broker", flags.broker),
+        gcs=_endpoint("--gcs", flags.gcs),
+        state_dir=Path(flags.state_dir),
+        truth=_switch("--truth", flags.truth),
+    )
+
+
+def _parser(environment: Mapping[str, str]) -> argparse.ArgumentParser:
+    """Flags whose defaults come from the environment."""
+    get = environment.get
+    parser = argparse.ArgumentParser(
+        prog="python -m uav_firmware",
+        description="One vehicle: the autopilot around its driver. Flags override environment.",
+    )
+    add = parser.add_argument
+    add("--system-id", default=get("SYSTEM_ID", "1"), help="MAVLink system id, 1 to 250")
+    add("--driver", default=get("DRIVER", "jsbsim"), choices=_DRIVERS, help="vehicle to fly")
+    add("--speed", default=get("SPEED", "1"), help="times real time; 0 or max: as fast as it goes")
+    add("--seed", default=get("SEED", "1"), help="of all randomness; same seed, same flight")
+    add("--wind", default=get("WIND", "0"), help="mean wind of the simulation [m/s]")
+    add("--wind-from", default=get("WIND_FROM", "270"), help="where it blows from [deg]")
+    add("--noise", default=get("NOISE", "1"), help="factor on the noise of all sensors")
+    add("--home", default=get("VEHICLE_HOME"), help="latitude,longitude,altitude,heading")
+    add("--bind", default=get("VEHICLE_BIND", "127.0.0.1"), help="own address")
+    add("--port", help="own UDP port (default VEHICLE_PORT_BASE, 14580, plus system id)")
+    broker = f"127.0.0.1:{get('MAVLINK_PORT', '14540')}"
+    gcs = f"127.0.0.1:{get('GCS_PORT', '14550')}"
+    add("--broker", default=get("BROKER", broker), help="host:port of the broker")
+    add("--gcs", default=get("GCS", gcs), help="host:port of the ground station")
+    add("--state-dir", default=get("STATE_DIR", "var"), help="folder of parameters and logs")
+    add("--truth", nargs="?", const="1", default=get("TRUTH", "0"), help="1: write the true track")
+    return parser
+
+
+def _number(name: str, text: str, minimum: float, maximum: float) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise ConfigError(f"{name}: {text!r} is no number") from None
+    if not minimum <= value <= maximum:
+        raise ConfigError(f"{name}: {text} is outside {minimum:g}..{maximum:g}")
+    return value
+
+
+def _integer(name: str, text: str, minimum: int, maximum: int) -> int:
+    try:
+        value = int(text)
+    except ValueError:
+        raise ConfigError(f"{name}: {text!r} is no whole number") from None
+    if not minimum <= value <= maximum:
+        raise ConfigError(f"{name}: {value} is outside {minimum}..{maximum}")
+    return value
+
+
+def _speed(text: str) -> float:
+    if text.lower() == "max":
+        return 0.0
+    return _number("--speed", text, 0.0, _LARGEST_SPEED)
+
+
+def _switch(name: str, text: str) -> bool:
+    if text in {"0", "", "no", "false"}:
+        return False
+    if text in {"1", "yes", "true"}:
+        return True
+    raise ConfigError(f"{name}: {text!r} is neither 0 nor 1")
+
+
+def _endpoint(name: str, text: str) -> Endpoint:
+    host, colon, port = text.rpartition(":")
+    if not colon or not host:
+        raise ConfigError(f"{name}: {text!r} is not host:port")
+    return Endpoint(host=host, port=_integer(name, port, 1, 65535))
+
+
+def _home(text: str) -> Home:
+    parts = text.split(",")
+    if len(parts) != 4:
+        raise ConfigError(f"--home: {text!r} is not latitude,longitude,altitude,heading")
+    limits = ((-85.0, 85.0), (-180.0, 180.0), (-400.0, 6000.0), (-math.inf, math.inf))
+    latitude, longitude, altitude, heading = (
+        _number("--home", part, *limit) for part, limit in zip(parts, limits, strict=True)
+    )
+    if not math.isfinite(heading):
+        raise ConfigError(f"--home: heading {heading} is not finite")
+    return Home(
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        altitude_amsl_m=altitude,
+        heading_deg=heading % 360.0,
+    )

@@ -1,0 +1,57 @@
+"""Named files in one folder, replaced atomically."""
+
+import os
+import re
+import tempfile
+from pathlib import Path
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
+
+
+class FileStorage:
+    """Implements `uav_firmware.cal.storage.Storage` in a folder that it creates."""
+
+    def __init__(self, folder: Path) -> None:
+        """Make the folder.
+
+        Raises:
+            OSError: if it cannot be created.
+        """
+        self._folder = folder
+        folder.mkdir(parents=True, exist_ok=True)
+
+    def load(self, name: str) -> bytes | None:
+        """Contents stored under `name`, or None.
+
+        Raises:
+            ValueError: if the name is no plain file name.
+            OSError: if the file is there but cannot be read.
+        """
+        try:
+            return self._path(name).read_bytes()
+        except FileNotFoundError:
+            return None
+
+    def save(self, name: str, contents: bytes) -> None:
+        """Replace the contents: the new file is complete on the medium before it takes the name.
+
+        Raises:
+            ValueError: if the name is no plain file name.
+            OSError: if the medium refuses; the former contents stay.
+        """
+        path = self._path(name)
+        descriptor, temporary = tempfile.mkstemp(prefix=f".{name}.", dir=self._folder)
+        try:
+            with os.fdopen(descriptor, "wb") as file:
+                file.write(contents)
+                file.flush()
+                os.fsync(file.fileno())
+            Path(temporary).replace(path)
+        except OSError:
+            Path(temporary).unlink(missing_ok=True)
+            raise
+
+    def _path(self, name: str) -> Path:
+        if not _NAME.fullmatch(name):
+            raise ValueError(f"{name!r} is no plain file name")
+        return self._folder / name

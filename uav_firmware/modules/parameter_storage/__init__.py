@@ -1,0 +1,1 @@
+"""Keeps changed parameters over a restart."""

@@ -1,0 +1,77 @@
+"""Loads the changed parameters at start, saves them after each change."""
+
+import json
+from collections.abc import Callable
+from typing import Final
+
+from uav_firmware.bus import Queue
+from uav_firmware.cal.storage import Storage
+from uav_firmware.msg.status import StatusText
+from uav_firmware.parameters import Registry
+
+FILE_NAME: Final = "parameters.json"
+_WARNING: Final = 4  # MAV_SEVERITY
+
+
+class ParameterStorageModule:
+    """One JSON object of name to value; only values that differ from their defaults."""
+
+    def __init__(
+        self,
+        storage: Storage,
+        *,
+        registry: Registry,
+        status_text: Queue[StatusText],
+        time_us: Callable[[], int],
+    ) -> None:
+        """Load what is stored; every value that no longer fits becomes a warning."""
+        self._storage = storage
+        self._registry = registry
+        self._status_text = status_text
+        self._time_us = time_us
+        self._failed = False
+        for fault in self._load():
+            self._warn(fault)
+        self._saved_version = registry.version
+
+    def update(self) -> None:
+        """Save if something has changed; a medium that refuses is tried again next time."""
+        if self._registry.version == self._saved_version:
+            return
+        try:
+            self.save()
+        except OSError as error:
+            if not self._failed:
+                self._warn(f"Parameters not saved: {error.strerror or error}")
+            self._failed = True
+
+    def save(self) -> None:
+        """Save now.
+
+        Raises:
+            OSError: if the medium refuses; what was stored before stays.
+        """
+        version = self._registry.version
+        contents = json.dumps(self._registry.changed(), indent=2, sort_keys=True) + "\n"
+        self._storage.save(FILE_NAME, contents.encode())
+        self._saved_version = version
+        self._failed = False
+
+    def _load(self) -> list[str]:
+        try:
+            contents = self._storage.load(FILE_NAME)
+            stored = {} if contents is None else json.loads(contents)
+        except (OSError, ValueError) as error:
+            return [f"Parameters not loaded: {error}"]
+        if not isinstance(stored, dict):
+            return ["Parameters not loaded: the file holds no object"]
+        numbers = {name: value for name, value in stored.items() if _is_number(value)}
+        faults = [f"{name}: {stored[name]!r} is no number" for name in stored.keys() - numbers]
+        return faults + self._registry.load(numbers)
+
+    def _warn(self, text: str) -> None:
+        self._status_text.publish(StatusText(self._time_us(), _WARNING, text))
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)

@@ -1,0 +1,114 @@
+"""The fixed-step loop: which rate group runs in which step, and how steps meet the wall clock.
+
+Everything runs in one thread, in the order of declaration, by simulated (or sampled) time; the
+wall clock only decides how long to wait between two steps. That keeps a flight deterministic
+and lets it run at any speed.
+
+ScheduleError(ValueError) is raised for a rate that the step cannot keep.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Final, NamedTuple
+
+_MAX_SLOTS: Final = 10_000  # a longer pattern means that the periods do not fit together
+_SHORTEST_WAIT_S: Final = 0.0005  # a shorter wait costs more than it gives back
+_CATCH_UP_S: Final = 0.1  # [s] Lateness that is made up; what exceeds it is given up
+
+
+class ScheduleError(ValueError):
+    """A period is no multiple of the step, or the pattern of all periods is too long."""
+
+
+class RateGroup(NamedTuple):
+    """Work done every `period_us`."""
+
+    name: str
+    period_us: int  # [us] A multiple of the step
+    run: Callable[[], None]
+    phase: int = 0  # [steps] Later than step 0, to spread slow groups over the steps
+
+
+class Scheduler:
+    """Runs the rate groups due in each step, in their order."""
+
+    def __init__(self, step_us: int, groups: Sequence[RateGroup]) -> None:
+        """Lay out one period of the whole pattern.
+
+        Raises:
+            ScheduleError: if a period does not fit the step.
+        """
+        self.step_us = step_us
+        self.groups = tuple(groups)
+        dividers = [_divider(group, step_us) for group in groups]
+        slots = math.lcm(*dividers) if dividers else 1
+        if slots > _MAX_SLOTS:
+            raise ScheduleError(f"the rates repeat only after {slots} steps")
+        self._slots = tuple(
+            tuple(
+                group.run
+                for group, divider in zip(groups, dividers, strict=True)
+                if slot % divider == group.phase % divider
+            )
+            for slot in range(slots)
+        )
+        self._next = 0
+
+    def step(self) -> None:
+        """Run what is due in this step."""
+        for run in self._slots[self._next]:
+            run()
+        self._next += 1
+        if self._next == len(self._slots):
+            self._next = 0
+
+
+def _divider(group: RateGroup, step_us: int) -> int:
+    divider, rest = divmod(group.period_us, step_us)
+    if rest or divider < 1:
+        raise ScheduleError(
+            f"{group.name}: period {group.period_us} us is no multiple of the step, {step_us} us"
+        )
+    return divider
+
+
+class Pacer:
+    """Keeps simulated time at `speed` times the wall clock.
+
+    A step that ends late is an overrun. Lateness up to a tenth of a second is made up by
+    steps without a wait; what exceeds it is given up (the flight falls behind the clock), so
+    that a suspended machine is not followed by a burst.
+    """
+
+    def __init__(
+        self, speed: float, *, clock: Callable[[], float], wait: Callable[[float], None]
+    ) -> None:
+        """`speed` 0 means unpaced; `clock` [s] never goes back; `wait` takes seconds."""
+        if not (math.isfinite(speed) and speed >= 0.0):
+            raise ScheduleError(f"speed: {speed} is not a finite number of 0 or more")
+        self.speed = speed
+        self.steps = 0
+        self.overruns = 0
+        self.given_up_s = 0.0  # [s] Wall-clock time by which the flight fell behind
+        self._clock = clock
+        self._wait = wait
+        self._origin_s: float | None = None
+
+    def pace(self, simulated_us: int) -> None:
+        """Wait until the wall clock has reached the simulated time; called after each step."""
+        self.steps += 1
+        if self.speed == 0.0:
+            return
+        now_s = self._clock()
+        due_s = simulated_us * 1e-6 / self.speed
+        if self._origin_s is None:
+            self._origin_s = now_s - due_s
+        ahead_s = self._origin_s + due_s - now_s
+        if ahead_s >= _SHORTEST_WAIT_S:
+            self._wait(ahead_s)
+        elif ahead_s < 0.0:
+            self.overruns += 1
+            late_s = -ahead_s - _CATCH_UP_S
+            if late_s > 0.0:
+                self.given_up_s += late_s
+                self._origin_s += late_s

@@ -1,0 +1,105 @@
+"""Builds the hardware that the configuration names; the only file that names drivers.
+
+Each driver is imported only when it is named, so that a vehicle without a simulator needs none.
+"""
+
+import socket
+from dataclasses import dataclass
+
+from uav_firmware.cal.link import Address
+from uav_firmware.cal.storage import Storage
+from uav_firmware.cal.vehicle import Vehicle
+from uav_firmware.config import ConfigError, Endpoint, VehicleConfig
+from uav_firmware.drivers.file_storage import FileStorage
+from uav_firmware.drivers.udp_link import UdpLink
+
+_VEHICLES_PER_SEED = 256  # vehicles of one seed must not share their noise
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hardware:
+    """What the flight stack runs on."""
+
+    vehicle: Vehicle
+    link: UdpLink
+    storage: Storage
+
+    def close(self) -> None:
+        """Release files and sockets."""
+        self.link.close()
+        self.vehicle.close()
+
+
+def build_hardware(config: VehicleConfig) -> Hardware:
+    """Make the drivers; the port is bound first, since it is what can be taken.
+
+    Raises:
+        OSError: if the port or a file cannot be had.
+        ConfigError: if the driver refuses its configuration.
+    """
+    link = bind_link(config)
+    try:
+        return Hardware(
+            vehicle=build_vehicle(config), link=link, storage=FileStorage(config.folder)
+        )
+    except BaseException:
+        link.close()
+        raise
+
+
+def bind_link(config: VehicleConfig) -> UdpLink:
+    """Bind the vehicle's port.
+
+    Raises:
+        OSError: naming the port, if it is taken.
+    """
+    try:
+        return UdpLink(config.bind, config.port)
+    except OSError as error:
+        raise OSError(
+            error.errno, f"UDP {config.bind}:{config.port} cannot be used: {error.strerror}"
+        ) from error
+
+
+def build_vehicle(config: VehicleConfig) -> Vehicle:
+    """Make the vehicle's driver.
+
+    Raises:
+        ConfigError: if the driver does not exist or refuses its configuration.
+        OSError: if its truth log cannot be written.
+    """
+    if config.driver != "jsbsim":
+        raise ConfigError(f"--driver: there is no driver {config.driver!r}")
+    from uav_firmware.drivers.jsbsim import simulated_vehicle  # noqa: PLC0415  # only when named
+
+    home = config.home
+    try:
+        return simulated_vehicle(
+            number=config.system_id,
+            seed=config.seed * _VEHICLES_PER_SEED + config.system_id,
+            home=None
+            if home is None
+            else (home.latitude_deg, home.longitude_deg, home.altitude_amsl_m, home.heading_deg),
+            wind_m_s=config.wind_m_s,
+            wind_from_deg=config.wind_from_deg,
+            noise_factor=config.noise,
+            truth_path=config.folder / "truth.csv" if config.truth else None,
+        )
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
+
+
+def addresses(config: VehicleConfig) -> tuple[Address, Address]:
+    """Numeric addresses of the broker and of the ground station.
+
+    Raises:
+        ConfigError: if a host name has no address.
+    """
+    return _resolve("--broker", config.broker), _resolve("--gcs", config.gcs)
+
+
+def _resolve(name: str, endpoint: Endpoint) -> Address:
+    try:
+        return socket.gethostbyname(endpoint.host), endpoint.port
+    except OSError as error:
+        raise ConfigError(f"{name}: {endpoint.host} has no address: {error.strerror}") from error
