@@ -1,0 +1,131 @@
+"""`make demo`: fly an example plan and wait until the cloud holds all that came of it."""
+
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+from sim.console import TERMINAL, Screen
+from sim.farm_client import FarmClient, NotReadyError, RefusedError, rows
+from sim.fleet_plan import for_vehicles
+from sim.launcher import EXAMPLE_PLAN, Stopped, System
+from sim.settings import Settings
+from sim.supervisor import SupervisorError
+
+FLIGHT_TIMEOUT_S = 900.0
+DELIVERY_TIMEOUT_S = 60.0
+FINISHED = 3
+KEPT_UNTIL_DELIVERED = ("pose", "battery", "image", "observation", "mission_report", "alarm")
+
+
+class DemoError(SupervisorError):
+    """The demo did not end as it should; the message says what is missing."""
+
+
+def run(settings: Settings) -> int:
+    """Fly the plan; 0 only when every report and result is in the cloud and only there."""
+    with Screen() as screen:
+        try:
+            plan = read_plan(settings)
+            with System(settings, screen) as system:
+                system.wait_until_healthy()
+                arrived = len(system.client.cloud("/records"))
+                number = post(system, plan)
+                missions = _fly(system, number)
+                _await_delivery(system, missions, arrived)
+                screen.say(f"plan {number}: flown, and the cloud holds every report and result")
+        except Stopped:
+            screen.say("ERROR stopped before the plan had ended")
+            return 1
+        except (SupervisorError, RefusedError) as error:
+            screen.say(f"ERROR {error}")
+            return 1
+    return 0
+
+
+def read_plan(settings: Settings) -> dict[str, Any]:
+    """Read the plan to fly, made for as many vehicles as there are.
+
+    Raises:
+        DemoError: if the file holds no plan.
+    """
+    path = settings.plan or Path(EXAMPLE_PLAN)
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+        return for_vehicles(document, settings.vehicles)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise DemoError(f"{path} holds no plan: {type(error).__name__} {error}") from None
+
+
+def post(system: System, plan: dict[str, Any]) -> int:
+    """Post the plan and give its id; raises RefusedError."""
+    while True:
+        try:
+            return int(system.client.post_plan(plan)["id"])
+        except NotReadyError:
+            system.step()
+
+
+def _fly(system: System, number: int) -> list[dict[str, Any]]:
+    """Show progress until every mission has ended; give the missions as they ended."""
+    deadline = time.monotonic() + FLIGHT_TIMEOUT_S
+    while time.monotonic() < deadline:
+        system.step()
+        try:
+            missions: list[dict[str, Any]] = system.client.edge(f"/plans/{number}")["missions"]
+        except NotReadyError:
+            continue
+        system.screen.missions(missions)
+        if all(int(mission["mission_status_id"]) >= TERMINAL for mission in missions):
+            failed = [m["mission_id"] for m in missions if m["mission_status_id"] != FINISHED]
+            if failed:
+                raise DemoError(f"missions {failed} did not finish: {missions}")
+            return missions
+    raise DemoError(f"plan {number} had not ended after {FLIGHT_TIMEOUT_S:.0f} s")
+
+
+def _await_delivery(system: System, missions: list[dict[str, Any]], arrived: int) -> None:
+    deadline = time.monotonic() + DELIVERY_TIMEOUT_S
+    while (missing := undelivered(system.client, missions, arrived)) is not None:
+        if time.monotonic() > deadline:
+            raise DemoError(f"not delivered: {missing}")
+        system.step()
+
+
+def undelivered(client: FarmClient, missions: list[dict[str, Any]], arrived: int) -> str | None:
+    """Say what the cloud lacks of the missions, or what the edge server still keeps.
+
+    Args:
+        client: to ask with.
+        missions: the missions as the edge server shows them at their end.
+        arrived: number of records that the cloud held before the flight.
+    """
+    try:
+        kept = [kind for kind in KEPT_UNTIL_DELIVERED if rows(client.edge(f"/{kind}/"))]
+        records = client.cloud(f"/records?after={arrived}")
+    except NotReadyError as error:
+        return str(error)
+    if kept:
+        return f"the edge server still keeps {', '.join(kept)}"
+    lacks = [lack for mission in missions if (lack := _lack_of(mission, records))]
+    return "; ".join(lacks) or None
+
+
+def _lack_of(mission: dict[str, Any], records: list[dict[str, Any]]) -> str | None:
+    """Say what the cloud lacks of one mission: its last report, and a result per command."""
+    mine = [r for r in records if r["body"].get("vehicle_id") == mission["vehicle_id"]]
+    reports = [
+        r["body"]
+        for r in mine
+        if r["kind"] == "mission_report" and r["body"]["mission_id"] == mission["mission_id"]
+    ]
+    if not reports or reports[-1]["mission_status_id"] != FINISHED:
+        return f"the cloud lacks the last report of mission {mission['mission_id']}"
+    for kind in ("pose", "battery"):
+        held = sum(r["kind"] == kind for r in mine)
+        if held != len(mission["command_array"]):
+            return (
+                f"the cloud holds {held} {kind} records of vehicle {mission['vehicle_id']}, "
+                f"not {len(mission['command_array'])}"
+            )
+    return None

@@ -1,0 +1,137 @@
+"""`make sim`: start the whole system, wait until it is healthy, show it, stop it cleanly."""
+
+import os
+import signal
+import time
+from types import FrameType
+from typing import Self
+
+from sim.console import Screen
+from sim.farm_client import FarmClient, NotReadyError, RefusedError
+from sim.processes import programs
+from sim.settings import Settings
+from sim.supervisor import Supervisor, SupervisorError, check_ports
+
+READY_TIMEOUT_S = 60.0
+READY_TIMEOUT_PER_VEHICLE_S = 3.0
+POLL_S = 0.2
+EXAMPLE_PLAN = "examples/plans/first_flight.json"
+
+
+class Stopped(Exception):  # noqa: N818  # not an error: the user asked for it
+    """SIGINT or SIGTERM arrived."""
+
+
+class NotHealthyError(SupervisorError):
+    """The system did not become healthy in time."""
+
+
+def _stop(number: int, _frame: FrameType | None) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    raise Stopped(signal.Signals(number).name)
+
+
+class System:
+    """The running system, as the launcher and the demo drive it."""
+
+    def __init__(self, settings: Settings, screen: Screen) -> None:
+        self.settings = settings
+        self.screen = screen
+        self.client = FarmClient(settings)
+        self._programs = programs(settings)
+        check_ports(self._programs)
+        environment = {
+            **os.environ,
+            "PYTHONUNBUFFERED": "1",
+            "STATE_DIR": str(settings.state_dir),
+            "CLOUD_URL": settings.cloud_url,
+            "EDGE_URL": settings.edge_url,
+        }
+        logs = settings.state_dir / "logs"
+        self._supervisor = Supervisor(self._programs, environment, logs, screen.log)
+
+    def __enter__(self) -> Self:
+        signal.signal(signal.SIGINT, _stop)
+        signal.signal(signal.SIGTERM, _stop)
+        self._supervisor.__enter__()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.screen.say("stopping")
+        self._supervisor.stop()
+        self.screen.say("stopped")
+
+    def step(self) -> None:
+        """Let a moment pass: restart what died, refresh the vehicles' lines."""
+        self._supervisor.step()
+        try:
+            self.screen.vehicles(self.settings.vehicles, self.client.connected_vehicles())
+        except (NotReadyError, RefusedError):
+            self.screen.vehicles(self.settings.vehicles, {})
+        time.sleep(POLL_S)
+
+    def wait_until_healthy(self) -> None:
+        """Wait until cloud and edge server answer and every vehicle is connected.
+
+        Raises:
+            NotHealthyError: naming what is missing, when it takes too long.
+        """
+        patience = READY_TIMEOUT_S + READY_TIMEOUT_PER_VEHICLE_S * self.settings.vehicles
+        deadline = time.monotonic() + patience
+        while (missing := self._missing()) is not None:
+            if time.monotonic() > deadline:
+                raise NotHealthyError(f"not healthy after {patience:.0f} s: {missing}")
+            self.step()
+
+    def _missing(self) -> str | None:
+        try:
+            self.client.cloud("/healthz")
+            self.client.edge("/healthz")
+            connected = self.client.connected_vehicles()
+        except (NotReadyError, RefusedError) as error:
+            return str(error)
+        absent = sorted(set(range(1, self.settings.vehicles + 1)) - connected.keys())
+        return f"vehicles {absent} are not connected" if absent else None
+
+
+def greeting(settings: Settings) -> str:
+    """Tell where everything is and how to fly the first plan."""
+    key = settings.key_path("operator")
+    return "\n".join(
+        (
+            "The system is up.",
+            f"  edge server   {settings.edge_url}",
+            f"  mock cloud    {settings.cloud_url}",
+            (
+                f"  MAVLink       broker UDP {settings.mavlink_port}, "
+                f"ground station UDP {settings.gcs_port}, "
+                f"vehicle N UDP {settings.vehicle_port_base} + N"
+            ),
+            f"  access keys   {key.parent}/ (operator, broker, admin, ...)",
+            f"  logs          {settings.state_dir / 'logs'}/",
+            "Fly the first plan:",
+            (
+                f"  curl -sS -X POST {settings.edge_url}/plans/ "
+                f'-H "Authorization: Bearer $(cat {key})" '
+                f'-H "Content-Type: application/json" -d @{EXAMPLE_PLAN}'
+            ),
+            "Stop with Ctrl-C.",
+        )
+    )
+
+
+def run(settings: Settings) -> int:
+    """Run until the user stops it; 0 then, 1 if the system cannot run."""
+    with Screen() as screen:
+        try:
+            with System(settings, screen) as system:
+                system.wait_until_healthy()
+                screen.say(greeting(settings))
+                while True:
+                    system.step()
+        except Stopped:
+            return 0
+        except SupervisorError as error:
+            screen.say(f"ERROR {error}")
+            return 1

@@ -1,0 +1,39 @@
+"""The system on one page: which programs it is made of and how each is started.
+
+They are started together, in no order: each waits for the others on its own.
+"""
+
+import sys
+from typing import NamedTuple
+
+from sim.settings import Settings
+
+
+class Program(NamedTuple):
+    """One program of the system."""
+
+    name: str
+    arguments: tuple[str, ...]
+    tcp_port: int | None = None
+    udp_port: int | None = None
+
+
+def programs(settings: Settings) -> list[Program]:
+    """Give the programs of one system; settings reach them by environment."""
+    return [
+        Program("cloud", _module("sim.cloud"), tcp_port=settings.cloud_port),
+        Program("edge", _module("edge_server"), tcp_port=settings.edge_port),
+        Program("broker", _module("mavlink_broker"), udp_port=settings.mavlink_port),
+        *(
+            Program(
+                f"vehicle-{system_id}",
+                (*_module("uav_firmware"), "--system-id", str(system_id)),
+                udp_port=settings.vehicle_port(system_id),
+            )
+            for system_id in range(1, settings.vehicles + 1)
+        ),
+    ]
+
+
+def _module(name: str) -> tuple[str, ...]:
+    return (sys.executable, "-m", name)

@@ -1,0 +1,87 @@
+"""What the launcher is told: environment variables, as the Makefile exports them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+MAXIMUM_VEHICLES = 100
+MAXIMUM_PORT = 65_535
+
+
+class SettingsError(Exception):
+    """A variable holds what cannot be used; the message names it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """One system: how many vehicles, how fast, on which ports, where its state lives."""
+
+    vehicles: int
+    speed: float  # [-] Simulated over real time; 0 means as fast as it goes
+    edge_port: int
+    cloud_port: int
+    mavlink_port: int
+    gcs_port: int
+    vehicle_port_base: int
+    state_dir: Path
+    plan: Path | None
+
+    @property
+    def edge_url(self) -> str:
+        """Base address of the edge server."""
+        return f"http://127.0.0.1:{self.edge_port}"
+
+    @property
+    def cloud_url(self) -> str:
+        """Base address of the mock cloud."""
+        return f"http://127.0.0.1:{self.cloud_port}"
+
+    def key_path(self, role: str) -> Path:
+        """File that holds the access key of a role."""
+        return self.state_dir / "keys" / f"{role}.key"
+
+    def vehicle_port(self, system_id: int) -> int:
+        """UDP port that a vehicle listens on."""
+        return self.vehicle_port_base + system_id
+
+
+def from_environment(environment: Mapping[str, str]) -> Settings:
+    """Read the settings.
+
+    Raises:
+        SettingsError: naming the variable that does not fit.
+    """
+    settings = Settings(
+        vehicles=_integer(environment, "VEHICLES", 1, 1, MAXIMUM_VEHICLES),
+        speed=_number(environment, "SPEED", 1.0, 0.0, 1000.0),
+        edge_port=_integer(environment, "EDGE_PORT", 8000, 1, MAXIMUM_PORT),
+        cloud_port=_integer(environment, "CLOUD_PORT", 8100, 1, MAXIMUM_PORT),
+        mavlink_port=_integer(environment, "MAVLINK_PORT", 14540, 1, MAXIMUM_PORT),
+        gcs_port=_integer(environment, "GCS_PORT", 14550, 1, MAXIMUM_PORT),
+        vehicle_port_base=_integer(environment, "VEHICLE_PORT_BASE", 14580, 1, MAXIMUM_PORT - 100),
+        state_dir=Path(environment.get("STATE_DIR") or "var"),
+        plan=Path(environment["PLAN"]) if environment.get("PLAN") else None,
+    )
+    if settings.plan is not None and not settings.plan.is_file():
+        raise SettingsError(f"PLAN: there is no file {settings.plan}")
+    return settings
+
+
+def _number(
+    environment: Mapping[str, str], name: str, default: float, low: float, high: float
+) -> float:
+    text = environment.get(name) or str(default)
+    try:
+        value = float(text)
+    except ValueError:
+        raise SettingsError(f"{name}: {text!r} is not a number") from None
+    if not low <= value <= high:
+        raise SettingsError(f"{name}: must be {low:g} to {high:g}, not {text}")
+    return value
+
+
+def _integer(environment: Mapping[str, str], name: str, default: int, low: int, high: int) -> int:
+    value = _number(environment, name, default, low, high)
+    if value != int(value):
+        raise SettingsError(f"{name}: must be a whole number, not {environment[name]}")
+    return int(value)

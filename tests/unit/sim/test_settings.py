@@ -1,0 +1,41 @@
+from pathlib import Path
+
+import pytest
+
+from sim.settings import SettingsError, from_environment
+
+
+def test_without_variables_the_documented_defaults_hold() -> None:
+    settings = from_environment({})
+    assert (settings.vehicles, settings.speed) == (1, 1.0)
+    assert settings.edge_url == "http://127.0.0.1:8000"
+    assert settings.cloud_url == "http://127.0.0.1:8100"
+    assert (settings.mavlink_port, settings.gcs_port, settings.vehicle_port(2)) == (
+        14540,
+        14550,
+        14582,
+    )
+    assert settings.key_path("operator") == Path("var/keys/operator.key")
+
+
+def test_an_empty_variable_is_no_variable() -> None:
+    assert from_environment({"PLAN": "", "VEHICLES": "", "STATE_DIR": ""}) == from_environment({})
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("VEHICLES", "0"),
+        ("VEHICLES", "101"),
+        ("VEHICLES", "1.5"),
+        ("VEHICLES", "many"),
+        ("SPEED", "-1"),
+        ("SPEED", "nan"),
+        ("EDGE_PORT", "0"),
+        ("CLOUD_PORT", "65536"),
+        ("PLAN", "/nowhere/plan.json"),
+    ],
+)
+def test_a_setting_that_does_not_fit_is_named(name: str, value: str) -> None:
+    with pytest.raises(SettingsError, match=name):
+        from_environment({name: value})
