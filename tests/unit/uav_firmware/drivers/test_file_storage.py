@@ -1,0 +1,44 @@
+from pathlib import Path
+
+import pytest
+
+from uav_firmware.drivers.file_storage import FileStorage
+
+
+def test_what_is_saved_is_loaded(tmp_path: Path) -> None:
+    FileStorage(tmp_path / "new" / "folder").save("a.json", b"contents")
+    assert FileStorage(tmp_path / "new" / "folder").load("a.json") == b"contents"
+
+
+def test_nothing_stored_is_none(tmp_path: Path) -> None:
+    assert FileStorage(tmp_path).load("a.json") is None
+
+
+def test_saving_replaces_and_leaves_no_other_file(tmp_path: Path) -> None:
+    storage = FileStorage(tmp_path)
+    storage.save("a.json", b"former")
+    storage.save("a.json", b"new")
+    assert storage.load("a.json") == b"new"
+    assert [path.name for path in tmp_path.iterdir()] == ["a.json"]
+
+
+def test_a_refused_write_keeps_the_former_contents(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    storage = FileStorage(tmp_path)
+    storage.save("a.json", b"former")
+
+    def full(_descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(OSError, match="No space"):
+        storage.save("a.json", b"new")
+    assert storage.load("a.json") == b"former"
+    assert [path.name for path in tmp_path.iterdir()] == ["a.json"]
+
+
+@pytest.mark.parametrize("name", ["", "../a", "a/b", ".hidden", "a\0b", "x" * 200])
+def test_only_plain_names_are_taken(tmp_path: Path, name: str) -> None:
+    with pytest.raises(ValueError, match="plain file name"):
+        FileStorage(tmp_path).save(name, b"")

@@ -1,0 +1,45 @@
+import math
+
+import pytest
+
+from tests.support.estimates import local_position
+from uav_firmware.modules.position_control.controller import Motion
+from uav_firmware.modules.position_control.wanted_motion import observable, wants_climb
+
+WANTED = Motion((1.0, 2.0, -3.0), (0.1, 0.2, -0.3), (0.01, 0.02, 0.03))
+NAN = float("nan")
+
+
+def test_with_a_full_estimate_nothing_is_changed() -> None:
+    assert observable(WANTED, local_position()) == WANTED
+
+
+def test_without_position_the_velocity_is_kept() -> None:
+    motion = observable(WANTED, local_position(position_valid=False))
+    assert math.isnan(motion.position_ned[0])
+    assert motion.position_ned[2] == -3.0
+    assert motion.velocity_ned == WANTED.velocity_ned
+
+
+def test_without_velocity_the_vehicle_stays_level() -> None:
+    motion = observable(WANTED, local_position(position_valid=False, velocity_valid=False))
+    assert math.isnan(motion.velocity_ned[0])
+    assert motion.acceleration_ned[:2] == (0.0, 0.0)
+
+
+def test_without_height_it_sinks() -> None:
+    motion = observable(WANTED, local_position(altitude_valid=False))
+    assert math.isnan(motion.position_ned[2])
+    assert math.isnan(motion.velocity_ned[2])
+    assert motion.acceleration_ned[2] > 0.0
+
+
+@pytest.mark.parametrize(
+    ("position_down", "velocity_down", "climbs"),
+    [(-5.0, 0.0, True), (NAN, -0.5, True), (0.0, 0.0, False), (NAN, 0.7, False), (2.0, NAN, False)],
+)
+def test_what_counts_as_an_order_to_climb(
+    position_down: float, velocity_down: float, climbs: bool
+) -> None:
+    wanted = Motion((0.0, 0.0, position_down), (0.0, 0.0, velocity_down), (0.0, 0.0, 0.0))
+    assert wants_climb(wanted, local_position()) is climbs

@@ -1,0 +1,115 @@
+import pytest
+
+from uav_firmware.scheduler import Pacer, RateGroup, ScheduleError, Scheduler
+
+
+class Clock:
+    """A wall clock that moves only when a test or a wait moves it."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+        self.waits: list[float] = []
+
+    def __call__(self) -> float:
+        return self.now_s
+
+    def wait(self, seconds: float) -> None:
+        self.waits.append(seconds)
+        self.now_s += seconds
+
+
+def record(steps: int, *groups: tuple[str, int, int]) -> list[list[str]]:
+    ran: list[str] = []
+    scheduler = Scheduler(
+        4000,
+        [
+            RateGroup(name, period_us, lambda name=name: ran.append(name), phase)
+            for name, period_us, phase in groups
+        ],
+    )
+    result = []
+    for _ in range(steps):
+        ran.clear()
+        scheduler.step()
+        result.append(list(ran))
+    return result
+
+
+def test_each_group_runs_at_its_rate() -> None:
+    steps = record(50, ("fast", 4000, 0), ("slow", 20_000, 0), ("slower", 100_000, 0))
+    names = [name for step in steps for name in step]
+    assert names.count("fast") == 50
+    assert names.count("slow") == 10
+    assert names.count("slower") == 2
+
+
+def test_groups_run_in_their_order() -> None:
+    assert record(1, ("b", 4000, 0), ("a", 4000, 0), ("c", 8000, 0)) == [["b", "a", "c"]]
+
+
+def test_a_phase_moves_a_group_to_another_step() -> None:
+    assert record(4, ("a", 8000, 0), ("b", 8000, 1)) == [["a"], ["b"], ["a"], ["b"]]
+
+
+@pytest.mark.parametrize("period_us", [0, 3000, 5000, -4000])
+def test_a_period_that_is_no_multiple_of_the_step_is_refused(period_us: int) -> None:
+    with pytest.raises(ScheduleError, match="odd"):
+        Scheduler(4000, [RateGroup("odd", period_us, lambda: None)])
+
+
+def test_periods_that_never_meet_are_refused() -> None:
+    with pytest.raises(ScheduleError, match="repeat"):
+        Scheduler(
+            1000,
+            [RateGroup("a", 101_000, lambda: None), RateGroup("b", 103_000, lambda: None)],
+        )
+
+
+@pytest.mark.parametrize("speed", [0.5, 1.0, 5.0, 10.0])
+def test_the_wall_clock_passes_at_the_wanted_ratio(speed: float) -> None:
+    clock = Clock()
+    pacer = Pacer(speed, clock=clock, wait=clock.wait)
+    for step in range(1, 1001):
+        clock.now_s += 0.0001
+        pacer.pace(step * 4000)
+    assert clock.now_s - 100.0 == pytest.approx(4.0 / speed, rel=0.01)
+    assert pacer.overruns == 0
+
+
+def test_unpaced_never_waits() -> None:
+    clock = Clock()
+    pacer = Pacer(0.0, clock=clock, wait=clock.wait)
+    for step in range(100):
+        pacer.pace(step * 4000)
+    assert clock.waits == []
+
+
+def test_a_late_step_is_counted_and_made_up() -> None:
+    clock = Clock()
+    pacer = Pacer(1.0, clock=clock, wait=clock.wait)
+    for step in range(1, 101):
+        clock.now_s += 0.02 if step == 50 else 0.001
+        pacer.pace(step * 4000)
+    assert 1 <= pacer.overruns < 10
+    assert clock.now_s - 100.001 == pytest.approx(99 * 0.004)
+    assert pacer.given_up_s == 0.0
+
+
+def test_after_a_long_pause_only_a_bounded_part_is_made_up() -> None:
+    clock = Clock()
+    pacer = Pacer(1.0, clock=clock, wait=clock.wait)
+    unwaited = 0
+    for step in range(1, 1001):
+        clock.now_s += 60.0 if step == 500 else 0.001
+        waits = len(clock.waits)
+        pacer.pace(step * 4000)
+        unwaited += len(clock.waits) == waits
+    assert unwaited < 50
+    assert pacer.given_up_s == pytest.approx(60.0, abs=0.2)
+
+
+@pytest.mark.parametrize("speed", [-1.0, float("nan"), float("inf")])
+def test_a_speed_that_is_no_ratio_is_refused(speed: float) -> None:
+    clock = Clock()
+    with pytest.raises(ScheduleError, match="speed"):
+        Pacer(speed, clock=clock, wait=clock.wait)
