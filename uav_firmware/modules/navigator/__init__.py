@@ -1,0 +1,1 @@
+"""Navigator: missions and modes become a flyable trajectory."""

@@ -1,0 +1,188 @@
+"""What a mode acts on: where the vehicle is, where home is, and the set-point it may move."""
+
+import math
+from dataclasses import dataclass, field
+
+from uav_firmware.lib.geo import LocalFrame
+from uav_firmware.lib.smoothing import MotionLimits, Waypoint
+from uav_firmware.lib.vector import ZERO, subtract
+from uav_firmware.modules.navigator.params import NavigatorParams
+from uav_firmware.modules.navigator.path_follower import PathFollower
+from uav_firmware.modules.navigator.yaw import YawSlew
+from uav_firmware.msg.estimate import VehicleLocalPosition
+from uav_firmware.msg.setpoints import TrajectorySetpoint
+from uav_firmware.msg.status import HomePosition
+from uav_firmware.msg.vectors import Vector3
+
+NAN = math.nan
+UNSET: Vector3 = (NAN, NAN, NAN)
+IDLE_SINK_SPEED_M_S = 0.7  # [m/s] asked for on the ground, so that the thrust stays down
+
+_FACING_SPEED = 0.3  # [m/s] horizontal set-point speed above which the nose follows it
+
+
+@dataclass(slots=True)
+class Speeds:
+    """Speeds commanded in place of the parameters' [m/s]; NaN where none is."""
+
+    horizontal: float = NAN
+    up: float = NAN
+    down: float = NAN
+
+    def apply(self, limits: MotionLimits) -> MotionLimits:
+        """Put the commanded speeds into the limits."""
+        return limits._replace(
+            speed_horizontal=_or(self.horizontal, limits.speed_horizontal),
+            speed_up=_or(self.up, limits.speed_up),
+            speed_down=_or(self.down, limits.speed_down),
+        )
+
+    def with_change(self, speed_type: int, speed: float) -> "Speeds":
+        """Speeds after a MAVLink SPEED_TYPE has been set; NaN goes back to the parameter."""
+        return Speeds(
+            speed if speed_type in {0, 1} else self.horizontal,
+            speed if speed_type == 2 else self.up,
+            speed if speed_type == 3 else self.down,
+        )
+
+
+def _or(value: float, default: float) -> float:
+    return default if math.isnan(value) else value
+
+
+@dataclass(slots=True)
+class Flight:
+    """Situation and set-point; `module` fills the former in before each step."""
+
+    params: NavigatorParams
+    now_us: int = 0  # [us]
+    estimate: VehicleLocalPosition | None = None
+    frame: LocalFrame | None = None  # About the estimate's origin
+    home: HomePosition | None = None
+    landed: bool = True
+    speeds: Speeds = field(default_factory=Speeds)
+    path: PathFollower = field(default_factory=PathFollower)
+    yaw: YawSlew = field(default_factory=YawSlew)
+    yaw_target: float = NAN  # [rad] NaN: the nose follows the path
+    course: float = 0.0  # [rad] Direction that the nose follows
+    abort_down: float = NAN  # [m] Down coordinate to climb back to when a landing is broken off
+
+    def limits(self) -> MotionLimits:
+        """Limits of the trajectory with the commanded speeds."""
+        return self.speeds.apply(self.params.limits())
+
+    @property
+    def position(self) -> Vector3:
+        """Estimated position [m, NED]."""
+        return self.estimate.position_ned if self.estimate is not None else ZERO
+
+    def to_ned(self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> Vector3:
+        """Local position [m, NED]; NaN horizontal or vertical parts keep the set-point's."""
+        here = self.rest_point()
+        if self.frame is None:
+            return here
+        down = self.frame.altitude_amsl_m - altitude_amsl_m
+        if math.isnan(latitude_deg) or math.isnan(longitude_deg):
+            north, east = here[:2]
+        else:
+            north, east, _ = self.frame.to_ned(
+                latitude_deg, longitude_deg, self.frame.altitude_amsl_m
+            )
+        return (north, east, here[2] if math.isnan(down) else down)
+
+    def rest_point(self) -> Vector3:
+        """Where the set-point would come to rest [m, NED]."""
+        return self.path.rest_point(self.limits())
+
+    def home_down(self, height_m: float) -> float:
+        """Down coordinate [m] of a height above home."""
+        return (self.home.position_ned[2] if self.home is not None else 0.0) - height_m
+
+    def stop_at(self, position: Vector3) -> Waypoint:
+        """Waypoint to stop at, flown with the present limits."""
+        return Waypoint(position, 0.0, self.limits())
+
+    def fly(self, *route: Waypoint) -> None:
+        """Fly a route from rest."""
+        self.path.fly(route, self.limits())
+
+    def hold(self) -> None:
+        """Come to rest."""
+        self.path.stop(self.limits())
+
+    def face(self, yaw_deg: float) -> None:
+        """Turn to a heading [deg]; NaN keeps the nose along the path."""
+        self.yaw_target = math.radians(yaw_deg)
+
+    def arrived(self, point: Vector3, radius: float) -> bool:
+        """Whether the vehicle is within `radius` [m] of a point, as far as it knows."""
+        horizontal, vertical = self.error_to(point)
+        return horizontal <= radius and vertical <= self.params.altitude_acceptance
+
+    def error_to(self, point: Vector3) -> tuple[float, float]:
+        """Horizontal and vertical distance [m] from the estimated position to a point."""
+        north, east, down = self.position
+        return math.hypot(point[0] - north, point[1] - east), abs(point[2] - down)
+
+    def restart(self) -> None:
+        """Put the set-point where the vehicle is."""
+        estimate = self.estimate
+        if estimate is not None:
+            moving = estimate.velocity_valid and not self.landed
+            velocity = estimate.velocity_ned if moving else ZERO
+            self.path.reset(estimate.position_ned, velocity)
+            self.yaw.reset(estimate.heading)
+            self.course = self.yaw.yaw
+        self.yaw_target = NAN
+
+    def advance(self, dt: float) -> TrajectorySetpoint:
+        """Move the set-point on by `dt` [s], more slowly when the vehicle is left behind."""
+        pace = self._pace()
+        position, velocity, acceleration = self.path.advance(dt * pace)
+        if not self.landed:
+            self._turn(velocity, dt)
+        if self.path.sinking:
+            position = (position[0], position[1], NAN)
+        return TrajectorySetpoint(
+            self.now_us,
+            position,
+            (velocity[0] * pace, velocity[1] * pace, velocity[2] * pace),
+            (acceleration[0] * pace, acceleration[1] * pace, acceleration[2] * pace),
+            self.yaw.yaw,
+            self.yaw.rate,
+        )
+
+    def idle(self) -> TrajectorySetpoint:
+        """Set-point of a vehicle on the ground that shall stay there."""
+        self.restart()
+        return TrajectorySetpoint(
+            self.now_us,
+            UNSET,
+            (0.0, 0.0, IDLE_SINK_SPEED_M_S),
+            ZERO,
+            self.yaw.yaw,
+            0.0,
+        )
+
+    def _pace(self) -> float:
+        """Share of full speed: 1 up to half the allowed tracking error, 0 at all of it."""
+        if self.path.sinking or self.estimate is None:
+            return 1.0
+        north, east, down = subtract(self.path.state.position, self.position)
+        if not self.estimate.position_valid:
+            north = east = 0.0
+        error = math.hypot(north, east, down)
+        return max(0.0, min(1.0, 2.0 - 2.0 * error / self.params.tracking_error_max))
+
+    def _turn(self, velocity: Vector3, dt: float) -> None:
+        target = self.yaw_target
+        if math.isnan(target):
+            if math.hypot(velocity[0], velocity[1]) > _FACING_SPEED:
+                self.course = math.atan2(velocity[1], velocity[0])
+            target = self.course
+        self.yaw.advance(
+            target,
+            dt,
+            math.radians(self.params.yaw_rate_max_deg),
+            math.radians(self.params.yaw_acceleration_max_deg),
+        )

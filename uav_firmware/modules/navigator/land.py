@@ -1,0 +1,68 @@
+"""Landing: over to the point, down fast, then slowly, then slower still until it stands.
+
+    TRANSIT --over the point--> DESCENT --MPC_LAND_ALT3--> TOUCHDOWN --landed--> done
+
+DESCENT slows to MPC_LAND_SPEED at MPC_LAND_ALT2 above the landing point and keeps sinking, so
+that a wrong height of the ground only makes it longer.
+"""
+
+import math
+from enum import Enum, auto
+
+from uav_firmware.modules.navigator.flight import Flight
+from uav_firmware.msg.vectors import Vector3
+
+_CRAWL_SHARE = 0.6  # of MPC_LAND_SPEED, for the last stretch
+_OVER_THE_POINT_M = 1.0  # [m] horizontal error at which the descent may begin
+
+
+class LandPhase(Enum):
+    """Where a landing stands."""
+
+    TRANSIT = auto()
+    DESCENT = auto()
+    TOUCHDOWN = auto()
+
+
+class Land:
+    """Lands at a point whose down coordinate is that of the ground there."""
+
+    def __init__(self, flight: Flight, target: Vector3, yaw_deg: float) -> None:
+        self.phase = LandPhase.TRANSIT
+        self._ground_down = target[2]
+        here = flight.rest_point()
+        self._over = (target[0], target[1], here[2])
+        flight.face(yaw_deg)
+        flight.fly(flight.stop_at(self._over))
+
+    def step(self, flight: Flight) -> bool:
+        """Whether the vehicle stands on the ground."""
+        params = flight.params
+        height = self._ground_down - flight.position[2]
+        if self.phase is LandPhase.TRANSIT and self._over_the_point(flight):
+            self.phase = LandPhase.DESCENT
+            set_point_height = self._ground_down - flight.path.state.position[2]
+            fast = max(0.0, set_point_height - params.land_slow_height)
+            flight.path.descend(fast, params.land_speed, flight.limits())
+        elif (
+            self.phase is LandPhase.DESCENT
+            and flight.path.sinking
+            and height < params.land_crawl_height
+        ):
+            self.phase = LandPhase.TOUCHDOWN
+            flight.path.descend(0.0, _CRAWL_SHARE * params.land_speed, flight.limits())
+        return self.phase is not LandPhase.TRANSIT and flight.landed
+
+    def _over_the_point(self, flight: Flight) -> bool:
+        if not flight.path.resting:
+            return False
+        horizontal, _ = flight.error_to(self._over)
+        blind = flight.estimate is None or not flight.estimate.position_valid
+        turned = math.isnan(flight.yaw_target) or flight.yaw.settled
+        return blind or (turned and horizontal < _OVER_THE_POINT_M)
+
+
+def land_here(flight: Flight, yaw_deg: float = math.nan) -> Land:
+    """Land where the set-point comes to rest, on ground as high as home."""
+    here = flight.rest_point()
+    return Land(flight, (here[0], here[1], flight.home_down(0.0)), yaw_deg)

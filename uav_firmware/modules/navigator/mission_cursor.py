@@ -1,0 +1,101 @@
+"""Which item of the mission is next, what has been reached, and how often a jump was taken.
+
+NO_MISSION --load--> NOT_STARTED --begin--> ACTIVE <--begin/pause--> PAUSED
+ACTIVE --past the last item--> COMPLETE --set_current, reset--> NOT_STARTED
+"""
+
+from uav_firmware.msg.mission import (
+    Mission,
+    MissionCommand,
+    MissionItem,
+    MissionProgress,
+    MissionState,
+)
+
+
+class MissionCursor:
+    """Position in a mission; knows nothing of flying."""
+
+    def __init__(self) -> None:
+        self.items: tuple[MissionItem, ...] = ()
+        self.mission_id = 0
+        self.seq = 0
+        self.reached = -1
+        self.reached_count = 0
+        self.begun = False
+        self.complete = False
+        self._jumps_taken: dict[int, int] = {}
+
+    @property
+    def item(self) -> MissionItem | None:
+        """Item being flown or next to fly; None when there is none left."""
+        if self.complete or self.seq >= len(self.items):
+            return None
+        return self.items[self.seq]
+
+    def load(self, mission: Mission) -> None:
+        """Take another mission, from its beginning."""
+        self.items, self.mission_id = mission.items, mission.mission_id
+        self.rewind(0)
+
+    def rewind(self, seq: int) -> None:
+        """Begin at an item as if nothing had been flown."""
+        self.reached, self.begun, self.complete = -1, False, False
+        self._jumps_taken.clear()
+        self.seq = self._landing_of(seq)
+
+    def select(self, seq: int, *, reset: bool) -> None:
+        """DO_SET_MISSION_CURRENT: fly `seq` next (-1: as before); reset forgets completion."""
+        target = self.seq if seq < 0 else seq
+        if reset or self.complete:
+            self.rewind(0 if seq < 0 and self.complete else target)
+        else:
+            self.seq = self._landing_of(target)
+
+    def reach(self) -> None:
+        """Count the current item as reached."""
+        self.reached = self.seq
+        self.reached_count += 1
+
+    def advance(self) -> None:
+        """Go on to the next item; past the last one the mission is complete."""
+        following = self._landing_of(self.seq + 1)
+        if following >= len(self.items):
+            self.complete = True
+        else:
+            self.seq = following
+
+    def progress(self, now_us: int, *, active: bool) -> MissionProgress:
+        """What to tell the others."""
+        return MissionProgress(
+            now_us,
+            self.mission_id,
+            self.seq,
+            len(self.items),
+            self.reached,
+            self.reached_count,
+            self._state(active=active),
+        )
+
+    def _state(self, *, active: bool) -> MissionState:
+        if not self.items:
+            return MissionState.NO_MISSION
+        if self.complete:
+            return MissionState.COMPLETE
+        if active:
+            return MissionState.ACTIVE
+        return MissionState.PAUSED if self.begun else MissionState.NOT_STARTED
+
+    def _landing_of(self, seq: int) -> int:
+        """Follow DO_JUMP items to one that can be flown; past the end when there is none."""
+        for _ in range(len(self.items) + 1):
+            if seq >= len(self.items) or self.items[seq].command != MissionCommand.DO_JUMP:
+                return seq
+            jump = self.items[seq]
+            taken = self._jumps_taken.get(seq, 0)
+            if jump.param2 < 0 or taken < jump.param2:
+                self._jumps_taken[seq] = taken + 1
+                seq = int(jump.param1)
+            else:
+                seq += 1
+        return len(self.items)

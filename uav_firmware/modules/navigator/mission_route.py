@@ -1,0 +1,116 @@
+"""Which waypoints are flown in one go, and how: pure.
+
+A route begins at an item and goes on while waypoints are flown through. It ends in a stop: at
+a hold time, at an item that is no waypoint, at the last item, and where `autocontinue` is off.
+Changes of speed in between take effect on the legs after them.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from uav_firmware.lib.smoothing import Waypoint
+from uav_firmware.modules.navigator.flight import Flight, Speeds
+from uav_firmware.msg.mission import MissionCommand, MissionItem
+from uav_firmware.msg.vectors import Vector3
+
+TURN_SHARE = 0.3
+"""Part of the acceptance radius that a turn may cut; estimate and tracking errors get the rest."""
+
+HOVERING = frozenset(
+    {
+        MissionCommand.NAV_WAYPOINT,
+        MissionCommand.NAV_LOITER_UNLIM,
+        MissionCommand.NAV_LOITER_TIME,
+    }
+)
+POSITIONAL = HOVERING | {MissionCommand.NAV_LAND, MissionCommand.NAV_TAKEOFF}
+
+_FRAME_RELATIVE = 3
+
+
+class Route(NamedTuple):
+    """Waypoints to fly without a stop between, and the items that they are."""
+
+    seqs: tuple[int, ...]  # [-] Item of each waypoint; -1 for a climb from the ground
+    waypoints: tuple[Waypoint, ...]
+
+
+def unset(value: float) -> bool:
+    """Whether a parameter carries no wish: MAVLink uses NaN and, where 0 means nothing, 0."""
+    return math.isnan(value) or value == 0.0
+
+
+def altitude_amsl(item: MissionItem, home_altitude_amsl_m: float) -> float:
+    """Altitude of an item above mean sea level [m]."""
+    return item.z + (home_altitude_amsl_m if item.frame == _FRAME_RELATIVE else 0.0)
+
+
+def target_of(item: MissionItem, flight: Flight) -> Vector3:
+    """Local position of an item [m, NED]; an unset part is where the vehicle comes to rest."""
+    home = flight.home.altitude_amsl_m if flight.home is not None else 0.0
+    here = unset(item.x) and unset(item.y) and item.command not in HOVERING
+    latitude, longitude = (math.nan, math.nan) if here else (item.x, item.y)
+    return flight.to_ned(latitude, longitude, altitude_amsl(item, home))
+
+
+def radius_of(item: MissionItem, flight: Flight) -> float:
+    """Acceptance radius of an item [m]."""
+    own = item.param2 if item.command == MissionCommand.NAV_WAYPOINT else math.nan
+    return flight.params.acceptance_radius if unset(own) else own
+
+
+def speeds_after(item: MissionItem, speeds: Speeds) -> Speeds:
+    """Speeds once a DO_CHANGE_SPEED has been carried out; -1 keeps, -2 goes back."""
+    if item.param2 == -1.0:
+        return speeds
+    speed_type = 1 if math.isnan(item.param1) else int(item.param1)
+    return speeds.with_change(speed_type, math.nan if item.param2 == -2.0 else item.param2)
+
+
+def flown_through(item: MissionItem, following: MissionItem | None) -> bool:
+    """Whether the vehicle passes an item without stopping."""
+    return (
+        item.command == MissionCommand.NAV_WAYPOINT
+        and unset(item.param1)
+        and item.autocontinue
+        and following is not None
+        and following.command in HOVERING
+    )
+
+
+def _following(items: Sequence[MissionItem], seq: int) -> MissionItem | None:
+    """Next item that is not a change of speed."""
+    for item in items[seq + 1 :]:
+        if item.command != MissionCommand.DO_CHANGE_SPEED:
+            return item
+    return None
+
+
+def build(items: Sequence[MissionItem], seq: int, flight: Flight) -> Route:
+    """Route from item `seq`, a hovering one, with the present speeds."""
+    seqs: list[int] = []
+    waypoints: list[Waypoint] = []
+    speeds = flight.speeds
+    base = flight.params.limits()
+    while True:
+        item = items[seq]
+        if item.command == MissionCommand.DO_CHANGE_SPEED:
+            speeds = speeds_after(item, speeds)
+        else:
+            through = flown_through(item, _following(items, seq))
+            tolerance = TURN_SHARE * radius_of(item, flight) if through else 0.0
+            waypoints.append(Waypoint(target_of(item, flight), tolerance, speeds.apply(base)))
+            seqs.append(seq)
+            if not through:
+                return Route(tuple(seqs), tuple(waypoints))
+        seq += 1
+
+
+def from_the_ground(route: Route, flight: Flight) -> Route:
+    """The same route with a climb straight up to the height of its first waypoint."""
+    here, first = flight.rest_point(), route.waypoints[0]
+    lowest = flight.home_down(flight.params.takeoff_height)
+    down = min(here[2], max(first.position[2], lowest))
+    climb = Waypoint((here[0], here[1], down), 0.0, first.limits)
+    return Route((-1, *route.seqs), (climb, *route.waypoints))

@@ -1,0 +1,211 @@
+"""Shell of the navigator: topics in, one mode at a time, set-point and progress out."""
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+from uav_firmware.bus import Queue, Topic
+from uav_firmware.lib.geo import LocalFrame
+from uav_firmware.modules.navigator import feasibility
+from uav_firmware.modules.navigator.flight import Flight, Speeds
+from uav_firmware.modules.navigator.loiter import LoiterMode
+from uav_firmware.modules.navigator.mission import MissionMode
+from uav_firmware.modules.navigator.mode import NavigatorMode
+from uav_firmware.modules.navigator.params import NavigatorParams
+from uav_firmware.modules.navigator.simple_modes import LandMode, ReturnMode, TakeoffMode
+from uav_firmware.msg.estimate import VehicleLocalPosition
+from uav_firmware.msg.mission import (
+    Mission,
+    MissionCurrentRequest,
+    MissionItem,
+    MissionProgress,
+    MissionRejection,
+    NavigatorRequest,
+    NavigatorStatus,
+    NavigatorTarget,
+    SpeedRequest,
+)
+from uav_firmware.msg.setpoints import TrajectorySetpoint
+from uav_firmware.msg.status import HomePosition, LandDetected, NavigationState, VehicleStatus
+from uav_firmware.parameters import Registry
+
+PERIOD_US: Final = 8_000  # [us] 125 Hz: at 12 m/s the set-point moves 0.1 m a step
+_LONGEST_STEP_S: Final = 0.1  # [s] a longer gap does not make the set-point jump
+
+
+class NavigatorModule:
+    """Flies the mode that commander has chosen.
+
+    Declares `NavigatorParams` in the registry.
+    """
+
+    def __init__(
+        self,
+        registry: Registry,
+        *,
+        vehicle_local_position: Topic[VehicleLocalPosition],
+        vehicle_status: Topic[VehicleStatus],
+        land_detected: Topic[LandDetected],
+        home_position: Topic[HomePosition],
+        mission: Topic[Mission],
+        navigator_request: Queue[NavigatorRequest],
+        trajectory_setpoint: Topic[TrajectorySetpoint],
+        mission_progress: Topic[MissionProgress],
+        navigator_status: Topic[NavigatorStatus],
+    ) -> None:
+        registry.add(NavigatorParams)
+        self._registry = registry
+        self._local_position = vehicle_local_position
+        self._vehicle_status = vehicle_status
+        self._land_detected = land_detected
+        self._home_position = home_position
+        self._mission_topic = mission
+        self._requests = navigator_request
+        self._setpoint = trajectory_setpoint
+        self._progress = mission_progress
+        self._status = navigator_status
+        self._params_version = registry.version
+        self._flight = Flight(registry.read(NavigatorParams))
+        self._mission = MissionMode()
+        self._hold = LoiterMode()
+        self._modes: dict[NavigationState, NavigatorMode] = {
+            NavigationState.AUTO_MISSION: self._mission,
+            NavigationState.AUTO_LOITER: self._hold,
+            NavigationState.AUTO_TAKEOFF: TakeoffMode(),
+            NavigationState.AUTO_LAND: LandMode(),
+            NavigationState.AUTO_RTL: ReturnMode(),
+        }
+        self._active: NavigatorMode | None = None  # None while disarmed
+        self._target: NavigatorTarget | None = None
+        self._rejection: MissionRejection | None = None
+        self._mission_count = 0
+        self._home_count = 0
+        self._last_us: int | None = None
+
+    def check_mission(self, items: Sequence[MissionItem]) -> MissionRejection | None:
+        """Whether items could be flown from the present home; for the mission upload."""
+        return feasibility.check(items, self._flight.home, self._flight.params)
+
+    def update(self, now_us: int) -> None:
+        """Run a step if one is due."""
+        if self._last_us is None:
+            self._last_us = now_us
+        elapsed_us = now_us - self._last_us
+        if 0 < elapsed_us < PERIOD_US:
+            return
+        self._last_us = now_us
+        self._observe(now_us)
+        self._take_mission()
+        self._take_requests()
+        self._choose_mode()
+        self._fly(min(elapsed_us * 1e-6, _LONGEST_STEP_S))
+        self._report(now_us)
+
+    def _observe(self, now_us: int) -> None:
+        flight = self._flight
+        flight.now_us = now_us
+        if self._params_version != self._registry.version:
+            self._params_version = self._registry.version
+            flight.params = self._registry.read(NavigatorParams)
+        estimate = self._local_position.value
+        flight.estimate = estimate
+        flight.home = self._home_position.value
+        land = self._land_detected.value
+        flight.landed = land is None or land.landed
+        if estimate is not None:
+            flight.frame = _frame_of(estimate, flight.frame)
+
+    def _take_mission(self) -> None:
+        mission = self._mission_topic.value
+        if mission is not None and self._mission_count != self._mission_topic.count:
+            self._mission.load(mission)
+            self._restart_mission()
+        elif self._home_count == self._home_position.count:
+            return
+        self._mission_count = self._mission_topic.count
+        self._home_count = self._home_position.count
+        self._rejection = self.check_mission(self._mission.cursor.items)
+
+    def _restart_mission(self) -> None:
+        if self._active is self._mission:
+            self._mission.on_activation(self._flight, None)
+
+    def _take_requests(self) -> None:
+        for request in self._requests.drain():
+            match request:
+                case NavigatorTarget():
+                    self._target = request
+                case SpeedRequest():
+                    flight = self._flight
+                    flight.speeds = flight.speeds.with_change(request.speed_type, request.speed_m_s)
+                    if self._active is not None:
+                        self._active.on_speeds(flight)
+                case MissionCurrentRequest():
+                    if self._mission.select(request.seq, reset=request.reset):
+                        self._restart_mission()
+
+    def _choose_mode(self) -> None:
+        """Leave and enter modes; a target that came with none of them is forgotten."""
+        status = self._vehicle_status.value
+        if status is None or not status.armed or self._flight.estimate is None:
+            self._enter(None)
+            return
+        mode = self._modes.get(status.navigation_state, self._hold)
+        target, own = self._target, None
+        if target is not None and self._modes.get(target.navigation_state) is mode:
+            own = target
+        if mode is not self._active or own is not None:
+            self._target = None
+            self._enter(mode)
+            mode.on_activation(self._flight, own)
+
+    def _enter(self, mode: NavigatorMode | None) -> None:
+        if self._active is not None and mode is not self._active:
+            self._active.on_inactivation(self._flight)
+        if mode is not self._active:
+            self._flight.speeds = Speeds()
+        self._active = mode
+
+    def _fly(self, dt: float) -> None:
+        flight, mode = self._flight, self._active
+        if mode is not None:
+            mode.on_active(flight)
+        if flight.estimate is None:
+            return
+        sits = mode is None or mode.sits(flight)
+        self._setpoint.publish(flight.idle() if sits else flight.advance(dt))
+
+    def _report(self, now_us: int) -> None:
+        progress = self._mission.cursor.progress(now_us, active=self._active is self._mission)
+        if _differ(progress, self._progress.value):
+            self._progress.publish(progress)
+        vehicle = self._vehicle_status.value
+        if vehicle is None:
+            return
+        finished = self._active is not None and self._active.finished
+        status = NavigatorStatus(now_us, vehicle.navigation_state, finished, self._rejection)
+        if _differ(status, self._status.value):
+            self._status.publish(status)
+
+
+def _differ(
+    new: MissionProgress | NavigatorStatus, old: MissionProgress | NavigatorStatus | None
+) -> bool:
+    """Whether anything but the time has changed."""
+    return old is None or new[1:] != old[1:]
+
+
+def _frame_of(estimate: VehicleLocalPosition, frame: LocalFrame | None) -> LocalFrame | None:
+    """Local frame of the estimate's origin; a new one only when the origin has moved."""
+    origin = (
+        estimate.origin_latitude_deg,
+        estimate.origin_longitude_deg,
+        estimate.origin_altitude_amsl_m,
+    )
+    if frame is not None and origin == (
+        frame.latitude_deg,
+        frame.longitude_deg,
+        frame.altitude_amsl_m,
+    ):
+        return frame
+    return LocalFrame(*origin) if all(map(math.isfinite, origin)) else None

@@ -1,0 +1,168 @@
+"""Moves the set-point along a route of waypoints, leg by leg.
+
+A new route never bends the present motion: the set-point first comes to rest, then flies the
+route. Only `reshape` keeps moving, and only for the leg that it is on.
+"""
+
+import math
+from collections.abc import Sequence
+
+from uav_firmware.lib import speed_profile
+from uav_firmware.lib.smoothing import (
+    Leg,
+    MotionLimits,
+    MotionState,
+    Piece,
+    Waypoint,
+    along,
+    plan_leg,
+    stop_piece,
+    straight_pieces,
+)
+from uav_firmware.lib.vector import ZERO, dot, norm, scale
+from uav_firmware.msg.vectors import Vector3
+
+_LOOK_AHEAD = 8  # waypoints that shape the speed of the present leg
+_SLOWEST = 1e-3  # [m/s] below it a motion has no direction
+_DOWN: Vector3 = (0.0, 0.0, 1.0)
+
+
+class PathFollower:
+    """The set-point's motion; time passes only in `advance`."""
+
+    def __init__(self) -> None:
+        self.state = MotionState(ZERO, ZERO, ZERO)
+        self.passed = 0  # Waypoints of the present route that the set-point has passed
+        self._route: tuple[Waypoint, ...] = ()
+        self._leg_index = 0  # Waypoint that the present pieces lead to
+        self._leg: Leg | None = None
+        self._origin: Vector3 = ZERO  # Where the line of the present leg began
+        self._pieces: list[Piece] = []
+        self._time = 0.0  # [s] Within the first piece
+
+    @property
+    def resting(self) -> bool:
+        """Whether the set-point stands still and has nowhere to go."""
+        return not self._pieces and self._leg_index >= len(self._route)
+
+    @property
+    def sinking(self) -> bool:
+        """Whether the set-point sinks at a steady speed, for ever."""
+        return bool(self._pieces) and math.isinf(self._pieces[0].duration)
+
+    def rest_point(self, limits: MotionLimits) -> Vector3:
+        """Where the set-point would come to rest [m]."""
+        piece = stop_piece(self.state, limits)
+        return self.state.position if piece is None else piece.end().position
+
+    def reset(self, position: Vector3, velocity: Vector3 = ZERO) -> None:
+        """Begin again at the vehicle's own position and velocity."""
+        self.state = MotionState(position, velocity, ZERO)
+        self._follow((), [])
+
+    def stop(self, limits: MotionLimits) -> None:
+        """Come to rest as soon as the limits allow."""
+        self.fly((), limits)
+
+    def fly(self, route: Sequence[Waypoint], limits: MotionLimits) -> None:
+        """Come to rest if moving, then fly a route; its last waypoint is a stop."""
+        piece = stop_piece(self.state, limits)
+        self._follow(tuple(route), [piece] if piece is not None else [])
+
+    def descend(self, distance: float, end_speed: float, limits: MotionLimits) -> None:
+        """Go down `distance` [m] as the limits allow, then sink at `end_speed` for ever.
+
+        To be called at rest or while sinking.
+        """
+        start = self.state.velocity[2]
+        axis = along(_DOWN, limits)
+        axis = axis._replace(speed=max(axis.speed, start, end_speed))
+        shortest = speed_profile.change_distance(start, end_speed, axis)
+        phases = speed_profile.plan(max(distance, shortest), start, end_speed, axis) or []
+        state = MotionState(self.state.position, scale(_DOWN, start), ZERO)
+        endless = speed_profile.Phase(math.inf, 0.0)
+        self._follow((), list(straight_pieces(state, _DOWN, [*phases, endless])))
+
+    def relimit(self, limits: MotionLimits) -> None:
+        """Fly the same route with other limits."""
+        self.reshape([waypoint._replace(limits=limits) for waypoint in self._route])
+
+    def reshape(self, route: Sequence[Waypoint]) -> None:
+        """Fly the same points with other limits; a turn or stop already begun is kept."""
+        self._route = tuple(route)
+        leg, ahead = self._leg, self._ahead()
+        if leg is None or not ahead or len(self._pieces) <= len(leg.turn):
+            return
+        position, velocity, acceleration = self.state
+        speed = norm(velocity)
+        if speed < _SLOWEST:
+            return
+        slope = dot(acceleration, scale(velocity, 1.0 / speed))
+        other = plan_leg(position, speed, ahead, acceleration=slope, origin=self._origin)
+        if other is not None:
+            self._take(other)
+            self._time = 0.0
+
+    def advance(self, dt: float) -> MotionState:
+        """Let `dt` [s] pass."""
+        self._time += dt
+        while True:
+            if not self._pieces and not self._begin_leg():
+                self._time = 0.0
+                self.state = MotionState(self.state.position, ZERO, ZERO)
+                return self.state
+            if not self._pieces:
+                continue
+            piece = self._pieces[0]
+            if self._time < piece.duration:
+                self.state = piece.at(self._time)
+                self._note_passing(piece)
+                return self.state
+            self._time -= piece.duration
+            self.state = piece.end()
+            self._pieces.pop(0)
+            if not self._pieces and self._leg is not None:
+                self._end_leg()
+
+    def _follow(self, route: tuple[Waypoint, ...], pieces: list[Piece]) -> None:
+        self._route, self._pieces, self._leg = route, pieces, None
+        self._leg_index, self.passed, self._time = 0, 0, 0.0
+
+    def _ahead(self) -> tuple[Waypoint, ...]:
+        return self._route[self._leg_index : self._leg_index + _LOOK_AHEAD]
+
+    def _begin_leg(self) -> bool:
+        """Plan the next leg of the route; False when there is none."""
+        ahead = self._ahead()
+        if not ahead:
+            return False
+        position, velocity, _ = self.state
+        if self._leg is None or self._leg.exit_speed == 0.0:
+            self._origin, velocity = position, ZERO
+        else:
+            self._origin = self._route[self._leg_index - 1].position
+        leg = plan_leg(position, norm(velocity), ahead, origin=self._origin)
+        if leg is None:
+            # Limits were lowered by more than the rest of the way can take up: stop first.
+            piece = stop_piece(MotionState(position, velocity, ZERO), ahead[0].limits)
+            self._leg, self._pieces = None, [piece] if piece is not None else []
+        else:
+            self._take(leg)
+            if not self._pieces:
+                self._end_leg()
+        return True
+
+    def _take(self, leg: Leg) -> None:
+        self._leg, self._pieces = leg, [*leg.straight, *leg.turn]
+
+    def _end_leg(self) -> None:
+        self._leg_index += 1
+        self.passed = self._leg_index
+
+    def _note_passing(self, piece: Piece) -> None:
+        """A waypoint is passed in the middle of its turn."""
+        leg = self._leg
+        if leg is None or not leg.turn or len(self._pieces) > len(leg.turn):
+            return
+        if self._time >= 0.5 * piece.duration:
+            self.passed = self._leg_index + 1

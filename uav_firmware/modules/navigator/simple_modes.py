@@ -1,0 +1,80 @@
+"""Modes made of one manoeuvre: take-off, land and return."""
+
+import math
+
+from uav_firmware.modules.navigator.flight import Flight
+from uav_firmware.modules.navigator.land import Land, land_here
+from uav_firmware.modules.navigator.mode import NavigatorMode
+from uav_firmware.modules.navigator.return_home import ReturnHome
+from uav_firmware.modules.navigator.takeoff import Takeoff
+from uav_firmware.msg.mission import NavigatorTarget
+
+
+class TakeoffMode(NavigatorMode):
+    """AUTO_TAKEOFF; without a target it climbs to MIS_TAKEOFF_ALT above home."""
+
+    def __init__(self) -> None:
+        self._takeoff: Takeoff | None = None
+
+    def on_activation(self, flight: Flight, target: NavigatorTarget | None) -> None:
+        """Begin the climb."""
+        self.finished = False
+        down = flight.home_down(flight.params.takeoff_height)
+        here = flight.rest_point()
+        goal, yaw = (here[0], here[1], down), math.nan
+        if target is not None:
+            goal = flight.to_ned(target.latitude_deg, target.longitude_deg, target.altitude_amsl_m)
+            yaw = math.degrees(target.yaw)
+            if math.isnan(target.altitude_amsl_m):
+                goal = (goal[0], goal[1], down)
+        self._takeoff = Takeoff(flight, goal, yaw, flight.params.acceptance_radius)
+
+    def on_active(self, flight: Flight) -> None:
+        """Watch for the arrival."""
+        if not self.finished and self._takeoff is not None:
+            self.finished = self._takeoff.step(flight)
+
+    def sits(self, flight: Flight) -> bool:
+        """A take-off never sits; it is why the vehicle leaves the ground."""
+        return flight.landed and self.finished
+
+
+class LandMode(NavigatorMode):
+    """AUTO_LAND; lands at the target, or where it is."""
+
+    def __init__(self) -> None:
+        self._land: Land | None = None
+
+    def on_activation(self, flight: Flight, target: NavigatorTarget | None) -> None:
+        """Begin the way to the landing point."""
+        self.finished = False
+        if target is None:
+            self._land = land_here(flight)
+            return
+        goal = flight.to_ned(target.latitude_deg, target.longitude_deg, target.altitude_amsl_m)
+        if math.isnan(target.altitude_amsl_m):
+            goal = (goal[0], goal[1], flight.home_down(0.0))
+        self._land = Land(flight, goal, math.degrees(target.yaw))
+
+    def on_active(self, flight: Flight) -> None:
+        """Watch for the ground."""
+        if not self.finished and self._land is not None:
+            self.finished = self._land.step(flight)
+
+
+class ReturnMode(NavigatorMode):
+    """AUTO_RTL."""
+
+    def __init__(self) -> None:
+        self._return: ReturnHome | None = None
+
+    def on_activation(self, flight: Flight, target: NavigatorTarget | None) -> None:
+        """Begin the way home."""
+        del target  # home is the target
+        self.finished = False
+        self._return = ReturnHome(flight)
+
+    def on_active(self, flight: Flight) -> None:
+        """Watch for the ground at home."""
+        if not self.finished and self._return is not None:
+            self.finished = self._return.step(flight)

@@ -1,0 +1,28 @@
+"""Take-off: straight up, then over to the point if one was given."""
+
+import math
+
+from uav_firmware.modules.navigator.flight import Flight
+from uav_firmware.msg.vectors import Vector3
+
+_ON_THE_SPOT_M = 0.1  # [m] a point closer than this needs no way of its own
+
+
+class Takeoff:
+    """Climbs where it stands and never descends; then flies level to the target."""
+
+    def __init__(self, flight: Flight, target: Vector3, yaw_deg: float, radius: float) -> None:
+        here = flight.rest_point()
+        down = min(here[2], target[2])
+        self._goal = (target[0], target[1], down)
+        self._radius = radius  # [m]
+        route = [flight.stop_at((here[0], here[1], down))]
+        if math.hypot(target[0] - here[0], target[1] - here[1]) > _ON_THE_SPOT_M:
+            route.append(flight.stop_at(self._goal))
+        flight.face(yaw_deg)
+        flight.fly(*route)
+
+    def step(self, flight: Flight) -> bool:
+        """Whether the vehicle has arrived, and turned where a yaw was given."""
+        turned = math.isnan(flight.yaw_target) or flight.yaw.settled
+        return flight.path.resting and turned and flight.arrived(self._goal, self._radius)
