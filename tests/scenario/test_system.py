@@ -1,0 +1,191 @@
+"""The whole system as its users meet it: real processes, real wires, the simulator's truth."""
+
+import itertools
+import os
+import re
+import shlex
+import signal
+import subprocess
+from collections import Counter
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sim.farm_client import rows
+from tests.support.system import (
+    ROOT,
+    FarmSystem,
+    example_plan,
+    run_module,
+    running,
+    short_plan,
+    wait_for,
+)
+from tests.support.truth import closest_approach_m, horizontal_distance_m, read_track
+
+pytestmark = pytest.mark.scenario
+
+HOME = (40.44340, -3.73820)
+HOME_STANDING_HEIGHT_M = 0.3
+RESULTS = ("pose", "battery", "mission_report", "alarm")
+
+
+def mission_reports(system: FarmSystem) -> list[dict[str, Any]]:
+    return [record["body"] for record in system.cloud("/mission_report")]
+
+
+def assert_each_once_and_in_order(system: FarmSystem) -> None:
+    """Every stream of (vehicle, kind) counts up by one from its start, nothing twice."""
+    records = system.cloud("/records")
+    assert max(Counter(record["message_id"] for record in records).values()) == 1
+    streams: dict[tuple[int, str], list[int]] = {}
+    for record in records:
+        stream = streams.setdefault((record["body"]["vehicle_id"], record["kind"]), [])
+        stream.append(record["body"]["sequence_number"])
+    for name, numbers in streams.items():
+        assert numbers == list(range(numbers[0], numbers[0] + len(numbers))), name
+
+
+def readme_commands() -> list[str]:
+    """The curl lines of the README, as printed there."""
+    readme = (ROOT / "README.md").read_text()
+    return re.findall(r"^curl .*$", readme, re.MULTILINE)
+
+
+def type_into_shell(system: FarmSystem, command: str) -> str:
+    """Run a line of the README with this test's ports and state in place of the defaults."""
+    line = (
+        command.replace("127.0.0.1:8000", f"127.0.0.1:{system.settings.edge_port}")
+        .replace("127.0.0.1:8100", f"127.0.0.1:{system.settings.cloud_port}")
+        .replace("var/keys", shlex.quote(str(system.state_dir / "keys")))
+    )
+    run = subprocess.run(
+        ["bash", "-c", line], cwd=ROOT, capture_output=True, text=True, check=True, timeout=60
+    )
+    return run.stdout
+
+
+def test_the_readmes_curl_lines_fly_the_vehicle(tmp_path: Path) -> None:
+    with running(tmp_path / "var") as system:
+        post, show_plan, show_vehicles, reports, poses, kept, _latest = readme_commands()
+        assert '"id":1' in type_into_shell(system, post).replace(" ", "")
+        assert "connected" in type_into_shell(system, show_vehicles)
+        plan = system.wait_until_ended(1)
+        commands = plan["missions"][0]["command_array"]
+        assert [c["command_status_id"] for c in commands] == [3] * 6
+        assert "FINISHED" in type_into_shell(system, show_plan)
+        system.wait_until_delivered()
+        assert '"mission_status_id":3' in type_into_shell(system, reports).replace(" ", "")
+        assert '"latitude"' in type_into_shell(system, poses)
+        assert '"latitude"' not in type_into_shell(system, kept)
+        statuses = [report["mission_status_id"] for report in mission_reports(system)]
+        assert 2 in statuses
+        assert statuses[-1] == 3
+        assert statuses == sorted(statuses)
+        assert len(system.cloud("/pose")) == len(system.cloud("/battery")) == 6
+        assert_each_once_and_in_order(system)
+
+
+def test_the_true_track_passes_every_waypoint_and_ends_at_home(tmp_path: Path) -> None:
+    document = example_plan()
+    with running(tmp_path / "var") as system:
+        system.fly(document)
+        track = read_track(system.state_dir / "vehicle-1" / "truth.csv")
+    waypoints = [
+        command["parameters"]
+        for command in document["plan"]["missions"][0]["command_array"]
+        if command["command_type_id"] == 3
+    ]
+    assert len(waypoints) == 4
+    for waypoint in waypoints:
+        distance_m = closest_approach_m(
+            track, waypoint["latitude"], waypoint["longitude"], waypoint["altitude"]
+        )
+        assert distance_m <= waypoint["acceptance_radius"]
+    assert horizontal_distance_m(track[-1], *HOME) <= 1.0
+    assert track[-1].height_above_home_m < HOME_STANDING_HEIGHT_M
+
+
+def test_a_cloud_away_for_the_whole_flight_gets_everything_afterwards(tmp_path: Path) -> None:
+    with FarmSystem(tmp_path / "var") as system:
+        system.start("edge", "broker", "vehicle-1").wait_until_connected()
+        system.fly(short_plan())
+        assert rows(system.get("/pose/")), "the edge server keeps what nobody has confirmed"
+        system.start("cloud")
+        system.wait_until_delivered()
+        assert len(system.cloud("/pose")) == len(system.cloud("/battery")) == 3
+        assert mission_reports(system)[-1]["mission_status_id"] == 3
+        assert_each_once_and_in_order(system)
+
+
+@pytest.mark.parametrize(
+    "order", list(itertools.permutations(("edge", "broker", "vehicle-1"))), ids="-".join
+)
+def test_any_order_of_starting_flies(order: tuple[str, ...], tmp_path: Path) -> None:
+    with FarmSystem(tmp_path / "var", speed=10.0) as system:
+        for name in order:
+            system.start(name)
+            if name == "edge":
+                system.wait_until_edge_answers()
+            else:
+                wait_for(partial(system.log_of, name), f"a first line of {name}")
+        system.start("cloud").wait_until_connected()
+        system.fly(short_plan())
+        system.wait_until_delivered()
+
+
+@pytest.mark.parametrize("victim", ["edge", "broker", "vehicle-1", "cloud"])
+def test_after_a_kill_while_idle_the_next_plan_flies(victim: str, tmp_path: Path) -> None:
+    with running(tmp_path / "var", speed=10.0) as system:
+        system.fly(short_plan(mission_id=1))
+        system.kill(victim)
+        system.start(victim).wait_until_connected()
+        system.fly(short_plan(mission_id=2))
+        system.wait_until_delivered()
+        assert len(system.cloud("/pose")) == 6
+        assert {report["mission_id"] for report in mission_reports(system)} == {1, 2}
+
+
+def test_make_sim_leaves_neither_process_nor_port_behind(tmp_path: Path) -> None:
+    system = FarmSystem(tmp_path / "var")
+    launcher = run_module("sim", environment=system.environment)
+    try:
+        system.wait_until_connected()
+    finally:
+        launcher.send_signal(signal.SIGINT)
+        output, _ = launcher.communicate(timeout=60)
+    text = output.decode()
+    assert launcher.returncode == 0, text
+    assert f"curl -sS -X POST {system.settings.edge_url}/plans/" in text
+    listing = subprocess.run(["ps", "-eo", "args"], capture_output=True, text=True, check=True)
+    state = str(system.state_dir)
+    assert not [line for line in listing.stdout.splitlines() if state in line]
+    again = run_module("sim", environment=system.environment)
+    try:
+        system.wait_until_connected()
+    finally:
+        again.send_signal(signal.SIGTERM)
+        output, _ = again.communicate(timeout=60)
+    assert again.returncode == 0, output.decode()
+
+
+@pytest.mark.parametrize("vehicles", [1, 3])
+def test_make_demo_ends_when_the_cloud_holds_everything(vehicles: int, tmp_path: Path) -> None:
+    system = FarmSystem(tmp_path / "var", vehicles=vehicles)
+    demo = run_module("sim", "demo", environment=system.environment)
+    output, _ = demo.communicate(timeout=240)
+    text = output.decode()
+    assert demo.returncode == 0, text
+    for number in range(1, vehicles + 1):
+        assert f"mission {number}  vehicle {number}" in text
+    assert "the cloud holds every report and result" in text
+    assert not [pid for pid in _session_of(demo.pid) if pid != os.getpid()]
+
+
+def _session_of(process_id: int) -> list[int]:
+    listing = subprocess.run(
+        ["ps", "-o", "pid=", "--ppid", str(process_id)], capture_output=True, text=True, check=False
+    )
+    return [int(line) for line in listing.stdout.split()]

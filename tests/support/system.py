@@ -1,0 +1,243 @@
+"""The real programs as real processes, each on ports and state of this test alone."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any, Self
+
+import requests
+
+from sim.farm_client import rows
+from sim.processes import programs
+from sim.settings import Settings, from_environment
+
+ROOT = Path(__file__).parent.parent.parent
+PATIENCE_S = 120.0
+"""Long enough for a slow machine; nothing is asserted about how much of it is used."""
+
+TERMINAL = 3
+FINISHED = 3
+
+
+def free_ports(count: int) -> list[int]:
+    """Find ports that are free for TCP and UDP alike."""
+    found: list[int] = []
+    holders = []
+    while len(found) < count:
+        holder = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        holder.bind(("127.0.0.1", 0))
+        holders.append(holder)
+        found.append(holder.getsockname()[1])
+    for holder in holders:
+        holder.close()
+    return found
+
+
+def wait_for(condition: Callable[[], Any], what: str, patience_s: float = PATIENCE_S) -> Any:
+    """Poll until the condition gives something true, and give that."""
+    deadline = time.monotonic() + patience_s
+    while True:
+        try:
+            outcome = condition()
+        except requests.RequestException:
+            outcome = None
+        if outcome:
+            return outcome
+        assert time.monotonic() < deadline, f"waited {patience_s:.0f} s for {what}"
+        time.sleep(0.1)
+
+
+class FarmSystem:
+    """Cloud, edge server, broker and vehicles; each can be started and killed by name."""
+
+    def __init__(self, state_dir: Path, *, vehicles: int = 1, speed: float = 5.0) -> None:
+        ports = free_ports(4)
+        base = free_ports(1)[0] % 20_000 + 30_000
+        self.environment = {
+            **os.environ,
+            "VEHICLES": str(vehicles),
+            "SPEED": str(speed),
+            "SEED": "1",
+            "WIND": "0",
+            "TRUTH": "1",
+            "EDGE_PORT": str(ports[0]),
+            "CLOUD_PORT": str(ports[1]),
+            "MAVLINK_PORT": str(ports[2]),
+            "GCS_PORT": str(ports[3]),
+            "VEHICLE_PORT_BASE": str(base),
+            "STATE_DIR": str(state_dir),
+            "EDGE_URL": f"http://127.0.0.1:{ports[0]}",
+            "CLOUD_URL": f"http://127.0.0.1:{ports[1]}",
+            "PYTHONUNBUFFERED": "1",
+            "PLAN": "",
+        }
+        self.settings: Settings = from_environment(self.environment)
+        self.state_dir = state_dir
+        self._programs = {program.name: program for program in programs(self.settings)}
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+
+    def __enter__(self) -> Self:
+        self.state_dir.mkdir(parents=True, exist_ok=True)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for name in list(self._running):
+            self.kill(name)
+
+    def start(self, *names: str) -> Self:
+        """Start programs in the order given; all of them when none is named."""
+        for name in names or tuple(self._programs):
+            with (self.state_dir / f"{name}.log").open("ab") as log:
+                self._running[name] = subprocess.Popen(
+                    self._programs[name].arguments,
+                    cwd=ROOT,
+                    env=self.environment,
+                    stdin=subprocess.DEVNULL,
+                    stdout=log,
+                    stderr=log,
+                    start_new_session=True,
+                )
+        return self
+
+    def kill(self, name: str) -> None:
+        """Kill -9 a program and all that it has started."""
+        process = self._running.pop(name)
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+    def process_id(self, name: str) -> int:
+        """Process id of a running program."""
+        return self._running[name].pid
+
+    def log_of(self, name: str) -> str:
+        """What a program has printed so far."""
+        return (self.state_dir / f"{name}.log").read_text(errors="replace")
+
+    def headers(self, role: str = "operator") -> dict[str, str]:
+        """Headers that carry a role's key."""
+        key = self.settings.key_path(role).read_text().strip()
+        return {"Authorization": f"Bearer {key}"}
+
+    def get(self, path: str) -> Any:
+        """GET from the edge server as the operator."""
+        answer = requests.get(self.settings.edge_url + path, headers=self.headers(), timeout=10)
+        answer.raise_for_status()
+        return answer.json()
+
+    def post(self, path: str, body: Any) -> requests.Response:
+        """POST to the edge server as the operator."""
+        return requests.post(
+            self.settings.edge_url + path, json=body, headers=self.headers(), timeout=10
+        )
+
+    def cloud(self, path: str) -> list[dict[str, Any]]:
+        """GET records from the mock cloud."""
+        answer = requests.get(self.settings.cloud_url + path, timeout=10)
+        answer.raise_for_status()
+        listing: list[dict[str, Any]] = answer.json()
+        return listing
+
+    def wait_until_edge_answers(self) -> None:
+        """Wait for the edge server's health and its keys."""
+        key = self.settings.key_path("operator")
+        url = self.settings.edge_url + "/healthz"
+        wait_for(lambda: key.exists() and requests.get(url, timeout=5).ok, "the edge server")
+
+    def wait_until_connected(self) -> Self:
+        """Wait until the edge server knows every vehicle as connected."""
+        self.wait_until_edge_answers()
+        wanted = set(range(1, self.settings.vehicles + 1))
+
+        def connected() -> bool:
+            states = {v["vehicle_id"]: v["link_state"] for v in rows(self.get("/vehicles/"))}
+            return wanted == {v for v, state in states.items() if state == "connected"}
+
+        wait_for(connected, f"vehicles {sorted(wanted)}")
+        return self
+
+    def fly(self, plan: dict[str, Any]) -> dict[str, Any]:
+        """Post a plan, wait for its end, require that all of it FINISHED."""
+        answer = self.post("/plans/", plan)
+        assert answer.status_code == 201, answer.text
+        ended = self.wait_until_ended(answer.json()["id"])
+        for mission in ended["missions"]:
+            statuses = [c["command_status_id"] for c in mission["command_array"]]
+            assert mission["mission_status_id"] == FINISHED, mission
+            assert set(statuses) == {FINISHED}, mission
+        return ended
+
+    def wait_until_ended(self, plan_id: int) -> dict[str, Any]:
+        """Wait until every mission of a plan is terminal; give the plan."""
+
+        def ended() -> dict[str, Any] | None:
+            plan: dict[str, Any] = self.get(f"/plans/{plan_id}")
+            done = all(m["mission_status_id"] >= TERMINAL for m in plan["missions"])
+            return plan if done else None
+
+        plan: dict[str, Any] = wait_for(ended, f"the end of plan {plan_id}")
+        return plan
+
+    def wait_until_delivered(self) -> None:
+        """Wait until the edge server keeps no report and no result."""
+
+        def empty() -> bool:
+            kinds = ("pose", "battery", "mission_report", "alarm", "image", "observation")
+            return not any(rows(self.get(f"/{kind}/")) for kind in kinds)
+
+        wait_for(empty, "delivery to the cloud")
+
+
+@contextmanager
+def running(state_dir: Path, *, vehicles: int = 1, speed: float = 5.0) -> Iterator[FarmSystem]:
+    """Run a whole system whose vehicles are connected."""
+    with FarmSystem(state_dir, vehicles=vehicles, speed=speed) as system:
+        yield system.start().wait_until_connected()
+
+
+def example_plan(name: str = "first_flight") -> dict[str, Any]:
+    """One of the example plans."""
+    plan: dict[str, Any] = json.loads((ROOT / "examples" / "plans" / f"{name}.json").read_text())
+    return plan
+
+
+def short_plan(mission_id: int = 1) -> dict[str, Any]:
+    """Take off to 4 m, one waypoint 10 m north, home."""
+    place = {"latitude": 40.44340, "longitude": -3.73820, "altitude": 4.0}
+    return {
+        "missions": [
+            {
+                "mission_id": mission_id,
+                "vehicle_id": 1,
+                "command_array": [
+                    {"command_id": 1, "command_type_id": 1, "parameters": place},
+                    {
+                        "command_id": 2,
+                        "command_type_id": 3,
+                        "parameters": {**place, "latitude": 40.44349},
+                    },
+                    {"command_id": 3, "command_type_id": 11, "parameters": {"landing": True}},
+                ],
+            }
+        ]
+    }
+
+
+def run_module(*arguments: str, environment: dict[str, str]) -> subprocess.Popen[bytes]:
+    """Start `python -m ...` from the root of the project."""
+    return subprocess.Popen(
+        [sys.executable, "-m", *arguments],
+        cwd=ROOT,
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        start_new_session=True,
+    )
