@@ -1,0 +1,1 @@
+"""Estimator: attitude, velocity and position from inertial sensors, GPS, barometer, compass."""

@@ -1,0 +1,80 @@
+"""The magnetometer at work: it gives the first heading, then keeps it."""
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+from uav_firmware.lib.rotation import from_euler, multiply
+from uav_firmware.modules.estimator.core import RESET_AFTER_S, Core
+from uav_firmware.modules.estimator.ekf import Measurement
+from uav_firmware.modules.estimator.fuse_mag import Compass, heading_measurement, read_compass
+from uav_firmware.modules.estimator.gate import Aid
+from uav_firmware.modules.estimator.params import EstimatorParams
+from uav_firmware.modules.estimator.state import ATTITUDE, HEADING, HEADING_BIAS
+from uav_firmware.msg.sensors import SensorMag
+
+_INTERVAL_US: Final = 36_000  # As for the barometer
+_UNKNOWN_SIGMA_RAD: Final = 1.8  # That of an even spread over the circle
+_LARGEST_CHANGE: Final = 0.3  # [-] Of the field's strength since alignment
+
+
+class CompassAiding:
+    """Aligns the heading, fuses it, and survives a magnet nearby."""
+
+    def __init__(self, params: EstimatorParams) -> None:
+        self.heading = Aid(params.heading_gate)
+        self.aligned = False
+        self._params = params
+        self._strength = 0.0
+
+    def configure(self, params: EstimatorParams) -> None:
+        """Work with changed parameters from now on."""
+        self._params = params
+        self.heading.gate = params.heading_gate
+
+    def take(self, core: Core, mag: SensorMag) -> None:
+        """Use a sample, if it is a field that the Earth could have."""
+        if mag.time_us < self.heading.ready_us:
+            return
+        self.heading.ready_us = mag.time_us + _INTERVAL_US
+        declination = math.radians(self._params.declination_deg)
+        compass = read_compass(mag.field_frd, core.state.q_ned_frd, declination)
+        if compass is None:
+            return
+        strength = math.hypot(*mag.field_frd)
+        if not self.aligned:
+            self._strength = strength
+            self._align(core, compass)
+        elif abs(strength - self._strength) <= _LARGEST_CHANGE * self._strength:
+            self._fuse(core, compass)
+
+    def _align(self, core: Core, compass: Compass) -> None:
+        """Turn the estimate to the compass and forget all that was known of the heading."""
+        state = core.state
+        turn = from_euler(0.0, 0.0, compass.error - state.heading_bias)
+        state.q_ned_frd = multiply(turn, state.q_ned_frd)
+        core.ekf.forget(HEADING, _UNKNOWN_SIGMA_RAD)
+        # Fusing what has just been set leaves the right correlation with the bias.
+        core.ekf.fuse(self._measured(core, Compass(state.heading_bias, compass.tilt_gain)))
+        self.aligned = True
+        self.heading.accept(core.time_us)
+
+    def _fuse(self, core: Core, compass: Compass) -> None:
+        aid, now_us = self.heading, core.time_us
+        if aid.fuse(core.ekf, self._measured(core, compass), now_us):
+            return
+        if aid.rejected_s(now_us) <= RESET_AFTER_S:
+            return
+        if core.standing:
+            self._align(core, compass)
+        else:
+            # In flight GPS holds the heading: learn the compass anew rather than turn.
+            core.state.heading_bias = compass.error
+            core.ekf.forget(HEADING_BIAS, core.ekf.sigma(HEADING) + self._params.heading_noise)
+            aid.accept(now_us)
+
+    def _measured(self, core: Core, compass: Compass) -> Sequence[Measurement]:
+        tilt_sigma = max(core.ekf.sigma(ATTITUDE.start), core.ekf.sigma(ATTITUDE.start + 1))
+        return heading_measurement(
+            compass, core.state.heading_bias, self._params.heading_noise, tilt_sigma
+        )

@@ -1,0 +1,108 @@
+"""What the aiding sources share: the filter, its clock and history, the origin, rest."""
+
+from typing import Final
+
+import numpy as np
+
+from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2, LocalFrame, gravity_m_s2
+from uav_firmware.modules.estimator.alignment import TiltAlignment
+from uav_firmware.modules.estimator.delay import InertialHistory, Past
+from uav_firmware.modules.estimator.ekf import Array, ErrorStateEkf, Noise
+from uav_firmware.modules.estimator.fuse_rest import RestDetector
+from uav_firmware.modules.estimator.params import EstimatorParams
+from uav_firmware.modules.estimator.state import (
+    ACCEL_BIAS,
+    ATTITUDE,
+    BARO_BIAS,
+    GYRO_BIAS,
+    HEADING,
+    HEADING_BIAS,
+    POSITION,
+    SIZE,
+    VELOCITY,
+    NominalState,
+)
+from uav_firmware.msg.vectors import Vector3
+
+RESET_AFTER_S: Final = 5.0
+"""A source that has been rejected for so long without a break is believed instead."""
+
+_HISTORY_SAMPLES: Final = 256  # One second at 250 Hz: a GPS that is later than that is useless
+_START_POSITION_SIGMA_M: Final = 10.0
+_START_VELOCITY_SIGMA_M_S: Final = 0.3
+_UNKNOWN_HEADING_SIGMA_RAD: Final = 1.8  # That of an even spread over the circle
+
+
+class Core:
+    """The filter at work, from alignment on."""
+
+    def __init__(self, alignment: TiltAlignment, time_us: int, params: EstimatorParams) -> None:
+        state = NominalState(alignment.q_ned_frd)
+        state.gyro_bias_frd = alignment.gyro_bias_frd
+        self.params = params
+        self.time_us = time_us
+        self.origin: LocalFrame | None = None
+        self.on_ground: bool | None = None  # None while nobody has said
+        self.rest = RestDetector()
+        self.history = InertialHistory(time_us, _HISTORY_SAMPLES)
+        self.ekf = ErrorStateEkf(
+            state, _initial_sigmas(alignment, params), _noise(params), STANDARD_GRAVITY_M_S2
+        )
+
+    @property
+    def state(self) -> NominalState:
+        """The best estimate."""
+        return self.ekf.state
+
+    @property
+    def standing(self) -> bool:
+        """At rest on the ground: landed, or never yet flown for want of an origin."""
+        on_ground = self.origin is None if self.on_ground is None else self.on_ground
+        return on_ground and self.rest.at_rest
+
+    def configure(self, params: EstimatorParams) -> None:
+        """Work with changed parameters from now on."""
+        self.params = params
+        self.ekf.noise = _noise(params)
+
+    def step(self, time_us: int, rate_frd: Vector3, force_frd: Vector3, dt: float) -> None:
+        """Advance to `time_us` over dt [s]."""
+        ekf = self.ekf
+        change = ekf.predict(rate_frd, force_frd, dt)
+        self.history.push(time_us, change, dt)
+        self.rest.update(rate_frd, ekf.acceleration_ned)
+        self.time_us = time_us
+
+    def recall(self, time_us: int) -> Past | None:
+        """The state as it was at `time_us`, None when that is not kept."""
+        return self.history.recall(self.ekf.state, time_us, self.ekf.gravity)
+
+    def set_origin(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> None:
+        """Call the present place (0, 0, 0); the caller states its uncertainty."""
+        self.origin = LocalFrame(latitude_deg, longitude_deg, altitude_m)
+        self.ekf.gravity = gravity_m_s2(latitude_deg, altitude_m)
+        self.state.position_ned = (0.0, 0.0, 0.0)
+
+
+def _noise(params: EstimatorParams) -> Noise:
+    return Noise(
+        accel=params.accel_noise,
+        gyro=params.gyro_noise,
+        accel_bias_walk=params.accel_bias_walk,
+        gyro_bias_walk=params.gyro_bias_walk,
+        baro_bias_walk=params.baro_walk,
+        heading_bias_walk=params.heading_bias_walk,
+    )
+
+
+def _initial_sigmas(alignment: TiltAlignment, params: EstimatorParams) -> Array:
+    sigmas = np.empty(SIZE)
+    sigmas[POSITION] = _START_POSITION_SIGMA_M
+    sigmas[VELOCITY] = _START_VELOCITY_SIGMA_M_S
+    sigmas[ATTITUDE] = params.angle_sigma
+    sigmas[HEADING] = _UNKNOWN_HEADING_SIGMA_RAD
+    sigmas[ACCEL_BIAS] = max(params.accel_bias_sigma, 1e-3)
+    sigmas[GYRO_BIAS] = max(alignment.gyro_bias_sigma, 1e-4)
+    sigmas[BARO_BIAS] = max(params.baro_noise, 1e-3)
+    sigmas[HEADING_BIAS] = max(params.heading_bias_sigma, 1e-4)
+    return sigmas

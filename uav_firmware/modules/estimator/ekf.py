@@ -1,0 +1,205 @@
+"""Error-state extended Kalman filter with the attitude error in the world frame.
+
+After Sola 2017, "Quaternion kinematics for the error-state Kalman filter" (arXiv:1711.02508),
+sections 5 to 7, from which the equation numbers are.
+
+The nominal state is integrated at the rate of the inertial sensor, in plain floats. The
+covariance follows every COVARIANCE_STEPS samples with the impulse summed up in between: its
+entries change little in 16 ms, and a 17 by 17 product is the dearest thing here. Measurements
+are scalars, fused one after the other, so that nothing is ever inverted.
+
+This file knows no clock, topic or parameter.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_firmware.lib.rotation import Matrix3, rotate, to_matrix
+from uav_firmware.modules.estimator.state import (
+    ACCEL_BIAS,
+    ATTITUDE,
+    BARO_BIAS,
+    GYRO_BIAS,
+    HEADING_BIAS,
+    POSITION,
+    SIZE,
+    VELOCITY,
+    NominalState,
+)
+from uav_firmware.msg.vectors import Vector3
+
+Array = NDArray[np.float64]
+
+COVARIANCE_STEPS: Final = 4
+_LARGEST_VARIANCE: Final = 1e8  # [SI^2] 10 km of doubt: beyond it numbers lose their meaning
+
+
+class Measurement(NamedTuple):
+    """One scalar measurement, linearised at the present estimate."""
+
+    innovation: float  # Measured minus expected
+    jacobian: Array  # Row H of length SIZE: change of the expectation per error
+    variance: float  # Of the measurement noise
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Noise:
+    """What the filter is told about its inertial sensors and slow quantities."""
+
+    accel: float  # [m/s^2] White noise of one sample, one sigma
+    gyro: float  # [rad/s] White noise of one sample, one sigma
+    accel_bias_walk: float  # [m/s^2/sqrt(s)]
+    gyro_bias_walk: float  # [rad/s/sqrt(s)]
+    baro_bias_walk: float  # [m/sqrt(s)]
+    heading_bias_walk: float  # [rad/sqrt(s)]
+
+
+def skew(vector: Vector3) -> Matrix3:
+    """Matrix of the vector product from the left."""
+    x, y, z = vector
+    return ((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))
+
+
+class ErrorStateEkf:
+    """State, covariance, and the two things that happen to them: prediction and fusion."""
+
+    def __init__(self, state: NominalState, sigmas: Array, noise: Noise, gravity: float) -> None:
+        self.state = state
+        self.noise = noise
+        self.gravity = gravity  # [m/s^2]
+        self.acceleration_ned: Vector3 = (0.0, 0.0, 0.0)  # [m/s^2] Over the last step
+        self.restarts = 0  # [-] How often the covariance had to be set up anew
+        self._initial = np.diag(sigmas * sigmas)
+        self.covariance = self._initial.copy()
+        self._transition = np.eye(SIZE)
+        self._added = np.zeros(SIZE)
+        self._impulse: Vector3 = (0.0, 0.0, 0.0)
+        self._elapsed = 0.0
+        self._steps = 0
+
+    def predict(self, rate_frd: Vector3, specific_force_frd: Vector3, dt: float) -> Vector3:
+        """Step the nominal state by dt [s] and give the change of velocity [m/s, NED].
+
+        Sola 2017, eq. 260, with the specific force turned by the attitude at mid-step.
+        """
+        state = self.state
+        half = 0.5 * dt
+        wx, wy, wz = rate_frd
+        bx, by, bz = state.gyro_bias_frd
+        hx, hy, hz = half * (wx - bx), half * (wy - by), half * (wz - bz)
+        fx, fy, fz = specific_force_frd
+        bx, by, bz = state.accel_bias_frd
+        fx, fy, fz = fx - bx, fy - by, fz - bz
+        force_ned = rotate(
+            state.q_ned_frd,
+            (fx + hy * fz - hz * fy, fy + hz * fx - hx * fz, fz + hx * fy - hy * fx),
+        )
+        ax, ay, az = force_ned[0], force_ned[1], force_ned[2] + self.gravity
+        change = (ax * dt, ay * dt, az * dt)
+        vx, vy, vz = state.velocity_ned
+        px, py, pz = state.position_ned
+        state.position_ned = (
+            px + dt * (vx + half * ax),
+            py + dt * (vy + half * ay),
+            pz + dt * (vz + half * az),
+        )
+        state.velocity_ned = (vx + change[0], vy + change[1], vz + change[2])
+        self.acceleration_ned = (ax, ay, az)
+        self._turn(hx, hy, hz)
+        ix, iy, iz = self._impulse
+        self._impulse = (ix + force_ned[0] * dt, iy + force_ned[1] * dt, iz + force_ned[2] * dt)
+        self._elapsed += dt
+        self._steps += 1
+        if self._steps >= COVARIANCE_STEPS:
+            self._propagate_covariance()
+        return change
+
+    def _turn(self, hx: float, hy: float, hz: float) -> None:
+        """Turn by twice (hx, hy, hz) [rad]: eq. 101 to third order, kept at unit length."""
+        w, x, y, z = self.state.q_ned_frd
+        square = hx * hx + hy * hy + hz * hz
+        cosine, scale = 1.0 - 0.5 * square, 1.0 - square / 6.0
+        hx, hy, hz = scale * hx, scale * hy, scale * hz
+        w, x, y, z = (
+            w * cosine - x * hx - y * hy - z * hz,
+            x * cosine + w * hx + y * hz - z * hy,
+            y * cosine + w * hy + z * hx - x * hz,
+            z * cosine + w * hz + x * hy - y * hx,
+        )
+        unit = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
+        self.state.q_ned_frd = (w * unit, x * unit, y * unit, z * unit)
+
+    def _propagate_covariance(self) -> None:
+        """Bring the covariance to the present (Sola 2017, eq. 269, Jacobian of section 7.2)."""
+        elapsed, phi = self._elapsed, self._transition
+        rotation = np.array(to_matrix(self.state.q_ned_frd))
+        lever = np.array(skew(self._impulse))
+        phi[0, 3] = phi[1, 4] = phi[2, 5] = elapsed
+        phi[VELOCITY, ATTITUDE] = -lever
+        phi[POSITION, ATTITUDE] = (-0.5 * elapsed) * lever
+        turned = rotation * -elapsed
+        phi[VELOCITY, ACCEL_BIAS] = turned
+        phi[POSITION, ACCEL_BIAS] = (0.5 * elapsed) * turned
+        phi[ATTITUDE, GYRO_BIAS] = turned
+        spread = phi @ self.covariance @ phi.T
+        covariance = 0.5 * (spread + spread.T)
+        covariance.flat[:: SIZE + 1] += self._added_variance(elapsed, elapsed / self._steps)
+        self.covariance = covariance
+        self._impulse, self._elapsed, self._steps = (0.0, 0.0, 0.0), 0.0, 0
+        self._guard()
+
+    def _added_variance(self, elapsed: float, dt: float) -> Array:
+        """Diagonal of the process noise (Sola 2017, eq. 262 to 265) of several samples."""
+        noise, added = self.noise, self._added
+        added[VELOCITY] = noise.accel * noise.accel * dt * elapsed
+        added[ATTITUDE] = noise.gyro * noise.gyro * dt * elapsed
+        added[ACCEL_BIAS] = noise.accel_bias_walk**2 * elapsed
+        added[GYRO_BIAS] = noise.gyro_bias_walk**2 * elapsed
+        added[BARO_BIAS] = noise.baro_bias_walk**2 * elapsed
+        added[HEADING_BIAS] = noise.heading_bias_walk**2 * elapsed
+        return added
+
+    def _guard(self) -> None:
+        """Set the covariance up anew if rounding or an overflow has broken it."""
+        variances = self.covariance.diagonal()
+        if not (variances.min() > 0.0 and variances.max() < _LARGEST_VARIANCE):
+            self.covariance = self._initial.copy()
+            self.restarts += 1
+
+    def deviation(self, measurement: Measurement) -> float:
+        """Expected size of an innovation, one sigma: sqrt(H P H' + V)."""
+        row = measurement.jacobian
+        return math.sqrt(float(row @ self.covariance @ row) + measurement.variance)
+
+    def fuse(self, measurements: Sequence[Measurement]) -> None:
+        """Correct the estimate (Sola 2017, eq. 274 to 276), one scalar after the other.
+
+        The Jacobian of the reset (section 6.3) is left out: corrections of attitude are of a
+        milliradian, its effect a thousandth of the covariance.
+        """
+        error = np.zeros(SIZE)
+        covariance = self.covariance
+        for innovation, row, variance in measurements:
+            shared = covariance @ row
+            gain = shared / (float(row @ shared) + variance)
+            error += gain * (innovation - float(row @ error))
+            covariance = covariance - gain[:, None] * shared
+        self.covariance = covariance
+        self.state.inject(error.tolist())
+
+    def forget(self, part: slice | int, sigma: float) -> None:
+        """Set a part's uncertainty [SI], with no correlation to the rest: after a reset."""
+        self.covariance[part, :] = 0.0
+        self.covariance[:, part] = 0.0
+        diagonal = self.covariance.diagonal().copy()
+        diagonal[part] = sigma * sigma
+        np.fill_diagonal(self.covariance, diagonal)
+
+    def sigma(self, index: int) -> float:
+        """Standard deviation of one error."""
+        return math.sqrt(self.covariance.item(index, index))

@@ -1,0 +1,99 @@
+"""Measurement model of the GNSS receiver: position and velocity at an earlier time.
+
+h(x) is the state `tau` ago (see `delay`). Its error, by the inverse transition with the
+attitude error constant in NED, J the integral of the specific force over the delay [m/s]:
+
+    dv(t) = dv + [J]x dtheta
+    dp(t) = dp - tau dv - tau/2 [J]x dtheta
+
+The attitude's part matters: 0.15 s of gravity turned by one degree are 26 mm/s.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from uav_firmware.modules.estimator.delay import Past
+from uav_firmware.modules.estimator.ekf import Measurement, skew
+from uav_firmware.modules.estimator.state import ATTITUDE, POSITION, SIZE, VELOCITY
+from uav_firmware.msg.sensors import SensorGps
+from uav_firmware.msg.vectors import Vector3
+
+_FIX_3D = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GpsRequirements:
+    """What a fix must be worth to be used."""
+
+    satellites: int  # [-] At least
+    horizontal_accuracy_m: float  # [m] At most, one sigma
+    vertical_accuracy_m: float  # [m]
+    speed_accuracy_m_s: float  # [m/s]
+
+
+def is_sane(gps: SensorGps) -> bool:
+    """Whether every number is finite and a place, a speed and an accuracy on this Earth."""
+    numbers = (
+        gps.latitude_deg,
+        gps.longitude_deg,
+        gps.altitude_amsl_m,
+        *gps.velocity_ned,
+        gps.horizontal_accuracy_m,
+        gps.vertical_accuracy_m,
+        gps.speed_accuracy_m_s,
+    )
+    return (
+        all(math.isfinite(number) for number in numbers)
+        and abs(gps.latitude_deg) < 89.9
+        and abs(gps.longitude_deg) <= 180.0
+        and abs(gps.altitude_amsl_m) < 20_000.0
+        and max(abs(component) for component in gps.velocity_ned) < 200.0
+        and min(numbers[6:]) >= 0.0
+    )
+
+
+def is_good(gps: SensorGps, required: GpsRequirements) -> bool:
+    """Whether a fix is sane and good enough to be used."""
+    return (
+        is_sane(gps)
+        and gps.fix_type >= _FIX_3D
+        and gps.satellites_used >= required.satellites
+        and gps.horizontal_accuracy_m <= required.horizontal_accuracy_m
+        and gps.vertical_accuracy_m <= required.vertical_accuracy_m
+        and gps.speed_accuracy_m_s <= required.speed_accuracy_m_s
+    )
+
+
+def position_measurements(
+    past: Past, position_ned: Vector3, sigma_horizontal: float, sigma_vertical: float
+) -> tuple[Measurement, Measurement, Measurement]:
+    """North, east and down [m] of a fix against the position at its time of validity."""
+    rows = np.zeros((3, SIZE))
+    rows[:, POSITION] = np.eye(3)
+    rows[:, VELOCITY] = -past.delay_s * np.eye(3)
+    rows[:, ATTITUDE] = (-0.5 * past.delay_s) * np.array(skew(past.impulse_ned))
+    north, east, down = (m - p for m, p in zip(position_ned, past.position_ned, strict=True))
+    horizontal = sigma_horizontal * sigma_horizontal
+    return (
+        Measurement(north, rows[0], horizontal),
+        Measurement(east, rows[1], horizontal),
+        Measurement(down, rows[2], sigma_vertical * sigma_vertical),
+    )
+
+
+def velocity_measurements(
+    past: Past, velocity_ned: Vector3, sigma: float
+) -> tuple[Measurement, Measurement, Measurement]:
+    """Velocity [m/s, NED] of a fix against the velocity at its time of validity."""
+    rows = np.zeros((3, SIZE))
+    rows[:, VELOCITY] = np.eye(3)
+    rows[:, ATTITUDE] = skew(past.impulse_ned)
+    north, east, down = (m - v for m, v in zip(velocity_ned, past.velocity_ned, strict=True))
+    variance = sigma * sigma
+    return (
+        Measurement(north, rows[0], variance),
+        Measurement(east, rows[1], variance),
+        Measurement(down, rows[2], variance),
+    )

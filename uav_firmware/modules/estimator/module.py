@@ -1,0 +1,169 @@
+"""Estimator on the bus: sensor topics in, attitude, position and status out."""
+
+import math
+from typing import Final, TypeVar
+
+from uav_firmware.bus import Topic
+from uav_firmware.lib.rotation import yaw_of
+from uav_firmware.modules.estimator.core import Core
+from uav_firmware.modules.estimator.health import Validity, status_flags
+from uav_firmware.modules.estimator.navigation import Navigation
+from uav_firmware.modules.estimator.params import EstimatorParams
+from uav_firmware.msg.estimate import (
+    EstimatorStatus,
+    VehicleAttitude,
+    VehicleGlobalPosition,
+    VehicleLocalPosition,
+)
+from uav_firmware.msg.sensors import SensorBaro, SensorGps, SensorImu, SensorMag
+from uav_firmware.msg.status import LandDetected
+from uav_firmware.parameters import Registry
+
+T = TypeVar("T")
+
+_GLOBAL_EVERY_US: Final = 20_000
+_STATUS_EVERY_US: Final = 200_000
+
+
+class EstimatorModule:
+    """Thin shell about `Navigation`: which topics are new, and when to publish what.
+
+    `update` is called once per control step, after the driver has published the sensors.
+    Attitude and local position follow each inertial sample, global position at 50 Hz, status
+    at 5 Hz. Attitude appears with the alignment, global position with the origin. The registry
+    must know `EstimatorParams`.
+    """
+
+    def __init__(
+        self,
+        *,
+        imu: Topic[SensorImu],
+        baro: Topic[SensorBaro],
+        mag: Topic[SensorMag],
+        gps: Topic[SensorGps],
+        attitude: Topic[VehicleAttitude],
+        local_position: Topic[VehicleLocalPosition],
+        global_position: Topic[VehicleGlobalPosition],
+        estimator_status: Topic[EstimatorStatus],
+        registry: Registry,
+        landed: Topic[LandDetected] | None = None,
+    ) -> None:
+        self._registry = registry
+        self._seen_version = registry.version
+        self.navigation = Navigation(registry.read(EstimatorParams))
+        self._imu, self._baro, self._mag, self._gps = imu, baro, mag, gps
+        self._landed: Topic[LandDetected] = Topic() if landed is None else landed
+        self._attitude = attitude
+        self._local_position = local_position
+        self._global_position = global_position
+        self._status = estimator_status
+        self._counts = [0, 0, 0, 0, 0]
+        self._global_due_us = 0
+        self._status_due_us = 0
+
+    def update(self) -> None:
+        """Take what is new on the topics and publish the estimate."""
+        if self._registry.version != self._seen_version:
+            self._seen_version = self._registry.version
+            self.navigation.configure(self._registry.read(EstimatorParams))
+        imu = self._new(0, self._imu)
+        if imu is None:
+            return
+        navigation = self.navigation
+        if not navigation.take_imu(imu):
+            self._publish_status(imu.time_us, Validity())
+            return
+        self._take_aids(navigation)
+        navigation.finish_step()
+        if navigation.core is not None:
+            self._publish(navigation.core)
+
+    def _new(self, index: int, topic: Topic[T]) -> T | None:
+        """The value of a topic if it has not been seen yet."""
+        if topic.count == self._counts[index]:
+            return None
+        self._counts[index] = topic.count
+        return topic.value
+
+    def _take_aids(self, navigation: Navigation) -> None:
+        landed = self._new(1, self._landed)
+        if landed is not None:
+            navigation.take_landed(landed=landed.landed)
+        mag = self._new(2, self._mag)
+        if mag is not None:
+            navigation.take_mag(mag)
+        baro = self._new(3, self._baro)
+        if baro is not None:
+            navigation.take_baro(baro)
+        gps = self._new(4, self._gps)
+        if gps is not None:
+            navigation.take_gps(gps)
+
+    def _publish(self, core: Core) -> None:
+        """Attitude and local position now, the others when they are due."""
+        state, time_us = core.state, core.time_us
+        self._attitude.publish(VehicleAttitude(time_us, state.q_ned_frd, self.navigation.rate_frd))
+        validity = self.navigation.validity()
+        self._publish_local(core, validity)
+        if time_us >= self._global_due_us:
+            self._global_due_us = time_us + _GLOBAL_EVERY_US
+            self._publish_global(core)
+        if time_us >= self._status_due_us:
+            self._publish_status(time_us, validity)
+
+    def _publish_local(self, core: Core, validity: Validity) -> None:
+        state, origin = core.state, core.origin
+        horizontal, vertical = self.navigation.accuracy_m()
+        latitude, longitude, altitude = (
+            (math.nan, math.nan, math.nan)
+            if origin is None
+            else (origin.latitude_deg, origin.longitude_deg, origin.altitude_amsl_m)
+        )
+        self._local_position.publish(
+            VehicleLocalPosition(
+                core.time_us,
+                state.position_ned,
+                state.velocity_ned,
+                core.ekf.acceleration_ned,
+                yaw_of(state.q_ned_frd),
+                latitude,
+                longitude,
+                altitude,
+                horizontal,
+                vertical,
+                validity.position,
+                validity.altitude,
+                validity.velocity,
+                validity.heading,
+            )
+        )
+
+    def _publish_global(self, core: Core) -> None:
+        if core.origin is None:
+            return
+        latitude, longitude, altitude = core.origin.to_geodetic(core.state.position_ned)
+        horizontal, vertical = self.navigation.accuracy_m()
+        self._global_position.publish(
+            VehicleGlobalPosition(core.time_us, latitude, longitude, altitude, horizontal, vertical)
+        )
+
+    def _publish_status(self, time_us: int, validity: Validity) -> None:
+        if time_us < self._status_due_us:
+            return
+        self._status_due_us = time_us + _STATUS_EVERY_US
+        navigation, core = self.navigation, self.navigation.core
+        horizontal, vertical = navigation.accuracy_m()
+        self._status.publish(
+            EstimatorStatus(
+                time_us,
+                status_flags(validity),
+                navigation.gps.velocity.ratio,
+                navigation.gps.horizontal.ratio,
+                max(navigation.gps.vertical.ratio, navigation.baro.height.ratio),
+                navigation.compass.heading.ratio,
+                horizontal,
+                vertical,
+                (0.0, 0.0, 0.0) if core is None else core.state.gyro_bias_frd,
+                aligned=core is not None and navigation.compass.aligned,
+            )
+        )

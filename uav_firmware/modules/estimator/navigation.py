@@ -1,0 +1,143 @@
+"""The estimator without a bus: sensor messages in, estimate and its validity out.
+
+Order within a step: the inertial sample first, then whatever else has arrived; each source is
+optional and may come, go and come back at any time.
+"""
+
+import math
+
+from uav_firmware.modules.estimator.alignment import RestAverage
+from uav_firmware.modules.estimator.baro_aiding import BaroAiding
+from uav_firmware.modules.estimator.compass_aiding import CompassAiding
+from uav_firmware.modules.estimator.core import Core
+from uav_firmware.modules.estimator.gps_aiding import GpsAiding
+from uav_firmware.modules.estimator.health import Validity
+from uav_firmware.modules.estimator.imu_guard import ImuGuard
+from uav_firmware.modules.estimator.params import EstimatorParams
+from uav_firmware.modules.estimator.rest_aiding import RestAiding
+from uav_firmware.modules.estimator.state import ATTITUDE, DOWN, HEADING
+from uav_firmware.msg.sensors import SensorBaro, SensorGps, SensorImu, SensorMag
+from uav_firmware.msg.vectors import Vector3
+
+_LARGEST_TILT_SIGMA_RAD = 0.1
+_LARGEST_HEADING_SIGMA_RAD = 0.35
+
+
+class Navigation:
+    """Alignment, then the filter with its four kinds of aid."""
+
+    def __init__(self, params: EstimatorParams) -> None:
+        self.core: Core | None = None  # None until aligned
+        self.guard = ImuGuard()
+        self.gps = GpsAiding(params)
+        self.baro = BaroAiding(params)
+        self.compass = CompassAiding(params)
+        self.rest = RestAiding()
+        self.rate_frd: Vector3 = (0.0, 0.0, 0.0)  # [rad/s] Of the last good sample, bias removed
+        self._params = params
+        self._average = RestAverage()
+        self._on_ground: bool | None = None
+
+    def configure(self, params: EstimatorParams) -> None:
+        """Work with changed parameters from now on."""
+        self._params = params
+        self.gps.configure(params)
+        self.baro.configure(params)
+        self.compass.configure(params)
+        if self.core is not None:
+            self.core.configure(params)
+
+    def take_imu(self, imu: SensorImu) -> bool:
+        """Advance to an inertial sample; false while there is no estimate to advance."""
+        admitted = self.guard.admit(imu)
+        if admitted is None:
+            return self.core is not None
+        rate, force, dt = admitted
+        core = self.core
+        if core is None:
+            self._align(SensorImu(imu.time_us, rate, force))
+            return self.core is not None
+        core.step(imu.time_us, rate, force, dt)
+        bias = core.state.gyro_bias_frd
+        self.rate_frd = (rate[0] - bias[0], rate[1] - bias[1], rate[2] - bias[2])
+        return True
+
+    def _align(self, imu: SensorImu) -> None:
+        alignment = self._average.add(imu)
+        if alignment is not None:
+            self.core = Core(alignment, imu.time_us, self._params)
+            self.core.on_ground = self._on_ground
+
+    def take_gps(self, gps: SensorGps) -> None:
+        """Use a fix."""
+        if self.core is not None:
+            self.gps.take(self.core, gps)
+
+    def take_baro(self, baro: SensorBaro) -> None:
+        """Use a pressure."""
+        if self.core is not None:
+            self.baro.take(self.core, baro)
+
+    def take_mag(self, mag: SensorMag) -> None:
+        """Use a magnetic field."""
+        if self.core is not None:
+            self.compass.take(self.core, mag)
+
+    def take_landed(self, *, landed: bool) -> None:
+        """Hear from the land detector."""
+        self._on_ground = landed
+        if self.core is not None:
+            self.core.on_ground = landed
+
+    def finish_step(self) -> None:
+        """After all sensors of a step: the aids without a sensor, and the limits."""
+        core, params = self.core, self._params
+        if core is None or not self.rest.is_due(core):
+            return
+        validity = self.validity()
+        self.rest.take(
+            core,
+            horizontal_lost=not validity.position,
+            height_lost=not validity.altitude,
+        )
+        core.state.limit_biases(params.accel_bias_limit, params.gyro_bias_limit)
+
+    def accuracy_m(self) -> tuple[float, float]:
+        """Horizontal and vertical accuracy [m], one sigma; NaN before the origin.
+
+        The covariance takes the errors of GPS for white and averages them out. They are not:
+        most of them wander over minutes, and no filter can tell. So the accuracy that the
+        receiver reports is added to what the covariance says.
+        """
+        core = self.core
+        if core is None:
+            return math.nan, math.nan
+        horizontal, vertical = self.gps.accuracy_m
+        return (
+            math.hypot(max(core.ekf.sigma(0), core.ekf.sigma(1)), horizontal),
+            math.hypot(core.ekf.sigma(DOWN), vertical),
+        )
+
+    def validity(self) -> Validity:
+        """What of the estimate may be used."""
+        core = self.core
+        if core is None:
+            return Validity()
+        now_us, limit_s = core.time_us, self._params.no_aid_timeout_us * 1e-6
+        healthy = self.guard.healthy and core.state.is_finite()
+        located = healthy and core.origin is not None
+        position = located and self.gps.horizontal.age_s(now_us) <= limit_s
+        moving = min(self.gps.velocity.age_s(now_us), self.rest.velocity.age_s(now_us))
+        height = min(self.gps.vertical.age_s(now_us), self.baro.height.age_s(now_us))
+        tilt = max(core.ekf.sigma(ATTITUDE.start), core.ekf.sigma(ATTITUDE.start + 1))
+        return Validity(
+            attitude=healthy and tilt < _LARGEST_TILT_SIGMA_RAD,
+            heading=healthy
+            and self.compass.aligned
+            and core.ekf.sigma(HEADING) < _LARGEST_HEADING_SIGMA_RAD,
+            velocity=located and moving <= limit_s,
+            position=position,
+            altitude=located and height <= limit_s,
+            gps_rejected=self.gps.horizontal.rejecting or self.gps.velocity.rejecting,
+            accelerometer_bad=not self.guard.healthy,
+        )

@@ -1,0 +1,124 @@
+"""Parameters of the estimator: PX4's EKF2_* names where the meaning is the same.
+
+Defaults are PX4's where the quantity is the same; the exceptions and their reasons are in the
+README. Names that PX4 does not have: EKF2_BARO_WALK, EKF2_HDG_B_INIT, EKF2_HDG_B_WALK.
+"""
+
+from dataclasses import dataclass
+
+from uav_firmware.parameters import param
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EstimatorParams:
+    """Noise, gates, requirements and times of the estimator."""
+
+    accel_noise: float = param(
+        "EKF2_ACC_NOISE", 0.35, unit="m/s^2", minimum=0.001, maximum=1.0,
+        short="White noise of one accelerometer sample, vibration included",
+    )  # fmt: skip
+    gyro_noise: float = param(
+        "EKF2_GYR_NOISE", 0.015, unit="rad/s", minimum=0.0001, maximum=0.1,
+        short="White noise of one gyroscope sample, vibration included",
+    )  # fmt: skip
+    accel_bias_walk: float = param(
+        "EKF2_ACC_B_NOISE", 0.002, unit="m/s^2/sqrt(s)", minimum=0.0, maximum=0.1,
+        short="Random walk of the accelerometer bias",
+    )  # fmt: skip
+    gyro_bias_walk: float = param(
+        "EKF2_GYR_B_NOISE", 0.0001, unit="rad/s/sqrt(s)", minimum=0.0, maximum=0.01,
+        short="Random walk of the gyroscope bias",
+    )  # fmt: skip
+    accel_bias_limit: float = param(
+        "EKF2_ABL_LIM", 0.4, unit="m/s^2", minimum=0.0, maximum=2.0,
+        short="Largest accelerometer bias estimated",
+    )  # fmt: skip
+    gyro_bias_limit: float = param(
+        "EKF2_GYR_B_LIM", 0.15, unit="rad/s", minimum=0.0, maximum=0.4,
+        short="Largest gyroscope bias estimated",
+    )  # fmt: skip
+    accel_bias_sigma: float = param(
+        "EKF2_ABIAS_INIT", 0.1, unit="m/s^2", minimum=0.0, maximum=0.5,
+        short="Accelerometer bias at switch-on, one sigma",
+    )  # fmt: skip
+    angle_sigma: float = param(
+        "EKF2_ANGERR_INIT", 0.02, unit="rad", minimum=0.001, maximum=0.5,
+        short="Tilt error after alignment, one sigma",
+    )  # fmt: skip
+    gps_position_noise: float = param(
+        "EKF2_GPS_P_NOISE", 0.05, unit="m", minimum=0.01, maximum=10.0,
+        short="Least noise of a GPS position; what the receiver reports counts if larger",
+    )  # fmt: skip
+    gps_velocity_noise: float = param(
+        "EKF2_GPS_V_NOISE", 0.02, unit="m/s", minimum=0.01, maximum=5.0,
+        short="Least noise of a GPS velocity; what the receiver reports counts if larger",
+    )  # fmt: skip
+    gps_position_gate: float = param(
+        "EKF2_GPS_P_GATE", 5.0, unit="SD", minimum=1.0, maximum=100.0,
+        short="Gate of GPS position",
+    )  # fmt: skip
+    gps_velocity_gate: float = param(
+        "EKF2_GPS_V_GATE", 5.0, unit="SD", minimum=1.0, maximum=100.0,
+        short="Gate of GPS velocity",
+    )  # fmt: skip
+    baro_noise: float = param(
+        "EKF2_BARO_NOISE", 0.2, unit="m", minimum=0.01, maximum=15.0,
+        short="Noise of the barometric height",
+    )  # fmt: skip
+    baro_walk: float = param(
+        "EKF2_BARO_WALK", 0.03, unit="m/sqrt(s)", minimum=0.0, maximum=1.0,
+        short="Random walk of the barometer bias",
+    )  # fmt: skip
+    baro_gate: float = param(
+        "EKF2_BARO_GATE", 5.0, unit="SD", minimum=1.0, maximum=100.0,
+        short="Gate of the barometric height",
+    )  # fmt: skip
+    heading_noise: float = param(
+        "EKF2_HEAD_NOISE", 0.05, unit="rad", minimum=0.01, maximum=1.0,
+        short="Noise of the compass heading",
+    )  # fmt: skip
+    heading_gate: float = param(
+        "EKF2_HDG_GATE", 4.0, unit="SD", minimum=1.0, maximum=100.0,
+        short="Gate of the compass heading",
+    )  # fmt: skip
+    heading_bias_sigma: float = param(
+        "EKF2_HDG_B_INIT", 0.035, unit="rad", minimum=0.0, maximum=0.5,
+        short="Standing compass error, declination included, one sigma",
+    )  # fmt: skip
+    heading_bias_walk: float = param(
+        "EKF2_HDG_B_WALK", 0.001, unit="rad/sqrt(s)", minimum=0.0, maximum=0.1,
+        short="Random walk of the compass error",
+    )  # fmt: skip
+    # World Magnetic Model 2025 at 40.4434 N, 3.7382 W, 650 m, mid 2026: 0.45 degrees east.
+    declination_deg: float = param(
+        "EKF2_MAG_DECL", 0.45, unit="deg", minimum=-180.0, maximum=180.0,
+        short="Magnetic declination, east positive",
+    )  # fmt: skip
+    required_horizontal_accuracy: float = param(
+        "EKF2_REQ_EPH", 3.0, unit="m", minimum=0.5, maximum=100.0,
+        short="Horizontal accuracy that a fix must have",
+    )  # fmt: skip
+    required_vertical_accuracy: float = param(
+        "EKF2_REQ_EPV", 5.0, unit="m", minimum=0.5, maximum=100.0,
+        short="Vertical accuracy that a fix must have",
+    )  # fmt: skip
+    required_speed_accuracy: float = param(
+        "EKF2_REQ_SACC", 0.5, unit="m/s", minimum=0.05, maximum=5.0,
+        short="Speed accuracy that a fix must have",
+    )  # fmt: skip
+    required_satellites: int = param(
+        "EKF2_REQ_NSATS", 6, unit="-", minimum=4, maximum=12,
+        short="Satellites that a fix must use",
+    )  # fmt: skip
+    origin_time: float = param(
+        "EKF2_REQ_GPS_H", 3.0, unit="s", minimum=0.1, maximum=60.0,
+        short="Time at rest over which good fixes are averaged into the origin",
+    )  # fmt: skip
+    no_aid_noise: float = param(
+        "EKF2_NOAID_NOISE", 10.0, unit="m", minimum=0.5, maximum=50.0,
+        short="Noise of the position held while nothing aids the horizontal estimate",
+    )  # fmt: skip
+    no_aid_timeout_us: int = param(
+        "EKF2_NOAID_TOUT", 12_000_000, unit="us", minimum=500_000, maximum=30_000_000,
+        short="Time without aiding after which an estimate counts as invalid",
+    )  # fmt: skip
