@@ -51,7 +51,7 @@ class Simulation:
 
     @property
     def wrecked(self) -> bool:
-        """Whether the vehicle has hit the ground with anything but its feet."""
+        """Whether the vehicle has hit the ground too hard or not with its feet."""
         return self._quadrotor.wrecked
 
     def step(self, motors: Motors) -> Readings:
