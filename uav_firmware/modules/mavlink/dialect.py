@@ -18,6 +18,8 @@ from typing import Any, Final, NamedTuple, TypeAlias
 
 from pymavlink.dialects.v20 import development as mavlink
 
+__all__ = ["Message", "Parsed", "Payload", "frame", "mavlink", "pack", "parse", "register"]
+
 Message: TypeAlias = Any
 """An instance of one of pymavlink's generated message classes."""
 

@@ -77,6 +77,31 @@ MissionCurrent: Final = _extend(
 )
 
 
+class ParamValue(_Extended):
+    """PARAM_VALUE(22) whose value is given as its four raw bytes.
+
+    An integer parameter travels as its bits inside the float field. Taken through a Python
+    float, bits that look like a signalling NaN (-5,000,000 does) come out changed.
+    """
+
+    id = 22
+    msgname = "PARAM_VALUE"
+    fieldnames: list[str] = mavlink.MAVLink_param_value_message.fieldnames
+    ordered_fieldnames: list[str] = mavlink.MAVLink_param_value_message.ordered_fieldnames
+    crc_extra: int = mavlink.MAVLink_param_value_message.crc_extra
+    unpacker = struct.Struct("<4sHH16sB")
+
+
+def raw_param_value(message: Any) -> bytes:
+    """The four bytes of a received PARAM_SET's value, which open its payload."""
+    frame = message.get_msgbuf()
+    start = (
+        mavlink.HEADER_LEN_V2 if frame[0] == mavlink.PROTOCOL_MARKER_V2 else mavlink.HEADER_LEN_V1
+    )
+    length = frame[1]
+    return bytes(frame[start : start + min(length, 4)]).ljust(4, b"\x00")
+
+
 @register
 class CommandCancel(_Extended):
     """COMMAND_CANCEL(80): ends a long-running command."""

@@ -56,9 +56,7 @@ MODES: Final[Mapping[NavigationState, Mode]] = {
     _STATE.AUTO_RTL: Mode(
         _AUTO, 5, _AUTONOMOUS, mavlink.MAV_STANDARD_MODE_SAFE_RECOVERY, "Return", offered=True
     ),
-    _STATE.ACRO: Mode(
-        5, 0, mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED, _NON_STANDARD, "Acro"
-    ),
+    _STATE.ACRO: Mode(5, 0, mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED, _NON_STANDARD, "Acro"),
     _STATE.TERMINATION: Mode(10, 0, 0, _NON_STANDARD, "Termination"),
     _STATE.OFFBOARD: Mode(6, 0, _GUIDED, _NON_STANDARD, "Offboard"),
     _STATE.STAB: Mode(7, 0, _PILOTED, _NON_STANDARD, "Stabilized"),
@@ -70,9 +68,7 @@ MODES: Final[Mapping[NavigationState, Mode]] = {
     ),
     _STATE.AUTO_FOLLOW_TARGET: Mode(_AUTO, 8, _AUTONOMOUS, _NON_STANDARD, "Follow me"),
     _STATE.AUTO_PRECLAND: Mode(_AUTO, 9, _AUTONOMOUS, _NON_STANDARD, "Precision land"),
-    _STATE.ORBIT: Mode(
-        _POSCTL, 1, _AUTONOMOUS, mavlink.MAV_STANDARD_MODE_ORBIT, "Orbit"
-    ),
+    _STATE.ORBIT: Mode(_POSCTL, 1, _AUTONOMOUS, mavlink.MAV_STANDARD_MODE_ORBIT, "Orbit"),
 }
 
 OFFERED: Final[tuple[NavigationState, ...]] = tuple(

@@ -1,21 +1,28 @@
 """The MAVLink module: datagrams in, topics out; topics in, datagrams out."""
 
 from collections.abc import Callable, Sequence
-from typing import Final
+from typing import Final, TypeAlias
 
-from uav_firmware.cal.link import Link
+from uav_firmware.cal.link import Address, Link
+from uav_firmware.modules.mavlink.addressing import AUTOPILOT_COMPONENT, Outgoing, Sender
 from uav_firmware.modules.mavlink.builders.context import BatteryThresholds, Context
 from uav_firmware.modules.mavlink.changes import ChangeDetector
-from uav_firmware.modules.mavlink.dialect import mavlink, parse
+from uav_firmware.modules.mavlink.dialect import Message, parse
+from uav_firmware.modules.mavlink.dispatcher import Dispatcher
+from uav_firmware.modules.mavlink.mission_progress import ReachedAnnouncer
 from uav_firmware.modules.mavlink.peers import Peer, PeerTable
+from uav_firmware.modules.mavlink.status_text import StatusTexts
 from uav_firmware.modules.mavlink.streams import DEFAULT_INTERVALS_US
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
 from uav_firmware.modules.mavlink.transmitter import Transmitter
+from uav_firmware.modules.mavlink.vibration import VibrationMeter
 from uav_firmware.msg.mission import MissionItem, MissionRejection
-from uav_firmware.parameters import Registry
+from uav_firmware.parameters import Registry, UnknownParameterError
 
-MissionCheck = Callable[[Sequence[MissionItem]], MissionRejection | None]
+MissionCheck: TypeAlias = Callable[[Sequence[MissionItem]], MissionRejection | None]
 """Judges whether a whole mission can be flown."""
+
+_HOUSEKEEPING_US: Final = 1_000_000
 
 
 class MavlinkModule:
@@ -47,40 +54,100 @@ class MavlinkModule:
             check_mission: Judges an uploaded mission before it is accepted.
             peers: Who is sent telemetry from the start.
             boot_time_utc_us: World time at vehicle time zero [us since 1970]; 0 unknown.
-            save_parameters: Called after a parameter was changed by a peer; may raise OSError.
+            save_parameters: Called after a peer changed a parameter; may raise OSError.
+
+        Raises:
+            ValueError: if the system id is outside 1..250.
         """
+        if not 1 <= system_id <= 250:
+            raise ValueError(f"system_id: {system_id} is outside 1..250")
         self._link = link
         self._system_id = system_id
+        self._identity = (system_id, AUTOPILOT_COMPONENT)
         self._registry = registry
         self._topics = topics
         self._boot_time_utc_us = boot_time_utc_us
         self._peers = PeerTable(peers, DEFAULT_INTERVALS_US)
         self._transmitter = Transmitter(link, system_id, self._peers)
         self._changes = ChangeDetector(topics)
-        self._check_mission = check_mission
-        self._save_parameters = save_parameters
+        self._texts = StatusTexts()
+        self._reached = ReachedAnnouncer()
+        self._vibration = VibrationMeter()
+        self._dispatcher = Dispatcher(
+            system_id=system_id,
+            registry=registry,
+            topics=topics,
+            peers=self._peers,
+            check_mission=check_mission,
+            context=self._context,
+            save_parameters=save_parameters,
+            texts=self._texts,
+        )
+        self._battery_thresholds = BatteryThresholds(0.0, 0.0, 0.0)
+        self._parameter_version = -1
+        self._housekeeping_us = 0
+        self.faulty_frames: int = 0
 
     def update(self, now_us: int) -> None:
         """Do everything that is due at `now_us` [us since boot]."""
         self.serve(now_us)
-        context = self._context(now_us)
-        self._transmitter.broadcast(self._changes.take(), context)
-        self._transmitter.stream(context)
+        self._vibration.update(self._topics.imu.value, now_us)
+        self._transmitter.send(self._due(now_us))
+        changed = self._changes.take()
+        if changed:
+            self._transmitter.broadcast(changed, self._context(now_us))
+        if self._peers.is_any_due(now_us):
+            self._transmitter.stream(self._context(now_us))
+        if now_us >= self._housekeeping_us:
+            self._housekeeping_us = now_us + _HOUSEKEEPING_US
+            self._dispatcher.forget(self._peers.forget_silent(now_us))
 
     def serve(self, now_us: int) -> None:
         """Answer the datagrams that have arrived."""
         for datagram, address in self._link.receive():
             parsed = parse(datagram)
+            self.faulty_frames += parsed.faults
             for message in parsed.messages:
-                if message.get_type() == "HEARTBEAT":
-                    self._peers.learn(address, now_us)
+                self._take(message, address, now_us)
+
+    def _take(self, message: Message, address: Address, now_us: int) -> None:
+        """Serve one message of a known peer; a HEARTBEAT makes a peer known."""
+        known = self._peers.heard(address, now_us)
+        if not known and message.get_type() == "HEARTBEAT":
+            known = self._peers.learn(address, now_us) is not None
+        sender = Sender(message.get_srcSystem(), message.get_srcComponent(), address)
+        if not known or sender.identity == self._identity:
+            return  # A stranger, or an own frame that a router sent back
+        self._transmitter.send(self._dispatcher.handle(message, sender, now_us))
+
+    def _due(self, now_us: int) -> list[Outgoing]:
+        """Protocol messages due now: answers, repetitions, texts."""
+        outgoing = self._dispatcher.tick(now_us)
+        outgoing += self._reached.tick(self._topics.mission_progress.value, now_us)
+        for text in self._topics.status_text.drain():
+            outgoing += self._texts.say(text.severity, text.text)
+        return outgoing
 
     def _context(self, now_us: int) -> Context:
+        if self._registry.version != self._parameter_version:
+            self._parameter_version = self._registry.version
+            self._battery_thresholds = BatteryThresholds(
+                low=self._threshold("BAT_LOW_THR", 0.15),
+                critical=self._threshold("BAT_CRIT_THR", 0.07),
+                emergency=self._threshold("BAT_EMERGEN_THR", 0.05),
+            )
         return Context(
             topics=self._topics,
             now_us=now_us,
             boot_time_utc_us=self._boot_time_utc_us,
             system_id=self._system_id,
-            battery_thresholds=BatteryThresholds(low=0.15, critical=0.07, emergency=0.05),
-            vibration_frd=(0.0, 0.0, 0.0),
+            battery_thresholds=self._battery_thresholds,
+            vibration_frd=self._vibration.level_frd,
         )
+
+    def _threshold(self, name: str, default: float) -> float:
+        """A battery threshold of the commander's, or PX4's default where there is none."""
+        try:
+            return self._registry.get(name)
+        except UnknownParameterError:
+            return default

@@ -74,11 +74,18 @@ class PeerTable:
         """Channel to an address; None when the peer is not known."""
         return self._channels.get(address)
 
-    def heard(self, address: Address, now_us: int) -> None:
-        """Note that a known peer has sent a valid message."""
+    def only(self, address: Address) -> tuple[Channel, ...]:
+        """The channel to one address, or none."""
         channel = self._channels.get(address)
-        if channel is not None:
-            channel.heard_us = now_us
+        return () if channel is None else (channel,)
+
+    def heard(self, address: Address, now_us: int) -> bool:
+        """Note that a peer has sent a valid message; False when the peer is not known."""
+        channel = self._channels.get(address)
+        if channel is None:
+            return False
+        channel.heard_us = now_us
+        return True
 
     def learn(self, address: Address, now_us: int) -> Channel | None:
         """Open a channel to a new peer; None when as many are known as may be learnt."""
@@ -89,13 +96,23 @@ class PeerTable:
         self._channels[address] = channel
         return channel
 
-    def forget_silent(self, now_us: int) -> None:
+    def is_any_due(self, now_us: int) -> bool:
+        """Whether any peer's schedule has something due; asked in every control step."""
+        for channel in self._channels.values():  # noqa: SIM110 - a generator costs twice as much
+            if channel.schedule.next_due_us <= now_us:
+                return True
+        return False
+
+    def forget_silent(self, now_us: int) -> list[Address]:
         """Close the channels to learnt peers that have been silent for too long."""
-        self._channels = {
-            address: channel
+        silent = [
+            address
             for address, channel in self._channels.items()
-            if not channel.learnt or now_us - channel.heard_us <= SILENCE_LIMIT_US
-        }
+            if channel.learnt and now_us - channel.heard_us > SILENCE_LIMIT_US
+        ]
+        for address in silent:
+            del self._channels[address]
+        return silent
 
     def _channel(self, peer: Peer, *, learnt: bool, now_us: int) -> Channel:
         schedule = Schedule(self._intervals_us[peer.profile])

@@ -63,9 +63,7 @@ STREAMS: Final[tuple[Stream, ...]] = (
     Stream(mavlink.MAVLINK_MSG_ID_HOME_POSITION, 0.5, 1, pose.home_position),
     Stream(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 1, 2, status.extended_sys_state),
     Stream(mavlink.MAVLINK_MSG_ID_CURRENT_MODE, 0.5, 0.5, status.current_mode),
-    Stream(
-        mavlink.MAVLINK_MSG_ID_AVAILABLE_MODES_MONITOR, 0.3, 0, status.available_modes_monitor
-    ),
+    Stream(mavlink.MAVLINK_MSG_ID_AVAILABLE_MODES_MONITOR, 0.3, 0, status.available_modes_monitor),
 )
 
 BUILDERS: Final[Mapping[int, Builder]] = {s.message_id: s.builder for s in STREAMS}

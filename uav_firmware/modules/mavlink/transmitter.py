@@ -27,13 +27,8 @@ class Transmitter:
         """Send each message to its address, or to every peer."""
         for message, address in messages:
             payload = pack(message)
-            if address is None:
-                for channel in self._peers:
-                    self._frame(payload, channel)
-            else:
-                channel = self._peers.get(address)
-                if channel is not None:
-                    self._frame(payload, channel)
+            for channel in self._peers if address is None else self._peers.only(address):
+                self._frame(payload, channel)
 
     def stream(self, context: Context) -> None:
         """Send every peer the telemetry that is due."""

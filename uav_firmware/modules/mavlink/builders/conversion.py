@@ -1,9 +1,7 @@
 """From SI floats to the integers of the wire, without a value that could break the packing."""
 
 import math
-from typing import Final, NamedTuple
-
-from uav_firmware.msg.vectors import Quaternion
+from typing import Final
 
 INT16_MAX: Final = 0x7FFF
 INT32_MAX: Final = 0x7FFFFFFF
@@ -11,14 +9,6 @@ UINT8_MAX: Final = 0xFF
 UINT16_MAX: Final = 0xFFFF
 UINT32_MAX: Final = 0xFFFFFFFF
 NAN: Final = math.nan
-
-
-class Euler(NamedTuple):
-    """Tait-Bryan angles of the order yaw, pitch, roll."""
-
-    roll: float  # [rad]
-    pitch: float  # [rad]
-    yaw: float  # [rad] (-pi, pi]
 
 
 def saturated(value: float, low: int, high: int, unknown: int = 0) -> int:
@@ -73,14 +63,3 @@ def compass_centidegrees(angle: float) -> int:
     if not math.isfinite(angle):
         return UINT16_MAX
     return round(math.degrees(angle) * 100) % 36000
-
-
-def euler(q: Quaternion) -> Euler:
-    """Roll, pitch and yaw of a rotation from body to world (Diebel 2006, eq. 290)."""
-    w, x, y, z = q
-    sine_of_pitch = min(max(2.0 * (w * y - z * x), -1.0), 1.0)
-    return Euler(
-        roll=math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
-        pitch=math.asin(sine_of_pitch),
-        yaw=math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)),
-    )

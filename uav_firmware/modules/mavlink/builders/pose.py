@@ -2,6 +2,7 @@
 
 import math
 
+from uav_firmware.lib.rotation import to_euler
 from uav_firmware.modules.mavlink.builders.context import Context
 from uav_firmware.modules.mavlink.builders.conversion import (
     NAN,
@@ -9,7 +10,6 @@ from uav_firmware.modules.mavlink.builders.conversion import (
     boot_ms,
     compass_centidegrees,
     degrees_e7,
-    euler,
     int16,
     millimetres,
     saturated,
@@ -22,13 +22,13 @@ def attitude(context: Context) -> Message | None:
     value = context.topics.attitude.value
     if value is None:
         return None
-    angles = euler(value.q_ned_frd)
+    roll, pitch, yaw = to_euler(value.q_ned_frd)
     rate = value.rate_frd
     return mavlink.MAVLink_attitude_message(
         time_boot_ms=boot_ms(value.time_us),
-        roll=angles.roll,
-        pitch=angles.pitch,
-        yaw=angles.yaw,
+        roll=roll,
+        pitch=pitch,
+        yaw=yaw,
         rollspeed=rate[0],
         pitchspeed=rate[1],
         yawspeed=rate[2],

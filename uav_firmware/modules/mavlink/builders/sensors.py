@@ -3,6 +3,7 @@
 import math
 from typing import Final
 
+from uav_firmware.lib.atmosphere import altitude_from_pressure
 from uav_firmware.modules.mavlink.builders.context import Context
 from uav_firmware.modules.mavlink.builders.conversion import (
     NAN,
@@ -21,16 +22,13 @@ from uav_firmware.msg.sensors import SensorBaro
 
 STANDARD_GRAVITY: Final = 9.80665
 """[m/s^2] CGPM 1901."""
-_SEA_LEVEL_PRESSURE_PA: Final = 101_325.0
 _ACCEL_AND_GYRO: Final = 0b111_111
 _PRESSURE_HEIGHT_TEMPERATURE: Final = 1 << 9 | 1 << 11 | 1 << 12
 
 
-def pressure_altitude_m(pressure_pa: float) -> float:
-    """Height in the standard atmosphere (ICAO Doc 7488, troposphere); NaN without pressure."""
-    if not pressure_pa > 0.0:
-        return NAN
-    return 44_330.8 * (1.0 - math.pow(pressure_pa / _SEA_LEVEL_PRESSURE_PA, 0.190263))
+def _pressure_altitude_m(pressure_pa: float) -> float:
+    """Height in the standard atmosphere [m]; NaN without a pressure."""
+    return altitude_from_pressure(pressure_pa) if pressure_pa > 0.0 else NAN
 
 
 def gps_raw_int(context: Context) -> Message | None:
@@ -91,7 +89,7 @@ def highres_imu(context: Context) -> Message | None:
         zmag=NAN,
         abs_pressure=pressure.pressure_pa / 1e2,
         diff_pressure=NAN,
-        pressure_alt=pressure_altitude_m(pressure.pressure_pa),
+        pressure_alt=_pressure_altitude_m(pressure.pressure_pa),
         temperature=pressure.temperature_c,
         fields_updated=_ACCEL_AND_GYRO | (_PRESSURE_HEIGHT_TEMPERATURE if baro else 0),
     )

@@ -1,0 +1,104 @@
+"""Which server takes which message: one table."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TypeAlias
+
+from uav_firmware.cal.link import Address
+from uav_firmware.modules.mavlink.addressing import Outgoing, Sender, is_for_us
+from uav_firmware.modules.mavlink.builders.context import Context
+from uav_firmware.modules.mavlink.command_server import CommandServer
+from uav_firmware.modules.mavlink.dialect import Message, mavlink
+from uav_firmware.modules.mavlink.mission_server import MissionServer
+from uav_firmware.modules.mavlink.parameter_server import ParameterServer
+from uav_firmware.modules.mavlink.peers import PeerTable
+from uav_firmware.modules.mavlink.requests import RequestServer
+from uav_firmware.modules.mavlink.status_text import StatusTexts
+from uav_firmware.modules.mavlink.timesync import answer_ping, answer_timesync
+from uav_firmware.modules.mavlink.topics import MavlinkTopics
+from uav_firmware.msg.mission import MissionItem, MissionRejection
+from uav_firmware.parameters import Registry
+
+Handler: TypeAlias = Callable[[Message, Sender, int], list[Outgoing]]
+"""Takes a message, its sender and the time [us]; gives what is to be sent."""
+
+
+class Dispatcher:
+    """Owns the servers; hands each message to the one that takes it."""
+
+    def __init__(
+        self,
+        *,
+        system_id: int,
+        registry: Registry,
+        topics: MavlinkTopics,
+        peers: PeerTable,
+        check_mission: Callable[[Sequence[MissionItem]], MissionRejection | None],
+        context: Callable[[int], Context],
+        save_parameters: Callable[[], None],
+        texts: StatusTexts,
+    ) -> None:
+        self._system_id = system_id
+        self._topics = topics
+        self._texts = texts
+        self._missions = MissionServer(
+            system_id=system_id,
+            topic=topics.mission,
+            check=check_mission,
+            current_seq=self._current_seq,
+            texts=texts,
+        )
+        self._commands = CommandServer(
+            system_id=system_id,
+            requests=RequestServer(peers, context),
+            commander=topics.vehicle_command,
+            mission_length=lambda: self._missions.mission_length,
+        )
+        self._parameters = ParameterServer(
+            system_id=system_id, registry=registry, save=save_parameters, texts=texts
+        )
+        self._handlers: Mapping[str, Handler] = {
+            **dict.fromkeys(self._missions.message_types, self._missions.handle),
+            "COMMAND_LONG": self._commands.handle,
+            "COMMAND_INT": self._commands.handle,
+            "SET_MODE": self._commands.set_mode,
+            "MISSION_SET_CURRENT": self._set_current,
+            "PARAM_REQUEST_LIST": self._parameters.handle,
+            "PARAM_REQUEST_READ": self._parameters.handle,
+            "PARAM_SET": self._parameters.handle,
+            "TIMESYNC": answer_timesync,
+            "PING": answer_ping,
+        }
+
+    def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
+        """Serve a message; one that nobody takes is ignored."""
+        handler = self._handlers.get(message.get_type())
+        return [] if handler is None else handler(message, sender, now_us)
+
+    def tick(self, now_us: int) -> list[Outgoing]:
+        """Everything that is due without having been asked for just now."""
+        outgoing = self._commands.answers(self._topics.command_ack.drain(), now_us)
+        outgoing += self._commands.tick(now_us)
+        outgoing += self._missions.tick(now_us)
+        outgoing += self._parameters.tick(now_us)
+        return outgoing
+
+    def forget(self, addresses: Iterable[Address]) -> None:
+        """Drop what is kept for peers that are gone."""
+        for address in addresses:
+            self._parameters.forget(address)
+
+    def _current_seq(self) -> int:
+        """Item that the navigator flies; 0 until it has taken the mission over."""
+        progress, mission = self._topics.mission_progress.value, self._topics.mission.value
+        if progress is None or mission is None or progress.mission_id != mission.mission_id:
+            return 0
+        return progress.seq_current
+
+    def _set_current(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
+        """MISSION_SET_CURRENT has no acknowledgement: a failure is told in words."""
+        if not is_for_us(message, self._system_id):
+            return []
+        if self._commands.set_current_item(message.seq, sender, now_us):
+            return []
+        text = f"Mission has no item {message.seq}"
+        return self._texts.say(mavlink.MAV_SEVERITY_WARNING, text)

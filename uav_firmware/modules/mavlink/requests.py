@@ -1,0 +1,141 @@
+"""Requests about the link: one message now, a message every so often, how often it comes."""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Final, NamedTuple
+
+from uav_firmware.modules.mavlink.addressing import Sender
+from uav_firmware.modules.mavlink.builders.context import Context
+from uav_firmware.modules.mavlink.builders.identity import autopilot_version, available_modes
+from uav_firmware.modules.mavlink.commands import Command
+from uav_firmware.modules.mavlink.dialect import Message, mavlink
+from uav_firmware.modules.mavlink.peers import Channel, PeerTable
+from uav_firmware.modules.mavlink.streams import BUILDERS, MIN_INTERVAL_US
+
+_ACCEPTED: Final[int] = mavlink.MAV_RESULT_ACCEPTED
+_DENIED: Final[int] = mavlink.MAV_RESULT_DENIED
+_UNSUPPORTED: Final[int] = mavlink.MAV_RESULT_UNSUPPORTED
+_NOT_YET: Final[int] = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+
+_TO_ALL: Final = 2.0
+_TARGETS: Final = frozenset({0.0, 1.0, _TO_ALL})
+_INTERVAL_OFF: Final = -1
+
+
+class Answer(NamedTuple):
+    """The result of a request, and the messages that were asked for."""
+
+    result: int  # MAV_RESULT
+    messages: tuple[Message, ...] = ()
+    to_all: bool = False
+
+
+class RequestServer:
+    """Answers the commands of the message-request and message-interval protocols."""
+
+    def __init__(self, peers: PeerTable, context: Callable[[int], Context]) -> None:
+        """Take the peers whose rates may be set, and a maker of contexts from the time [us]."""
+        self._peers = peers
+        self._context = context
+        self._answers: Mapping[int, Callable[[Command, Sender, int], Answer]] = {
+            mavlink.MAV_CMD_REQUEST_MESSAGE: self._request_message,
+            mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
+            mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: self._get_interval,
+            mavlink.MAV_CMD_GET_HOME_POSITION: self._home,
+            mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: self._version,
+            mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION: self._protocol_version,
+        }
+
+    def answer(self, command: Command, sender: Sender, now_us: int) -> Answer | None:
+        """Answer a request; None when the command is none of these."""
+        handler = self._answers.get(command.number)
+        return None if handler is None else handler(command, sender, now_us)
+
+    def _request_message(self, command: Command, _sender: Sender, now_us: int) -> Answer:
+        message_id, target = _whole(command.parameter(1)), _target(command)
+        if message_id is None or target is None:
+            return Answer(_DENIED)
+        to_all = target == _TO_ALL
+        if message_id == mavlink.MAVLINK_MSG_ID_AVAILABLE_MODES:
+            index = _whole(command.parameter(2))
+            modes = tuple(available_modes(index)) if index is not None else ()
+            return Answer(_ACCEPTED, modes, to_all) if modes else Answer(_DENIED)
+        if message_id == mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
+            return self._version(command, _sender, now_us)._replace(to_all=to_all)
+        builder = BUILDERS.get(message_id)
+        if builder is None:
+            return Answer(_UNSUPPORTED)
+        message = builder(self._context(now_us))
+        return Answer(_NOT_YET) if message is None else Answer(_ACCEPTED, (message,), to_all)
+
+    def _version(self, _command: Command, _sender: Sender, now_us: int) -> Answer:
+        return Answer(_ACCEPTED, (autopilot_version(self._context(now_us).system_id),))
+
+    def _protocol_version(self, _command: Command, _sender: Sender, _now_us: int) -> Answer:
+        """PROTOCOL_VERSION is not spoken; a refusal lets an old ground station go on at once."""
+        return Answer(_UNSUPPORTED)
+
+    def _home(self, command: Command, sender: Sender, now_us: int) -> Answer:
+        asked = (float(mavlink.MAVLINK_MSG_ID_HOME_POSITION), *command.parameters[1:])
+        return self._request_message(command._replace(parameters=asked), sender, now_us)
+
+    def _set_interval(self, command: Command, sender: Sender, now_us: int) -> Answer:
+        message_id, target = _whole(command.parameter(1)), _target(command)
+        interval = command.parameter(2)
+        if message_id is None or target is None or not _is_interval(interval):
+            return Answer(_DENIED)
+        if message_id not in BUILDERS:
+            return Answer(_UNSUPPORTED)
+        if message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT and interval == _INTERVAL_OFF:
+            return Answer(_DENIED)
+        for channel in self._channels(sender, to_all=target == _TO_ALL):
+            _apply_interval(channel, message_id, round(interval), now_us)
+        return Answer(_ACCEPTED)
+
+    def _get_interval(self, command: Command, sender: Sender, _now_us: int) -> Answer:
+        """Answer with MESSAGE_INTERVAL: -1 for a message that is off, 0 for one unknown."""
+        message_id, target = _whole(command.parameter(1)), _target(command)
+        if message_id is None or target is None or message_id > 0xFFFF:
+            return Answer(_DENIED)
+        channel = self._peers.get(sender.address)
+        interval = channel.schedule.interval_us(message_id) if channel is not None else 0
+        if interval == 0 and message_id in BUILDERS:
+            interval = _INTERVAL_OFF
+        message = mavlink.MAVLink_message_interval_message(
+            message_id=message_id, interval_us=interval
+        )
+        return Answer(_ACCEPTED, (message,), to_all=target == _TO_ALL)
+
+    def _channels(self, sender: Sender, *, to_all: bool) -> list[Channel]:
+        if to_all:
+            return list(self._peers)
+        channel = self._peers.get(sender.address)
+        return [] if channel is None else [channel]
+
+
+def _apply_interval(channel: Channel, message_id: int, interval_us: int, now_us: int) -> None:
+    """Set an interval as SET_MESSAGE_INTERVAL writes it: 0 default, -1 off, else [us]."""
+    if interval_us == 0:
+        interval_us = channel.schedule.default_interval_us(message_id)
+    elif interval_us == _INTERVAL_OFF:
+        interval_us = 0
+    else:
+        interval_us = max(interval_us, MIN_INTERVAL_US)
+    channel.schedule.set_interval(message_id, interval_us, now_us)
+
+
+def _whole(value: float) -> int | None:
+    """A message id or an index; None when the number is not a whole one from 0."""
+    if not math.isfinite(value) or value != int(value) or not 0.0 <= value <= 0xFFFFFF:
+        return None
+    return int(value)
+
+
+def _target(command: Command) -> float | None:
+    """Response target: 0 or 1 the requester, 2 everybody; None for anything else."""
+    target = 0.0 if math.isnan(command.parameter(7)) else command.parameter(7)
+    return target if target in _TARGETS else None
+
+
+def _is_interval(interval: float) -> bool:
+    return math.isfinite(interval) and (interval >= 0.0 or interval == _INTERVAL_OFF)
