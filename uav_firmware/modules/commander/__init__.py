@@ -1,0 +1,1 @@
+"""Commander: arming, modes, commands and failsafes."""

@@ -1,0 +1,47 @@
+"""Armed or not: the whole table. A pair that is not in it changes nothing and raises.
+
+DISARMED --ARM_ACCEPTED--> ARMED
+ARMED --DISARM_ACCEPTED | LANDED_TIMEOUT | PREFLIGHT_TIMEOUT | TERMINATED--> DISARMED
+"""
+
+from collections.abc import Mapping
+from enum import Enum, auto
+from typing import Final
+
+
+class Arming(Enum):
+    """Whether the motors may turn."""
+
+    DISARMED = auto()
+    ARMED = auto()
+
+
+class ArmingEvent(Enum):
+    """What changes it."""
+
+    ARM_ACCEPTED = auto()  # a command, after the checks or by force
+    DISARM_ACCEPTED = auto()  # a command, on the ground or by force
+    LANDED_TIMEOUT = auto()  # COM_DISARM_LAND after landing
+    PREFLIGHT_TIMEOUT = auto()  # COM_DISARM_PRFLT without take-off
+    TERMINATED = auto()  # flight termination
+
+
+class IllegalArmingError(Exception):
+    """The event means nothing in the present state."""
+
+
+TRANSITIONS: Final[Mapping[tuple[Arming, ArmingEvent], Arming]] = {
+    (Arming.DISARMED, ArmingEvent.ARM_ACCEPTED): Arming.ARMED,
+    (Arming.ARMED, ArmingEvent.DISARM_ACCEPTED): Arming.DISARMED,
+    (Arming.ARMED, ArmingEvent.LANDED_TIMEOUT): Arming.DISARMED,
+    (Arming.ARMED, ArmingEvent.PREFLIGHT_TIMEOUT): Arming.DISARMED,
+    (Arming.ARMED, ArmingEvent.TERMINATED): Arming.DISARMED,
+}
+
+
+def after(state: Arming, event: ArmingEvent) -> Arming:
+    """State after an event; raises IllegalArmingError for a pair not in the table."""
+    try:
+        return TRANSITIONS[state, event]
+    except KeyError:
+        raise IllegalArmingError(f"{event.name} while {state.name}") from None

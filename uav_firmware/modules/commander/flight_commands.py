@@ -1,0 +1,162 @@
+"""Decisions on the commands that move the vehicle."""
+
+import math
+from typing import Final, NamedTuple
+
+from uav_firmware.modules.commander import mode_requirements
+from uav_firmware.modules.commander.command_parameters import (
+    NAN,
+    BadParameterError,
+    Place,
+    choice,
+    place,
+    refuse_below_home,
+    refuse_set,
+    unset,
+)
+from uav_firmware.modules.commander.decision import (
+    Decision,
+    SetMode,
+    Tell,
+    accepted,
+    denied,
+    not_now,
+)
+from uav_firmware.modules.commander.params import CommanderParams
+from uav_firmware.modules.commander.vehicle_view import VehicleView
+from uav_firmware.msg.mission import (
+    MissionCurrentRequest,
+    MissionState,
+    NavigatorTarget,
+    SpeedRequest,
+)
+from uav_firmware.msg.status import NavigationState, VehicleCommand
+
+LOWEST_TAKEOFF_M: Final = 1.0  # [m] above home; lower becomes MIS_TAKEOFF_ALT
+_AIRBORNE_ONLY: Final = frozenset({NavigationState.AUTO_RTL, NavigationState.AUTO_LAND})
+
+
+class Situation(NamedTuple):
+    """What a decision depends on."""
+
+    view: VehicleView
+    armed: bool
+    mode: NavigationState
+    params: CommanderParams
+
+
+def change_mode(state: NavigationState, situation: Situation) -> Decision:
+    """Enter a mode if what it needs is there; a complete mission begins again."""
+    view = situation.view
+    reason = mode_requirements.missing(state, view)
+    if reason is not None:
+        return not_now(reason)
+    if state in _AIRBORNE_ONLY and (view.landed or not situation.armed):
+        return not_now("the vehicle is on the ground")
+    complete = view.progress is not None and view.progress.state == MissionState.COMPLETE
+    if state is NavigationState.AUTO_MISSION and complete:
+        again = MissionCurrentRequest(view.now_us, 0, reset=True)
+        return accepted(Tell(again), SetMode(state))
+    return accepted(SetMode(state))
+
+
+def _change_mode_to(
+    state: NavigationState,
+    situation: Situation,
+    spot: Place,
+    *,
+    yaw: float,
+    speed: float = NAN,
+    note: str = "",
+) -> Decision:
+    decision = change_mode(state, situation)
+    if not decision.effects:
+        return decision
+    target = NavigatorTarget(situation.view.now_us, state, *spot, yaw, speed)
+    return accepted(Tell(target), SetMode(state), note=note)
+
+
+def take_off(command: VehicleCommand, situation: Situation) -> Decision:
+    """NAV_TAKEOFF: allowed before arming; the climb then begins with it."""
+    refuse_set(command, 2, 3)
+    spot, note = place(command, situation.view, zero_is_unset=True), ""
+    home = situation.view.home
+    if home is not None and not spot.altitude_amsl_m >= home.altitude_amsl_m + LOWEST_TAKEOFF_M:
+        spot = spot._replace(altitude_amsl_m=NAN)
+        note = "Take-off to MIS_TAKEOFF_ALT above home"
+    yaw = math.radians(command.param4)
+    return _change_mode_to(NavigationState.AUTO_TAKEOFF, situation, spot, yaw=yaw, note=note)
+
+
+def land(command: VehicleCommand, situation: Situation) -> Decision:
+    """NAV_LAND: at the place, or here; parameter 7 is the height of the ground there."""
+    refuse_set(command, 1, 3)
+    if not math.isnan(command.param2):
+        choice(command, 2, 0.0, 1.0)
+    spot = place(command, situation.view, zero_is_unset=True)
+    if math.isnan(spot.latitude_deg) and unset(command.param7):
+        spot = spot._replace(altitude_amsl_m=NAN)
+    yaw = NAN if unset(command.param4) else math.radians(command.param4)
+    if all(map(math.isnan, (*spot, yaw))):
+        return change_mode(NavigationState.AUTO_LAND, situation)
+    return _change_mode_to(NavigationState.AUTO_LAND, situation, spot, yaw=yaw)
+
+
+def return_home(command: VehicleCommand, situation: Situation) -> Decision:
+    """NAV_RETURN_TO_LAUNCH."""
+    refuse_set(command, 1, 2, 3, 4, 5, 6, 7)
+    return change_mode(NavigationState.AUTO_RTL, situation)
+
+
+def loiter(command: VehicleCommand, situation: Situation) -> Decision:
+    """NAV_LOITER_UNLIM: hold here, or at the place given."""
+    refuse_set(command, 1, 2, 3)
+    spot = place(command, situation.view, zero_is_unset=True)
+    if math.isnan(spot.latitude_deg) and unset(command.param7):
+        refuse_set(command, 4)
+        return change_mode(NavigationState.AUTO_LOITER, situation)
+    if situation.view.landed:
+        return not_now("the vehicle is on the ground")
+    refuse_below_home(spot.altitude_amsl_m, situation.view)
+    yaw = math.radians(command.param4)
+    return _change_mode_to(NavigationState.AUTO_LOITER, situation, spot, yaw=yaw)
+
+
+def reposition(command: VehicleCommand, situation: Situation) -> Decision:
+    """DO_REPOSITION: fly there and hold; NaN keeps what is."""
+    flags = 0.0 if math.isnan(command.param2) else choice(command, 2, 0.0, 1.0)
+    refuse_set(command, 3)
+    speed = command.param1
+    if speed == 0.0 or (speed < 0.0 and speed != -1.0):
+        speed_text = f"parameter 1 is {speed:g}, no speed"
+        raise BadParameterError(speed_text)
+    spot = place(command, situation.view, zero_is_unset=False)
+    refuse_below_home(spot.altitude_amsl_m, situation.view)
+    if not situation.armed or situation.view.landed:
+        return not_now("the vehicle is on the ground")
+    if flags == 0.0 and situation.mode is not NavigationState.AUTO_LOITER:
+        return not_now("not in hold, and parameter 2 does not allow the change")
+    return _change_mode_to(
+        NavigationState.AUTO_LOITER,
+        situation,
+        spot,
+        yaw=command.param4,
+        speed=speed if speed > 0.0 else NAN,
+    )
+
+
+def change_speed(command: VehicleCommand, situation: Situation) -> Decision:
+    """DO_CHANGE_SPEED: -1 keeps, -2 goes back to the parameters."""
+    speed_type = choice(command, 1, 0.0, 1.0, 2.0, 3.0)
+    speed, throttle = command.param2, command.param3
+    refuse_set(command, 4, 5, 6, 7)
+    if not (speed > 0.0 or speed in {-1.0, -2.0}):
+        return denied(f"parameter 2 is {speed:g}, no speed")
+    if throttle > 0.0:
+        return denied("parameter 3: a multirotor has no throttle to set")
+    if not situation.armed:
+        return not_now("the vehicle is disarmed")
+    if speed == -1.0:
+        return accepted()
+    wanted = NAN if speed == -2.0 else speed
+    return accepted(Tell(SpeedRequest(situation.view.now_us, int(speed_type), wanted)))

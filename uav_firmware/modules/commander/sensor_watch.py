@@ -1,0 +1,101 @@
+"""How long ago each sensor was heard, and the MAVLink bits that tell of it."""
+
+import math
+from enum import IntFlag
+
+from uav_firmware.bus import Topic
+from uav_firmware.modules.commander.health_checks import (
+    GPS_STALE_S,
+    IMU_STALE_S,
+    SENSOR_STALE_S,
+)
+from uav_firmware.modules.commander.vehicle_view import SensorAges, VehicleView
+
+
+class SensorBit(IntFlag):
+    """MAVLink's MAV_SYS_STATUS_SENSOR."""
+
+    GYRO_3D = 0x1
+    ACCEL_3D = 0x2
+    MAG_3D = 0x4
+    ABSOLUTE_PRESSURE = 0x8
+    GPS = 0x20
+    ANGULAR_RATE_CONTROL = 0x400
+    ATTITUDE_STABILIZATION = 0x800
+    YAW_POSITION = 0x1000
+    Z_ALTITUDE_CONTROL = 0x2000
+    XY_POSITION_CONTROL = 0x4000
+    MOTOR_OUTPUTS = 0x8000
+    AHRS = 0x200000
+    BATTERY = 0x2000000
+    PREARM_CHECK = 0x10000000
+
+
+_IMU = SensorBit.GYRO_3D | SensorBit.ACCEL_3D
+_CONTROL = (
+    SensorBit.ANGULAR_RATE_CONTROL
+    | SensorBit.ATTITUDE_STABILIZATION
+    | SensorBit.YAW_POSITION
+    | SensorBit.Z_ALTITUDE_CONTROL
+    | SensorBit.XY_POSITION_CONTROL
+    | SensorBit.MOTOR_OUTPUTS
+    | SensorBit.AHRS
+    | SensorBit.PREARM_CHECK
+)
+
+
+class Freshness:
+    """Age of a topic's newest value, by when it was seen."""
+
+    __slots__ = ("_count", "_seen_us", "_topic")
+
+    def __init__(self, topic: Topic[object]) -> None:
+        self._topic = topic
+        self._count = 0
+        self._seen_us: int | None = None
+
+    def age(self, now_us: int) -> float:
+        """Time since the last new value [s]; infinite when there was none."""
+        if self._topic.count != self._count:
+            self._count = self._topic.count
+            self._seen_us = now_us
+        return math.inf if self._seen_us is None else (now_us - self._seen_us) * 1e-6
+
+
+def present_bits(ages: SensorAges) -> SensorBit:
+    """Sensors that have ever been heard, and the controllers, which are always there."""
+    bits = _CONTROL
+    for age, bit in (
+        (ages.imu, _IMU),
+        (ages.baro, SensorBit.ABSOLUTE_PRESSURE),
+        (ages.mag, SensorBit.MAG_3D),
+        (ages.gps, SensorBit.GPS),
+        (ages.battery, SensorBit.BATTERY),
+    ):
+        if age < math.inf:
+            bits |= bit
+    return bits
+
+
+def healthy_bits(view: VehicleView, *, ready: bool) -> SensorBit:
+    """Sensors that deliver and controllers that have what they need."""
+    ages, estimate = view.ages, view.position
+    gps_good = ages.gps < GPS_STALE_S and view.gps is not None and view.gps.fix_type >= 3
+    heading = estimate is not None and estimate.heading_valid
+    height = estimate is not None and estimate.altitude_valid
+    bits = SensorBit.MOTOR_OUTPUTS
+    for healthy, bit in (
+        (ages.imu < IMU_STALE_S, _IMU | SensorBit.ANGULAR_RATE_CONTROL),
+        (ages.baro < SENSOR_STALE_S, SensorBit.ABSOLUTE_PRESSURE),
+        (ages.mag < SENSOR_STALE_S, SensorBit.MAG_3D),
+        (gps_good, SensorBit.GPS),
+        (ages.battery < SENSOR_STALE_S, SensorBit.BATTERY),
+        (view.aligned, SensorBit.AHRS | SensorBit.ATTITUDE_STABILIZATION),
+        (heading, SensorBit.YAW_POSITION),
+        (height, SensorBit.Z_ALTITUDE_CONTROL),
+        (view.position_valid, SensorBit.XY_POSITION_CONTROL),
+        (ready, SensorBit.PREARM_CHECK),
+    ):
+        if healthy:
+            bits |= bit
+    return bits
