@@ -22,6 +22,7 @@ ESC_COMMANDS_NORM: Final = (
     "fcs/cmdAR_ext_nd",
 )
 SCAS_ENGAGE: Final = "fcs/ScasEngage"
+ROTATION_INTEGRATOR: Final = "simulation/integrator/position/rotational"
 SET_RUNNING: Final = "propulsion/set-running"
 WIND_NED_FPS: Final = (
     "atmosphere/wind-north-fps",

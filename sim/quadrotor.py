@@ -11,6 +11,10 @@ wished is put right here by properties at run time:
   to the ground at more than 6 m/s or 60 degrees of tilt, or with its body, lies there for good
   (`Quadrotor.wrecked`).
 
+JSBSim turns the attitude by the rate at the start of each step (explicit Euler), so that the
+gyros' readings do not add up to it. Its second-order integrator (Buss, "Accurate and efficient
+simulation of rigid-body rotations", 2000) is chosen instead.
+
 Errors:
     AirframeError(RuntimeError): JSBSim cannot load, initialise or run the airframe.
     MotorCommandError(ValueError): a motor command is no finite number.
@@ -41,6 +45,7 @@ _TIPPED_OVER_COSINE: Final = 0.5  # 60 degrees, past the tipping point
 _WRECK_HEIGHT_M: Final = 0.06  # Lower than a landing that the feet bear
 _GRAVITY_M_S2: Final = 9.81  # For a wreck at rest only; flight uses JSBSim's gravity
 _ALL_ENGINES: Final = -1.0
+_BUSS_SECOND_ORDER: Final = 7.0
 
 
 class AirframeError(RuntimeError):
@@ -195,6 +200,7 @@ def _initialise(fdm: jsbsim.FGFDMExec, config: SimulationConfig) -> None:
     if not fdm.run_ic():
         raise AirframeError(f"JSBSim refused the initial conditions of {config}")
     fdm[properties.SCAS_ENGAGE] = 0.0
+    fdm[properties.ROTATION_INTEGRATOR] = _BUSS_SECOND_ORDER
     fdm[properties.SET_RUNNING] = _ALL_ENGINES
     for unit in range(round(fdm[properties.GEAR_UNITS])):
         skid = fdm[properties.STATIC_FRICTION.format(unit)]

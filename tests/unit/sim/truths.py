@@ -1,6 +1,7 @@
 """True states for tests of single instruments."""
 
 import math
+from typing import Any
 
 from sim.truth import Truth, quaternion_from_euler
 
@@ -11,7 +12,7 @@ def truth(
     roll_deg: float = 0.0,
     pitch_deg: float = 0.0,
     yaw_deg: float = 0.0,
-    **changes: object,
+    **changes: Any,
 ) -> Truth:
     """A vehicle at rest, level, at the default home, but for `changes`."""
     return Truth(
