@@ -8,7 +8,7 @@ left out.
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
@@ -18,6 +18,8 @@ from afarcloud.faults import Fault, InvalidError, SyntaxFaultError
 from afarcloud.model import FIELD_RULE, Model
 from afarcloud.plan import Event, LatestStateVector, Plan
 from afarcloud.state import Alarm, Battery, Image, MissionReport, ObservationList, Pose, StateVector
+
+_Model = TypeVar("_Model", bound=Model)
 
 
 class Kind(StrEnum):
@@ -92,8 +94,19 @@ def read(kind: Kind, document: Any) -> Model:
     prefix = ""
     if kind is Kind.PLAN and "missions" not in body and "vehicle_id" in body:
         body, prefix = {"missions": [body]}, "missions.0."
+    return read_as(MODELS[kind], body, prefix)
+
+
+def read_as(model: type[_Model], body: Any, prefix: str = "") -> _Model:
+    """Turn a parsed bare object into a type of this kind; `prefix` is left out of fault paths.
+
+    Raises:
+        InvalidError: with one fault per faulty field.
+    """
+    if not isinstance(body, dict):
+        raise InvalidError((Fault("", "must be a JSON object"),))
     try:
-        return MODELS[kind].model_validate(body)
+        return model.model_validate(body)
     except ValidationError as error:
         raise InvalidError(tuple(_faults(error.errors(), prefix))) from None
     except RecursionError:
