@@ -48,3 +48,18 @@ class Queue(Generic[T]):
         items = list(self._items)
         self._items.clear()
         return items
+
+
+class Fork(Queue[T]):
+    """A queue whose items also reach a second reader."""
+
+    __slots__ = ("second",)
+
+    def __init__(self, limit: int = 256) -> None:
+        super().__init__(limit)
+        self.second: Queue[T] = Queue(limit)
+
+    def publish(self, item: T) -> None:
+        """Append an item for both readers."""
+        super().publish(item)
+        self.second.publish(item)

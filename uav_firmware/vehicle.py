@@ -30,8 +30,10 @@ class Hardware:
         self.vehicle.close()
 
 
-def build_hardware(config: VehicleConfig) -> Hardware:
+def build_hardware(config: VehicleConfig, start_time_utc_us: int) -> Hardware:
     """Make the drivers; the port is bound first, since it is what can be taken.
+
+    `start_time_utc_us` is the world's time [us since 1970] at the vehicle's time zero.
 
     Raises:
         OSError: if the port or a file cannot be had.
@@ -40,7 +42,9 @@ def build_hardware(config: VehicleConfig) -> Hardware:
     link = bind_link(config)
     try:
         return Hardware(
-            vehicle=build_vehicle(config), link=link, storage=FileStorage(config.folder)
+            vehicle=build_vehicle(config, start_time_utc_us),
+            link=link,
+            storage=FileStorage(config.folder),
         )
     except BaseException:
         link.close()
@@ -61,7 +65,7 @@ def bind_link(config: VehicleConfig) -> UdpLink:
         ) from error
 
 
-def build_vehicle(config: VehicleConfig) -> Vehicle:
+def build_vehicle(config: VehicleConfig, start_time_utc_us: int) -> Vehicle:
     """Make the vehicle's driver.
 
     Raises:
@@ -83,6 +87,7 @@ def build_vehicle(config: VehicleConfig) -> Vehicle:
             wind_m_s=config.wind_m_s,
             wind_from_deg=config.wind_from_deg,
             noise_factor=config.noise,
+            start_time_utc_us=start_time_utc_us,
             truth_path=config.folder / "truth.csv" if config.truth else None,
         )
     except ValueError as error:

@@ -133,12 +133,14 @@ def simulated_vehicle(
     wind_m_s: float,
     wind_from_deg: float,
     noise_factor: float,
+    start_time_utc_us: int,
     truth_path: Path | None,
 ) -> JsbsimVehicle:
     """Make vehicle 1, 2, 3, ... of a farm.
 
     `home` is latitude [deg], longitude [deg], altitude above mean sea level [m] and heading
-    [deg]; None is the simulation's home, where the vehicles stand side by side.
+    [deg]; None is the simulation's home, where the vehicles stand side by side. The GNSS receiver
+    tells `start_time_utc_us` [us since 1970] at time zero.
 
     Raises:
         ValueError: if a value is out of range.
@@ -149,6 +151,7 @@ def simulated_vehicle(
         wind_speed_m_s=wind_m_s,
         wind_from_deg=wind_from_deg,
         sensor_noise_factor=noise_factor,
+        start_time_utc_us=start_time_utc_us,
         truth_log_path=truth_path,
     )
     if home is None:

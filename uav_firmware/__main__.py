@@ -1,0 +1,114 @@
+"""Starts one vehicle: `python -m uav_firmware --system-id N`."""
+
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable
+from types import FrameType
+
+from uav_firmware.config import ConfigError, VehicleConfig, read_config
+from uav_firmware.drivers.udp_link import UdpLink
+from uav_firmware.modules.mavlink.peers import Peer, Profile
+from uav_firmware.scheduler import Pacer
+from uav_firmware.topology import Autopilot
+from uav_firmware.vehicle import Hardware, addresses, build_hardware
+
+EXIT_REFUSED = 2
+
+
+class Stop:
+    """Set by SIGINT or SIGTERM; the loop ends after the step in hand."""
+
+    def __init__(self) -> None:
+        self.requested = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._request)
+
+    def _request(self, _number: int, _frame: FrameType | None) -> None:
+        self.requested = True
+
+
+def main() -> int:
+    """Run until told to stop; gives the exit code."""
+    stop = Stop()
+    try:
+        config = read_config(sys.argv[1:], os.environ)
+        peers = _peers(config)
+        boot_time_utc_us = time.time_ns() // 1000
+        hardware = build_hardware(config, boot_time_utc_us)
+    except (ConfigError, OSError) as error:
+        sentence = error.strerror if isinstance(error, OSError) and error.strerror else error
+        print(f"vehicle not started: {sentence}", file=sys.stderr, flush=True)
+        return EXIT_REFUSED
+    try:
+        autopilot = Autopilot(
+            hardware.vehicle,
+            hardware.link,
+            hardware.storage,
+            system_id=config.system_id,
+            peers=peers,
+            boot_time_utc_us=boot_time_utc_us,
+            write_line=_line_writer(config.system_id),
+        )
+        _run(config, hardware, autopilot, stop)
+    finally:
+        hardware.close()
+    return 0
+
+
+def _peers(config: VehicleConfig) -> tuple[Peer, Peer]:
+    broker, gcs = addresses(config)
+    return (
+        Peer(address=broker, profile=Profile.ONBOARD),
+        Peer(address=gcs, profile=Profile.GROUND_STATION),
+    )
+
+
+def _run(config: VehicleConfig, hardware: Hardware, autopilot: Autopilot, stop: Stop) -> None:
+    """Step and pace until told to stop."""
+    write = _line_writer(config.system_id)
+    vehicle, step = hardware.vehicle, autopilot.scheduler.step
+    pacer = Pacer(
+        config.speed,
+        clock=time.monotonic,
+        wait=_link_server(hardware.link, autopilot.serve_link, stop),
+    )
+    speed = "as fast as it goes" if config.speed == 0.0 else f"at {config.speed:g} times real time"
+    host, port = hardware.link.address
+    write(vehicle.time_us, f"flying {config.driver} {speed}, MAVLink on UDP {host}:{port}")
+    while not stop.requested:
+        step()
+        pacer.pace(vehicle.time_us)
+    autopilot.parameter_storage.update()
+    write(
+        vehicle.time_us,
+        f"stopped after {pacer.steps} steps, {pacer.overruns} of them late, "
+        f"{pacer.given_up_s:.1f} s given up",
+    )
+
+
+def _link_server(link: UdpLink, serve: Callable[[], None], stop: Stop) -> Callable[[float], None]:
+    """A wait that answers datagrams as they come, so that no peer waits for the next step."""
+
+    def wait(seconds: float) -> None:
+        deadline_s = time.monotonic() + seconds
+        left_s = seconds
+        while left_s > 0.0 and not stop.requested and link.wait(left_s):
+            serve()
+            left_s = deadline_s - time.monotonic()
+
+    return wait
+
+
+def _line_writer(system_id: int) -> Callable[[int, str], None]:
+    """Log lines with the vehicle's id and its time."""
+
+    def write(time_us: int, text: str) -> None:
+        print(f"vehicle {system_id} {time_us * 1e-6:9.2f} s  {text}", flush=True)
+
+    return write
+
+
+if __name__ == "__main__":
+    sys.exit(main())

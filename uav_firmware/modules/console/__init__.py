@@ -1,0 +1,1 @@
+"""Plain log lines for whoever watches the process."""

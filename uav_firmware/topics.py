@@ -1,0 +1,71 @@
+"""Every topic and queue of one vehicle; the README's table says who writes and reads each."""
+
+from dataclasses import dataclass, field
+
+from uav_firmware.bus import Fork, Queue, Topic
+from uav_firmware.msg.actuators import ActuatorMotors
+from uav_firmware.msg.estimate import (
+    EstimatorStatus,
+    VehicleAttitude,
+    VehicleGlobalPosition,
+    VehicleLocalPosition,
+)
+from uav_firmware.msg.mission import Mission, MissionProgress, NavigatorRequest, NavigatorStatus
+from uav_firmware.msg.sensors import (
+    SensorBaro,
+    SensorBattery,
+    SensorGps,
+    SensorImu,
+    SensorMag,
+    SensorTruth,
+)
+from uav_firmware.msg.setpoints import (
+    ControlAllocatorStatus,
+    TrajectorySetpoint,
+    VehicleAttitudeSetpoint,
+    VehicleRatesSetpoint,
+    VehicleTorqueThrustSetpoint,
+)
+from uav_firmware.msg.status import (
+    HomePosition,
+    LandDetected,
+    StatusText,
+    VehicleCommand,
+    VehicleCommandAck,
+    VehicleStatus,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Topics:
+    """Empty at first; a vehicle has its own."""
+
+    sensor_imu: Topic[SensorImu] = field(default_factory=Topic)
+    sensor_baro: Topic[SensorBaro] = field(default_factory=Topic)
+    sensor_mag: Topic[SensorMag] = field(default_factory=Topic)
+    sensor_gps: Topic[SensorGps] = field(default_factory=Topic)
+    sensor_battery: Topic[SensorBattery] = field(default_factory=Topic)
+    sensor_truth: Topic[SensorTruth] = field(default_factory=Topic)
+    vehicle_attitude: Topic[VehicleAttitude] = field(default_factory=Topic)
+    vehicle_local_position: Topic[VehicleLocalPosition] = field(default_factory=Topic)
+    vehicle_global_position: Topic[VehicleGlobalPosition] = field(default_factory=Topic)
+    estimator_status: Topic[EstimatorStatus] = field(default_factory=Topic)
+    vehicle_status: Topic[VehicleStatus] = field(default_factory=Topic)
+    land_detected: Topic[LandDetected] = field(default_factory=Topic)
+    home_position: Topic[HomePosition] = field(default_factory=Topic)
+    mission: Topic[Mission] = field(default_factory=Topic)
+    mission_progress: Topic[MissionProgress] = field(default_factory=Topic)
+    navigator_request: Queue[NavigatorRequest] = field(default_factory=Queue)
+    navigator_status: Topic[NavigatorStatus] = field(default_factory=Topic)
+    trajectory_setpoint: Topic[TrajectorySetpoint] = field(default_factory=Topic)
+    vehicle_attitude_setpoint: Topic[VehicleAttitudeSetpoint] = field(default_factory=Topic)
+    vehicle_rates_setpoint: Topic[VehicleRatesSetpoint] = field(default_factory=Topic)
+    vehicle_torque_thrust_setpoint: Topic[VehicleTorqueThrustSetpoint] = field(
+        default_factory=Topic
+    )
+    control_allocator_status: Topic[ControlAllocatorStatus] = field(default_factory=Topic)
+    actuator_motors: Topic[ActuatorMotors] = field(default_factory=Topic)
+    ground_station_heartbeat: Topic[int] = field(default_factory=Topic)
+    vehicle_command: Queue[VehicleCommand] = field(default_factory=Queue)
+    vehicle_command_ack: Queue[VehicleCommandAck] = field(default_factory=Queue)
+    status_text: Fork[StatusText] = field(default_factory=Fork)

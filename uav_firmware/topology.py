@@ -1,0 +1,240 @@
+"""The vehicle on one page: modules, their connections, rates and order."""
+
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from uav_firmware.cal.link import Link
+from uav_firmware.cal.storage import Storage
+from uav_firmware.cal.vehicle import Vehicle
+from uav_firmware.modules.attitude_control.module import AttitudeControlModule
+from uav_firmware.modules.attitude_control.params import AttitudeControlParams
+from uav_firmware.modules.commander.module import CommanderModule
+from uav_firmware.modules.console.module import ConsoleModule
+from uav_firmware.modules.control_allocator.module import ControlAllocatorModule
+from uav_firmware.modules.control_allocator.params import ControlAllocatorParams
+from uav_firmware.modules.estimator.module import EstimatorModule
+from uav_firmware.modules.estimator.params import EstimatorParams
+from uav_firmware.modules.land_detector.module import LandDetectorModule
+from uav_firmware.modules.land_detector.params import LandDetectorParams
+from uav_firmware.modules.mavlink.module import MavlinkModule
+from uav_firmware.modules.mavlink.peers import Peer
+from uav_firmware.modules.mavlink.topics import MavlinkTopics
+from uav_firmware.modules.navigator.module import NavigatorModule
+from uav_firmware.modules.parameter_storage.module import ParameterStorageModule
+from uav_firmware.modules.position_control.module import PositionControlModule
+from uav_firmware.modules.position_control.params import PositionControlParams
+from uav_firmware.modules.rate_control.module import RateControlModule
+from uav_firmware.modules.rate_control.params import RateControlParams
+from uav_firmware.modules.vehicle_io.module import VehicleIoModule
+from uav_firmware.parameters import Registry
+from uav_firmware.scheduler import RateGroup, Scheduler
+from uav_firmware.topics import Topics
+
+_POSITION_PERIOD_US: Final = 8_000  # 125 Hz: navigator and position control
+_SLOW_PERIOD_US: Final = 20_000  # 50 Hz: commander, land detector
+_CONSOLE_PERIOD_US: Final = 100_000  # 10 Hz
+_STORAGE_PERIOD_US: Final = 1_000_000  # 1 Hz
+
+_PARAMETER_GROUPS: Final = (
+    EstimatorParams,
+    LandDetectorParams,
+    PositionControlParams,
+    AttitudeControlParams,
+    RateControlParams,
+    ControlAllocatorParams,
+)
+
+
+class Autopilot:
+    """The whole flight stack on one vehicle; `scheduler.step` lets one control step pass."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        link: Link,
+        storage: Storage,
+        *,
+        system_id: int,
+        peers: Sequence[Peer],
+        boot_time_utc_us: int,
+        write_line: Callable[[int, str], None],
+    ) -> None:
+        self.vehicle = vehicle
+        self.topics = topics = Topics()
+        self.registry = registry = Registry()
+        for group in _PARAMETER_GROUPS:
+            registry.add(group)
+        self.vehicle_io = VehicleIoModule(
+            vehicle,
+            motors=topics.actuator_motors,
+            imu=topics.sensor_imu,
+            baro=topics.sensor_baro,
+            mag=topics.sensor_mag,
+            gps=topics.sensor_gps,
+            battery=topics.sensor_battery,
+            truth=topics.sensor_truth,
+        )
+        self.estimator = EstimatorModule(
+            imu=topics.sensor_imu,
+            baro=topics.sensor_baro,
+            mag=topics.sensor_mag,
+            gps=topics.sensor_gps,
+            attitude=topics.vehicle_attitude,
+            local_position=topics.vehicle_local_position,
+            global_position=topics.vehicle_global_position,
+            estimator_status=topics.estimator_status,
+            landed=topics.land_detected,
+            registry=registry,
+        )
+        self.navigator = NavigatorModule(
+            registry,
+            vehicle_local_position=topics.vehicle_local_position,
+            vehicle_status=topics.vehicle_status,
+            land_detected=topics.land_detected,
+            home_position=topics.home_position,
+            mission=topics.mission,
+            navigator_request=topics.navigator_request,
+            trajectory_setpoint=topics.trajectory_setpoint,
+            mission_progress=topics.mission_progress,
+            navigator_status=topics.navigator_status,
+        )
+        self.commander = CommanderModule(
+            registry,
+            vehicle_command=topics.vehicle_command,
+            vehicle_command_ack=topics.vehicle_command_ack,
+            vehicle_attitude=topics.vehicle_attitude,
+            vehicle_local_position=topics.vehicle_local_position,
+            estimator_status=topics.estimator_status,
+            land_detected=topics.land_detected,
+            mission_progress=topics.mission_progress,
+            navigator_status=topics.navigator_status,
+            sensor_imu=topics.sensor_imu,
+            sensor_baro=topics.sensor_baro,
+            sensor_mag=topics.sensor_mag,
+            sensor_gps=topics.sensor_gps,
+            sensor_battery=topics.sensor_battery,
+            ground_station_heartbeat=topics.ground_station_heartbeat,
+            vehicle_status=topics.vehicle_status,
+            home_position=topics.home_position,
+            navigator_request=topics.navigator_request,
+            status_text=topics.status_text,
+        )
+        self.land_detector = LandDetectorModule(
+            attitude=topics.vehicle_attitude,
+            local_position=topics.vehicle_local_position,
+            torque_thrust=topics.vehicle_torque_thrust_setpoint,
+            trajectory=topics.trajectory_setpoint,
+            vehicle_status=topics.vehicle_status,
+            land_detected=topics.land_detected,
+            registry=registry,
+        )
+        self.position_control = PositionControlModule(
+            trajectory=topics.trajectory_setpoint,
+            local_position=topics.vehicle_local_position,
+            vehicle_status=topics.vehicle_status,
+            land_detected=topics.land_detected,
+            attitude_setpoint=topics.vehicle_attitude_setpoint,
+            registry=registry,
+        )
+        self.attitude_control = AttitudeControlModule(
+            attitude=topics.vehicle_attitude,
+            attitude_setpoint=topics.vehicle_attitude_setpoint,
+            rates_setpoint=topics.vehicle_rates_setpoint,
+            registry=registry,
+        )
+        self.rate_control = RateControlModule(
+            attitude=topics.vehicle_attitude,
+            rates_setpoint=topics.vehicle_rates_setpoint,
+            allocator_status=topics.control_allocator_status,
+            torque_thrust=topics.vehicle_torque_thrust_setpoint,
+            registry=registry,
+        )
+        self.control_allocator = ControlAllocatorModule(
+            torque_thrust=topics.vehicle_torque_thrust_setpoint,
+            vehicle_status=topics.vehicle_status,
+            motors=topics.actuator_motors,
+            allocator_status=topics.control_allocator_status,
+            registry=registry,
+        )
+        self.parameter_storage = ParameterStorageModule(
+            storage,
+            registry=registry,
+            status_text=topics.status_text,
+            time_us=self._time_us,
+        )
+        self.mavlink = MavlinkModule(
+            link=link,
+            system_id=system_id,
+            registry=registry,
+            topics=_mavlink_topics(topics),
+            check_mission=self.navigator.check_mission,
+            peers=peers,
+            boot_time_utc_us=boot_time_utc_us,
+            save_parameters=self.parameter_storage.save,
+        )
+        self.console = ConsoleModule(
+            write_line,
+            status_text=topics.status_text.second,
+            vehicle_status=topics.vehicle_status,
+            land_detected=topics.land_detected,
+            mission_progress=topics.mission_progress,
+            time_us=self._time_us,
+        )
+        self.scheduler = Scheduler(vehicle.step_us, self._rate_groups(vehicle.step_us))
+
+    def serve_link(self) -> None:
+        """Answer what has arrived on the link, between two steps."""
+        self.mavlink.serve(self.vehicle.time_us)
+
+    def _time_us(self) -> int:
+        return self.vehicle.time_us
+
+    def _rate_groups(self, step_us: int) -> tuple[RateGroup, ...]:
+        """What runs how often; within a step in this order, sensors to motors."""
+        vehicle = self.vehicle
+        return (
+            RateGroup("vehicle_io", step_us, self.vehicle_io.update),
+            RateGroup("truth", _SLOW_PERIOD_US, self.vehicle_io.update_truth),
+            RateGroup("estimator", step_us, self.estimator.update),
+            RateGroup("land_detector", _SLOW_PERIOD_US, self.land_detector.update, 1),
+            RateGroup("commander", _SLOW_PERIOD_US, lambda: self.commander.update(vehicle.time_us)),
+            RateGroup(
+                "navigator", _POSITION_PERIOD_US, lambda: self.navigator.update(vehicle.time_us)
+            ),
+            RateGroup("position_control", _POSITION_PERIOD_US, self.position_control.update),
+            RateGroup("attitude_control", step_us, self.attitude_control.update),
+            RateGroup("rate_control", step_us, self.rate_control.update),
+            RateGroup(
+                "control_allocator",
+                step_us,
+                lambda: self.control_allocator.update(vehicle.time_us),
+            ),
+            RateGroup("mavlink", step_us, lambda: self.mavlink.update(vehicle.time_us)),
+            RateGroup("console", _CONSOLE_PERIOD_US, self.console.update, 3),
+            RateGroup("parameter_storage", _STORAGE_PERIOD_US, self.parameter_storage.update, 4),
+        )
+
+
+def _mavlink_topics(topics: Topics) -> MavlinkTopics:
+    """What the MAVLink module reads and writes."""
+    return MavlinkTopics(
+        attitude=topics.vehicle_attitude,
+        local_position=topics.vehicle_local_position,
+        global_position=topics.vehicle_global_position,
+        estimator_status=topics.estimator_status,
+        gps=topics.sensor_gps,
+        imu=topics.sensor_imu,
+        baro=topics.sensor_baro,
+        battery=topics.sensor_battery,
+        vehicle_status=topics.vehicle_status,
+        land_detected=topics.land_detected,
+        home=topics.home_position,
+        mission_progress=topics.mission_progress,
+        trajectory_setpoint=topics.trajectory_setpoint,
+        actuator_motors=topics.actuator_motors,
+        truth=topics.sensor_truth,
+        command_ack=topics.vehicle_command_ack,
+        status_text=topics.status_text,
+        vehicle_command=topics.vehicle_command,
+        mission=topics.mission,
+    )
