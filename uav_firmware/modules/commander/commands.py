@@ -23,7 +23,6 @@ from uav_firmware.modules.commander.decision import (
     Decision,
     Disarm,
     SetHome,
-    SetHomeHere,
     SetMode,
     Tell,
     Terminate,
@@ -163,14 +162,14 @@ def _set_home(command: VehicleCommand, situation: Situation) -> Decision:
     view = situation.view
     if here:
         refuse_set(command, 4, 5, 6, 7)
-        return accepted(SetHomeHere()) if view.position_valid else failed("position unknown")
+        return accepted(SetHome(None, NAN)) if view.position_valid else failed("position unknown")
     spot = place(command, view, zero_is_unset=False)
     if any(map(math.isnan, spot)):
         return denied("parameters 5 to 7: no place")
     if view.position is None or not view.position_valid:
         return not_now("position unknown")
     yaw = NAN if unset(command.param4) else math.radians(command.param4)
-    return accepted(SetHome(*spot, yaw))
+    return accepted(SetHome(spot, yaw))
 
 
 def _terminate(command: VehicleCommand, situation: Situation) -> Decision:

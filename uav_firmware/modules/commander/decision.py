@@ -25,16 +25,10 @@ class Terminate(NamedTuple):
 
 
 class SetHome(NamedTuple):
-    """Put home at a place."""
+    """Put home at a place, or where the vehicle is."""
 
-    latitude_deg: float  # [deg]
-    longitude_deg: float  # [deg]
-    altitude_amsl_m: float  # [m]
+    place: tuple[float, float, float] | None  # [deg, deg, m AMSL] None: here
     yaw: float  # [rad] NaN: present heading
-
-
-class SetHomeHere(NamedTuple):
-    """Put home where the vehicle is."""
 
 
 class Tell(NamedTuple):
@@ -43,7 +37,7 @@ class Tell(NamedTuple):
     request: NavigatorRequest
 
 
-Effect: TypeAlias = SetMode | Arm | Disarm | Terminate | SetHome | SetHomeHere | Tell
+Effect: TypeAlias = SetMode | Arm | Disarm | Terminate | SetHome | Tell
 
 
 class Decision(NamedTuple):

@@ -2,6 +2,7 @@
 
 import math
 
+from uav_firmware.bus import Topic
 from uav_firmware.lib.geo import LocalFrame
 from uav_firmware.msg.estimate import VehicleLocalPosition
 from uav_firmware.msg.status import HomePosition
@@ -37,3 +38,57 @@ def home_at(
         return None
     heading = estimate.heading if math.isnan(yaw) else math.remainder(yaw, math.tau)
     return HomePosition(now_us, *place, frame.to_ned(*place), heading)
+
+
+class HomeKeeper:
+    """Publishes home: once the position is known, at arming, and by command.
+
+    A home set by command is kept until the vehicle is disarmed. When the local origin moves,
+    home stays at its place on the earth and gets new local coordinates.
+    """
+
+    def __init__(self, topic: Topic[HomePosition]) -> None:
+        self._topic = topic
+        self._by_command = False
+        self._origin: tuple[float, float, float] | None = None
+
+    def keep(self, now_us: int, estimate: VehicleLocalPosition) -> None:
+        """Set home if there is none, follow the origin if there is one."""
+        origin = (
+            estimate.origin_latitude_deg,
+            estimate.origin_longitude_deg,
+            estimate.origin_altitude_amsl_m,
+        )
+        home = self._topic.value
+        if home is None:
+            self._publish(home_here(now_us, estimate))
+        elif self._origin is not None and origin != self._origin:
+            self._publish(home_at(now_us, estimate, home[1:4], home.yaw))
+        self._origin = origin
+
+    def arm(self, now_us: int, estimate: VehicleLocalPosition) -> None:
+        """Home is where the vehicle was armed, unless a command has set it."""
+        if not self._by_command:
+            self._publish(home_here(now_us, estimate))
+
+    def disarm(self) -> None:
+        """The next arming sets home again."""
+        self._by_command = False
+
+    def command(
+        self,
+        now_us: int,
+        estimate: VehicleLocalPosition,
+        place: tuple[float, float, float] | None,
+        yaw: float,
+    ) -> None:
+        """Set home to a place, or here."""
+        self._by_command = True
+        if place is None:
+            self._publish(home_here(now_us, estimate))
+        else:
+            self._publish(home_at(now_us, estimate, place, yaw))
+
+    def _publish(self, home: HomePosition | None) -> None:
+        if home is not None:
+            self._topic.publish(home)

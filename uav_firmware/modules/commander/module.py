@@ -11,7 +11,6 @@ from uav_firmware.modules.commander.decision import (
     Disarm,
     Effect,
     SetHome,
-    SetHomeHere,
     SetMode,
     Tell,
     Terminate,
@@ -24,7 +23,7 @@ from uav_firmware.modules.commander.failsafe import (
     FailsafeMonitor,
 )
 from uav_firmware.modules.commander.flight_commands import Situation
-from uav_firmware.modules.commander.home import home_at, home_here
+from uav_firmware.modules.commander.home import HomeKeeper
 from uav_firmware.modules.commander.params import CommanderParams
 from uav_firmware.modules.commander.sensor_watch import Freshness, healthy_bits, present_bits
 from uav_firmware.modules.commander.vehicle_view import SensorAges, VehicleView
@@ -126,7 +125,7 @@ class CommanderModule:
         self._failsafe = False
         self._monitor = FailsafeMonitor()
         self._disarm_timer = DisarmTimer()
-        self._home_by_command = False
+        self._home_keeper = HomeKeeper(home_position)
         self._last_target = ""
         self._last_us: int | None = None
 
@@ -138,8 +137,10 @@ class CommanderModule:
         if self._params_version != self._registry.version:
             self._params_version = self._registry.version
             self._params = self._registry.read(CommanderParams)
-        self._keep_home(now_us)
         view = self._view(now_us)
+        if view.position is not None and view.position_valid:
+            self._home_keeper.keep(now_us, view.position)
+            view = view._replace(home=self._home.value)
         for command in self._commands.drain():
             self._answer(command, view)
             view = view._replace(home=self._home.value)
@@ -191,10 +192,9 @@ class CommanderModule:
                 self._disarm(ArmingEvent.DISARM_ACCEPTED, view.now_us)
             case Terminate():
                 self._disarm(ArmingEvent.TERMINATED, view.now_us)
-            case SetHomeHere():
-                self._set_home_here(view)
-            case SetHome(latitude, longitude, altitude, yaw):
-                self._set_home_at((latitude, longitude, altitude), yaw, view)
+            case SetHome(place, yaw):
+                if view.position is not None:
+                    self._home_keeper.command(view.now_us, view.position, place, yaw)
             case Tell(request):
                 self._tell(request)
 
@@ -213,8 +213,8 @@ class CommanderModule:
         self._armed_since_us = view.now_us
         self._disarm_timer.start(view.now_us)
         self._monitor.clear()
-        if view.position is not None and view.position_valid and not self._home_by_command:
-            self._publish_home(home_here(view.now_us, view.position))
+        if view.position is not None and view.position_valid:
+            self._home_keeper.arm(view.now_us, view.position)
         self._say(view.now_us, INFO, "Armed")
 
     def _disarm(self, event: ArmingEvent, now_us: int) -> None:
@@ -223,33 +223,9 @@ class CommanderModule:
         self._armed_since_us = 0
         self._mode = NavigationState.AUTO_LOITER
         self._failsafe = False
-        self._home_by_command = False
+        self._home_keeper.disarm()
         self._last_target = ""
         self._say(now_us, *_DISARM_TEXTS[event])
-
-    def _keep_home(self, now_us: int) -> None:
-        """Set home on the ground as soon as the position is known."""
-        estimate = self._position.value
-        if self._home.value is not None or estimate is None:
-            return
-        if self._view(now_us).position_valid:
-            self._publish_home(home_here(now_us, estimate))
-
-    def _set_home_here(self, view: VehicleView) -> None:
-        if view.position is not None:
-            self._home_by_command = True
-            self._publish_home(home_here(view.now_us, view.position))
-
-    def _set_home_at(
-        self, place: tuple[float, float, float], yaw: float, view: VehicleView
-    ) -> None:
-        if view.position is not None:
-            self._home_by_command = True
-            self._publish_home(home_at(view.now_us, view.position, place, yaw))
-
-    def _publish_home(self, home: HomePosition | None) -> None:
-        if home is not None:
-            self._home.publish(home)
 
     def _supervise(self, view: VehicleView) -> None:
         """What changes without a command: the end of a mode, disarming, failsafes."""

@@ -60,6 +60,7 @@ class Flight:
     frame: LocalFrame | None = None  # About the estimate's origin
     home: HomePosition | None = None
     landed: bool = True
+    ceiling: Vector3 = (math.inf, math.inf, math.inf)  # [m/s] Horizontal, up, down
     speeds: Speeds = field(default_factory=Speeds)
     path: PathFollower = field(default_factory=PathFollower)
     yaw: YawSlew = field(default_factory=YawSlew)
@@ -69,7 +70,17 @@ class Flight:
 
     def limits(self) -> MotionLimits:
         """Limits of the trajectory with the commanded speeds."""
-        return self.speeds.apply(self.params.limits())
+        return self.limits_with(self.speeds)
+
+    def limits_with(self, speeds: Speeds) -> MotionLimits:
+        """Limits of the trajectory with given speeds, cut to what the controller allows."""
+        limits = speeds.apply(self.params.limits())
+        horizontal, up, down = self.ceiling
+        return limits._replace(
+            speed_horizontal=min(limits.speed_horizontal, horizontal),
+            speed_up=min(limits.speed_up, up),
+            speed_down=min(limits.speed_down, down),
+        )
 
     @property
     def position(self) -> Vector3:

@@ -92,7 +92,6 @@ def build(items: Sequence[MissionItem], seq: int, flight: Flight) -> Route:
     seqs: list[int] = []
     waypoints: list[Waypoint] = []
     speeds = flight.speeds
-    base = flight.params.limits()
     while True:
         item = items[seq]
         if item.command == MissionCommand.DO_CHANGE_SPEED:
@@ -100,7 +99,9 @@ def build(items: Sequence[MissionItem], seq: int, flight: Flight) -> Route:
         else:
             through = flown_through(item, _following(items, seq))
             tolerance = TURN_SHARE * radius_of(item, flight) if through else 0.0
-            waypoints.append(Waypoint(target_of(item, flight), tolerance, speeds.apply(base)))
+            waypoints.append(
+                Waypoint(target_of(item, flight), tolerance, flight.limits_with(speeds))
+            )
             seqs.append(seq)
             if not through:
                 return Route(tuple(seqs), tuple(waypoints))

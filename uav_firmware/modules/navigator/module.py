@@ -27,9 +27,11 @@ from uav_firmware.msg.mission import (
 )
 from uav_firmware.msg.setpoints import TrajectorySetpoint
 from uav_firmware.msg.status import HomePosition, LandDetected, NavigationState, VehicleStatus
+from uav_firmware.msg.vectors import Vector3
 from uav_firmware.parameters import Registry
 
 PERIOD_US: Final = 8_000  # [us] 125 Hz: at 12 m/s the set-point moves 0.1 m a step
+_CEILING_PARAMETERS: Final = ("MPC_XY_VEL_MAX", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN")
 _LONGEST_STEP_S: Final = 0.1  # [s] a longer gap does not make the set-point jump
 
 
@@ -64,7 +66,7 @@ class NavigatorModule:
         self._setpoint = trajectory_setpoint
         self._progress = mission_progress
         self._status = navigator_status
-        self._params_version = registry.version
+        self._params_version: int | None = None
         self._flight = Flight(registry.read(NavigatorParams))
         self._mission = MissionMode()
         self._hold = LoiterMode()
@@ -107,6 +109,7 @@ class NavigatorModule:
         if self._params_version != self._registry.version:
             self._params_version = self._registry.version
             flight.params = self._registry.read(NavigatorParams)
+            flight.ceiling = _ceiling(self._registry)
         estimate = self._local_position.value
         flight.estimate = estimate
         flight.home = self._home_position.value
@@ -186,6 +189,15 @@ class NavigatorModule:
         status = NavigatorStatus(now_us, vehicle.navigation_state, finished, self._rejection)
         if _differ(status, self._status.value):
             self._status.publish(status)
+
+
+def _ceiling(registry: Registry) -> Vector3:
+    """Speeds that the position controller allows: horizontal, up, down [m/s]."""
+    declared = set(registry.names())
+    horizontal, up, down = (
+        float(registry.get(name)) if name in declared else math.inf for name in _CEILING_PARAMETERS
+    )
+    return (horizontal, up, down)
 
 
 def _differ(
