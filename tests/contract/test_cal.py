@@ -150,3 +150,40 @@ def test_truth_is_of_this_instant_where_there_is_one(vehicle: Vehicle) -> None:
 def test_closing_twice_is_harmless(vehicle: Vehicle) -> None:
     vehicle.close()
     vehicle.close()
+
+
+def test_the_simulated_vehicle_hands_every_reading_over_under_its_own_name() -> None:
+    simulation = Simulation(SimulationConfig(seed=5))
+    vehicle = JsbsimVehicle(simulation)
+    vehicle.write_motors((0.5, 0.4, 0.5, 0.4))
+    seen = set()
+    for _ in run(vehicle, 4.0):
+        handed_over = {
+            "imu": vehicle.read_imu(),
+            "baro": vehicle.read_baro(),
+            "mag": vehicle.read_mag(),
+            "gps": vehicle.read_gps(),
+            "battery": vehicle.read_battery(),
+        }
+        for name, reading in simulation.readings._asdict().items():
+            sample = handed_over[name]
+            assert (sample is None) == (reading is None)
+            if sample is not None:
+                expected = reading._asdict()
+                if name == "mag":
+                    expected["field_frd"] = expected.pop("field_frd_gauss")
+                assert sample._asdict() == expected
+                seen.add(name)
+    assert seen == {"imu", "baro", "mag", "gps", "battery"}
+
+
+def test_the_simulated_truth_is_handed_over_under_its_own_name() -> None:
+    simulation = Simulation(SimulationConfig())
+    vehicle = JsbsimVehicle(simulation)
+    vehicle.write_motors((0.6, 0.5, 0.6, 0.5))
+    for _ in run(vehicle, 1.0):
+        pass
+    shown = vehicle.read_truth()._asdict()
+    true = simulation.truth._asdict()
+    assert shown.pop("acceleration_frd") == true["specific_force_frd"]
+    assert shown == {name: true[name] for name in shown}

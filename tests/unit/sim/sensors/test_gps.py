@@ -115,6 +115,16 @@ def test_its_errors_are_as_large_as_it_says() -> None:
     assert down**0.5 == pytest.approx(reading.vertical_accuracy_m, rel=0.2)
 
 
+def test_the_same_error_is_more_degrees_of_longitude_nearer_to_the_pole() -> None:
+    north, east = [], []
+    for latitude_deg in (0.0, 60.0):
+        reading = solution(gps(), latitude_deg=latitude_deg, longitude_deg=0.0)
+        north.append(reading.latitude_deg - latitude_deg)
+        east.append(reading.longitude_deg)
+    assert north[1] == pytest.approx(north[0], rel=0.01)
+    assert east[1] == pytest.approx(2.0 * east[0], rel=0.01)
+
+
 def test_its_position_error_drifts_rather_than_jumps() -> None:
     north = [error[0] for error in errors_m(gps(), 3000)]
     jumps = statistics.pstdev(b - a for a, b in itertools.pairwise(north))
