@@ -1,0 +1,133 @@
+"""Command line: `python -m edge_server [serve|relay|keys|migrate]`; without a word, both."""
+
+import argparse
+import logging
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from edge_server.config import SETTINGS, Config, ConfigError, load
+from edge_server.exit_codes import FAILED, OK, WRONG_SETUP
+from edge_server.supervisor import PARENT_VARIABLE, Supervisor
+
+LOG = logging.getLogger("edge_server")
+
+
+def main(arguments: list[str]) -> int:
+    """Run a command; returns the exit code."""
+    options = _parser().parse_args(arguments)
+    flags = {setting.name: getattr(options, setting.name) for setting in SETTINGS}
+    try:
+        config = load(flags, os.environ, options.config)
+    except ConfigError as error:
+        print(f"edge server: {error}", file=sys.stderr)
+        return WRONG_SETUP
+    logging.basicConfig(level=config.log_level, format="%(asctime)s edge %(levelname)s %(message)s")
+    logging.getLogger("alembic").setLevel(logging.WARNING)
+    if options.command is None:
+        return Supervisor(arguments).run()
+    if parent := os.environ.get(PARENT_VARIABLE):
+        from edge_server import children  # noqa: PLC0415  # only a part needs it
+
+        children.die_with(int(parent))
+    command: Callable[[Config, argparse.Namespace], int] = options.run
+    return command(config, options)
+
+
+def _serve(config: Config, _options: argparse.Namespace) -> int:
+    from edge_server import server  # noqa: PLC0415  # each command loads what it needs
+    from edge_server.store.migrate import StoreError  # noqa: PLC0415  # as above
+
+    try:
+        server.serve(config)
+    except (server.PortTakenError, StoreError) as error:
+        print(f"edge server: {error}", file=sys.stderr)
+        return WRONG_SETUP
+    return OK
+
+
+def _relay(config: Config, _options: argparse.Namespace) -> int:
+    from edge_server import relay_process  # noqa: PLC0415  # as above
+    from edge_server.outbox.relay import RelayError  # noqa: PLC0415  # as above
+
+    try:
+        relay_process.run(config)
+    except relay_process.LockedError as error:
+        print(f"edge server: {error}", file=sys.stderr)
+        return WRONG_SETUP
+    except RelayError as error:
+        LOG.error("the relay cannot go on: %s", error)  # noqa: TRY400  # the sentence is enough
+        return FAILED
+    return OK
+
+
+def _migrate(config: Config, _options: argparse.Namespace) -> int:
+    from edge_server import server  # noqa: PLC0415  # as above
+    from edge_server.store.migrate import HEAD, StoreError  # noqa: PLC0415  # as above
+
+    try:
+        server.prepare(config)
+    except StoreError as error:
+        print(f"edge server: {error}", file=sys.stderr)
+        return FAILED
+    print(f"{config.database_path} is at {HEAD}")
+    return OK
+
+
+def _show_paths(config: Config, _options: argparse.Namespace) -> int:
+    from edge_server import key_files  # noqa: PLC0415  # as above
+
+    for role in key_files.Role:
+        print(f"{role.value:10}{key_files.path_of(config.keys_dir, role)}")
+    return OK
+
+
+def _rotate(config: Config, options: argparse.Namespace) -> int:
+    from edge_server import key_files, server  # noqa: PLC0415  # as above
+    from edge_server.store.database import Database, open_engine, sqlite_url  # noqa: PLC0415  # as above
+
+    roles = [role.value for role in key_files.Role]
+    if options.role not in roles:
+        print(f"edge server: there is no role {options.role}: {', '.join(roles)}", file=sys.stderr)
+        return WRONG_SETUP
+    server.prepare(config)
+    database = Database(open_engine(sqlite_url(config.database_path)))
+    path = key_files.rotate(database, config.keys_dir, key_files.Role(options.role), time.time())
+    database.close()
+    print(f"new key in {path}; the old one is revoked")
+    return OK
+
+
+_COMMANDS: Final = (
+    ("serve", _serve, "serve the API"),
+    ("relay", _relay, "send what is due to the cloud"),
+    ("migrate", _migrate, "make or update the database, then end"),
+)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="edge_server", description=__doc__)
+    parser.add_argument("--config", type=Path, help="TOML file with a table [edge_server]")
+    for setting in SETTINGS:
+        flag = "--" + setting.name.replace("_", "-")
+        parser.add_argument(flag, dest=setting.name, help=f"{setting.meaning} ({setting.variable})")
+    commands = parser.add_subparsers(dest="command")
+    for name, run, meaning in _COMMANDS:
+        commands.add_parser(name, help=meaning).set_defaults(run=run)
+    keys = commands.add_parser("keys", help="access keys").add_subparsers(
+        dest="keys_command", required=True
+    )
+    keys.add_parser("show-paths", help="where the keys lie").set_defaults(run=_show_paths)
+    rotate = keys.add_parser("rotate", help="make a new key, revoke the old one")
+    rotate.add_argument("role")
+    rotate.set_defaults(run=_rotate)
+    return parser
+
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,70 @@
+"""What comes in: JSON bodies of a bounded size, and query parameters."""
+
+from typing import Any, Final, TypeVar
+
+from flask import current_app, request
+
+from afarcloud import wire
+from afarcloud.faults import Fault
+from afarcloud.model import Model
+from afarcloud.wire import Kind
+from edge_server.api.errors import RequestError
+from edge_server.services.context import Context
+
+MAXIMUM_BODY_BYTES: Final = 1024 * 1024
+MAXIMUM_IMAGE_BODY_BYTES: Final = 3 * 512 * 1024  # A 1 MiB frame in base64, and its fields
+PAGE_DEFAULT: Final = 100
+PAGE_LIMIT: Final = 1000
+
+_Model = TypeVar("_Model", bound=Model)
+
+
+def context() -> Context:
+    """Give what the services of this app need."""
+    found: Context = current_app.extensions["edge_context"]
+    return found
+
+
+def json_body(limit: int = MAXIMUM_BODY_BYTES) -> Any:
+    """Read and parse the body; raises 413 or 415, or SyntaxFaultError."""
+    if not request.is_json:
+        raise RequestError(415, "the body must be application/json")
+    request.max_content_length = limit
+    return wire.parse_json(request.get_data(cache=False))
+
+
+def document(kind: Kind) -> Model:
+    """Read a document of a kind, in its envelope or bare; raises DocumentError."""
+    limit = MAXIMUM_IMAGE_BODY_BYTES if kind is Kind.IMAGE else MAXIMUM_BODY_BYTES
+    return wire.read(kind, json_body(limit))
+
+
+def model(kind: type[_Model]) -> _Model:
+    """Read a body that is not AFarCloud's but the broker's; raises DocumentError."""
+    return wire.read_as(kind, json_body())
+
+
+def query_number(name: str, default: float, low: float, high: float) -> float:
+    """Read a number from the query; raises 422 with its name."""
+    raw = request.args.get(name)
+    if raw is None:
+        return default
+    try:
+        number = float(raw)
+    except ValueError:
+        number = float("nan")
+    if not low <= number <= high:
+        message = f"must be a number from {low:g} to {high:g}"
+        raise RequestError(422, "the query cannot be used", (Fault(name, message),))
+    return number
+
+
+def query_integer(name: str, default: int, low: int, high: int) -> int:
+    """Read a whole number from the query; raises 422 with its name."""
+    raw = request.args.get(name)
+    if raw is None:
+        return default
+    if not (raw.isascii() and raw.isdigit() and len(raw) < 20 and low <= int(raw) <= high):
+        message = f"must be a whole number from {low} to {high}"
+        raise RequestError(422, "the query cannot be used", (Fault(name, message),))
+    return int(raw)

@@ -1,0 +1,132 @@
+"""One shape for every error: message, faulty fields by path, AFarCloud's codes where there are any.
+
+`{"message": ..., "detail": {"json": {path: [what, ...]}}, "errors": [{code, name, path}]}`. What
+was sent is never echoed, and no answer tells of our insides.
+"""
+
+import logging
+from collections.abc import Iterable
+from typing import Any, Final
+
+from apiflask import APIFlask
+from apiflask.exceptions import HTTPError
+from flask.typing import ResponseReturnValue
+from sqlalchemy.exc import OperationalError
+from sqlalchemy.exc import TimeoutError as PoolTimeoutError
+from werkzeug.exceptions import HTTPException
+
+from afarcloud.faults import DocumentError, Fault, SyntaxFaultError
+from edge_server.services.errors import (
+    ConflictError,
+    KeyReusedError,
+    NotFoundError,
+    ServiceError,
+    TooMuchError,
+)
+from edge_server.store.database import is_busy, is_full
+
+LOG = logging.getLogger(__name__)
+
+STATUS: Final[dict[type[ServiceError], int]] = {
+    NotFoundError: 404,
+    ConflictError: 409,
+    TooMuchError: 429,
+    KeyReusedError: 422,
+}
+RETRY_SOON: Final = {"Retry-After": "1"}
+CLOSE: Final = {"Connection": "close"}
+"""After a body that we would not read, the connection is of no more use."""
+
+
+class RequestError(Exception):
+    """A request that is refused before any service sees it; `status` is the HTTP status."""
+
+    def __init__(self, status: int, message: str, faults: tuple[Fault, ...] = ()) -> None:
+        super().__init__(message)
+        self.status = status
+        self.faults = faults
+
+
+def body(message: str, faults: Iterable[Fault] = (), where: str = "json") -> dict[str, Any]:
+    """Make the body of an error answer."""
+    shape: dict[str, Any] = {"message": message, "detail": {}}
+    paths: dict[str, list[str]] = {}
+    codes = []
+    for fault in faults:
+        paths.setdefault(fault.path, []).append(fault.message)
+        if fault.code is not None:
+            codes.append({"code": fault.code, "name": fault.name, "path": fault.path})
+    if paths:
+        shape["detail"] = {where: paths}
+    if codes:
+        shape["errors"] = codes
+    return shape
+
+
+def install(app: APIFlask) -> None:
+    """Answer every error of the app in the one shape."""
+    app.error_processor(_http)
+    app.register_error_handler(DocumentError, _document)
+    app.register_error_handler(ServiceError, _service)
+    app.register_error_handler(RequestError, _request)
+    app.register_error_handler(OperationalError, _database)
+    app.register_error_handler(PoolTimeoutError, _overloaded)
+    app.register_error_handler(HTTPException, _werkzeug)
+    app.register_error_handler(500, _unexpected)
+
+
+def _http(error: HTTPError) -> ResponseReturnValue:
+    return body(error.message or "error"), error.status_code, error.headers
+
+
+def _werkzeug(error: HTTPException) -> ResponseReturnValue:
+    if error.response is not None:
+        return error.response
+    status = error.code or 500
+    headers = {name: value for name, value in error.get_headers() if name.lower() != "content-type"}
+    if status == 413:
+        headers |= CLOSE
+    return body(_SENTENCES.get(status) or error.description or error.name), status, headers
+
+
+_SENTENCES: Final = {
+    400: "the request cannot be understood",
+    404: "there is nothing at this address",
+    405: "this address does not take this method",
+    413: "the body is too large",
+    500: "an error in the edge server; its log tells more",
+}
+
+
+def _document(error: DocumentError) -> ResponseReturnValue:
+    broken = isinstance(error, SyntaxFaultError)
+    message = "the body is not JSON" if broken else "the document cannot be used"
+    return body(message, error.faults), 400 if broken else 422
+
+
+def _service(error: ServiceError) -> ResponseReturnValue:
+    headers = RETRY_SOON if isinstance(error, TooMuchError) else {}
+    return body(str(error), error.faults), STATUS[type(error)], headers
+
+
+def _request(error: RequestError) -> ResponseReturnValue:
+    return body(str(error), error.faults, where="query"), error.status
+
+
+def _database(error: OperationalError) -> ResponseReturnValue:
+    if is_full(error):
+        LOG.error("the disk is full: %s", error.orig)
+        return body("the disk is full; nothing was stored"), 507
+    if is_busy(error):
+        return _overloaded(error)
+    return _unexpected(error)
+
+
+def _overloaded(_error: Exception) -> ResponseReturnValue:
+    return body("the database is busy; try again"), 503, RETRY_SOON
+
+
+def _unexpected(error: Exception) -> ResponseReturnValue:
+    cause = getattr(error, "original_exception", None) or error
+    LOG.error("unexpected error", exc_info=cause)
+    return body(_SENTENCES[500]), 500

@@ -1,0 +1,42 @@
+"""`/healthz`: does the process answer; `/readyz`: can it do its work. No key needed."""
+
+from typing import Any
+
+from apiflask import APIBlueprint
+from flask.typing import ResponseReturnValue
+from sqlalchemy import text
+from sqlalchemy.exc import SQLAlchemyError
+
+from edge_server.api import bodies, urls
+from edge_server.api.auth import PUBLIC, allow
+
+
+def blueprint() -> APIBlueprint:
+    """Make the routes."""
+    routes = APIBlueprint("health", __name__)
+    urls.add(routes, ("healthz",), "healthz", healthz, "GET")
+    urls.add(routes, ("readyz",), "readyz", readyz, "GET")
+    return routes
+
+
+@allow(PUBLIC)
+def healthz() -> dict[str, Any]:
+    """Say that the process is alive, and how the database is."""
+    return {"status": "ok", "database": "ok" if _database_answers() else "unavailable"}
+
+
+@allow(PUBLIC)
+def readyz() -> ResponseReturnValue:
+    """Say whether requests can be served now."""
+    if _database_answers():
+        return {"status": "ready", "database": "ok"}, 200
+    return {"status": "not ready", "database": "unavailable"}, 503
+
+
+def _database_answers() -> bool:
+    try:
+        with bodies.context().database.read() as connection:
+            connection.execute(text("SELECT count(*) FROM alembic_version")).scalar_one()
+    except SQLAlchemyError:
+        return False
+    return True

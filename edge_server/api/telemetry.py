@@ -1,0 +1,90 @@
+"""`/pose/` and its six siblings: reports in from the broker, there until the cloud has them."""
+
+from typing import Any
+
+from apiflask import APIBlueprint
+from flask import url_for
+from flask.typing import ResponseReturnValue
+
+from afarcloud.numbers import INT32_MAX
+from afarcloud.state import Report
+from afarcloud.wire import TELEMETRY, Kind
+from edge_server.api import bodies, urls
+from edge_server.api.auth import ADMIN, BROKER, PEOPLE, allow, audit, caller
+from edge_server.services import telemetry
+
+PLURAL = {
+    Kind.POSE: "poses",
+    Kind.BATTERY: "batteries",
+    Kind.IMAGE: "images",
+    Kind.OBSERVATION: "observations",
+    Kind.STATE_VECTOR: "state_vectors",
+    Kind.MISSION_REPORT: "mission_reports",
+    Kind.ALARM: "alarms",
+}
+
+ITEM = "int64:record_id"
+
+
+def blueprint() -> APIBlueprint:
+    """Make the routes of all seven kinds."""
+    routes = APIBlueprint("telemetry", __name__)
+    for kind in TELEMETRY:
+        _add_kind(routes, kind)
+    return routes
+
+
+def _add_kind(routes: APIBlueprint, kind: Kind) -> None:
+    name = kind.value
+
+    @allow(BROKER)
+    def create() -> ResponseReturnValue:
+        """Keep a report."""
+        stored = telemetry.ingest(bodies.context(), kind, _report(kind), caller())
+        location = url_for(f"telemetry.{name}_get", record_id=stored["id"])
+        return stored, 201, {"Location": location}
+
+    @allow(PEOPLE)
+    def page() -> list[dict[str, Any]]:
+        """List the reports that the cloud has not confirmed."""
+        vehicle_id = bodies.query_integer("vehicle_id", 0, 1, INT32_MAX)
+        return telemetry.page(
+            bodies.context(),
+            kind,
+            after_id=bodies.query_integer("after", 0, 0, 2**63 - 1),
+            limit=bodies.query_integer("limit", bodies.PAGE_DEFAULT, 1, bodies.PAGE_LIMIT),
+            vehicle_id=vehicle_id or None,
+        )
+
+    @allow(PEOPLE)
+    def get(record_id: int) -> dict[str, Any]:
+        """Give one report."""
+        return telemetry.find(bodies.context(), kind, record_id)
+
+    @allow(ADMIN)
+    def put(record_id: int) -> dict[str, Any]:
+        """Correct a report."""
+        stored = telemetry.replace(bodies.context(), kind, record_id, _report(kind))
+        audit(f"corrected {name} {record_id}")
+        return stored
+
+    @allow(ADMIN)
+    def delete(record_id: int) -> ResponseReturnValue:
+        """Forget a report."""
+        telemetry.remove(bodies.context(), kind, record_id)
+        audit(f"deleted {name} {record_id}")
+        return "", 204
+
+    words = (name, PLURAL[kind])
+    urls.add(routes, words, f"{name}_create", create, "POST")
+    urls.add(routes, words, f"{name}_list", page, "GET")
+    urls.add(routes, words, f"{name}_get", get, "GET", item=ITEM)
+    urls.add(routes, words, f"{name}_put", put, "PUT", item=ITEM)
+    urls.add(routes, words, f"{name}_delete", delete, "DELETE", item=ITEM)
+
+
+def _report(kind: Kind) -> Report:
+    report = bodies.document(kind)
+    if not isinstance(report, Report):
+        raise TypeError(type(report))
+    return report

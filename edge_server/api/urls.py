@@ -1,0 +1,42 @@
+"""How addresses are written: both with and without the slash at the end, and no redirect."""
+
+from collections.abc import Callable, Sequence
+
+from apiflask import APIBlueprint, APIFlask
+from flask.typing import ResponseReturnValue
+from werkzeug.routing import BaseConverter, ValidationError
+
+
+class Int64Converter(BaseConverter):
+    """An id as the database can hold it."""
+
+    regex = r"\d{1,19}"
+
+    def to_python(self, value: str) -> int:
+        """Read an id; a number beyond 63 bits is no address of ours."""
+        if (number := int(value)) >= 2**63:
+            raise ValidationError
+        return number
+
+
+def install(app: APIFlask) -> None:
+    """Teach an app our addresses; call before the routes are added."""
+    app.url_map.converters["int64"] = Int64Converter
+    app.url_map.strict_slashes = True  # Both forms are routes of their own
+    app.url_map.merge_slashes = False
+
+
+def add(
+    routes: APIBlueprint,
+    words: Sequence[str],
+    endpoint: str,
+    view: Callable[..., ResponseReturnValue],
+    method: str,
+    *,
+    item: str = "",
+) -> None:
+    """Add a view under each word, as collection or as item (`item` is its converter)."""
+    for word in words:
+        for slash in ("/", ""):
+            place = f"/{word}/<{item}>{slash}" if item else f"/{word}{slash}"
+            routes.add_url_rule(place, endpoint, view, methods=[method])

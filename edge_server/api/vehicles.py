@@ -1,0 +1,61 @@
+"""`/vehicles/`: the registry."""
+
+from typing import Any
+
+from apiflask import APIBlueprint
+from flask import url_for
+from flask.typing import ResponseReturnValue
+
+from afarcloud.faults import Fault, InvalidError
+from afarcloud.numbers import INT32_MAX
+from edge_server.api import bodies, urls
+from edge_server.api.auth import ADMIN, PLANNERS, READERS, Role, allow, audit, caller
+from edge_server.services import vehicles
+from edge_server.services.vehicles import VehicleState
+
+WORDS = ("vehicles", "vehicle")
+ITEM = "int64:vehicle_id"
+
+
+def blueprint() -> APIBlueprint:
+    """Make the routes."""
+    routes = APIBlueprint("vehicles", __name__)
+    urls.add(routes, WORDS, "page", page, "GET")
+    urls.add(routes, WORDS, "get", get, "GET", item=ITEM)
+    urls.add(routes, WORDS, "put", put, "PUT", item=ITEM)
+    urls.add(routes, WORDS, "delete", delete, "DELETE", item=ITEM)
+    return routes
+
+
+@allow(READERS)
+def page() -> list[dict[str, Any]]:
+    """List vehicles."""
+    return vehicles.everyone(bodies.context())
+
+
+@allow(READERS)
+def get(vehicle_id: int) -> dict[str, Any]:
+    """Give one vehicle."""
+    return vehicles.find(bodies.context(), vehicle_id)
+
+
+@allow(PLANNERS | {Role.BROKER})
+def put(vehicle_id: int) -> ResponseReturnValue:
+    """Register or update a vehicle."""
+    state = bodies.model(VehicleState)
+    if not 1 <= vehicle_id <= INT32_MAX:
+        raise InvalidError((Fault("vehicle_id", f"must be 1 to {INT32_MAX}"),))
+    stored, is_new = vehicles.put(bodies.context(), vehicle_id, state)
+    if caller().role != Role.BROKER:
+        audit(f"put vehicle {vehicle_id}")
+    if not is_new:
+        return stored, 200
+    return stored, 201, {"Location": url_for("vehicles.get", vehicle_id=vehicle_id)}
+
+
+@allow(ADMIN)
+def delete(vehicle_id: int) -> ResponseReturnValue:
+    """Forget a vehicle."""
+    vehicles.remove(bodies.context(), vehicle_id)
+    audit(f"deleted vehicle {vehicle_id}")
+    return "", 204

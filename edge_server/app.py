@@ -1,0 +1,65 @@
+"""Where configuration, store, services and routes meet."""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+from apiflask import APIFlask
+from flask import Response
+from flask.json.provider import DefaultJSONProvider
+from flask_sqlalchemy import SQLAlchemy
+
+from edge_server.api import auth, broker, errors, health, plans, telemetry, urls, vehicles
+from edge_server.api.bodies import MAXIMUM_IMAGE_BODY_BYTES
+from edge_server.config import Config
+from edge_server.services.context import Context
+from edge_server.store.database import ENGINE_OPTIONS, Database, prepare_engine, sqlite_url
+from edge_server.store.tables import METADATA
+
+
+class _Json(DefaultJSONProvider):
+    """Answers without NaN, in the order in which we write them."""
+
+    sort_keys = False
+    compact = True
+
+    def dumps(self, obj: Any, **options: Any) -> str:
+        return super().dumps(obj, allow_nan=False, **options)
+
+
+def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> APIFlask:
+    """Build the WSGI application; the database must have been prepared."""
+    app = APIFlask("edge_server", title="Edge server", enable_openapi=False, static_folder=None)
+    app.json = _Json(app)
+    app.config.update(
+        SQLALCHEMY_DATABASE_URI=sqlite_url(config.database_path),
+        SQLALCHEMY_ENGINE_OPTIONS=dict(ENGINE_OPTIONS),
+        MAX_CONTENT_LENGTH=MAXIMUM_IMAGE_BODY_BYTES,
+        PROPAGATE_EXCEPTIONS=False,
+    )
+    urls.install(app)
+    errors.install(app)
+    store = SQLAlchemy(metadata=METADATA)
+    store.init_app(app)
+    with app.app_context():
+        database = Database(prepare_engine(store.engine))
+    app.extensions["edge_context"] = Context(config, database, clock)
+    ring = auth.KeyRing(database)
+    app.before_request(lambda: auth.check_caller(ring))
+    app.after_request(_harden)
+    for part in (plans, telemetry, vehicles, broker, health):
+        app.register_blueprint(part.blueprint())
+    return app
+
+
+def context_of(app: APIFlask) -> Context:
+    """Give what the services of an app share."""
+    found: Context = app.extensions["edge_context"]
+    return found
+
+
+def _harden(response: Response) -> Response:
+    """Headers that cost nothing and keep a browser from guessing or caching."""
+    response.headers["X-Content-Type-Options"] = "nosniff"
+    response.headers["Cache-Control"] = "no-store"
+    return response

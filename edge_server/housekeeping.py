@@ -1,0 +1,36 @@
+"""What must happen though nobody asks: expiry, and forgetting what is too old."""
+
+import logging
+import threading
+from typing import Final
+
+from sqlalchemy.exc import SQLAlchemyError
+
+from edge_server.services import broker_work, once
+from edge_server.services.context import Context
+from edge_server.store import idempotency
+
+LOG = logging.getLogger(__name__)
+EXPIRY_S: Final = 1.0
+FORGETTING_EVERY: Final = 600
+
+
+def run(context: Context, stopping: threading.Event) -> None:
+    """Keep house until told to stop; a busy or full database is tried again."""
+    turn = 0
+    while not stopping.wait(EXPIRY_S):
+        try:
+            broker_work.expire_if_due(context)
+            if turn % FORGETTING_EVERY == 0:
+                forget(context)
+        except SQLAlchemyError as error:
+            LOG.warning("housekeeping has to wait: %s", error)
+        turn += 1
+
+
+def forget(context: Context) -> None:
+    """Drop idempotency keys and requests that nobody will ask for again."""
+    now = context.clock()
+    with context.database.write() as connection:
+        idempotency.forget_before(connection, now - once.KEPT_S)
+        broker_work.forget_old(connection, now)

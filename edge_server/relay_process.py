@@ -1,0 +1,96 @@
+"""The relay as a process: waits for the database, takes the lock, relays until stopped.
+
+LockedError  another relay serves this state folder
+"""
+
+import fcntl
+import logging
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+from random import Random
+from typing import Final
+
+from edge_server.cloud import HttpCloud
+from edge_server.config import Config
+from edge_server.outbox.relay import Relay
+from edge_server.outbox.retry import Backoff
+from edge_server.outbox.schedule import Schedule
+from edge_server.store import migrate
+from edge_server.store.database import Database, open_engine, sqlite_url
+
+LOG = logging.getLogger(__name__)
+_LOOK_S: Final = 0.1
+
+
+class LockedError(Exception):
+    """Another relay serves this state folder; two would send records out of order."""
+
+
+def run(config: Config) -> None:
+    """Relay until SIGTERM or SIGINT.
+
+    Raises:
+        LockedError: if another relay runs.
+        RelayError: if it cannot go on and should be started again.
+    """
+    config.edge_dir.mkdir(parents=True, exist_ok=True, mode=0o700)
+    lock = take_lock(config.edge_dir / "relay.lock")
+    stopping = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stopping.set())
+    if not _wait_for_database(config.database_path, stopping):
+        return
+    database = Database(open_engine(sqlite_url(config.database_path)))
+    relay = build(config, database)
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: relay.stop())
+    if stopping.is_set():
+        relay.stop()
+    LOG.info("relaying to %s", config.cloud_url)
+    relay.run()
+    database.close()
+    os.close(lock)
+
+
+def build(config: Config, database: Database) -> Relay:
+    """Put a relay together."""
+    schedule = Schedule(
+        backoff=Backoff(config.backoff_base_s, config.backoff_cap_s),
+        probe_interval_s=config.probe_interval_s,
+        workers=config.relay_workers,
+        random=Random(),
+    )
+    return Relay(
+        database=database,
+        schedule=schedule,
+        connect=lambda: HttpCloud(config),
+        database_path=config.database_path,
+        wake_path=config.wake_path,
+        workers=config.relay_workers,
+    )
+
+
+def take_lock(path: Path) -> int:
+    """Take the lock of the state folder; it goes with the process. Raises LockedError."""
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(descriptor)
+        raise LockedError(f"another relay serves this state folder ({path} is locked)") from None
+    return descriptor
+
+
+def _wait_for_database(path: Path, stopping: threading.Event) -> bool:
+    """Wait until the server has made the database; false when we should stop instead."""
+    told = time.monotonic() + 5.0
+    while not migrate.is_ready(path):
+        if stopping.wait(_LOOK_S):
+            return False
+        if time.monotonic() > told:
+            LOG.info("waiting for the server to prepare %s", path)
+            told = float("inf")
+    return True

@@ -1,0 +1,133 @@
+"""The web server: gunicorn, one process with threads, started from here.
+
+One worker, because SQLite has one writer and the broker's long polls are woken inside one
+process.
+
+PortTakenError  another program listens on our port
+"""
+
+import logging
+import os
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterable
+from typing import Any, Final
+
+from gunicorn.app.base import BaseApplication
+from gunicorn.arbiter import Arbiter
+from gunicorn.workers.gthread import ThreadWorker
+
+from edge_server import children, housekeeping, key_files
+from edge_server.app import context_of, create_app
+from edge_server.config import Config
+from edge_server.store import migrate
+from edge_server.store.database import Database, open_engine, sqlite_url
+
+LOG = logging.getLogger(__name__)
+BIND_PATIENCE_S: Final = 3.0
+KEEP_ALIVE_S: Final = 75
+GRACE_S: Final = 5
+_WsgiApp = Callable[[dict[str, Any], Any], Iterable[bytes]]
+_stopping = threading.Event()
+
+
+class PortTakenError(Exception):
+    """Another program listens on our port."""
+
+
+def serve(config: Config) -> None:
+    """Prepare the database and the keys, then serve until a signal ends it.
+
+    Raises:
+        PortTakenError: if the port is taken.
+        StoreError: if the database cannot be used.
+    """
+    listener = listen(config.host, config.port, BIND_PATIENCE_S)
+    prepare(config)
+    _Application(config, listener).run()
+
+
+def prepare(config: Config) -> None:
+    """Bring the state folder into order: database, tables, keys."""
+    migrate.prepare(config.database_path)
+    database = Database(open_engine(sqlite_url(config.database_path)))
+    try:
+        key_files.ensure(database, config.keys_dir, time.time())
+    finally:
+        database.close()
+
+
+def listen(host: str, port: int, patience_s: float) -> socket.socket:
+    """Take the port; one that our own killed predecessor holds is free in a moment.
+
+    Raises:
+        PortTakenError: if it is still taken after that.
+    """
+    deadline = time.monotonic() + patience_s
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    while True:
+        listener = socket.socket(family, socket.SOCK_STREAM)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listener.bind((host, port))
+            listener.listen(128)
+        except OSError as error:
+            listener.close()
+            if time.monotonic() > deadline:
+                raise PortTakenError(
+                    f"cannot listen on {host}:{port} ({error.strerror}); is another edge server "
+                    f"running? Choose another port with EDGE_PORT or --port."
+                ) from None
+            time.sleep(0.05)
+        else:
+            return listener
+
+
+class _Worker(ThreadWorker):  # type: ignore[misc]  # gunicorn has no types
+    """Ends long polls when it is told to stop."""
+
+    def handle_exit(self, sig: int, frame: object) -> None:
+        _stopping.set()
+        if (app := getattr(self, "wsgi", None)) is not None:
+            context_of(app).bell.close()
+        super().handle_exit(sig, frame)
+
+    handle_quit = handle_exit
+
+
+class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no types
+    """Gunicorn, configured by our configuration."""
+
+    def __init__(self, config: Config, listener: socket.socket) -> None:
+        self._config = config
+        self._listener = listener
+        super().__init__()
+
+    def load_config(self) -> None:
+        for name, value in {
+            "bind": f"fd://{self._listener.fileno()}",
+            "workers": 1,
+            "threads": self._config.threads,
+            "worker_class": _Worker,
+            "worker_tmp_dir": "/dev/shm" if os.path.isdir("/dev/shm") else None,  # noqa: PTH112, S108  # gunicorn's heartbeat file, made safely
+            "keepalive": KEEP_ALIVE_S,
+            "timeout": 60,
+            "graceful_timeout": GRACE_S,
+            "control_socket_disable": True,
+            "loglevel": "warning",
+            "post_fork": _post_fork,
+        }.items():
+            self.cfg.set(name, value)
+
+    def load(self) -> _WsgiApp:
+        app = create_app(self._config)
+        threading.Thread(
+            target=housekeeping.run, args=(context_of(app), _stopping), daemon=True
+        ).start()
+        LOG.info("serving on http://%s:%d", self._config.host, self._config.port)
+        return app
+
+
+def _post_fork(server: Arbiter, _worker: object) -> None:
+    children.die_with(server.pid)

@@ -1,0 +1,1 @@
+"""What the edge server does: one transaction per request, no HTTP in here."""

@@ -1,0 +1,203 @@
+"""The broker's work: handed out in order, acknowledged, never after it has expired."""
+
+import time
+from enum import StrEnum
+from typing import Any, Final
+
+from sqlalchemy import Connection
+
+from afarcloud.annex import in_seconds
+from afarcloud.enumerations import Profile, Status
+from afarcloud.plan import LatestStateVector, Mission
+from afarcloud.wire import Kind, write
+from edge_server.services import progress, telemetry
+from edge_server.services.context import Context, show_time
+from edge_server.services.errors import ConflictError, NotFoundError, TooMuchError
+from edge_server.services.vehicles import find as find_vehicle
+from edge_server.store import plans, work
+from edge_server.store.work import Work
+
+REQUEST_LIFETIME_S: Final = 10.0
+REQUEST_LIMIT: Final = 32
+PAGE: Final = 100
+EXPIRED: Final = "expired before dispatch"
+
+
+class Acknowledgement(StrEnum):
+    """What the broker says of a piece of work."""
+
+    ACCEPTED = "accepted"
+    REFUSED = "refused"
+    DONE = "done"
+
+
+def ask_for_state_vector(context: Context, request: LatestStateVector) -> dict[str, Any]:
+    """Queue a request for a fresh state vector; it is worth nothing after 10 s.
+
+    Raises:
+        NotFoundError: if the vehicle is not registered.
+        TooMuchError: if too many requests wait.
+    """
+    if request.vehicle_id is not None:
+        find_vehicle(context, request.vehicle_id)
+    now = context.clock()
+    with context.database.write() as connection:
+        expire(connection, now)
+        waiting = work.unfinished(connection)
+        if sum(item.kind == work.STATE_VECTOR for item in waiting) >= REQUEST_LIMIT:
+            raise TooMuchError("too many requests for a state vector wait")
+        identifier = work.add_request(
+            connection,
+            vehicle_id=request.vehicle_id,
+            sequence_number=request.sequence_number,
+            now=now,
+            expires_at=now + REQUEST_LIFETIME_S,
+        )
+    context.bell.ring()
+    return {"id": identifier, "expires_at": show_time(now + REQUEST_LIFETIME_S), **write(request)}
+
+
+def poll(context: Context, after_id: int, wait_s: float) -> dict[str, Any]:
+    """Give the unfinished work after a cursor, waiting for some if there is none.
+
+    Raises:
+        TooMuchError: if too many callers wait already.
+    """
+    if not context.places_to_wait.acquire(blocking=False):
+        raise TooMuchError("too many callers wait for work")
+    try:
+        return _poll(context, after_id, time.monotonic() + wait_s)
+    finally:
+        context.places_to_wait.release()
+
+
+def _poll(context: Context, after_id: int, deadline: float) -> dict[str, Any]:
+    while True:
+        rings = context.bell.rings
+        answer = _look(context, after_id)
+        left = deadline - time.monotonic()
+        if answer["commands"] or left <= 0 or context.bell.closed:
+            return answer
+        context.bell.wait(rings, left)
+
+
+def _look(context: Context, after_id: int) -> dict[str, Any]:
+    expire_if_due(context)
+    with context.database.read() as connection:
+        # A cursor beyond all work comes from a database that is gone: begin again.
+        cursor = after_id if after_id <= work.newest_id(connection) else 0
+        found = work.unfinished(connection, after_id=cursor, limit=PAGE)
+        commands = [_show(connection, item) for item in found]
+    return {"cursor": found[-1].id if found else cursor, "commands": commands}
+
+
+def _show(connection: Connection, item: Work) -> dict[str, Any]:
+    shown: dict[str, Any] = {
+        "id": item.id,
+        "kind": item.kind,
+        "vehicle_id": item.vehicle_id,
+        "expires_at": show_time(item.expires_at),
+    }
+    if item.kind == work.STATE_VECTOR:
+        return {**shown, "sequence_number": item.sequence_number}
+    return {
+        **shown,
+        "plan_id": item.plan_id,
+        "state": item.state,
+        "mission": _in_seconds(connection, item),
+        "report": item.report,
+    }
+
+
+def _in_seconds(connection: Connection, item: Work) -> dict[str, Any] | None:
+    """Give the mission with its hold times in seconds, whatever profile it was posted under."""
+    plan = plans.find(connection, item.plan) if item.plan is not None else None
+    if plan is None or plan.body.get("profile") != Profile.ANNEX:
+        return item.body
+    return write(in_seconds(Mission.model_validate(item.body)))
+
+
+def acknowledge(
+    context: Context, identifier: int, said: Acknowledgement, message: str | None
+) -> dict[str, Any]:
+    """Take in what the broker says of a piece of work; saying it twice changes nothing.
+
+    Raises:
+        NotFoundError: if there is no such work: it was cancelled; do not fly it.
+        ConflictError: if it has ended otherwise or expired; do not fly it.
+    """
+    with context.database.write() as connection:
+        now = context.clock()
+        expire(connection, now)
+        item = work.get(connection, identifier)
+        if item is None:
+            raise NotFoundError(f"there is no work {identifier}; it may have been cancelled")
+        if item.kind == work.MISSION:
+            _acknowledge_mission(connection, item, said, message, now)
+        elif item.state != work.CLOSED:
+            state = work.ACCEPTED if said is Acknowledgement.ACCEPTED else work.CLOSED
+            work.change(connection, identifier, state=state)
+        changed = work.get(connection, identifier)
+    context.wake_relay()
+    return {"id": identifier, "state": changed.state if changed else work.CLOSED}
+
+
+def _acknowledge_mission(
+    connection: Connection, item: Work, said: Acknowledgement, message: str | None, now: float
+) -> None:
+    if said is Acknowledgement.DONE:
+        raise ConflictError("a mission is done when its report says so")
+    if said is Acknowledgement.REFUSED:
+        if item.state != work.CLOSED:
+            _end(connection, item, Status.FAILED, message or "refused by the broker", now)
+        elif item.status_id != Status.FAILED:
+            raise ConflictError(f"work {item.id} has ended otherwise")
+    elif item.state == work.CLOSED:
+        raise ConflictError(f"work {item.id} has ended: {item.message or 'see the plan'}")
+    else:
+        work.change(connection, item.id, state=work.ACCEPTED)
+
+
+def expire_if_due(context: Context) -> None:
+    """End what has expired; costs one look when nothing has."""
+    now = context.clock()
+    with context.database.read() as connection:
+        if not work.overdue(connection, now):
+            return
+    with context.database.write() as connection:
+        expire(connection, now)
+    context.wake_relay()
+
+
+def expire(connection: Connection, now: float) -> None:
+    """End queued work whose time is over; nothing stale is ever flown."""
+    for item in work.overdue(connection, now):
+        if item.kind == work.MISSION:
+            _end(connection, item, Status.ABORTED, EXPIRED, now)
+        else:
+            work.change(connection, item.id, state=work.CLOSED)
+
+
+def _end(connection: Connection, item: Work, status: Status, message: str, now: float) -> None:
+    """End a mission that nobody flies, and tell the cloud as the vehicle's broker would."""
+    progress.close(connection, item, status, message)
+    last = item.report or {}
+    commands = work.commands(connection, item.id)
+    body = {
+        "sequence_number": last.get("sequence_number", -1) + 1,
+        "vehicle_id": item.vehicle_id,
+        "recorded_at": show_time(now),
+        "mission_id": item.mission_id,
+        "mission_status_id": int(status),
+        "command_report_array": [
+            {"command_id": entry.command_id, "command_status_id": entry.status_id}
+            for entry in commands.values()
+        ],
+        "message": message,
+    }
+    telemetry.store(connection, Kind.MISSION_REPORT, body, now)
+
+
+def forget_old(connection: Connection, now: float) -> None:
+    """Drop requests that ended long ago."""
+    work.forget_requests(connection, now - 3600.0)

@@ -1,0 +1,55 @@
+"""What every service needs: the database, the clock, whom to wake."""
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import NamedTuple
+
+from afarcloud.numbers import format_time
+from edge_server.config import Config
+from edge_server.outbox import wakeup
+from edge_server.services.bell import Bell
+from edge_server.store.database import Database
+
+WAITING_LIMIT = 8
+
+
+class Caller(NamedTuple):
+    """Who asks, and with which idempotency key."""
+
+    role: str
+    idempotency_key: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """Shared by all requests of a process; `clock` gives epoch seconds."""
+
+    config: Config
+    database: Database
+    clock: Callable[[], float]
+    bell: Bell = field(default_factory=Bell)
+    places_to_wait: threading.BoundedSemaphore = field(
+        default_factory=lambda: threading.BoundedSemaphore(WAITING_LIMIT)
+    )
+
+    @property
+    def wake_path(self) -> Path:
+        """The relay's pipe."""
+        return self.config.wake_path
+
+    def wake_relay(self, *, changed: bool = False) -> None:
+        """Tell the relay that records have come, or have been changed; call after commit."""
+        wakeup.wake(self.wake_path, changed=changed)
+
+
+def moment(epoch_s: float) -> datetime:
+    """Turn epoch seconds into a time in UTC."""
+    return datetime.fromtimestamp(epoch_s, UTC)
+
+
+def show_time(epoch_s: float) -> str:
+    """Write epoch seconds as RFC 3339 in UTC, to the millisecond."""
+    return format_time(moment(round(epoch_s, 3)))

@@ -1,0 +1,40 @@
+"""A POST that is repeated under its idempotency key has its effect once."""
+
+import hashlib
+
+from sqlalchemy import Connection
+
+from edge_server.services.context import Caller
+from edge_server.services.errors import KeyReusedError
+from edge_server.store import idempotency
+from edge_server.store.database import to_json
+from edge_server.store.idempotency import Answered
+
+KEPT_S = 72 * 3600.0
+
+
+def hash_body(body: dict[str, object]) -> bytes:
+    """Hash a canonical body; spacing and spelling of the original do not count."""
+    return hashlib.sha256(to_json(body).encode()).digest()
+
+
+def earlier(
+    connection: Connection, caller: Caller, route: str, body_sha256: bytes
+) -> Answered | None:
+    """Find the answer to the same POST; None when this is the first.
+
+    Raises:
+        KeyReusedError: if the key was used for something else.
+    """
+    if caller.idempotency_key is None:
+        return None
+    found = idempotency.find(connection, caller.idempotency_key, caller.role)
+    if found is not None and (found.route, found.body_sha256) != (route, body_sha256):
+        raise KeyReusedError("this Idempotency-Key was used for another request")
+    return found
+
+
+def remember(connection: Connection, caller: Caller, answered: Answered) -> None:
+    """Keep the answer, when the caller gave a key."""
+    if caller.idempotency_key is not None:
+        idempotency.remember(connection, caller.idempotency_key, caller.role, answered)

@@ -1,0 +1,65 @@
+"""A plan as the API shows it: what was posted, with the live status beside it. Pure."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from afarcloud.enumerations import Status
+from edge_server.services.context import show_time
+from edge_server.store.plans import StoredPlan
+from edge_server.store.work import CommandProgress, Work
+
+
+def show(
+    stored: StoredPlan,
+    missions: Sequence[Work],
+    progress: Mapping[int, Mapping[int, CommandProgress]],
+) -> dict[str, Any]:
+    """Join a plan, its missions and the progress of their commands (by work id)."""
+    status = overall(Status(item.status_id) for item in missions if item.status_id)
+    return {
+        "id": stored.id,
+        **stored.body,
+        "plan_id": stored.plan_id,
+        "received_at": show_time(stored.received_at),
+        "expires_at": show_time(stored.expires_at),
+        "plan_status_id": int(status),
+        "plan_status_name": status.name,
+        "missions": [_mission(item, progress[item.id]) for item in missions],
+        "warnings": stored.warnings,
+    }
+
+
+def overall(statuses: Iterable[Status]) -> Status:
+    """Sum up: RUNNING while anything is under way, then the worst end."""
+    seen = set(statuses)
+    if seen <= {Status.NOT_STARTED}:
+        return Status.NOT_STARTED
+    if not all(status.is_terminal for status in seen):
+        return Status.RUNNING
+    for worst in (Status.FAILED, Status.ABORTED):
+        if worst in seen:
+            return worst
+    return Status.FINISHED
+
+
+def _mission(item: Work, progress: Mapping[int, CommandProgress]) -> dict[str, Any]:
+    body = dict(item.body or {})
+    commands = body.pop("command_array", [])
+    return {
+        **body,
+        "dispatch_state": item.state,
+        **_status("mission", item.status_id, item.message),
+        "command_array": [_command(entry, progress[entry["command_id"]]) for entry in commands],
+    }
+
+
+def _command(entry: dict[str, Any], progress: CommandProgress) -> dict[str, Any]:
+    return {**entry, **_status("command", progress.status_id, progress.message)}
+
+
+def _status(of: str, status_id: int | None, message: str | None) -> dict[str, Any]:
+    status = Status(status_id)
+    shown: dict[str, Any] = {f"{of}_status_id": int(status), f"{of}_status_name": status.name}
+    if message:
+        shown["message"] = message
+    return shown

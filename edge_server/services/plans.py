@@ -1,0 +1,179 @@
+"""Plans: validated, kept, their missions queued for the broker; one transaction each."""
+
+from typing import Any
+
+from sqlalchemy import Connection
+from ulid import ULID
+
+from afarcloud import rules
+from afarcloud.faults import Fault, InvalidError
+from afarcloud.plan import Mission, Plan
+from afarcloud.vehicle import VehicleLimits
+from afarcloud.wire import Kind, write
+from edge_server.services import broker_work, once
+from edge_server.services.context import Caller, Context, moment
+from edge_server.services.errors import ConflictError, NotFoundError
+from edge_server.services.plan_view import show
+from edge_server.store import plans, vehicles, work
+from edge_server.store.idempotency import Answered
+from edge_server.store.plans import StoredPlan
+
+
+def create(context: Context, plan: Plan, caller: Caller) -> dict[str, Any]:
+    """Keep a plan and queue its missions; returns it as stored.
+
+    Raises:
+        InvalidError: if it breaks a rule.
+        ConflictError: if a mission of the same name is unfinished or a vehicle's queue is full.
+        KeyReusedError: if the idempotency key belongs to another request.
+    """
+    body_sha256 = once.hash_body(write(plan))
+    route = Kind.PLAN.value
+    with context.database.write() as connection:
+        answered = once.earlier(connection, caller, route, body_sha256)
+        if answered is None:
+            now = context.clock()
+            row = _create(connection, context, plan, now)
+            answered = Answered(route, body_sha256, row, None, now)
+            once.remember(connection, caller, answered)
+        shown = _show(connection, _find(connection, answered.object_id))
+    context.bell.ring()
+    return shown
+
+
+def _create(connection: Connection, context: Context, plan: Plan, now: float) -> int:
+    broker_work.expire(connection, now)
+    stored = _checked(connection, context, plan, now)
+    if plans.find(connection, stored.plan_id) is not None:
+        raise ConflictError(
+            "a plan of this plan_id is here already", (Fault("plan_id", "is already taken"),)
+        )
+    row = plans.add(connection, stored)
+    _queue(connection, context, plan, stored._replace(id=row), now)
+    return row
+
+
+def replace(context: Context, reference: int | str, plan: Plan) -> dict[str, Any]:
+    """Put another plan in the place of one that nobody has begun; its id and plan_id stay.
+
+    Raises:
+        NotFoundError: if there is none.
+        InvalidError: if the new one breaks a rule.
+        ConflictError: if the broker has a mission of it, or as for `create`.
+    """
+    with context.database.write() as connection:
+        now = context.clock()
+        broker_work.expire(connection, now)
+        old = _find(connection, reference)
+        if any(item.state != work.QUEUED for item in work.of_plan(connection, old.id)):
+            raise ConflictError(f"plan {old.id} is no longer waiting")
+        if plan.plan_id not in {None, old.plan_id}:
+            raise ConflictError(
+                f"plan {old.id} keeps its plan_id", (Fault("plan_id", "cannot be changed"),)
+            )
+        work.remove_of_plan(connection, old.id)
+        new = _checked(connection, context, plan, now)._replace(
+            id=old.id, plan_id=old.plan_id, received_at=old.received_at
+        )
+        plans.replace(connection, new)
+        _queue(connection, context, plan, new, now)
+        shown = _show(connection, new)
+    context.bell.ring()
+    return shown
+
+
+def find(context: Context, reference: int | str) -> dict[str, Any]:
+    """Give a plan with its live status; raises NotFoundError."""
+    broker_work.expire_if_due(context)
+    with context.database.read() as connection:
+        return _show(connection, _find(connection, reference))
+
+
+def page(context: Context, *, after_id: int, limit: int) -> list[dict[str, Any]]:
+    """List plans with their live status, oldest first."""
+    broker_work.expire_if_due(context)
+    with context.database.read() as connection:
+        return [
+            _show(connection, stored)
+            for stored in plans.page(connection, after_id=after_id, limit=limit)
+        ]
+
+
+def remove(context: Context, reference: int | str) -> None:
+    """Forget a plan; what still waits of it is cancelled.
+
+    Raises:
+        NotFoundError: if there is none.
+        ConflictError: if the broker is at work on it.
+    """
+    with context.database.write() as connection:
+        stored = _find(connection, reference)
+        if any(item.state == work.ACCEPTED for item in work.of_plan(connection, stored.id)):
+            raise ConflictError(f"plan {stored.id} is being flown")
+        plans.remove(connection, stored.id)
+
+
+def _checked(connection: Connection, context: Context, plan: Plan, now: float) -> StoredPlan:
+    """Hold a plan against the rules; raises InvalidError with every fault."""
+    registered = vehicles.known(connection, {item.vehicle_id for item in plan.missions})
+    limits = dict.fromkeys(registered, VehicleLimits())
+    verdict = rules.check(plan, limits, moment(now))
+    if verdict.faults:
+        raise InvalidError(verdict.faults)
+    lifetime_end = now + context.config.plan_lifetime_s
+    expires_at = plan.expires_at.timestamp() if plan.expires_at else lifetime_end
+    body = write(plan)
+    del body["missions"]
+    return StoredPlan(
+        id=0,
+        plan_id=plan.plan_id or str(ULID()),
+        body=body,
+        received_at=now,
+        expires_at=expires_at,
+        warnings=[{"path": fault.path, "message": fault.message} for fault in verdict.warnings],
+    )
+
+
+def _queue(
+    connection: Connection, context: Context, plan: Plan, stored: StoredPlan, now: float
+) -> None:
+    for index, mission in enumerate(plan.missions):
+        _check_queue(connection, context, mission, f"missions.{index}")
+        work.add_mission(
+            connection,
+            plan_row=stored.id,
+            body=write(mission),
+            now=now,
+            expires_at=stored.expires_at,
+        )
+
+
+def _check_queue(connection: Connection, context: Context, mission: Mission, path: str) -> None:
+    waiting = [
+        item
+        for item in work.unfinished(connection, vehicle_id=mission.vehicle_id)
+        if item.kind == work.MISSION
+    ]
+    if any(item.mission_id == mission.mission_id for item in waiting):
+        raise ConflictError(
+            f"mission {mission.mission_id} of vehicle {mission.vehicle_id} is unfinished",
+            (Fault(f"{path}.mission_id", "is the id of an unfinished mission of this vehicle"),),
+        )
+    if len(waiting) >= context.config.queue_limit:
+        raise ConflictError(
+            f"vehicle {mission.vehicle_id} has {len(waiting)} unfinished missions, no more fit",
+            (Fault(f"{path}.vehicle_id", "has a full queue"),),
+        )
+
+
+def _find(connection: Connection, reference: int | str) -> StoredPlan:
+    stored = plans.find(connection, reference)
+    if stored is None:
+        raise NotFoundError(f"there is no plan {reference}")
+    return stored
+
+
+def _show(connection: Connection, stored: StoredPlan) -> dict[str, Any]:
+    missions = work.of_plan(connection, stored.id)
+    progress = {item.id: work.commands(connection, item.id) for item in missions}
+    return show(stored, missions, progress)

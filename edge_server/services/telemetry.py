@@ -1,0 +1,130 @@
+"""Reports of vehicles: kept until the cloud has them. One transaction, then 201."""
+
+import json
+from typing import Any
+
+from sqlalchemy import Connection
+from ulid import ULID
+
+from afarcloud.state import MissionReport, Report
+from afarcloud.wire import Kind, write
+from edge_server.outbox import queue
+from edge_server.outbox.queue import Stream
+from edge_server.services import once, progress
+from edge_server.services.context import Caller, Context, show_time
+from edge_server.services.errors import ConflictError, NotFoundError
+from edge_server.store import telemetry
+from edge_server.store.database import to_json
+from edge_server.store.idempotency import Answered
+from edge_server.store.telemetry import Record
+
+
+def ingest(context: Context, kind: Kind, report: Report, caller: Caller) -> dict[str, Any]:
+    """Keep a report and make it due; returns it as stored.
+
+    Raises:
+        KeyReusedError: if the idempotency key belongs to another request.
+    """
+    body = write(report)
+    body_sha256 = once.hash_body(body)
+    with context.database.write() as connection:
+        answered = once.earlier(connection, caller, kind.value, body_sha256)
+        if answered is None:
+            now = context.clock()
+            record = store(connection, kind, body, now)
+            answered = Answered(kind.value, body_sha256, record.id, record.message_id, now)
+            once.remember(connection, caller, answered)
+            if isinstance(report, MissionReport):
+                progress.apply(connection, report)
+    context.wake_relay()
+    return {
+        "id": answered.object_id,
+        **body,
+        "message_id": answered.message_id,
+        "received_at": show_time(answered.created_at),
+    }
+
+
+def store(connection: Connection, kind: Kind, body: dict[str, Any], now: float) -> Record:
+    """Write a record and its outbox row."""
+    message_id = str(ULID())
+    payload = to_json({**body, "message_id": message_id})
+    vehicle_id = int(body["vehicle_id"])
+    record_id = telemetry.add(
+        connection,
+        kind=kind.value,
+        vehicle_id=vehicle_id,
+        message_id=message_id,
+        payload=payload,
+        received_at=now,
+    )
+    queue.enqueue(connection, record_id, Stream(vehicle_id, kind.value))
+    return Record(record_id, message_id, kind.value, vehicle_id, payload, now)
+
+
+def page(
+    context: Context, kind: Kind, *, after_id: int, limit: int, vehicle_id: int | None
+) -> list[dict[str, Any]]:
+    """List what the cloud has not confirmed, oldest first; pictures without their frame."""
+    with context.database.read() as connection:
+        records = telemetry.page(
+            connection, kind.value, after_id=after_id, limit=limit, vehicle_id=vehicle_id
+        )
+    shown = [show(record) for record in records]
+    for item in shown:
+        item.pop("frame", None)
+    return shown
+
+
+def find(context: Context, kind: Kind, record_id: int) -> dict[str, Any]:
+    """Give one report; raises NotFoundError, also when the cloud has it by now."""
+    with context.database.read() as connection:
+        return show(_find(connection, kind, record_id))
+
+
+def replace(context: Context, kind: Kind, record_id: int, report: Report) -> dict[str, Any]:
+    """Correct a report that is still here; to the cloud it is a new message.
+
+    Raises:
+        NotFoundError: if it is not here, or the cloud has it by now.
+        ConflictError: if it names another vehicle.
+    """
+    body = write(report)
+    message_id = str(ULID())
+    with context.database.write() as connection:
+        record = _find(connection, kind, record_id)
+        if record.vehicle_id != body["vehicle_id"]:
+            raise ConflictError("a report cannot change its vehicle_id")
+        payload = to_json({**body, "message_id": message_id})
+        telemetry.replace(connection, record_id, message_id=message_id, payload=payload)
+        queue.requeue(connection, record_id)
+    context.wake_relay(changed=True)
+    return show(record._replace(message_id=message_id, payload=payload))
+
+
+def remove(context: Context, kind: Kind, record_id: int) -> None:
+    """Forget a report, sent or not; raises NotFoundError."""
+    with context.database.write() as connection:
+        if not telemetry.remove(connection, kind.value, record_id):
+            raise _missing(kind, record_id)
+    context.wake_relay(changed=True)
+
+
+def show(record: Record) -> dict[str, Any]:
+    """Give a record as the API shows it."""
+    return {
+        "id": record.id,
+        **json.loads(record.payload),
+        "received_at": show_time(record.received_at),
+    }
+
+
+def _find(connection: Connection, kind: Kind, record_id: int) -> Record:
+    record = telemetry.get(connection, kind.value, record_id)
+    if record is None:
+        raise _missing(kind, record_id)
+    return record
+
+
+def _missing(kind: Kind, record_id: int) -> NotFoundError:
+    return NotFoundError(f"there is no {kind.value} {record_id} here")

@@ -1,0 +1,84 @@
+"""The registry: which vehicles there are and what was last said of each."""
+
+from typing import Any, Literal
+
+from afarcloud.model import Model
+from afarcloud.numbers import (
+    Boolean,
+    Fraction,
+    Int32,
+    Latitude,
+    Longitude,
+    Number,
+    ShortText,
+    Time,
+)
+from edge_server.services.context import Context, show_time
+from edge_server.services.errors import ConflictError, NotFoundError
+from edge_server.store import vehicles, work
+from edge_server.store.vehicles import StoredVehicle
+
+
+class VehicleState(Model):
+    """What a broker says of a vehicle; altitude in metres above home."""
+
+    link_state: Literal["connected", "stale", "lost"]
+    autopilot: Literal["px4", "ardupilot", "generic"] | None = None
+    armed: Boolean | None = None
+    mode: ShortText | None = None
+    latitude: Latitude | None = None
+    longitude: Longitude | None = None
+    altitude: Number | None = None
+    battery_percentage: Fraction | None = None
+    mission_id: Int32 | None = None
+    recorded_at: Time | None = None
+
+
+def put(context: Context, vehicle_id: int, state: VehicleState) -> tuple[dict[str, Any], bool]:
+    """Register or update a vehicle; returns it and whether it is new.
+
+    What is not said stays as it was; a null is said.
+    """
+    said = state.model_dump(mode="json", exclude_unset=True)
+    now = context.clock()
+    with context.database.write() as connection:
+        known = vehicles.get(connection, vehicle_id)
+        merged = {**known.state, **said} if known else said
+        vehicles.put(connection, vehicle_id, merged, now)
+    registered_at = known.registered_at if known else now
+    return show(StoredVehicle(vehicle_id, merged, registered_at, now)), known is None
+
+
+def everyone(context: Context) -> list[dict[str, Any]]:
+    """List all vehicles."""
+    with context.database.read() as connection:
+        return [show(item) for item in vehicles.everyone(connection)]
+
+
+def find(context: Context, vehicle_id: int) -> dict[str, Any]:
+    """Give one vehicle; raises NotFoundError."""
+    with context.database.read() as connection:
+        known = vehicles.get(connection, vehicle_id)
+    if known is None:
+        raise NotFoundError(f"vehicle {vehicle_id} is not registered")
+    return show(known)
+
+
+def remove(context: Context, vehicle_id: int) -> None:
+    """Forget a vehicle; raises NotFoundError, or ConflictError while it has missions."""
+    with context.database.write() as connection:
+        if vehicles.get(connection, vehicle_id) is None:
+            raise NotFoundError(f"vehicle {vehicle_id} is not registered")
+        if work.unfinished(connection, vehicle_id=vehicle_id, limit=1):
+            raise ConflictError(f"vehicle {vehicle_id} has unfinished work")
+        vehicles.remove(connection, vehicle_id)
+
+
+def show(stored: StoredVehicle) -> dict[str, Any]:
+    """Give a vehicle as the API shows it."""
+    return {
+        "vehicle_id": stored.vehicle_id,
+        **stored.state,
+        "registered_at": show_time(stored.registered_at),
+        "updated_at": show_time(stored.updated_at),
+    }

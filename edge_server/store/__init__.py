@@ -1,0 +1,1 @@
+"""What is kept: tables, transactions, migrations. Rows do not leave this package."""

@@ -1,0 +1,136 @@
+"""Brings a database to the shape that this version of the program needs.
+
+StoreError
+  +- NewerDatabaseError  made by a newer version; this one must not touch it
+"""
+
+import logging
+import time
+from pathlib import Path
+from typing import Final
+
+from sqlalchemy import Connection, Engine, inspect, text
+from sqlalchemy.exc import DatabaseError
+
+from edge_server.store.database import open_engine, sqlite_url
+
+LOG = logging.getLogger(__name__)
+HEAD: Final = "0001"
+_SCRIPTS: Final = Path(__file__).parent / "migrations"
+_SIDE_FILES: Final = ("-wal", "-shm", "-journal")
+
+
+class StoreError(Exception):
+    """The database cannot be used."""
+
+
+class NewerDatabaseError(StoreError):
+    """The database was made by a newer version."""
+
+
+def prepare(path: Path) -> None:
+    """Make the database if it is missing, set it aside if it is broken, bring it up to date.
+
+    Raises:
+        NewerDatabaseError: if a newer version has made it.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+    if path.exists() and (fault := _fault_of(path)):
+        moved_to = set_aside(path, time.strftime("%Y%m%dT%H%M%S", time.gmtime()))
+        LOG.critical(
+            "the database %s is broken (%s); it is kept as %s and a new one is made: what it "
+            "held has not reached the cloud",
+            path,
+            fault,
+            moved_to,
+        )
+    engine = open_engine(sqlite_url(path))
+    try:
+        if revision(engine) != HEAD:
+            migrate(engine, HEAD)
+    finally:
+        engine.dispose()
+    path.chmod(0o600)
+
+
+def is_ready(path: Path) -> bool:
+    """Whether the database is there and in the shape that we need."""
+    if not path.exists():
+        return False
+    engine = open_engine(sqlite_url(path))
+    try:
+        return revision(engine) == HEAD
+    except DatabaseError:
+        return False
+    finally:
+        engine.dispose()
+
+
+def revision(engine: Engine) -> str | None:
+    """Give the shape of a database; None when it is empty."""
+    with engine.connect() as connection:
+        if not inspect(connection).has_table("alembic_version"):
+            return None
+        found: str | None = connection.execute(
+            text("SELECT version_num FROM alembic_version")
+        ).scalar_one_or_none()
+        return found
+
+
+def migrate(engine: Engine, target: str) -> None:
+    """Change the shape of a database, up or down ("base" empties it)."""
+    # Alembic is needed once in a database's life; it would cost memory in every process.
+    from alembic import command  # noqa: PLC0415  # see above
+    from alembic.config import Config  # noqa: PLC0415  # see above
+    from alembic.script import ScriptDirectory  # noqa: PLC0415  # see above
+
+    config = Config()
+    config.set_main_option("script_location", str(_SCRIPTS).replace("%", "%%"))
+    scripts = ScriptDirectory.from_config(config)
+    current = revision(engine)
+    known = [script.revision for script in scripts.walk_revisions()]
+    if current is not None and current not in known:
+        raise NewerDatabaseError(
+            f"the database is at {current}, which this version does not know; use a newer one"
+        )
+    with engine.execution_options(edge_immediate=True).begin() as connection:
+        config.attributes["connection"] = connection
+        if target == "base" or (current in known and known.index(current) < known.index(target)):
+            command.downgrade(config, target)
+        else:
+            command.upgrade(config, target)
+
+
+def set_aside(path: Path, stamp: str) -> Path:
+    """Move a database and its side files to quarantine; returns where the database is now."""
+    quarantine = path.parent / "quarantine"
+    quarantine.mkdir(exist_ok=True, mode=0o700)
+    moved_to = quarantine / f"{path.stem}-{stamp}{path.suffix}"
+    number = 1
+    while moved_to.exists():
+        number += 1
+        moved_to = quarantine / f"{path.stem}-{stamp}-{number}{path.suffix}"
+    for side in _SIDE_FILES:
+        if (file := path.with_name(path.name + side)).exists():
+            file.rename(moved_to.with_name(moved_to.name + side))
+    path.rename(moved_to)
+    return moved_to
+
+
+def _fault_of(path: Path) -> str | None:
+    """Say what is wrong with a database file, None when it is whole."""
+    engine = open_engine(sqlite_url(path))
+    try:
+        with engine.connect() as connection:
+            return _quick_check(connection)
+    except DatabaseError as error:
+        if getattr(error.orig, "sqlite_errorname", "") in {"SQLITE_NOTADB", "SQLITE_CORRUPT"}:
+            return str(error.orig)
+        raise
+    finally:
+        engine.dispose()
+
+
+def _quick_check(connection: Connection) -> str | None:
+    found = str(connection.execute(text("PRAGMA quick_check(1)")).scalar_one())
+    return None if found == "ok" else found

@@ -1,0 +1,11 @@
+"""Run by Alembic: migrates the connection that it was given."""
+
+from alembic import context
+
+from edge_server.store.tables import METADATA
+
+connection = context.config.attributes["connection"]
+# SQLite cannot alter most of a table in place; batch mode copies it.
+context.configure(connection=connection, target_metadata=METADATA, render_as_batch=True)
+with context.begin_transaction():
+    context.run_migrations()

@@ -1,0 +1,74 @@
+"""Plans as rows; their missions are rows of `store/work.py`."""
+
+import json
+from typing import Any, NamedTuple
+
+from sqlalchemy import ColumnElement, Connection, delete, insert, select, update
+
+from edge_server.store.database import to_json
+from edge_server.store.tables import plan
+
+
+class StoredPlan(NamedTuple):
+    """A plan without its missions."""
+
+    id: int
+    plan_id: str
+    body: dict[str, Any]
+    received_at: float
+    expires_at: float
+    warnings: list[dict[str, str]]
+
+
+def add(connection: Connection, stored: StoredPlan) -> int:
+    """Keep a plan (its `id` is ignored); returns its id."""
+    result = connection.execute(insert(plan).values(_columns(stored)))
+    return int(result.inserted_primary_key[0])
+
+
+def replace(connection: Connection, stored: StoredPlan) -> None:
+    """Overwrite the plan with this id."""
+    connection.execute(update(plan).where(plan.c.id == stored.id).values(_columns(stored)))
+
+
+def find(connection: Connection, reference: int | str) -> StoredPlan | None:
+    """Find a plan by its number or its ULID."""
+    key: ColumnElement[bool] = (
+        plan.c.id == reference if isinstance(reference, int) else plan.c.plan_id == reference
+    )
+    row = connection.execute(select(plan).where(key)).one_or_none()
+    return _stored(row) if row else None
+
+
+def page(connection: Connection, *, after_id: int, limit: int) -> list[StoredPlan]:
+    """List plans, oldest first."""
+    rows = connection.execute(
+        select(plan).where(plan.c.id > after_id).order_by(plan.c.id).limit(limit)
+    )
+    return [_stored(row) for row in rows]
+
+
+def remove(connection: Connection, identifier: int) -> None:
+    """Forget a plan and its missions."""
+    connection.execute(delete(plan).where(plan.c.id == identifier))
+
+
+def _columns(stored: StoredPlan) -> dict[str, Any]:
+    return {
+        "plan_id": stored.plan_id,
+        "body": to_json(stored.body),
+        "received_at": stored.received_at,
+        "expires_at": stored.expires_at,
+        "warnings": to_json(stored.warnings),
+    }
+
+
+def _stored(row: Any) -> StoredPlan:
+    return StoredPlan(
+        row.id,
+        row.plan_id,
+        json.loads(row.body),
+        row.received_at,
+        row.expires_at,
+        json.loads(row.warnings),
+    )

@@ -1,0 +1,160 @@
+"""Every table, its keys and what each column means. Times are epoch seconds."""
+
+from sqlalchemy import (
+    CheckConstraint,
+    Column,
+    Float,
+    ForeignKey,
+    Index,
+    Integer,
+    LargeBinary,
+    MetaData,
+    String,
+    Table,
+    Text,
+)
+
+METADATA = MetaData(
+    naming_convention={
+        "ix": "ix_%(table_name)s_%(column_0_N_name)s",
+        "uq": "uq_%(table_name)s_%(column_0_N_name)s",
+        "ck": "ck_%(table_name)s_%(constraint_name)s",
+        "fk": "fk_%(table_name)s_%(column_0_name)s",
+        "pk": "pk_%(table_name)s",
+    }
+)
+
+telemetry = Table(
+    "telemetry",
+    METADATA,
+    Column("id", Integer, primary_key=True),  # Never used again, also when the row is gone
+    Column("message_id", String(26), nullable=False, unique=True),  # ULID, the key for the cloud
+    Column("kind", String(20), nullable=False),
+    Column("vehicle_id", Integer, nullable=False),
+    Column("payload", Text, nullable=False),  # The JSON that the cloud gets, message_id included
+    Column("received_at", Float, nullable=False),
+    Index(None, "kind", "id"),
+    sqlite_autoincrement=True,
+)
+"""Reports of vehicles, until the cloud has confirmed them."""
+
+outbox = Table(
+    "outbox",
+    METADATA,
+    Column("id", Integer, primary_key=True),  # The order of sending, within a stream
+    Column(
+        "record_id",
+        ForeignKey("telemetry.id", ondelete="CASCADE"),
+        nullable=False,
+        unique=True,
+    ),
+    Column("vehicle_id", Integer, nullable=False),  # With kind: the stream
+    Column("kind", String(20), nullable=False),
+    Column("state", String(8), nullable=False, server_default="queued"),
+    Column("attempts", Integer, nullable=False, server_default="0"),
+    Column("last_error", Text),
+    CheckConstraint("state IN ('queued', 'dead')", name="state"),
+    CheckConstraint("state <> 'dead' OR last_error IS NOT NULL", name="dead_has_reason"),
+    Index(None, "vehicle_id", "kind", "state", "id"),
+    sqlite_autoincrement=True,
+)
+"""What the relay has still to send, or may never send again."""
+
+tombstone = Table(
+    "tombstone",
+    METADATA,
+    Column("message_id", String(26), primary_key=True),
+    Column("kind", String(20), nullable=False),
+    Column("vehicle_id", Integer, nullable=False),
+    Column("record_id", Integer, nullable=False),
+    Column("http_status", Integer, nullable=False),
+    Column("attempts", Integer, nullable=False),
+    Column("delivered_at", Float, nullable=False, index=True),
+)
+"""What the cloud has confirmed; no payload."""
+
+idempotency = Table(
+    "idempotency",
+    METADATA,
+    Column("key", String(64), primary_key=True),
+    Column("role", String(10), primary_key=True),
+    Column("route", String(20), nullable=False),
+    Column("body_sha256", LargeBinary(32), nullable=False),
+    Column("object_id", Integer, nullable=False),
+    Column("message_id", String(26)),
+    Column("created_at", Float, nullable=False, index=True),
+)
+"""POSTs that were answered with 201, so that a repeated one gets the same answer."""
+
+vehicle = Table(
+    "vehicle",
+    METADATA,
+    Column("vehicle_id", Integer, primary_key=True, autoincrement=False),
+    Column("state", Text, nullable=False),  # JSON: what was last said of it
+    Column("registered_at", Float, nullable=False),
+    Column("updated_at", Float, nullable=False),
+)
+
+plan = Table(
+    "plan",
+    METADATA,
+    Column("id", Integer, primary_key=True),
+    Column("plan_id", String(26), nullable=False, unique=True),
+    Column("body", Text, nullable=False),  # JSON of the plan without its missions
+    Column("received_at", Float, nullable=False),
+    Column("expires_at", Float, nullable=False),
+    Column("warnings", Text, nullable=False),  # JSON: path and message each
+    sqlite_autoincrement=True,
+)
+
+work = Table(
+    "work",
+    METADATA,
+    Column("id", Integer, primary_key=True),  # The broker's cursor counts these
+    Column("kind", String(20), nullable=False),
+    Column("vehicle_id", Integer),
+    Column("plan", ForeignKey("plan.id", ondelete="CASCADE"), index=True),
+    Column("mission_id", Integer),
+    Column("sequence_number", Integer, nullable=False),
+    Column("body", Text),  # JSON of the mission as it was posted
+    Column("state", String(8), nullable=False),
+    Column("status_id", Integer),
+    Column("message", Text),
+    Column("report", Text),  # JSON of the newest mission report
+    Column("created_at", Float, nullable=False),
+    Column("expires_at", Float, nullable=False),
+    CheckConstraint("kind IN ('mission', 'latest_state_vector')", name="kind"),
+    CheckConstraint("state IN ('queued', 'accepted', 'closed')", name="state"),
+    CheckConstraint("(state = 'closed') = (status_id >= 3) OR status_id IS NULL", name="terminal"),
+    CheckConstraint(
+        "kind <> 'mission' OR (plan IS NOT NULL AND mission_id IS NOT NULL "
+        "AND vehicle_id IS NOT NULL AND body IS NOT NULL AND status_id BETWEEN 1 AND 5)",
+        name="mission_is_whole",
+    ),
+    Index(None, "state", "id"),
+    Index(None, "vehicle_id", "mission_id", "state"),
+    sqlite_autoincrement=True,
+)
+"""What the broker has to do: missions of plans and requests for a state vector."""
+
+command = Table(
+    "command",
+    METADATA,
+    Column("work", ForeignKey("work.id", ondelete="CASCADE"), primary_key=True),
+    Column("command_id", Integer, primary_key=True),
+    Column("status_id", Integer, nullable=False),
+    Column("message", Text),
+    CheckConstraint("status_id BETWEEN 1 AND 5", name="status"),
+)
+"""How far each command of a mission is."""
+
+access_key = Table(
+    "access_key",
+    METADATA,
+    Column("prefix", String(8), primary_key=True),
+    Column("role", String(10), nullable=False),
+    Column("sha256", LargeBinary(32), nullable=False),
+    Column("created_at", Float, nullable=False),
+    Column("revoked_at", Float),
+)
+"""Who may call; the keys themselves are not kept."""

@@ -1,0 +1,91 @@
+"""Reports of vehicles as rows: one row per report, any kind."""
+
+import json
+from typing import Any, NamedTuple
+
+from sqlalchemy import Connection, delete, func, insert, select, update
+
+from edge_server.store.tables import outbox, telemetry
+
+
+class Record(NamedTuple):
+    """One kept report; `payload` is the JSON that the cloud gets."""
+
+    id: int
+    message_id: str
+    kind: str
+    vehicle_id: int
+    payload: str
+    received_at: float
+
+    def body(self) -> dict[str, Any]:
+        """Give the payload as an object."""
+        body: dict[str, Any] = json.loads(self.payload)
+        return body
+
+
+def add(
+    connection: Connection,
+    *,
+    kind: str,
+    vehicle_id: int,
+    message_id: str,
+    payload: str,
+    received_at: float,
+) -> int:
+    """Keep a report; returns its id."""
+    result = connection.execute(
+        insert(telemetry),
+        {
+            "kind": kind,
+            "vehicle_id": vehicle_id,
+            "message_id": message_id,
+            "payload": payload,
+            "received_at": received_at,
+        },
+    )
+    return int(result.inserted_primary_key[0])
+
+
+def get(connection: Connection, kind: str, record_id: int) -> Record | None:
+    """Find one report of a kind."""
+    row = connection.execute(
+        select(telemetry).where(telemetry.c.id == record_id, telemetry.c.kind == kind)
+    ).one_or_none()
+    return _record(row) if row else None
+
+
+def page(
+    connection: Connection, kind: str, *, after_id: int, limit: int, vehicle_id: int | None
+) -> list[Record]:
+    """List reports of a kind, oldest first."""
+    query = select(telemetry).where(telemetry.c.kind == kind, telemetry.c.id > after_id)
+    if vehicle_id is not None:
+        query = query.where(telemetry.c.vehicle_id == vehicle_id)
+    return [_record(row) for row in connection.execute(query.order_by(telemetry.c.id).limit(limit))]
+
+
+def replace(connection: Connection, record_id: int, *, message_id: str, payload: str) -> None:
+    """Give a report a new content, which is a new message to the cloud."""
+    connection.execute(
+        update(telemetry)
+        .where(telemetry.c.id == record_id)
+        .values(message_id=message_id, payload=payload)
+    )
+
+
+def remove(connection: Connection, kind: str, record_id: int) -> bool:
+    """Forget a report and what was due of it; says whether there was one."""
+    result = connection.execute(
+        delete(telemetry).where(telemetry.c.id == record_id, telemetry.c.kind == kind)
+    )
+    return result.rowcount > 0
+
+
+def count_waiting(connection: Connection) -> int:
+    """How many reports the cloud has not confirmed."""
+    return connection.execute(select(func.count()).select_from(outbox)).scalar_one()
+
+
+def _record(row: Any) -> Record:
+    return Record(row.id, row.message_id, row.kind, row.vehicle_id, row.payload, row.received_at)

@@ -1,0 +1,195 @@
+"""The broker's work as rows, and how far each mission and command is."""
+
+import json
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from sqlalchemy import Connection, and_, delete, func, insert, or_, select, update
+
+from edge_server.store.database import to_json
+from edge_server.store.tables import command, plan, work
+
+MISSION = "mission"
+STATE_VECTOR = "latest_state_vector"
+QUEUED = "queued"
+ACCEPTED = "accepted"
+CLOSED = "closed"
+
+
+class Work(NamedTuple):
+    """One piece of work; the fields from `plan` on are None unless it is a mission."""
+
+    id: int
+    kind: str
+    vehicle_id: int | None
+    sequence_number: int
+    state: str
+    expires_at: float
+    plan: int | None = None
+    plan_id: str | None = None
+    mission_id: int | None = None
+    body: dict[str, Any] | None = None
+    status_id: int | None = None
+    message: str | None = None
+    report: dict[str, Any] | None = None
+
+
+class CommandProgress(NamedTuple):
+    """How far one command is."""
+
+    command_id: int
+    status_id: int
+    message: str | None
+
+
+def add_mission(
+    connection: Connection, *, plan_row: int, body: dict[str, Any], now: float, expires_at: float
+) -> None:
+    """Queue a mission and its commands, nothing started."""
+    result = connection.execute(
+        insert(work).values(
+            kind=MISSION,
+            vehicle_id=body["vehicle_id"],
+            plan=plan_row,
+            mission_id=body["mission_id"],
+            sequence_number=body["sequence_number"],
+            body=to_json(body),
+            state=QUEUED,
+            status_id=1,
+            created_at=now,
+            expires_at=expires_at,
+        )
+    )
+    row = int(result.inserted_primary_key[0])
+    connection.execute(
+        insert(command),
+        [
+            {"work": row, "command_id": item["command_id"], "status_id": 1}
+            for item in body["command_array"]
+        ],
+    )
+
+
+def add_request(
+    connection: Connection,
+    *,
+    vehicle_id: int | None,
+    sequence_number: int,
+    now: float,
+    expires_at: float,
+) -> int:
+    """Queue a request for a fresh state vector; returns its id."""
+    result = connection.execute(
+        insert(work).values(
+            kind=STATE_VECTOR,
+            vehicle_id=vehicle_id,
+            sequence_number=sequence_number,
+            state=QUEUED,
+            created_at=now,
+            expires_at=expires_at,
+        )
+    )
+    return int(result.inserted_primary_key[0])
+
+
+_QUERY = select(work, plan.c.plan_id).outerjoin(plan, work.c.plan == plan.c.id)
+
+
+def get(connection: Connection, identifier: int) -> Work | None:
+    """Find a piece of work."""
+    row = connection.execute(_QUERY.where(work.c.id == identifier)).one_or_none()
+    return _work(row) if row else None
+
+
+def unfinished(
+    connection: Connection, *, after_id: int = 0, vehicle_id: int | None = None, limit: int = 1000
+) -> list[Work]:
+    """List queued and accepted work in order, of one vehicle or of all."""
+    query = _QUERY.where(work.c.state.in_((QUEUED, ACCEPTED)), work.c.id > after_id)
+    if vehicle_id is not None:
+        query = query.where(work.c.vehicle_id == vehicle_id)
+    return [_work(row) for row in connection.execute(query.order_by(work.c.id).limit(limit))]
+
+
+def overdue(connection: Connection, now: float) -> list[Work]:
+    """List work that has expired: missions not accepted yet, and requests not answered."""
+    waiting = or_(
+        work.c.state == QUEUED, and_(work.c.state == ACCEPTED, work.c.kind == STATE_VECTOR)
+    )
+    query = _QUERY.where(waiting, work.c.expires_at <= now)
+    return [_work(row) for row in connection.execute(query.order_by(work.c.id))]
+
+
+def of_plan(connection: Connection, plan_row: int) -> list[Work]:
+    """List the missions of a plan in the plan's order."""
+    query = _QUERY.where(work.c.plan == plan_row)
+    return [_work(row) for row in connection.execute(query.order_by(work.c.id))]
+
+
+def newest_id(connection: Connection) -> int:
+    """Give the id of the newest work, 0 when there is none."""
+    return connection.execute(select(func.max(work.c.id))).scalar_one() or 0
+
+
+def change(connection: Connection, identifier: int, **columns: Any) -> None:
+    """Change columns of a piece of work; a report is given as an object."""
+    if columns.get("report") is not None:
+        columns["report"] = to_json(columns["report"])
+    connection.execute(update(work).where(work.c.id == identifier).values(**columns))
+
+
+def remove_of_plan(connection: Connection, plan_row: int) -> None:
+    """Forget a plan's missions."""
+    connection.execute(delete(work).where(work.c.plan == plan_row))
+
+
+def forget_requests(connection: Connection, before: float) -> None:
+    """Drop closed requests; the newest work stays, for the cursor is measured against it."""
+    connection.execute(
+        delete(work).where(
+            work.c.kind == STATE_VECTOR,
+            work.c.state == CLOSED,
+            work.c.expires_at < before,
+            work.c.id < newest_id(connection),
+        )
+    )
+
+
+def commands(connection: Connection, identifier: int) -> dict[int, CommandProgress]:
+    """Give the progress of a mission's commands by command_id."""
+    rows = connection.execute(
+        select(command.c.command_id, command.c.status_id, command.c.message).where(
+            command.c.work == identifier
+        )
+    )
+    return {row.command_id: CommandProgress(*row) for row in rows}
+
+
+def change_commands(
+    connection: Connection, identifier: int, progress: Sequence[CommandProgress]
+) -> None:
+    """Store the progress of some of a mission's commands."""
+    for item in progress:
+        connection.execute(
+            update(command)
+            .where(command.c.work == identifier, command.c.command_id == item.command_id)
+            .values(status_id=item.status_id, message=item.message)
+        )
+
+
+def _work(row: Any) -> Work:
+    return Work(
+        row.id,
+        row.kind,
+        row.vehicle_id,
+        row.sequence_number,
+        row.state,
+        row.expires_at,
+        row.plan,
+        row.plan_id,
+        row.mission_id,
+        json.loads(row.body) if row.body else None,
+        row.status_id,
+        row.message,
+        json.loads(row.report) if row.report else None,
+    )
