@@ -8,7 +8,7 @@ from uav_firmware.modules.estimator.gate import Aid
 from uav_firmware.msg.vectors import Vector3
 
 _INTERVAL_US: Final = 100_000
-_ZERO_VELOCITY_SIGMA_M_S: Final = 0.1
+_ZERO_VELOCITY_SIGMA_M_S: Final = 0.05
 _ZERO_VELOCITY_GATE: Final = 5.0
 
 

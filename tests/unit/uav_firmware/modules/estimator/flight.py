@@ -8,9 +8,10 @@ a spherical small-area formula with the ellipsoid's two radii.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from uav_firmware.bus import Topic
 from uav_firmware.modules.estimator.module import EstimatorModule
@@ -24,6 +25,8 @@ from uav_firmware.msg.estimate import (
 from uav_firmware.msg.sensors import SensorBaro, SensorGps, SensorImu, SensorMag
 from uav_firmware.msg.status import LandDetected, LandedState
 from uav_firmware.parameters import Registry
+
+Array: TypeAlias = NDArray[np.float64]
 
 STEP_US = 4000
 DT = STEP_US * 1e-6
@@ -53,9 +56,9 @@ class Truth(NamedTuple):
     """Where the vehicle really is."""
 
     time_us: int
-    position_ned: np.ndarray
-    velocity_ned: np.ndarray
-    rotation: np.ndarray  # Body to NED
+    position_ned: Array
+    velocity_ned: Array
+    rotation: Array  # Body to NED
 
 
 class Readings(NamedTuple):
@@ -69,7 +72,7 @@ class Readings(NamedTuple):
     landed: bool
 
 
-def path(t: float, start: float, heading: float) -> tuple[np.ndarray, float]:
+def path(t: float, start: float, heading: float) -> tuple[Array, float]:
     """Position [m] and heading [rad]: at rest until `start`, then a climbing, turning figure."""
     s = max(0.0, t - start)
     ease = s**3 / (s**3 + 30.0)  # three times differentiable start from rest
@@ -83,7 +86,7 @@ def path(t: float, start: float, heading: float) -> tuple[np.ndarray, float]:
     return position, heading + ease * 1.2 * math.sin(0.2 * s)
 
 
-def attitude(acceleration: np.ndarray, yaw: float) -> np.ndarray:
+def attitude(acceleration: Array, yaw: float) -> Array:
     """Body to NED with thrust along the needed specific force."""
     down = -(acceleration - np.array([0.0, 0.0, GRAVITY]))
     down /= np.linalg.norm(down)
@@ -92,7 +95,7 @@ def attitude(acceleration: np.ndarray, yaw: float) -> np.ndarray:
     return np.column_stack([np.cross(right, down), right, down])
 
 
-def logarithm(rotation: np.ndarray) -> np.ndarray:
+def logarithm(rotation: Array) -> Array:
     """Rotation vector of a small rotation matrix."""
     vector = np.array(
         [
@@ -113,7 +116,7 @@ def truth_at(time_us: int, start: float, heading: float) -> Truth:
     return Truth(time_us, here, (after - before) / (2.0 * h), attitude(acceleration, yaw))
 
 
-def geodetic(ned: np.ndarray) -> tuple[float, float, float]:
+def geodetic(ned: Array) -> tuple[float, float, float]:
     """Latitude, longitude [deg], altitude [m]: right to a millimetre within 100 m of home."""
     lat = math.radians(HOME[0])
     w = math.sqrt(1.0 - 0.00669437999014 * math.sin(lat) ** 2)
@@ -126,12 +129,13 @@ def geodetic(ned: np.ndarray) -> tuple[float, float, float]:
     )
 
 
-def vector(array: np.ndarray) -> tuple[float, float, float]:
+def vector(array: Array) -> tuple[float, float, float]:
     return (float(array[0]), float(array[1]), float(array[2]))
 
 
 def pressure(altitude_m: float) -> float:
-    return 101325.0 * (1.0 - altitude_m / 44330.77) ** 5.25588
+    ratio: float = (1.0 - altitude_m / 44330.77) ** 5.25588
+    return 101325.0 * ratio
 
 
 class Flight:
@@ -260,7 +264,7 @@ class Rig:
         assert self.local.value is not None
         return self.local.value
 
-    def position_error(self, truth: Truth) -> np.ndarray:
+    def position_error(self, truth: Truth) -> Array:
         """Estimate minus truth [m, NED about HOME], origin error included."""
         here = self.position
         lat, lon, alt = geodetic(np.zeros(3))
@@ -273,12 +277,14 @@ class Rig:
                 alt - here.origin_altitude_amsl_m,
             ]
         )
-        return origin + np.array(here.position_ned) - truth.position_ned
+        error: Array = origin + np.array(here.position_ned) - truth.position_ned
+        return error
 
-    def velocity_error(self, truth: Truth) -> np.ndarray:
-        return np.array(self.position.velocity_ned) - truth.velocity_ned
+    def velocity_error(self, truth: Truth) -> Array:
+        error: Array = np.array(self.position.velocity_ned) - truth.velocity_ned
+        return error
 
-    def attitude_error(self, truth: Truth) -> np.ndarray:
+    def attitude_error(self, truth: Truth) -> Array:
         """Rotation vector [rad, NED] from truth to estimate."""
         assert self.attitude.value is not None
         w, x, y, z = self.attitude.value.q_ned_frd
@@ -290,14 +296,6 @@ class Rig:
             ]
         )
         return logarithm(estimate @ truth.rotation.T)
-
-
-def without_gps(readings: Readings) -> Readings:
-    return replace_readings(readings, gps=None)
-
-
-def replace_readings(readings: Readings, **changes: object) -> Readings:
-    return readings._replace(**changes)  # type: ignore[arg-type]  # typed by the caller's use
 
 
 PERFECT = replace(
