@@ -1,0 +1,63 @@
+"""The protocol that each state of a flight is busy with, built from the plan and the vehicle."""
+
+from collections.abc import Sequence
+from typing import Protocol, TypeAlias
+
+from mavlink_broker.dialect import Message
+from mavlink_broker.protocol.command import CommandOutcome
+from mavlink_broker.protocol.command_sequence import CommandSequence, Ways
+from mavlink_broker.protocol.mission_select import MissionSelect
+from mavlink_broker.protocol.mission_upload import MissionUpload, UploadOutcome
+from mavlink_broker.protocol.mission_verify import MissionVerify, VerifyOutcome
+from mavlink_broker.translation.mission import FlightPlan
+from mavlink_broker.translation.read_back import difference
+from mavlink_broker.vehicle import Vehicle
+
+Outcome: TypeAlias = UploadOutcome | VerifyOutcome | CommandOutcome
+
+
+class Activity(Protocol):
+    """What the protocols of the states have in common."""
+
+    @property
+    def outcome(self) -> Outcome | None:
+        """How it ended; None while it runs."""
+
+    def start(self, now: float) -> list[Message]:
+        """Begin."""
+
+    def receive(self, message: Message, now: float) -> list[Message]:
+        """Take a message of the vehicle."""
+
+    def tick(self, now: float) -> list[Message]:
+        """Repeat what is overdue."""
+
+
+def upload(plan: FlightPlan, vehicle: Vehicle) -> MissionUpload:
+    """Put the plan onto the vehicle."""
+    route = vehicle.route
+    return MissionUpload(
+        plan.messages(route.target_system, route.target_component),
+        route,
+        vehicle.round_trip,
+        busy_pause_s=vehicle.family.busy_pause_s,
+    )
+
+
+def verification(plan: FlightPlan, vehicle: Vehicle, opaque_id: int) -> MissionVerify:
+    """Prove that the vehicle holds the plan; without an id, by reading it back."""
+
+    def compare(messages: Sequence[Message]) -> str | None:
+        return difference(plan, messages, vehicle.family)
+
+    return MissionVerify(opaque_id, compare, vehicle.route, vehicle.round_trip)
+
+
+def selection(plan: FlightPlan, vehicle: Vehicle) -> MissionSelect:
+    """Make the first item the current one."""
+    return MissionSelect(plan.first_item, vehicle.route, vehicle.round_trip)
+
+
+def commands(ways: Ways, vehicle: Vehicle) -> CommandSequence:
+    """Arm or start, in the family's ways."""
+    return CommandSequence(ways, vehicle.route, vehicle.round_trip)

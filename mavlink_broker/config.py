@@ -1,0 +1,109 @@
+"""The broker's configuration: environment variables, overridden by flags, read once."""
+
+import argparse
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+DEFAULT_EDGE_PORT: Final = 8000
+DEFAULT_MAVLINK_PORT: Final = 14540
+DEFAULT_SYSTEM_ID: Final = 250
+ONBOARD_COMPUTER: Final = 191
+"""MAV_COMP_ID_ONBOARD_COMPUTER."""
+DEFAULT_STATE_VECTOR_INTERVAL_S: Final = 1.0
+DEFAULT_BATTERY_CAPACITY_AH: Final = 5.2
+"""Of the vehicle that this system was first built for; used where a vehicle does not tell."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Config:
+    """Everything that can be set."""
+
+    edge_url: str = f"http://127.0.0.1:{DEFAULT_EDGE_PORT}"
+    key_file: Path = Path("var/keys/broker.key")
+    mavlink_host: str = "0.0.0.0"  # noqa: S104  # vehicles come from anywhere on the farm
+    mavlink_port: int = DEFAULT_MAVLINK_PORT
+    system_id: int = DEFAULT_SYSTEM_ID
+    component_id: int = ONBOARD_COMPUTER
+    vehicle_of_system: Mapping[int, int] = field(default_factory=dict)
+    state_vector_every_s: float = DEFAULT_STATE_VECTOR_INTERVAL_S
+    battery_capacity_ah: float = DEFAULT_BATTERY_CAPACITY_AH
+    log_level: str = "INFO"
+
+    def vehicle_id(self, system_id: int) -> int:
+        """AFarCloud's number of the vehicle with a MAVLink system id."""
+        return self.vehicle_of_system.get(system_id, system_id)
+
+    def system_of(self, vehicle_id: int) -> int:
+        """MAVLink system id of a vehicle; the other way round."""
+        reverse = {vehicle: system for system, vehicle in self.vehicle_of_system.items()}
+        return reverse.get(vehicle_id, vehicle_id)
+
+
+def parse_vehicle_ids(text: str) -> dict[int, int]:
+    """Read `7:1,8:2`, vehicle 7 is system 1 and so on, as system id to vehicle id.
+
+    Raises:
+        ValueError: if it is written otherwise, or a number comes twice.
+    """
+    pairs = [part.partition(":") for part in text.split(",") if part.strip()]
+    try:
+        numbers = [(int(vehicle), int(system)) for vehicle, _, system in pairs]
+    except ValueError:
+        raise ValueError(f"vehicle ids must look like 7:1,8:2, not {text!r}") from None
+    of_system = {system: vehicle for vehicle, system in numbers}
+    if len(of_system) != len(numbers) or len(set(of_system.values())) != len(numbers):
+        raise ValueError(f"vehicle ids name a vehicle or a system twice: {text!r}")
+    return of_system
+
+
+def load(arguments: Sequence[str], environment: Mapping[str, str]) -> Config:
+    """Read the configuration; a fault ends the program with a sentence and status 2."""
+    parser = _parser(environment)
+    options = parser.parse_args(arguments)
+    if not 1 <= options.system_id <= 255:
+        parser.error("--mavlink-system-id must be 1 to 255")
+    if not 0 <= options.mavlink_port <= 65_535:
+        parser.error("--mavlink-port must be 0 to 65535")
+    if not options.state_vector_interval > 0 or not 0 < options.battery_capacity <= 100:
+        parser.error("--state-vector-interval must be above 0, --battery-capacity 0 to 100 Ah")
+    return Config(
+        edge_url=options.edge_url,
+        key_file=options.key_file or options.state_dir / "keys" / "broker.key",
+        mavlink_host=options.mavlink_host,
+        mavlink_port=options.mavlink_port,
+        system_id=options.system_id,
+        vehicle_of_system=options.vehicle_ids,
+        state_vector_every_s=options.state_vector_interval,
+        battery_capacity_ah=options.battery_capacity,
+        log_level=options.log_level.upper(),
+    )
+
+
+def _parser(environment: Mapping[str, str]) -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="mavlink_broker", description="Flies the edge server's missions over MAVLink."
+    )
+    edge_port = environment.get("EDGE_PORT") or DEFAULT_EDGE_PORT
+    options: tuple[tuple[str, object, object, str], ...] = (
+        ("EDGE_URL", str, f"http://127.0.0.1:{edge_port}", "where the edge server is"),
+        ("STATE_DIR", Path, "var", "folder of the system's state and keys"),
+        ("KEY_FILE", Path, None, "the broker's access key; in STATE_DIR/keys unless given"),
+        ("MAVLINK_HOST", str, "0.0.0.0", "address to listen on"),  # noqa: S104  # as above
+        ("MAVLINK_PORT", int, DEFAULT_MAVLINK_PORT, "UDP port to listen on"),
+        ("MAVLINK_SYSTEM_ID", int, DEFAULT_SYSTEM_ID, "the broker's own MAVLink system id"),
+        ("VEHICLE_IDS", parse_vehicle_ids, "", "vehicle_id:system_id, ... where they differ"),
+        ("STATE_VECTOR_INTERVAL", float, DEFAULT_STATE_VECTOR_INTERVAL_S, "seconds"),
+        ("BATTERY_CAPACITY", float, DEFAULT_BATTERY_CAPACITY_AH, "Ah, if a vehicle is silent"),
+        ("LOG_LEVEL", str, "INFO", "DEBUG, INFO, WARNING or ERROR"),
+    )
+    for name, kind, default, text in options:
+        parser.add_argument(
+            "--" + name.lower().replace("_", "-"),
+            dest="system_id" if name == "MAVLINK_SYSTEM_ID" else name.lower(),
+            type=kind,  # type: ignore[arg-type]  # str, int, float, Path or a parser of ours
+            default=environment.get(name) or default,
+            help=f"{text} (environment: {name})",
+        )
+    return parser

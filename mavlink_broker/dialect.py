@@ -1,0 +1,275 @@
+"""MAVLink as bytes and messages: the broker's only importer of pymavlink.
+
+The shipped `all` dialect is used as a codec, version 2 on the way out, both versions on the way
+in. Messages are pymavlink's generated classes, elsewhere `mavlink.MAVLink_<name>_message`, told
+apart by `get_type()`. Three of them are replaced here, because the shipped dialect lacks
+the opaque plan ids of the current message definitions (extension fields: the checksum seed and
+the older fields stay as they are, and a sender without them is read as id 0, "not supported").
+
+A datagram is searched for whole, correct frames; nothing is carried over to the next datagram,
+so a broken or hostile one costs only itself.
+"""
+
+import struct
+from typing import Any, Final, NamedTuple, TypeAlias
+
+from pymavlink.dialects.v20 import all as mavlink
+
+__all__ = [
+    "MISSION_RESULT_NAMES",
+    "RESULT_NAMES",
+    "Decoder",
+    "Encoder",
+    "Message",
+    "MissionAck",
+    "MissionCount",
+    "MissionCurrent",
+    "Source",
+    "mavlink",
+    "source_of",
+]
+
+Message: TypeAlias = Any
+"""An instance of one of pymavlink's generated message classes."""
+
+_MARKERS: Final = {0xFE: 8, 0xFD: 12}
+"""First byte of a frame, and how many bytes it has beside its payload."""
+_SIGNED_FLAG: Final = 0x01
+_SIGNATURE_LENGTH: Final = 13
+_SEQUENCES: Final = 256
+
+RESULT_NAMES: Final[dict[int, str]] = {
+    **{number: entry.name for number, entry in mavlink.enums["MAV_RESULT"].items()},
+    6: "MAV_RESULT_CANCELLED",
+    9: "MAV_RESULT_COMMAND_UNSUPPORTED_MAV_FRAME",
+    10: "MAV_RESULT_NOT_IN_CONTROL",
+}
+"""Answers to commands; the shipped dialect lacks the names of 6, 9 and 10."""
+
+MISSION_RESULT_NAMES: Final[dict[int, str]] = {
+    number: entry.name for number, entry in mavlink.enums["MAV_MISSION_RESULT"].items()
+}
+"""Answers to mission transfers."""
+
+
+class MissionAck(mavlink.MAVLink_mission_ack_message):  # type: ignore[misc]  # codec is untyped
+    """MISSION_ACK(47) with the id that the vehicle gave to the stored plan; 0 for none."""
+
+    fieldnames: Final = ["target_system", "target_component", "type", "mission_type", "opaque_id"]
+    ordered_fieldnames: Final = fieldnames
+    orders: Final = [0, 1, 2, 3, 4]
+    lengths: Final = [1] * 5
+    array_lengths: Final = [0] * 5
+    unpacker: Final = struct.Struct("<BBBBI")
+
+    def __init__(  # the codec fixes names and order
+        self,
+        target_system: int,
+        target_component: int,
+        type: int,  # noqa: A002  # MAVLink's name of the field
+        mission_type: int = 0,
+        opaque_id: int = 0,
+    ) -> None:
+        super().__init__(target_system, target_component, type, mission_type)
+        self._fieldnames = self.fieldnames
+        self.opaque_id = opaque_id
+
+    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:  # noqa: FBT001, FBT002  # codec
+        """Give the frame, as the codec asks for it."""
+        payload = self.unpacker.pack(
+            self.target_system,
+            self.target_component,
+            self.type,
+            self.mission_type,
+            self.opaque_id,
+        )
+        frame: bytes = self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1)
+        return frame
+
+
+class MissionCount(mavlink.MAVLink_mission_count_message):  # type: ignore[misc]  # codec is untyped
+    """MISSION_COUNT(44) with the id of the plan that is about to be read; 0 for none."""
+
+    fieldnames: Final = ["target_system", "target_component", "count", "mission_type", "opaque_id"]
+    ordered_fieldnames: Final = [
+        "count",
+        "target_system",
+        "target_component",
+        "mission_type",
+        "opaque_id",
+    ]
+    orders: Final = [1, 2, 0, 3, 4]
+    lengths: Final = [1] * 5
+    array_lengths: Final = [0] * 5
+    unpacker: Final = struct.Struct("<HBBBI")
+
+    def __init__(
+        self,
+        target_system: int,
+        target_component: int,
+        count: int,
+        mission_type: int = 0,
+        opaque_id: int = 0,
+    ) -> None:
+        super().__init__(target_system, target_component, count, mission_type)
+        self._fieldnames = self.fieldnames
+        self.opaque_id = opaque_id
+
+    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:  # noqa: FBT001, FBT002  # codec
+        """Give the frame, as the codec asks for it."""
+        payload = self.unpacker.pack(
+            self.count,
+            self.target_system,
+            self.target_component,
+            self.mission_type,
+            self.opaque_id,
+        )
+        frame: bytes = self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1)
+        return frame
+
+
+class MissionCurrent(mavlink.MAVLink_mission_current_message):  # type: ignore[misc]  # as above
+    """MISSION_CURRENT(42) with the ids of the stored mission, fence and rally points."""
+
+    fieldnames: Final = [
+        "seq",
+        "total",
+        "mission_state",
+        "mission_mode",
+        "mission_id",
+        "fence_id",
+        "rally_points_id",
+    ]
+    ordered_fieldnames: Final = fieldnames
+    orders: Final = list(range(7))
+    lengths: Final = [1] * 7
+    array_lengths: Final = [0] * 7
+    unpacker: Final = struct.Struct("<HHBBIII")
+
+    def __init__(
+        self,
+        seq: int,
+        total: int = 0,
+        mission_state: int = 0,
+        mission_mode: int = 0,
+        mission_id: int = 0,
+        fence_id: int = 0,
+        rally_points_id: int = 0,
+    ) -> None:
+        super().__init__(seq, total, mission_state, mission_mode)
+        self._fieldnames = self.fieldnames
+        self.mission_id = mission_id
+        self.fence_id = fence_id
+        self.rally_points_id = rally_points_id
+
+    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:  # noqa: FBT001, FBT002  # codec
+        """Give the frame, as the codec asks for it."""
+        payload = self.unpacker.pack(
+            self.seq,
+            self.total,
+            self.mission_state,
+            self.mission_mode,
+            self.mission_id,
+            self.fence_id,
+            self.rally_points_id,
+        )
+        frame: bytes = self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1)
+        return frame
+
+
+for _message_class in (MissionAck, MissionCount, MissionCurrent):
+    mavlink.mavlink_map[_message_class.id] = _message_class
+
+
+class Source(NamedTuple):
+    """Who sent a message."""
+
+    system: int
+    component: int
+
+
+def source_of(message: Message) -> Source:
+    """Read the sender from a decoded message."""
+    return Source(message.get_srcSystem(), message.get_srcComponent())
+
+
+class Encoder:
+    """Frames messages for one peer, with a sequence counter of its own."""
+
+    def __init__(self, system: int, component: int) -> None:
+        self._codec = mavlink.MAVLink(None, srcSystem=system, srcComponent=component)
+
+    def encode(self, message: Message) -> bytes:
+        """Give the next frame on this link.
+
+        Raises:
+            struct.error: if a field does not fit its wire type.
+        """
+        frame: bytes = message.pack(self._codec)
+        self._codec.seq = (self._codec.seq + 1) % _SEQUENCES
+        return frame
+
+
+class Decoder:
+    """Reads one peer's datagrams and counts what was lost, by the gaps in its sequences."""
+
+    def __init__(self) -> None:
+        self._codec = mavlink.MAVLink(None)
+        self._expected: dict[Source, int] = {}
+        self.received = 0
+        self.lost = 0
+        self.faults = 0
+
+    def decode(self, datagram: bytes) -> list[Message]:
+        """Find every whole, correct frame whose message the dialect knows."""
+        messages: list[Message] = []
+        position = 0
+        while position < len(datagram):
+            end = _frame_end(datagram, position)
+            message = self._frame(datagram[position:end])
+            if message is None:
+                self.faults += 1
+                position = _next_marker(datagram, position + 1)
+                continue
+            position = end
+            if not isinstance(message, mavlink.MAVLink_unknown):
+                self._count(message)
+                messages.append(message)
+        return messages
+
+    def _frame(self, frame: bytes) -> Message | None:
+        if not frame:
+            return None
+        try:
+            return self._codec.decode(bytearray(frame))
+        except mavlink.MAVError:
+            return None
+
+    def _count(self, message: Message) -> None:
+        source, sequence = source_of(message), message.get_seq()
+        gap = (sequence - self._expected.get(source, sequence)) % _SEQUENCES
+        self.received += 1
+        if gap < _SEQUENCES // 2:  # Beyond half a turn it is a late or repeated frame
+            self.lost += gap
+            self._expected[source] = (sequence + 1) % _SEQUENCES
+
+
+def _frame_end(datagram: bytes, position: int) -> int:
+    """End of the frame that begins at `position`; `position` itself where none does."""
+    remaining = len(datagram) - position
+    overhead = _MARKERS.get(datagram[position], 0)
+    if not overhead or remaining < overhead:
+        return position
+    length = datagram[position + 1] + overhead
+    if datagram[position] == 0xFD:
+        flags = datagram[position + 2]
+        if flags & ~_SIGNED_FLAG:
+            return position  # An incompatibility that we do not know: not to be read
+        length += _SIGNATURE_LENGTH if flags & _SIGNED_FLAG else 0
+    return position + length if length <= remaining else position
+
+
+def _next_marker(datagram: bytes, position: int) -> int:
+    while position < len(datagram) and datagram[position] not in _MARKERS:
+        position += 1
+    return position

@@ -1,0 +1,272 @@
+"""One mission on one vehicle, from the work item to its terminal report.
+
+Drives the table of `session_states`: every state has at most one protocol running, whose outcome
+is the event that leads on. Knows neither clock nor network.
+"""
+
+import logging
+from collections.abc import Callable, Mapping
+from typing import Final, TypeAlias
+
+from afarcloud.enumerations import Status
+from mavlink_broker import activities, readiness
+from mavlink_broker.activities import Activity
+from mavlink_broker.dialect import Message
+from mavlink_broker.effects import Effects
+from mavlink_broker.follower import Follower
+from mavlink_broker.protocol.command import Accepted, Refused
+from mavlink_broker.protocol.mission_upload import NotStored, Stored, Uncertain
+from mavlink_broker.protocol.mission_verify import Different, Verified
+from mavlink_broker.readiness import Attachment
+from mavlink_broker.reporter import Reporter
+from mavlink_broker.session_states import Event, State, follow
+from mavlink_broker.translation.ledger import Ledger
+from mavlink_broker.translation.mission import FlightPlan, Home, RefusedError, translate
+from mavlink_broker.translation.modes import ModeRole
+from mavlink_broker.vehicle import Vehicle
+from mavlink_broker.work import MissionWork
+
+FLYING_WITHIN_S: Final = 5.0
+LAST_WORDS_S: Final = 0.5
+"""How long a vehicle that refused something may take to say why."""
+
+_LOG = logging.getLogger(__name__)
+_ON_ITS_WAY: Final = frozenset({State.ARMING, State.STARTING, State.RUNNING})
+_ON_THE_GROUND: Final = frozenset({State.UPLOADING, State.VERIFYING, State.SELECTING})
+_AFTER_ACCEPTANCE: Final = {State.SELECTING: Event.SELECTED, State.ARMING: Event.ARMED}
+
+
+class Flight:
+    """One mission."""
+
+    def __init__(self, work: MissionWork, vehicle: Vehicle, reporter: Reporter) -> None:
+        self.work = work
+        self.state = State.IDLE
+        self.ledger = Ledger(work.mission.mission_id, work.mission.command_array)
+        self._vehicle = vehicle
+        self._reporter = reporter
+        self._hovering = False
+        self._activity: Activity | None = None
+        self._plan = FlightPlan.empty()
+        self._follower: Follower | None = None
+        self._opaque_id = 0
+        self._began_at = 0.0
+        self._entered_at = 0.0
+        self._accepted_at: float | None = None
+        self._fault: tuple[str, int | None] = ("", None)
+
+    @property
+    def ends_in_the_air(self) -> bool:
+        """Whether the vehicle is left hovering after a finished mission."""
+        return self.ledger.status == Status.FINISHED and not self._plan.ends_on_ground
+
+    def is_expired(self, now: float) -> bool:
+        """Whether it may not be begun any more."""
+        return self.work.expires_at is not None and now >= self.work.expires_at
+
+    def begin(self, now: float, effects: Effects, *, hovering: bool) -> None:
+        """Take up the mission, from its start or from where an earlier run left it.
+
+        `hovering` if the vehicle holds in the air where a mission of ours left it.
+        """
+        self._hovering = hovering
+        self._began_at = now
+        if self.work.report is not None:
+            self.ledger.restore(self.work.report)
+        resumed = self.work.was_accepted
+        self._move(Event.MISSION_RESUMED if resumed else Event.MISSION_TAKEN, now, effects)
+
+    def receive(self, message: Message, now: float, effects: Effects) -> None:
+        """Take a message of the vehicle's autopilot."""
+        if self._follower is not None:
+            self._follower.receive(message)
+        if self._activity is not None:
+            effects.messages += self._activity.receive(message, now)
+            self._settle(now, effects)
+
+    def step(self, now: float, effects: Effects) -> None:
+        """Let time pass."""
+        if self._activity is not None:
+            effects.messages += self._activity.tick(now)
+            self._settle(now, effects)
+        if self.state in _STEPS:
+            _STEPS[self.state](self, now, effects)
+
+    def rebooted(self, now: float, effects: Effects) -> None:
+        """Take that the vehicle was restarted."""
+        if self.state in _ON_ITS_WAY:
+            self._fail("the vehicle was restarted", now, effects)
+        elif self.state in _ON_THE_GROUND:
+            self._move(Event.REBOOTED, now, effects)
+        elif self.state is State.ATTACHING:
+            self._activity = None
+
+    def abort(self, reason: str, effects: Effects) -> None:
+        """End a mission that has not taken off."""
+        self.ledger.abort(reason)
+        effects.for_edge.append(self._reporter.mission(self.ledger))
+
+    def refuse(self, error: RefusedError, effects: Effects) -> None:
+        """End a mission that cannot be flown, before anything is sent."""
+        self.ledger.fail(error.reason, error.command_index)
+        effects.for_edge.append(self._reporter.mission(self.ledger))
+
+    def _move(self, event: Event, now: float, effects: Effects) -> None:
+        before = self.state
+        self.state = follow(before, event)
+        mission_id = self.work.mission.mission_id
+        names = before.name, event.name, self.state.name
+        _LOG.info("mission %d: %s, %s -> %s", mission_id, *names)
+        self._entered_at = now
+        self._accepted_at = None
+        self._activity = None
+        if self.state in _ENTRIES:
+            _ENTRIES[self.state](self, now, effects)
+
+    def _start(self, activity: Activity, now: float, effects: Effects) -> None:
+        self._activity = activity
+        effects.messages += activity.start(now)
+
+    def _fail(self, reason: str, now: float, effects: Effects, command: int | None = None) -> None:
+        self._fault = reason, command
+        self._follower = None
+        self._move(Event.FAULT, now, effects)
+
+    def _settle(self, now: float, effects: Effects) -> None:
+        """Turn the outcome of the state's protocol into what happens next."""
+        match self._activity.outcome if self._activity else None:
+            case Stored(opaque_id):
+                self._opaque_id = opaque_id
+                self._move(Event.STORED, now, effects)
+            case Uncertain():
+                self._opaque_id = 0
+                self._move(Event.STORED, now, effects)
+            case Verified():
+                attaching = self.state is State.ATTACHING
+                self._move(Event.FLYING if attaching else Event.VERIFIED, now, effects)
+            case Accepted() if self.state in _AFTER_ACCEPTANCE:
+                self._move(_AFTER_ACCEPTANCE[self.state], now, effects)
+            case Accepted() if self._accepted_at is None:
+                self._accepted_at = now
+            case NotStored(reason, item):
+                command = None if item is None else self._plan.command_of_item[item]
+                self._fail(reason, now, effects, command)
+            case Different(reason) | Refused(reason):
+                self._fail(reason, now, effects)
+
+    def _translate(self) -> None:
+        home = self._vehicle.snapshot.home or Home(0.0, 0.0, 0.0)
+        self._plan = translate(self.work.mission, self._vehicle.family, home)
+        for index, notes in enumerate(self._plan.notes):
+            self.ledger.note(index, notes)
+
+    # What a state begins with.
+
+    def _enter_uploading(self, now: float, effects: Effects) -> None:
+        try:
+            self._translate()
+        except RefusedError as error:
+            self._fail(error.reason, now, effects, error.command_index)
+            return
+        self._start(activities.upload(self._plan, self._vehicle), now, effects)
+
+    def _enter_verifying(self, now: float, effects: Effects) -> None:
+        proof = activities.verification(self._plan, self._vehicle, self._opaque_id)
+        self._start(proof, now, effects)
+
+    def _enter_selecting(self, now: float, effects: Effects) -> None:
+        self._start(activities.selection(self._plan, self._vehicle), now, effects)
+
+    def _enter_arming(self, now: float, effects: Effects) -> None:
+        ways = self._vehicle.family.arming
+        self._start(activities.commands(ways, self._vehicle), now, effects)
+
+    def _enter_starting(self, now: float, effects: Effects) -> None:
+        ways = self._vehicle.family.starting
+        self._start(activities.commands(ways, self._vehicle), now, effects)
+
+    def _enter_running(self, now: float, effects: Effects) -> None:
+        self._follower = Follower(
+            self._plan,
+            self.ledger,
+            self._vehicle,
+            self._reporter,
+            resumed=self.ledger.status == Status.RUNNING,
+        )
+        effects.for_edge += self._follower.begin(now)
+
+    # What a state does as time passes.
+
+    def _step_attaching(self, now: float, effects: Effects) -> None:
+        if self._activity is not None:
+            return
+        started = self.ledger.status != Status.NOT_STARTED
+        waited_s = now - self._entered_at
+        match readiness.attachment(self._vehicle, now, started=started, waited_s=waited_s):
+            case Attachment.BEGIN:
+                self._move(Event.NOT_STARTED, now, effects)
+            case Attachment.COMPARE:
+                self._translate()
+                proof = activities.verification(self._plan, self._vehicle, 0)
+                self._start(proof, now, effects)
+
+    def _step_waiting(self, now: float, effects: Effects) -> None:
+        if self.is_expired(now):
+            self.abort("expired before take-off", effects)
+            self._move(Event.ENDED, now, effects)
+            return
+        obstacle = readiness.obstacle(self._vehicle, now, hovering=self._hovering)
+        if obstacle is None:
+            self._move(Event.READY, now, effects)
+        elif now - self._entered_at >= readiness.WITHIN_S:
+            self._fail(f"not ready after {readiness.WITHIN_S:.0f} s: {obstacle}", now, effects)
+
+    def _step_starting(self, now: float, effects: Effects) -> None:
+        """Believe that it flies when it says so: armed, and in a mission mode."""
+        if self._accepted_at is None:
+            return
+        vehicle = self._vehicle
+        if vehicle.snapshot.armed and vehicle.mode_role is ModeRole.MISSION:
+            self._move(Event.FLYING, now, effects)
+        elif now - self._accepted_at > FLYING_WITHIN_S:
+            self._fail(f"start accepted, but mode is {vehicle.mode}", now, effects)
+
+    def _step_running(self, now: float, effects: Effects) -> None:
+        if self._follower is None:
+            return
+        effects.for_edge += self._follower.step(now)
+        if self._follower.is_finished:
+            self._follower = None
+            self._move(Event.ENDED, now, effects)
+        elif self._follower.departure is not None:
+            self._fail(self._follower.departure, now, effects)
+
+    def _step_failing(self, now: float, effects: Effects) -> None:
+        if now - self._entered_at < LAST_WORDS_S:
+            return
+        reason, command = self._fault
+        words = self._vehicle.words_since(self._began_at)
+        self.ledger.fail(f"{reason} ({words})" if words else reason, command)
+        effects.for_edge.append(self._reporter.mission(self.ledger))
+        self._move(Event.ENDED, now, effects)
+
+
+_Handler: TypeAlias = Callable[[Flight, float, Effects], None]
+
+# The class's own tables, below it because they hold its functions.
+_ENTRIES: Final[Mapping[State, _Handler]] = {
+    State.UPLOADING: Flight._enter_uploading,  # noqa: SLF001
+    State.VERIFYING: Flight._enter_verifying,  # noqa: SLF001
+    State.SELECTING: Flight._enter_selecting,  # noqa: SLF001
+    State.ARMING: Flight._enter_arming,  # noqa: SLF001
+    State.STARTING: Flight._enter_starting,  # noqa: SLF001
+    State.RUNNING: Flight._enter_running,  # noqa: SLF001
+}
+
+_STEPS: Final[Mapping[State, _Handler]] = {
+    State.ATTACHING: Flight._step_attaching,  # noqa: SLF001
+    State.WAITING: Flight._step_waiting,  # noqa: SLF001
+    State.STARTING: Flight._step_starting,  # noqa: SLF001
+    State.RUNNING: Flight._step_running,  # noqa: SLF001
+    State.FAILING: Flight._step_failing,  # noqa: SLF001
+}

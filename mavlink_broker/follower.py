@@ -1,0 +1,132 @@
+"""Follows a mission that flies: what has been done, and whether the vehicle still flies it.
+
+A paused mission (a hold mode) stays RUNNING: whoever paused it may resume it. A mission whose
+vehicle is flown by another hand, goes home by a failsafe, was disarmed early or was given
+another mission has failed, once that has lasted longer than a lost message would explain.
+A lost link is no failure: the vehicle flies on, and is asked when it is back.
+"""
+
+from typing import Final
+
+from afarcloud.enumerations import Status
+from mavlink_broker.dialect import Message, mavlink
+from mavlink_broker.effects import Report
+from mavlink_broker.reporter import Reporter
+from mavlink_broker.translation.ledger import Ledger
+from mavlink_broker.translation.mission import FlightPlan
+from mavlink_broker.translation.modes import ModeRole
+from mavlink_broker.translation.progress import Progress
+from mavlink_broker.vehicle import Vehicle
+
+REPORT_EVERY_S: Final = 30.0
+GRACE_S: Final = 5.0
+"""How long a departure must last: several periods of every message that could explain it."""
+
+_UNDER_WAY: Final = frozenset({mavlink.MISSION_STATE_ACTIVE, mavlink.MISSION_STATE_PAUSED})
+
+
+class Follower:
+    """One mission on its way; `resumed` if it was started by an earlier run of the broker."""
+
+    def __init__(
+        self,
+        plan: FlightPlan,
+        ledger: Ledger,
+        vehicle: Vehicle,
+        reporter: Reporter,
+        *,
+        resumed: bool,
+    ) -> None:
+        self._ledger = ledger
+        self._vehicle = vehicle
+        self._reporter = reporter
+        self._progress = Progress(plan)
+        self._mission_id = 0
+        self._under_way = resumed
+        self._reported_at = 0.0
+        self._departed_at: float | None = None
+        self.departure: str | None = None
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether every command is."""
+        return self._progress.is_finished
+
+    def begin(self, now: float) -> list[Report]:
+        """Say that it flies."""
+        self._ledger.set_mission(Status.RUNNING)
+        self._run_next()
+        if self._vehicle.snapshot.mission is not None:
+            self._mission_id = self._vehicle.snapshot.mission.mission_id
+        return self._report(now)
+
+    def receive(self, message: Message) -> None:
+        """Take what the vehicle says about the mission."""
+        match message.get_type():
+            case "MISSION_CURRENT":
+                self._current(message)
+            case "MISSION_ITEM_REACHED":
+                self._progress = self._progress.with_reached(message.seq)
+
+    def step(self, now: float) -> list[Report]:
+        """Judge where things stand; gives results and reports to post."""
+        if self._vehicle.snapshot.is_on_ground and self._vehicle.is_heard(now):
+            self._progress = self._progress.with_landing()
+        self._watch(now)
+        reports = self._finish_commands()
+        if reports or self._run_next() or now - self._reported_at >= REPORT_EVERY_S:
+            self._run_next()
+            reports += self._report(now)
+        return reports
+
+    def _current(self, message: Message) -> None:
+        if message.mission_id != self._mission_id:
+            return
+        if message.mission_state in _UNDER_WAY:
+            self._under_way = True
+        self._progress = self._progress.with_current(message.seq)
+        if message.mission_state == mavlink.MISSION_STATE_COMPLETE and self._under_way:
+            self._progress = self._progress.with_complete()
+
+    def _finish_commands(self) -> list[Report]:
+        reports: list[Report] = []
+        for index in range(self._progress.finished_commands):
+            if not self._ledger.commands[index].is_terminal:
+                self._ledger.set_command(index, Status.FINISHED)
+                reports += self._reporter.results()
+        if self.is_finished:
+            self._ledger.set_mission(Status.FINISHED)
+        return reports
+
+    def _run_next(self) -> bool:
+        index = self._progress.finished_commands
+        if index >= len(self._ledger.commands):
+            return False
+        return self._ledger.set_command(index, Status.RUNNING)
+
+    def _report(self, now: float) -> list[Report]:
+        self._reported_at = now
+        return [self._reporter.mission(self._ledger)]
+
+    def _watch(self, now: float) -> None:
+        reason = None
+        if self._vehicle.is_heard(now) and not self.is_finished:
+            reason = self._reason_to_doubt()
+        if reason is None:
+            self._departed_at = None
+        elif self._departed_at is None:
+            self._departed_at = now
+        elif now - self._departed_at >= GRACE_S:
+            self.departure = reason
+
+    def _reason_to_doubt(self) -> str | None:
+        vehicle, snapshot = self._vehicle, self._vehicle.snapshot
+        role = vehicle.mode_role
+        ending = self._progress.plan.ends_on_ground and self._progress.last_command_has_begun
+        if snapshot.armed is False:
+            return "the vehicle disarmed before the end of the mission"
+        if role is ModeRole.OTHER or (role is ModeRole.ENDING and not ending):
+            return f"the vehicle left the mission: mode {vehicle.mode}"
+        if snapshot.mission is not None and snapshot.mission.mission_id != self._mission_id:
+            return "another mission was put onto the vehicle"
+        return None

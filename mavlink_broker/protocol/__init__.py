@@ -1,0 +1,1 @@
+"""MAVLink's microservices without input or output: (message or tick, now) -> messages to send."""

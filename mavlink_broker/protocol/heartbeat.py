@@ -1,0 +1,97 @@
+"""When our own heartbeat is due, and whether a vehicle's is still heard.
+
+Type 18, onboard controller, rather than 6, ground station: a vehicle that loses its last ground
+station may be told to return home, but a mission must survive a broker that dies.
+"""
+
+from enum import StrEnum
+from typing import Final
+
+from mavlink_broker.dialect import Message, mavlink
+
+INTERVAL_S: Final = 1.0
+STALE_AFTER_S: Final = 2.0
+LOST_AFTER_S: Final = 5.0
+
+NOT_VEHICLES: Final = frozenset(
+    {
+        mavlink.MAV_TYPE_ANTENNA_TRACKER,
+        mavlink.MAV_TYPE_GCS,
+        mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
+        mavlink.MAV_TYPE_GIMBAL,
+        mavlink.MAV_TYPE_ADSB,
+        mavlink.MAV_TYPE_CAMERA,
+        mavlink.MAV_TYPE_CHARGING_STATION,
+        mavlink.MAV_TYPE_FLARM,
+        mavlink.MAV_TYPE_SERVO,
+        mavlink.MAV_TYPE_ODID,
+        mavlink.MAV_TYPE_BATTERY,
+        mavlink.MAV_TYPE_LOG,
+        mavlink.MAV_TYPE_OSD,
+        mavlink.MAV_TYPE_IMU,
+        mavlink.MAV_TYPE_GPS,
+        mavlink.MAV_TYPE_WINCH,
+    }
+)
+"""MAV_TYPE of what sends heartbeats and cannot fly a mission."""
+
+
+class LinkState(StrEnum):
+    """How fresh a vehicle's heartbeat is; the values are the edge server's."""
+
+    CONNECTED = "connected"
+    STALE = "stale"
+    LOST = "lost"
+
+
+def is_vehicle(message: Message) -> bool:
+    """Whether a HEARTBEAT is that of an autopilot which flies."""
+    return message.autopilot != mavlink.MAV_AUTOPILOT_INVALID and message.type not in NOT_VEHICLES
+
+
+def own_heartbeat() -> Message:
+    """HEARTBEAT(0) of the broker."""
+    return mavlink.MAVLink_heartbeat_message(
+        mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
+        mavlink.MAV_AUTOPILOT_INVALID,
+        0,
+        0,
+        mavlink.MAV_STATE_ACTIVE,
+        3,
+    )
+
+
+class OwnHeartbeat:
+    """Gives our heartbeat once a second."""
+
+    def __init__(self) -> None:
+        self._due_at: float | None = None
+
+    def tick(self, now: float) -> list[Message]:
+        """Send it if it is time."""
+        if self._due_at is not None and now < self._due_at:
+            return []
+        self._due_at = now + INTERVAL_S
+        return [own_heartbeat()]
+
+
+class LinkWatch:
+    """Judges one vehicle's link by the age of its own heartbeat, and by nothing else.
+
+    A radio modem that goes on talking must not make a dead vehicle look alive.
+    """
+
+    def __init__(self) -> None:
+        self._heard_at: float | None = None
+
+    def heard(self, now: float) -> None:
+        """Take a heartbeat of the vehicle."""
+        self._heard_at = now
+
+    def state(self, now: float) -> LinkState:
+        """Judge the link; before the first heartbeat it is lost."""
+        if self._heard_at is None or now - self._heard_at > LOST_AFTER_S:
+            return LinkState.LOST
+        if now - self._heard_at > STALE_AFTER_S:
+            return LinkState.STALE
+        return LinkState.CONNECTED

@@ -1,0 +1,112 @@
+"""Asks the vehicle for the messages that the broker lives on, and asks again when they stop.
+
+One SET_MESSAGE_INTERVAL is outstanding at a time, because COMMAND_ACK does not say which of
+several it answers. HOME_POSITION is asked for until it is there; vehicles send it rarely.
+"""
+
+from typing import Final, NamedTuple
+
+from mavlink_broker.dialect import Message, mavlink
+from mavlink_broker.protocol.command import CommandLong, CommandTransaction
+from mavlink_broker.protocol.round_trip import RoundTrip
+from mavlink_broker.protocol.route import Route
+
+
+class Stream(NamedTuple):
+    """A message that is wanted regularly."""
+
+    name: str
+    message_id: int
+    rate_hz: float
+
+    @property
+    def request(self) -> CommandLong:
+        """SET_MESSAGE_INTERVAL(511), interval in microseconds."""
+        return CommandLong(
+            command=mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
+            parameters=(float(self.message_id), 1e6 / self.rate_hz, 0.0, 0.0, 0.0, 0.0, 0.0),
+        )
+
+
+STREAMS: Final = (
+    Stream("MISSION_CURRENT", mavlink.MAVLINK_MSG_ID_MISSION_CURRENT, 2.0),
+    Stream("GLOBAL_POSITION_INT", mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 5.0),
+    Stream("EXTENDED_SYS_STATE", mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 2.0),
+    Stream("ATTITUDE", mavlink.MAVLINK_MSG_ID_ATTITUDE, 5.0),
+    Stream("SYS_STATUS", mavlink.MAVLINK_MSG_ID_SYS_STATUS, 1.0),
+    Stream("BATTERY_STATUS", mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, 1.0),
+    Stream("HOME_POSITION", mavlink.MAVLINK_MSG_ID_HOME_POSITION, 0.5),
+)
+"""What is wanted, the most urgent first; nothing that a slow radio could not carry."""
+
+SILENT_AFTER_S: Final = 6.0
+ASK_AGAIN_S: Final = 10.0
+HOME_EVERY_S: Final = 1.0
+
+
+class StreamRequests:
+    """Keeps the wanted messages of one vehicle coming."""
+
+    def __init__(self, route: Route, round_trip: RoundTrip) -> None:
+        self._route = route
+        self._round_trip = round_trip
+        self._heard_at: dict[str, float] = {}
+        self._asked_at: dict[str, float] = {}
+        self._running: CommandTransaction | None = None
+        self._home_asked_at: float | None = None
+
+    def renew(self) -> None:
+        """Ask for everything again: the vehicle has been restarted."""
+        self._heard_at.clear()
+        self._asked_at.clear()
+        self._running = None
+        self._home_asked_at = None
+
+    def receive(self, message: Message, now: float) -> list[Message]:
+        """Take a message or an answer."""
+        self._heard_at[message.get_type()] = now
+        if self._running is None:
+            return []
+        self._running.receive(message, now)
+        return self._next(now)
+
+    def tick(self, now: float) -> list[Message]:
+        """Ask for what is missing; to be called only while the vehicle is heard."""
+        messages = self._home(now)
+        if self._running is not None:
+            messages += self._running.tick(now)
+        return messages + self._next(now)
+
+    def _next(self, now: float) -> list[Message]:
+        if self._running is not None and self._running.outcome is None:
+            return []
+        self._running = None
+        for stream in STREAMS:
+            if self._is_wanted(stream, now):
+                self._asked_at[stream.name] = now
+                self._running = CommandTransaction(stream.request, self._route, self._round_trip)
+                return self._running.start(now)
+        return []
+
+    def _is_wanted(self, stream: Stream, now: float) -> bool:
+        asked_at = self._asked_at.get(stream.name)
+        if asked_at is None:
+            return True
+        heard_at = self._heard_at.get(stream.name, asked_at)
+        return now - heard_at > SILENT_AFTER_S and now - asked_at > ASK_AGAIN_S
+
+    def _home(self, now: float) -> list[Message]:
+        if "HOME_POSITION" in self._heard_at:
+            return []
+        if self._home_asked_at is not None and now - self._home_asked_at < HOME_EVERY_S:
+            return []
+        self._home_asked_at = now
+        return [request_message(self._route, mavlink.MAVLINK_MSG_ID_HOME_POSITION)]
+
+
+def request_message(route: Route, message_id: int) -> Message:
+    """REQUEST_MESSAGE(512); the message itself is the answer that counts."""
+    return CommandLong(
+        command=mavlink.MAV_CMD_REQUEST_MESSAGE,
+        parameters=(float(message_id), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    ).message(route, 0)

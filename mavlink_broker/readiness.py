@@ -1,0 +1,57 @@
+"""Judgements about a vehicle before a mission flies; pure."""
+
+from enum import Enum, auto
+from typing import Final
+
+from mavlink_broker.dialect import mavlink
+from mavlink_broker.translation.modes import ModeRole
+from mavlink_broker.vehicle import Vehicle
+
+WITHIN_S: Final = 60.0
+"""How long a mission waits for its vehicle before it fails."""
+
+
+def obstacle(vehicle: Vehicle, now: float, *, hovering: bool) -> str | None:
+    """What is lacking before a mission may go onto the vehicle, or None.
+
+    `hovering`: it holds in the air where a mission of ours left it, and may fly on from there.
+    """
+    snapshot = vehicle.snapshot
+    obstacles = {
+        "the vehicle is not heard": not vehicle.is_heard(now),
+        "its position is not known": snapshot.position is None,
+        "its home is not known": snapshot.home is None,
+        "it is armed": bool(snapshot.armed) and not hovering,
+        "it is not ready to arm": snapshot.ready_to_arm is False and not hovering,
+    }
+    return next((obstacle for obstacle, there in obstacles.items() if there), None)
+
+
+class Attachment(Enum):
+    """What is to be done about a mission that an earlier run of the broker accepted."""
+
+    WAIT = auto()  # Not enough is known yet
+    BEGIN = auto()  # It was never started: from scratch
+    COMPARE = auto()  # The vehicle may be flying it: compare what it holds
+
+
+def attachment(vehicle: Vehicle, now: float, *, started: bool, waited_s: float) -> Attachment:
+    """Judge; `started` if the mission has been reported to run.
+
+    A started mission is never begun again: the vehicle is waited for as long as it takes.
+    """
+    snapshot = vehicle.snapshot
+    if not vehicle.is_heard(now) or snapshot.armed is None:
+        patient = started or waited_s < WITHIN_S
+        return Attachment.WAIT if patient else Attachment.BEGIN
+    if not started and snapshot.is_on_ground:
+        return Attachment.BEGIN
+    if snapshot.home is None or (not started and _is_about_to_disarm(vehicle)):
+        return Attachment.WAIT
+    return Attachment.COMPARE
+
+
+def _is_about_to_disarm(vehicle: Vehicle) -> bool:
+    """Armed on the ground and not told to start: it will take off or disarm by itself."""
+    on_ground = vehicle.snapshot.landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND
+    return on_ground and vehicle.mode_role is not ModeRole.MISSION

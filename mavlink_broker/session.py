@@ -1,0 +1,197 @@
+"""One vehicle's session: its link, its streams, the missions that wait for it, its reports.
+
+Takes messages and work, gives effects; knows neither clock nor network. One mission flies at a
+time; the next begins when the vehicle is down and disarmed, or hovers where a finished mission
+of ours has left it.
+"""
+
+import logging
+from collections import deque
+from collections.abc import Callable
+from typing import Any, Final
+
+from afarcloud.enumerations import Status
+from mavlink_broker.dialect import Message
+from mavlink_broker.effects import Acknowledgement, Effects, VehicleUpdate
+from mavlink_broker.flight import Flight
+from mavlink_broker.protocol.heartbeat import LinkState, OwnHeartbeat
+from mavlink_broker.protocol.parameter_read import ParameterRead
+from mavlink_broker.protocol.streams import StreamRequests
+from mavlink_broker.reporter import Reporter
+from mavlink_broker.session_states import State
+from mavlink_broker.translation.mission import Home, RefusedError, translate
+from mavlink_broker.vehicle import Vehicle
+from mavlink_broker.work import MissionWork, StateVectorWork
+
+UPDATE_EVERY_S: Final = 2.0
+
+_LOG = logging.getLogger(__name__)
+
+
+class Session:
+    """Everything the broker does for one vehicle."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        *,
+        new_session_id: Callable[[], str],
+        state_vector_every_s: float,
+        battery_capacity_ah: float,
+    ) -> None:
+        self.vehicle = vehicle
+        self._new_session_id = new_session_id
+        self._state_vector_every_s = state_vector_every_s
+        self._battery_capacity_ah = battery_capacity_ah
+        self._reporter = Reporter(vehicle, new_session_id())
+        self._heartbeat = OwnHeartbeat()
+        self._streams = StreamRequests(vehicle.route, vehicle.round_trip)
+        self._capacity: ParameterRead | None = None
+        self._waiting: deque[Flight] = deque()
+        self._flight: Flight | None = None
+        self._hovering = False
+        self._state_vector_at = 0.0
+        self._updated_at: float | None = None
+        self._last_update: tuple[Any, ...] = ()
+
+    @property
+    def state(self) -> State:
+        """What the session is doing."""
+        return self._flight.state if self._flight else State.IDLE
+
+    def take_mission(self, work: MissionWork, effects: Effects) -> None:
+        """Accept a mission, or refuse one that cannot be flown.
+
+        A refusal's report goes out before the acknowledgement, which closes the work.
+        """
+        flight = Flight(work, self.vehicle, self._reporter)
+        try:
+            translate(work.mission, self.vehicle.family, Home(0.0, 0.0, 0.0))
+        except RefusedError as error:
+            flight.refuse(error, effects)
+            effects.for_edge.append(Acknowledgement(work.work_id, "refused", str(error)))
+            return
+        if not work.was_accepted:
+            effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))
+        self._waiting.append(flight)
+
+    def answer_state_vector(self, work: StateVectorWork, now: float, effects: Effects) -> bool:
+        """Report the state at once; false when it is not known."""
+        del work
+        return self._post_state_vector(now, effects)
+
+    def receive(self, message: Message, now: float, effects: Effects) -> None:
+        """Take a message of the vehicle's autopilot."""
+        rebooted = self.vehicle.take(message, now)
+        if rebooted:
+            self._restarted(now, effects)
+        effects.messages += self._streams.receive(message, now)
+        if self._capacity is not None:
+            self._capacity.receive(message)
+        if self._flight is not None:
+            self._flight.receive(message, now, effects)
+            self._close_flight()
+
+    def step(self, now: float, effects: Effects) -> None:
+        """Let time pass."""
+        if self.vehicle.is_heard(now):
+            effects.messages += self._heartbeat.tick(now)
+            effects.messages += self._streams.tick(now)
+            self._read_capacity(now, effects)
+            self._watch_hover()
+        self._next_flight(now, effects)
+        if self._flight is not None:
+            self._flight.step(now, effects)
+            self._close_flight()
+        connected = self.vehicle.link_state(now) is LinkState.CONNECTED
+        if connected and now - self._state_vector_at >= self._state_vector_every_s:
+            self._post_state_vector(now, effects)
+        self._update(now, effects)
+
+    def _restarted(self, now: float, effects: Effects) -> None:
+        _LOG.warning("vehicle %d was restarted", self.vehicle.vehicle_id)
+        self._reporter.session_id = self._new_session_id()
+        self._hovering = False
+        self._streams.renew()
+        if self._flight is not None:
+            self._flight.rebooted(now, effects)
+
+    def _next_flight(self, now: float, effects: Effects) -> None:
+        if self._flight is not None or not self._waiting:
+            return
+        flight = self._waiting[0]
+        free = self.vehicle.snapshot.is_on_ground or self._hovering
+        if flight.work.was_accepted or free or not self.vehicle.is_heard(now):
+            self._flight = self._waiting.popleft()
+            self._flight.begin(now, effects, hovering=self._hovering)
+        elif flight.is_expired(now):
+            self._waiting.popleft().abort("expired before take-off", effects)
+
+    def _close_flight(self) -> None:
+        if self._flight is not None and self._flight.state is State.IDLE:
+            self._hovering = self._flight.ends_in_the_air
+            self._flight = None
+
+    def _watch_hover(self) -> None:
+        if self.vehicle.snapshot.armed is False:
+            self._hovering = False
+
+    def _read_capacity(self, now: float, effects: Effects) -> None:
+        """Learn the battery's size once; a vehicle that does not tell has the configured one."""
+        snapshot = self.vehicle.snapshot
+        if snapshot.battery_capacity_ah is not None:
+            return
+        name = self.vehicle.family.battery_capacity_parameter
+        if name is None:
+            snapshot.battery_capacity_ah = self._battery_capacity_ah
+            return
+        if self._capacity is None:
+            self._capacity = ParameterRead(name, self.vehicle.route, self.vehicle.round_trip)
+        effects.messages += self._capacity.tick(now)
+        if self._capacity.is_over:
+            told_ah = (self._capacity.value or 0.0) / 1e3
+            plausible = 0.0 < told_ah <= 100.0
+            snapshot.battery_capacity_ah = told_ah if plausible else self._battery_capacity_ah
+
+    def _post_state_vector(self, now: float, effects: Effects) -> bool:
+        vector = self._reporter.state_vector()
+        if vector is None or self.vehicle.link_state(now) is not LinkState.CONNECTED:
+            return False
+        effects.for_edge.append(vector)
+        self._state_vector_at = now
+        return True
+
+    def _update(self, now: float, effects: Effects) -> None:
+        """Tell the edge server about the vehicle: on a change, and every so often."""
+        vehicle = self.vehicle
+        change = (vehicle.link_state(now), vehicle.snapshot.armed, vehicle.mode, self._mission_id)
+        due = self._updated_at is None or now - self._updated_at >= UPDATE_EVERY_S
+        if not due and change == self._last_update:
+            return
+        self._updated_at, self._last_update = now, change
+        effects.for_edge.append(VehicleUpdate(vehicle.vehicle_id, self._description(now)))
+
+    @property
+    def _mission_id(self) -> int | None:
+        if self._flight is None or self._flight.ledger.status != Status.RUNNING:
+            return None
+        return self._flight.ledger.mission_id
+
+    def _description(self, now: float) -> dict[str, Any]:
+        vehicle, snapshot = self.vehicle, self.vehicle.snapshot
+        body: dict[str, Any] = {
+            "link_state": vehicle.link_state(now).value,
+            "autopilot": vehicle.family.name,
+            "mission_id": self._mission_id,
+        }
+        if snapshot.armed is not None:
+            body |= {"armed": snapshot.armed, "mode": vehicle.mode}
+        if snapshot.position is not None:
+            body |= {
+                "latitude": snapshot.position.latitude_deg,
+                "longitude": snapshot.position.longitude_deg,
+                "altitude": snapshot.position.altitude_m,
+            }
+        if snapshot.battery_fraction is not None:
+            body["battery_percentage"] = snapshot.battery_fraction
+        return body

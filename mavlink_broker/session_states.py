@@ -1,0 +1,85 @@
+"""The states of one vehicle's session, and every way from one to another: one table.
+
+IllegalTransitionError  an event that a state does not know; nothing has changed
+"""
+
+from collections.abc import Mapping
+from enum import Enum, auto
+from typing import Final
+
+
+class State(Enum):
+    """What the session is doing for its vehicle."""
+
+    IDLE = auto()  # No mission, or one that waits for the vehicle to come down
+    ATTACHING = auto()  # Finding out whether the vehicle flies a mission accepted earlier
+    WAITING = auto()  # A mission waits for the vehicle to be heard, placed and ready to arm
+    UPLOADING = auto()  # The mission goes onto the vehicle
+    VERIFYING = auto()  # The vehicle proves that it holds the mission
+    SELECTING = auto()  # The first item becomes the current one
+    ARMING = auto()
+    STARTING = auto()  # Told to start, not yet seen to fly
+    RUNNING = auto()  # It flies; progress is followed and reported
+    FAILING = auto()  # Something was refused or went wrong; the vehicle may say why
+
+
+class Event(Enum):
+    """What moves a session on."""
+
+    MISSION_TAKEN = auto()
+    MISSION_RESUMED = auto()  # It was accepted by an earlier run of the broker
+    FLYING = auto()
+    NOT_STARTED = auto()
+    READY = auto()
+    STORED = auto()
+    VERIFIED = auto()
+    SELECTED = auto()
+    ARMED = auto()
+    REBOOTED = auto()  # On the ground, before it was armed: begin again
+    FAULT = auto()
+    ENDED = auto()  # The mission has its terminal status
+
+
+TRANSITIONS: Final[Mapping[tuple[State, Event], State]] = {
+    (State.IDLE, Event.MISSION_TAKEN): State.WAITING,
+    (State.IDLE, Event.MISSION_RESUMED): State.ATTACHING,
+    (State.IDLE, Event.ENDED): State.IDLE,
+    (State.ATTACHING, Event.FLYING): State.RUNNING,
+    (State.ATTACHING, Event.NOT_STARTED): State.WAITING,
+    (State.ATTACHING, Event.FAULT): State.FAILING,
+    (State.WAITING, Event.READY): State.UPLOADING,
+    (State.WAITING, Event.FAULT): State.FAILING,
+    (State.WAITING, Event.ENDED): State.IDLE,
+    (State.UPLOADING, Event.STORED): State.VERIFYING,
+    (State.UPLOADING, Event.REBOOTED): State.WAITING,
+    (State.UPLOADING, Event.FAULT): State.FAILING,
+    (State.VERIFYING, Event.VERIFIED): State.SELECTING,
+    (State.VERIFYING, Event.REBOOTED): State.WAITING,
+    (State.VERIFYING, Event.FAULT): State.FAILING,
+    (State.SELECTING, Event.SELECTED): State.ARMING,
+    (State.SELECTING, Event.REBOOTED): State.WAITING,
+    (State.SELECTING, Event.FAULT): State.FAILING,
+    (State.ARMING, Event.ARMED): State.STARTING,
+    (State.ARMING, Event.FAULT): State.FAILING,
+    (State.STARTING, Event.FLYING): State.RUNNING,
+    (State.STARTING, Event.FAULT): State.FAILING,
+    (State.RUNNING, Event.ENDED): State.IDLE,
+    (State.RUNNING, Event.FAULT): State.FAILING,
+    (State.FAILING, Event.ENDED): State.IDLE,
+}
+
+
+class IllegalTransitionError(Exception):
+    """A state that does not know an event."""
+
+
+def follow(state: State, event: Event) -> State:
+    """Give the state after an event.
+
+    Raises:
+        IllegalTransitionError: if the table has no such step.
+    """
+    try:
+        return TRANSITIONS[state, event]
+    except KeyError:
+        raise IllegalTransitionError(f"{event.name} in {state.name}") from None

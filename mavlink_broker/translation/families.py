@@ -1,0 +1,106 @@
+"""How families of autopilots differ, as tables; nothing else in the broker asks which one it is.
+
+PX4's identity is shared by the project's own vehicle. An unknown autopilot gets the plain
+protocol: arm, start the mission, judge nothing by its modes.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+from mavlink_broker.dialect import mavlink
+from mavlink_broker.protocol.command import CommandLong
+from mavlink_broker.protocol.command_sequence import Ways
+from mavlink_broker.translation import modes
+from mavlink_broker.translation.modes import ModeRole
+
+
+def _mode(main: int, sub: int = 0) -> CommandLong:
+    """DO_SET_MODE(176) to a custom mode; PX4 takes main and sub, ArduPilot its number in main."""
+    return CommandLong(
+        command=mavlink.MAV_CMD_DO_SET_MODE,
+        parameters=(
+            float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED),
+            float(main),
+            float(sub),
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+        ),
+    )
+
+
+_ARM: Final = CommandLong(
+    command=mavlink.MAV_CMD_COMPONENT_ARM_DISARM, parameters=(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+)
+_START: Final = CommandLong(command=mavlink.MAV_CMD_MISSION_START)
+_PX4_MISSION_MODE: Final = _mode(4, 4)
+_COPTER_AUTO: Final = _mode(3)
+_COPTER_GUIDED: Final = _mode(4)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Family:
+    """What is special about one family of autopilots."""
+
+    name: str  # As the edge server knows it
+    home_is_item_0: bool = False  # The list begins with home, the mission with item 1
+    takeoff_holds_position: bool = True  # Take-off climbs in place: a waypoint must follow
+    yaw_by_condition: bool = False  # A yaw needs a CONDITION_YAW item before
+    honours_acceptance_radius: bool = True
+    honours_abort_altitude: bool = False
+    honours_precision_landing: bool = True
+    honours_minimum_pitch: bool = True
+    kept_parameters: Mapping[int, frozenset[int]] = field(default_factory=dict)
+    """Which of the first four parameters survive storage, per command; all where none is named."""
+    arming: Ways = ((_ARM,),)
+    starting: Ways = ((_START,),)
+    busy_pause_s: float = 6.0  # After "busy": the vehicle's own idle timeout and a second
+    battery_capacity_parameter: str | None = None  # In mAh
+    mode_name: Callable[[int, int], str] = modes.generic_name
+    mode_role: Callable[[str], ModeRole] = modes.generic_role
+
+
+PX4: Final = Family(
+    name="px4",
+    arming=((_ARM,), (_PX4_MISSION_MODE, _ARM)),
+    starting=((_START,), (_PX4_MISSION_MODE,)),
+    battery_capacity_parameter="BAT1_CAPACITY",
+    mode_name=modes.px4_name,
+    mode_role=modes.px4_role,
+)
+
+ARDUPILOT: Final = Family(
+    name="ardupilot",
+    home_is_item_0=True,
+    yaw_by_condition=True,
+    honours_acceptance_radius=False,
+    honours_abort_altitude=True,
+    honours_precision_landing=False,
+    kept_parameters={
+        mavlink.MAV_CMD_NAV_WAYPOINT: frozenset({0}),
+        mavlink.MAV_CMD_NAV_TAKEOFF: frozenset({0}),
+        mavlink.MAV_CMD_NAV_LAND: frozenset({0}),
+        mavlink.MAV_CMD_NAV_LOITER_UNLIM: frozenset(),
+    },
+    arming=((_COPTER_GUIDED, _ARM), (_ARM,)),
+    starting=((_START,), (_COPTER_AUTO,)),
+    busy_pause_s=9.0,
+    battery_capacity_parameter="BATT_CAPACITY",
+    mode_name=modes.copter_name,
+    mode_role=modes.copter_role,
+)
+
+GENERIC: Final = Family(name="generic")
+
+FAMILIES: Final[Mapping[int, Family]] = {
+    mavlink.MAV_AUTOPILOT_PX4: PX4,
+    mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA: ARDUPILOT,
+}
+"""By HEARTBEAT.autopilot."""
+
+
+def family_of(autopilot: int) -> Family:
+    """Family of a MAV_AUTOPILOT."""
+    return FAMILIES.get(autopilot, GENERIC)

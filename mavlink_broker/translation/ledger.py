@@ -1,0 +1,122 @@
+"""The statuses of a mission and its commands; a terminal one is never left.
+
+LedgerError  a status that would follow a terminal one
+"""
+
+from collections.abc import Sequence
+
+from afarcloud.commands import Command
+from afarcloud.enumerations import Status
+from afarcloud.state import CommandReport, MissionReport
+
+MESSAGE_LENGTH = 1000
+
+
+class LedgerError(Exception):
+    """Exactly one terminal status per mission and per command."""
+
+
+class Ledger:
+    """What is reported of one mission."""
+
+    def __init__(self, mission_id: int, commands: Sequence[Command]) -> None:
+        self.mission_id = mission_id
+        self.status = Status.NOT_STARTED
+        self.message: str | None = None
+        self._ids = [command.command_id for command in commands]
+        self._statuses = [Status.NOT_STARTED] * len(commands)
+        self._messages: list[str | None] = [None] * len(commands)
+
+    @property
+    def commands(self) -> tuple[Status, ...]:
+        """Statuses of the commands in their order."""
+        return tuple(self._statuses)
+
+    @property
+    def running(self) -> int | None:
+        """The command that runs now."""
+        return next((i for i, s in enumerate(self._statuses) if s == Status.RUNNING), None)
+
+    def restore(self, report: MissionReport) -> None:
+        """Take up where an earlier report left off; terminal statuses are kept as they are."""
+        known = {command.command_id: command for command in report.command_report_array}
+        self.status = report.mission_status_id
+        self.message = report.message
+        for index, command_id in enumerate(self._ids):
+            if command_id in known:
+                self._statuses[index] = known[command_id].command_status_id
+                self._messages[index] = known[command_id].message
+
+    def note(self, index: int, notes: Sequence[str]) -> None:
+        """Say what was changed about a command; its status stays."""
+        if notes:
+            self._messages[index] = _shorten("; ".join(notes))
+
+    def set_command(self, index: int, status: Status, message: str | None = None) -> bool:
+        """Change a command's status; tells whether that is news.
+
+        Raises:
+            LedgerError: if the command has ended otherwise.
+        """
+        before = self._statuses[index]
+        if before == status:
+            return False
+        if before.is_terminal:
+            raise LedgerError(f"command {self._ids[index]} is {before.name}, not {status.name}")
+        self._statuses[index] = status
+        if message is not None:
+            self._messages[index] = _shorten(message)
+        return True
+
+    def set_mission(self, status: Status, message: str | None = None) -> bool:
+        """Change the mission's status; tells whether that is news.
+
+        Raises:
+            LedgerError: if the mission has ended otherwise.
+        """
+        if self.status == status:
+            return False
+        if self.status.is_terminal:
+            raise LedgerError(f"mission {self.mission_id} is {self.status.name}")
+        self.status = status
+        if message is not None:
+            self.message = _shorten(message)
+        return True
+
+    def fail(self, reason: str, command: int | None = None) -> None:
+        """End everything: one command FAILED, the other unfinished ones ABORTED.
+
+        Without a named command it is the running one, or else the first unfinished one.
+        """
+        unfinished = [i for i, status in enumerate(self._statuses) if not status.is_terminal]
+        if command is None or command not in unfinished:
+            command = unfinished[0] if unfinished else None
+        for index in unfinished:
+            status = Status.FAILED if index == command else Status.ABORTED
+            self.set_command(index, status, reason if index == command else None)
+        self.set_mission(Status.FAILED, reason)
+
+    def abort(self, reason: str) -> None:
+        """End everything that has not ended as ABORTED."""
+        for index, status in enumerate(self._statuses):
+            if not status.is_terminal:
+                self.set_command(index, Status.ABORTED)
+        self.set_mission(Status.ABORTED, reason)
+
+    def report(self, *, vehicle_id: int, sequence_number: int) -> MissionReport:
+        """Write it down for the cloud."""
+        return MissionReport(
+            sequence_number=sequence_number,
+            vehicle_id=vehicle_id,
+            mission_id=self.mission_id,
+            mission_status_id=self.status,
+            message=self.message,
+            command_report_array=tuple(
+                CommandReport(command_id=i, command_status_id=s, message=m)
+                for i, s, m in zip(self._ids, self._statuses, self._messages, strict=True)
+            ),
+        )
+
+
+def _shorten(message: str) -> str:
+    return message[:MESSAGE_LENGTH]

@@ -1,0 +1,171 @@
+"""One mission item in degrees and metres, and its way to and from the wire.
+
+Encoding that strict and lenient autopilots both accept: an unset parameter is 0, never NaN,
+except the yaw (fourth parameter) of waypoint, land and take-off, where 0 would mean north.
+Positions go in frame 6 (altitude above home), everything else in frame 2.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+from mavlink_broker.dialect import Message, mavlink
+
+Four: TypeAlias = tuple[float, float, float, float]
+
+UNSET_YAW: Final = math.nan
+_E7: Final = 1e7
+_FRAME_NAMES: Final = {0: 5, 3: 6, 10: 11}
+"""In MISSION_ITEM_INT the plain global frames mean the same as their integer twins."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissionItem:
+    """One item; `frame` is a MAV_FRAME, `parameters` are the first four of its command."""
+
+    command: int
+    frame: int = mavlink.MAV_FRAME_MISSION
+    parameters: Four = (0.0, 0.0, 0.0, 0.0)
+    latitude_deg: float = 0.0
+    longitude_deg: float = 0.0
+    altitude_m: float = 0.0
+
+    @property
+    def is_positional(self) -> bool:
+        """Whether it has a place."""
+        return bool(self.frame != mavlink.MAV_FRAME_MISSION)
+
+
+def waypoint(
+    *,
+    latitude_deg: float,
+    longitude_deg: float,
+    relative_altitude_m: float,
+    hold_s: float = 0.0,
+    acceptance_radius_m: float = 0.0,
+    yaw_deg: float | None = None,
+) -> MissionItem:
+    """NAV_WAYPOINT(16); radius 0 leaves it to the vehicle, yaw None points along the track."""
+    return MissionItem(
+        command=mavlink.MAV_CMD_NAV_WAYPOINT,
+        frame=mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+        parameters=(hold_s, acceptance_radius_m, 0.0, _yaw(yaw_deg)),
+        latitude_deg=latitude_deg,
+        longitude_deg=longitude_deg,
+        altitude_m=relative_altitude_m,
+    )
+
+
+def takeoff(
+    *,
+    latitude_deg: float,
+    longitude_deg: float,
+    relative_altitude_m: float,
+    minimum_pitch_deg: float = 0.0,
+    yaw_deg: float | None = None,
+) -> MissionItem:
+    """NAV_TAKEOFF(22)."""
+    return MissionItem(
+        command=mavlink.MAV_CMD_NAV_TAKEOFF,
+        frame=mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+        parameters=(minimum_pitch_deg, 0.0, 0.0, _yaw(yaw_deg)),
+        latitude_deg=latitude_deg,
+        longitude_deg=longitude_deg,
+        altitude_m=relative_altitude_m,
+    )
+
+
+def land(
+    *,
+    latitude_deg: float,
+    longitude_deg: float,
+    relative_altitude_m: float,
+    abort_altitude_m: float = 0.0,
+    precision_mode: int = 0,
+    yaw_deg: float | None = None,
+) -> MissionItem:
+    """NAV_LAND(21): fly to the position, land there."""
+    return MissionItem(
+        command=mavlink.MAV_CMD_NAV_LAND,
+        frame=mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+        parameters=(abort_altitude_m, float(precision_mode), 0.0, _yaw(yaw_deg)),
+        latitude_deg=latitude_deg,
+        longitude_deg=longitude_deg,
+        altitude_m=relative_altitude_m,
+    )
+
+
+def hold(*, latitude_deg: float, longitude_deg: float, relative_altitude_m: float) -> MissionItem:
+    """NAV_LOITER_UNLIM(17): stay at the position until told otherwise."""
+    return MissionItem(
+        command=mavlink.MAV_CMD_NAV_LOITER_UNLIM,
+        frame=mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+        latitude_deg=latitude_deg,
+        longitude_deg=longitude_deg,
+        altitude_m=relative_altitude_m,
+    )
+
+
+def return_to_launch() -> MissionItem:
+    """NAV_RETURN_TO_LAUNCH(20)."""
+    return MissionItem(command=mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
+
+
+def change_speed(speed_m_s: float) -> MissionItem:
+    """DO_CHANGE_SPEED(178) of the ground speed; the throttle stays as it is (-1)."""
+    return MissionItem(
+        command=mavlink.MAV_CMD_DO_CHANGE_SPEED, parameters=(1.0, speed_m_s, -1.0, 0.0)
+    )
+
+
+def condition_yaw(yaw_deg: float) -> MissionItem:
+    """CONDITION_YAW(115): turn to a heading, the shorter way, at the vehicle's own rate."""
+    return MissionItem(
+        command=mavlink.MAV_CMD_CONDITION_YAW, parameters=(yaw_deg % 360.0, 0.0, 0.0, 0.0)
+    )
+
+
+def home(*, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> MissionItem:
+    """Item 0 of families that keep home in the mission: a waypoint above mean sea level."""
+    return MissionItem(
+        command=mavlink.MAV_CMD_NAV_WAYPOINT,
+        frame=mavlink.MAV_FRAME_GLOBAL,
+        latitude_deg=latitude_deg,
+        longitude_deg=longitude_deg,
+        altitude_m=altitude_amsl_m,
+    )
+
+
+def to_message(item: MissionItem, *, seq: int, first: int, system: int, component: int) -> Message:
+    """MISSION_ITEM_INT(73); `first` is the number of the item at which the mission begins."""
+    return mavlink.MAVLink_mission_item_int_message(
+        system,
+        component,
+        seq,
+        item.frame,
+        item.command,
+        int(seq == first),
+        1,
+        *item.parameters,
+        round(item.latitude_deg * _E7),
+        round(item.longitude_deg * _E7),
+        item.altitude_m,
+        mavlink.MAV_MISSION_TYPE_MISSION,
+    )
+
+
+def from_message(message: Message) -> MissionItem:
+    """Read MISSION_ITEM_INT(73) as a vehicle sends it."""
+    frame = _FRAME_NAMES.get(message.frame, message.frame)
+    return MissionItem(
+        command=message.command,
+        frame=frame,
+        parameters=(message.param1, message.param2, message.param3, message.param4),
+        latitude_deg=message.x / _E7,
+        longitude_deg=message.y / _E7,
+        altitude_m=message.z,
+    )
+
+
+def _yaw(yaw_deg: float | None) -> float:
+    return UNSET_YAW if yaw_deg is None else yaw_deg

@@ -1,0 +1,64 @@
+"""Compares what a vehicle gave back with what it was meant to hold."""
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+from mavlink_broker.dialect import Message, mavlink
+from mavlink_broker.translation.families import Family
+from mavlink_broker.translation.mission import FlightPlan
+from mavlink_broker.translation.mission_item import MissionItem, from_message
+
+ALTITUDE_TOLERANCE_M: Final = 0.011
+"""ArduPilot stores centimetres."""
+POSITION_TOLERANCE_DEG: Final = 1.5e-7
+"""The last digit of the wire."""
+PARAMETER_TOLERANCE: Final = 1e-5
+"""Relative, or absolute below 1: the wire carries single precision."""
+
+_AMSL: Final = mavlink.MAV_FRAME_GLOBAL_INT
+
+
+def difference(plan: FlightPlan, messages: Sequence[Message], family: Family) -> str | None:
+    """Name the first difference that the family's storage does not explain, or None.
+
+    Home, where it is an item, is the vehicle's own and is not compared.
+    """
+    if len(messages) != len(plan.items):
+        return f"the vehicle holds {len(messages)} items instead of {len(plan.items)}"
+    for seq in range(plan.first_item, len(plan.items)):
+        name = _different_field(plan.items[seq], from_message(messages[seq]), family)
+        if name:
+            return f"item {seq} on the vehicle differs in {name}"
+    return None
+
+
+def _different_field(sent: MissionItem, held: MissionItem, family: Family) -> str | None:
+    if sent.command != held.command:
+        return "command"
+    kept = family.kept_parameters.get(sent.command, frozenset(range(4)))
+    for index in sorted(kept):
+        if not _same_parameter(sent.parameters[index], held.parameters[index]):
+            return f"parameter {index + 1}"
+    return _different_place(sent, held) if sent.is_positional else None
+
+
+def _different_place(sent: MissionItem, held: MissionItem) -> str | None:
+    same = {
+        "frame": _frame(sent) == _frame(held),
+        "latitude": abs(sent.latitude_deg - held.latitude_deg) <= POSITION_TOLERANCE_DEG,
+        "longitude": abs(sent.longitude_deg - held.longitude_deg) <= POSITION_TOLERANCE_DEG,
+        "altitude": abs(sent.altitude_m - held.altitude_m) <= ALTITUDE_TOLERANCE_M,
+    }
+    return next((name for name, is_same in same.items() if not is_same), None)
+
+
+def _same_parameter(sent: float, held: float) -> bool:
+    """Compare; an unset yaw (NaN) may come back as NaN only, for 0 would be north."""
+    if math.isnan(sent) or math.isnan(held):
+        return math.isnan(sent) and math.isnan(held)
+    return math.isclose(sent, held, rel_tol=PARAMETER_TOLERANCE, abs_tol=PARAMETER_TOLERANCE)
+
+
+def _frame(item: MissionItem) -> int:
+    return _AMSL if item.frame == mavlink.MAV_FRAME_GLOBAL else item.frame

@@ -1,0 +1,204 @@
+"""A vehicle's messages to what the cloud wants to know; what is unknown stays absent.
+
+Angles become degrees, yaw 0 to 360 clockwise from north; positions degrees; altitude metres
+above home, as MAVLink's `relative_alt`; speed is the length of the whole velocity, m/s.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from afarcloud.state import Battery, Pose, StateVector
+from mavlink_broker.dialect import Message, mavlink
+from mavlink_broker.translation.commands import Home
+
+_PREARM: Final = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+_MAXIMUM_SPEED_M_S: Final = 100.0
+
+
+class Position(NamedTuple):
+    """Where the vehicle is and how fast it moves."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float  # Above home
+    speed_m_s: float
+
+
+class Attitude(NamedTuple):
+    """How the vehicle lies, degrees."""
+
+    yaw_deg: float  # [0, 360) clockwise from north
+    pitch_deg: float
+    roll_deg: float  # [-180, 180)
+
+
+class MissionNow(NamedTuple):
+    """What MISSION_CURRENT last said."""
+
+    seq: int
+    state: int  # MISSION_STATE, 0 unknown
+    mission_id: int  # 0 where the vehicle gives none
+
+
+@dataclass(slots=True)
+class Snapshot:
+    """The newest of everything that one vehicle has told."""
+
+    armed: bool | None = None
+    base_mode: int = 0
+    custom_mode: int = 0
+    position: Position | None = None
+    attitude: Attitude | None = None
+    home: Home | None = None
+    battery_fraction: float | None = None
+    battery_capacity_ah: float | None = None
+    landed_state: int = mavlink.MAV_LANDED_STATE_UNDEFINED
+    ready_to_arm: bool | None = None  # None: the vehicle does not say
+    mission: MissionNow | None = None
+
+    @property
+    def is_on_ground(self) -> bool:
+        """Disarmed, and not known to be in the air."""
+        grounded = {mavlink.MAV_LANDED_STATE_UNDEFINED, mavlink.MAV_LANDED_STATE_ON_GROUND}
+        return self.armed is False and self.landed_state in grounded
+
+    def take(self, message: Message) -> None:
+        """Remember what a message tells; other kinds of message are ignored."""
+        reader = _READERS.get(message.get_type())
+        if reader is not None:
+            reader(self, message)
+
+    def forget(self) -> None:
+        """Drop what a restarted vehicle has to tell anew; the battery's size is a constant."""
+        fresh = Snapshot(battery_capacity_ah=self.battery_capacity_ah)
+        for name in Snapshot.__slots__:
+            setattr(self, name, getattr(fresh, name))
+
+
+def _heartbeat(snapshot: Snapshot, message: Message) -> None:
+    snapshot.armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+    snapshot.base_mode = message.base_mode
+    snapshot.custom_mode = message.custom_mode
+
+
+def _global_position(snapshot: Snapshot, message: Message) -> None:
+    if not _is_place(message.lat, message.lon):
+        return
+    snapshot.position = Position(
+        latitude_deg=message.lat / 1e7,
+        longitude_deg=message.lon / 1e7,
+        altitude_m=message.relative_alt / 1e3,
+        speed_m_s=math.hypot(message.vx, message.vy, message.vz) / 1e2,
+    )
+
+
+def _attitude(snapshot: Snapshot, message: Message) -> None:
+    angles = (message.yaw, message.pitch, message.roll)
+    if all(math.isfinite(angle) for angle in angles):
+        yaw, pitch, roll = (math.degrees(angle) for angle in angles)
+        snapshot.attitude = Attitude(
+            _turn(yaw), max(-90.0, min(90.0, pitch)), _turn(roll + 180.0) - 180.0
+        )
+
+
+def _home(snapshot: Snapshot, message: Message) -> None:
+    if _is_place(message.latitude, message.longitude):
+        snapshot.home = Home(
+            message.latitude / 1e7, message.longitude / 1e7, message.altitude / 1e3
+        )
+
+
+def _battery(snapshot: Snapshot, message: Message) -> None:
+    if message.id == 0:
+        remaining = message.battery_remaining
+        snapshot.battery_fraction = remaining / 100.0 if 0 <= remaining <= 100 else None
+
+
+def _extended_state(snapshot: Snapshot, message: Message) -> None:
+    snapshot.landed_state = message.landed_state
+
+
+def _system_status(snapshot: Snapshot, message: Message) -> None:
+    present = message.onboard_control_sensors_present & _PREARM
+    snapshot.ready_to_arm = (
+        bool(message.onboard_control_sensors_health & _PREARM) if present else None
+    )
+
+
+def _mission_current(snapshot: Snapshot, message: Message) -> None:
+    snapshot.mission = MissionNow(message.seq, message.mission_state, message.mission_id)
+
+
+def _is_place(latitude_e7: int, longitude_e7: int) -> bool:
+    """Refuse what is off the globe, and 0/0, which vehicles send before they have a fix."""
+    on_globe = abs(latitude_e7) <= 900_000_000 and abs(longitude_e7) <= 1_800_000_000
+    return on_globe and (latitude_e7 != 0 or longitude_e7 != 0)
+
+
+def _turn(angle_deg: float) -> float:
+    """Bring an angle to [0, 360); a tiny negative one plus a turn must not give 360."""
+    turned = angle_deg % 360.0
+    return 0.0 if turned >= 360.0 else turned
+
+
+_READERS: Final[Mapping[str, Callable[[Snapshot, Message], None]]] = {
+    "HEARTBEAT": _heartbeat,
+    "GLOBAL_POSITION_INT": _global_position,
+    "ATTITUDE": _attitude,
+    "HOME_POSITION": _home,
+    "BATTERY_STATUS": _battery,
+    "EXTENDED_SYS_STATE": _extended_state,
+    "SYS_STATUS": _system_status,
+    "MISSION_CURRENT": _mission_current,
+}
+
+
+def pose(snapshot: Snapshot, *, vehicle_id: int, sequence_number: int) -> Pose | None:
+    """Pose of the vehicle now; None while position or attitude is unknown."""
+    if snapshot.position is None or snapshot.attitude is None:
+        return None
+    return Pose(
+        sequence_number=sequence_number,
+        vehicle_id=vehicle_id,
+        latitude=snapshot.position.latitude_deg,
+        longitude=snapshot.position.longitude_deg,
+        altitude=snapshot.position.altitude_m,
+        yaw=snapshot.attitude.yaw_deg,
+        pitch=snapshot.attitude.pitch_deg,
+        roll=snapshot.attitude.roll_deg,
+    )
+
+
+def battery(snapshot: Snapshot, *, vehicle_id: int, sequence_number: int) -> Battery | None:
+    """Battery now; None while its charge or size is unknown."""
+    if snapshot.battery_fraction is None or snapshot.battery_capacity_ah is None:
+        return None
+    return Battery(
+        sequence_number=sequence_number,
+        vehicle_id=vehicle_id,
+        capacity=snapshot.battery_capacity_ah,
+        percentage=snapshot.battery_fraction,
+    )
+
+
+def state_vector(
+    snapshot: Snapshot, *, vehicle_id: int, sequence_number: int
+) -> StateVector | None:
+    """State vector now; None while position or attitude is unknown."""
+    if snapshot.position is None or snapshot.attitude is None:
+        return None
+    return StateVector(
+        sequence_number=sequence_number,
+        vehicle_id=vehicle_id,
+        latitude=snapshot.position.latitude_deg,
+        longitude=snapshot.position.longitude_deg,
+        altitude=snapshot.position.altitude_m,
+        yaw=snapshot.attitude.yaw_deg,
+        pitch=snapshot.attitude.pitch_deg,
+        roll=snapshot.attitude.roll_deg,
+        battery_capacity=snapshot.battery_capacity_ah,
+        battery_percentage=snapshot.battery_fraction,
+        linear_speed=min(snapshot.position.speed_m_s, _MAXIMUM_SPEED_M_S),
+    )

@@ -1,0 +1,37 @@
+"""Work as the edge server hands it out."""
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from afarcloud.plan import Mission
+from afarcloud.state import MissionReport
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissionWork:
+    """A mission to fly; `report` is the last one that the edge server holds of it."""
+
+    work_id: int
+    plan_id: str
+    vehicle_id: int
+    mission: Mission
+    was_accepted: bool = False  # By an earlier run of the broker
+    report: MissionReport | None = None
+    expires_at: float | None = None  # [s] On the broker's clock
+
+    @property
+    def key(self) -> tuple[int, str, int]:
+        """What tells it from every other; the number alone restarts with a fresh edge server."""
+        return self.work_id, self.plan_id, self.mission.mission_id
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StateVectorWork:
+    """A wish for a fresh state vector of one vehicle, or of all."""
+
+    work_id: int
+    vehicle_id: int | None
+    expires_at: float | None = None  # [s] On the broker's clock
+
+
+Work: TypeAlias = MissionWork | StateVectorWork
