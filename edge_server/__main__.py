@@ -80,8 +80,9 @@ def _migrate(config: Config, _options: argparse.Namespace) -> int:
 
 def _show_paths(config: Config, _options: argparse.Namespace) -> int:
     from edge_server import key_files  # noqa: PLC0415  # as above
+    from edge_server.store.keys import Role  # noqa: PLC0415  # as above
 
-    for role in key_files.Role:
+    for role in Role:
         print(f"{role.value:10}{key_files.path_of(config.keys_dir, role)}")
     return OK
 
@@ -89,14 +90,15 @@ def _show_paths(config: Config, _options: argparse.Namespace) -> int:
 def _rotate(config: Config, options: argparse.Namespace) -> int:
     from edge_server import key_files, server  # noqa: PLC0415  # as above
     from edge_server.store.database import Database, open_engine, sqlite_url  # noqa: PLC0415  # as above
+    from edge_server.store.keys import Role  # noqa: PLC0415  # as above
 
-    roles = [role.value for role in key_files.Role]
+    roles = [role.value for role in Role]
     if options.role not in roles:
         print(f"edge server: there is no role {options.role}: {', '.join(roles)}", file=sys.stderr)
         return WRONG_SETUP
     server.prepare(config)
     database = Database(open_engine(sqlite_url(config.database_path)))
-    path = key_files.rotate(database, config.keys_dir, key_files.Role(options.role), time.time())
+    path = key_files.rotate(database, config.keys_dir, Role(options.role), time.time())
     database.close()
     print(f"new key in {path}; the old one is revoked")
     return OK

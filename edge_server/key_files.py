@@ -8,9 +8,9 @@ import logging
 import os
 from pathlib import Path
 
-from edge_server.api.auth import Role
 from edge_server.store import keys
 from edge_server.store.database import Database
+from edge_server.store.keys import Role
 
 LOG = logging.getLogger(__name__)
 

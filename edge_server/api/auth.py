@@ -9,7 +9,6 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Mapping
-from enum import StrEnum
 from typing import Final, TypeVar
 
 from flask import current_app, g, request
@@ -19,20 +18,10 @@ from werkzeug.exceptions import Forbidden, HTTPException, Unauthorized
 from edge_server.services.context import Caller
 from edge_server.store import keys
 from edge_server.store.database import Database
-from edge_server.store.keys import StoredKey
+from edge_server.store.keys import Role, StoredKey
 
 AUDIT = logging.getLogger("edge_server.audit")
 KEYS_STAY_FRESH_S: Final = 1.0
-
-
-class Role(StrEnum):
-    """Who a key belongs to."""
-
-    OPERATOR = "operator"
-    BROKER = "broker"
-    ADMIN = "admin"
-    FARMER = "farmer"
-    CLOUD = "cloud"
 
 
 PEOPLE: Final = frozenset({Role.FARMER, Role.OPERATOR, Role.ADMIN, Role.CLOUD})

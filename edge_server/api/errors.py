@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from apiflask import APIFlask
 from apiflask.exceptions import HTTPError
+from apiflask.types import ResponseReturnValueType
 from flask.typing import ResponseReturnValue
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
@@ -75,7 +76,7 @@ def install(app: APIFlask) -> None:
     app.register_error_handler(500, _unexpected)
 
 
-def _http(error: HTTPError) -> ResponseReturnValue:
+def _http(error: HTTPError) -> ResponseReturnValueType:
     return body(error.message or "error"), error.status_code, error.headers
 
 

@@ -9,9 +9,10 @@ from flask.typing import ResponseReturnValue
 from afarcloud.faults import Fault, InvalidError
 from afarcloud.numbers import INT32_MAX
 from edge_server.api import bodies, urls
-from edge_server.api.auth import ADMIN, PLANNERS, READERS, Role, allow, audit, caller
+from edge_server.api.auth import ADMIN, PLANNERS, READERS, allow, audit, caller
 from edge_server.services import vehicles
 from edge_server.services.vehicles import VehicleState
+from edge_server.store.keys import Role
 
 WORDS = ("vehicles", "vehicle")
 ITEM = "int64:vehicle_id"

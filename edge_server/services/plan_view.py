@@ -58,7 +58,7 @@ def _command(entry: dict[str, Any], progress: CommandProgress) -> dict[str, Any]
 
 
 def _status(of: str, status_id: int | None, message: str | None) -> dict[str, Any]:
-    status = Status(status_id)
+    status = Status(status_id or Status.NOT_STARTED)
     shown: dict[str, Any] = {f"{of}_status_id": int(status), f"{of}_status_name": status.name}
     if message:
         shown["message"] = message

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Final
 
-from sqlalchemy import Connection, Engine, create_engine, event
+from sqlalchemy import Connection, CursorResult, Engine, create_engine, event
 from sqlalchemy.exc import OperationalError
 
 BUSY_TIMEOUT_MS: Final = 5000
@@ -84,6 +84,14 @@ class Database:
     def close(self) -> None:
         """Close all connections."""
         self._engine.dispose()
+
+
+def new_id(result: CursorResult[Any]) -> int:
+    """Give the id of the row that an INSERT has made."""
+    (identifier,) = result.inserted_primary_key or (None,)
+    if not isinstance(identifier, int):
+        raise TypeError("the table has no integer key")
+    return identifier
 
 
 def is_full(error: OperationalError) -> bool:

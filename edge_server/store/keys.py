@@ -6,6 +6,7 @@ A secret is 32 random bytes, so a fast hash is enough: there is nothing to guess
 import hashlib
 import re
 import secrets
+from enum import StrEnum
 from typing import Final, NamedTuple
 
 from sqlalchemy import Connection, insert, select, update
@@ -14,6 +15,16 @@ from sqlalchemy.dialects.sqlite import insert as upsert
 from edge_server.store.tables import access_key
 
 _SHAPE: Final = re.compile(r"fm_([0-9a-f]{8})_([0-9a-f]{64})")
+
+
+class Role(StrEnum):
+    """Who a key belongs to."""
+
+    OPERATOR = "operator"
+    BROKER = "broker"
+    ADMIN = "admin"
+    FARMER = "farmer"
+    CLOUD = "cloud"
 
 
 class StoredKey(NamedTuple):

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import ColumnElement, Connection, delete, insert, select, update
 
-from edge_server.store.database import to_json
+from edge_server.store.database import new_id, to_json
 from edge_server.store.tables import plan
 
 
@@ -23,7 +23,7 @@ class StoredPlan(NamedTuple):
 def add(connection: Connection, stored: StoredPlan) -> int:
     """Keep a plan (its `id` is ignored); returns its id."""
     result = connection.execute(insert(plan).values(_columns(stored)))
-    return int(result.inserted_primary_key[0])
+    return new_id(result)
 
 
 def replace(connection: Connection, stored: StoredPlan) -> None:

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import Connection, delete, func, insert, select, update
 
+from edge_server.store.database import new_id
 from edge_server.store.tables import outbox, telemetry
 
 
@@ -44,7 +45,7 @@ def add(
             "received_at": received_at,
         },
     )
-    return int(result.inserted_primary_key[0])
+    return new_id(result)
 
 
 def get(connection: Connection, kind: str, record_id: int) -> Record | None:

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import Connection, and_, delete, func, insert, or_, select, update
 
-from edge_server.store.database import to_json
+from edge_server.store.database import new_id, to_json
 from edge_server.store.tables import command, plan, work
 
 MISSION = "mission"
@@ -60,7 +60,7 @@ def add_mission(
             expires_at=expires_at,
         )
     )
-    row = int(result.inserted_primary_key[0])
+    row = new_id(result)
     connection.execute(
         insert(command),
         [
@@ -89,7 +89,7 @@ def add_request(
             expires_at=expires_at,
         )
     )
-    return int(result.inserted_primary_key[0])
+    return new_id(result)
 
 
 _QUERY = select(work, plan.c.plan_id).outerjoin(plan, work.c.plan == plan.c.id)

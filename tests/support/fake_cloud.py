@@ -81,7 +81,7 @@ class Handler(BaseHTTPRequestHandler):
     def store(self) -> Store:
         return cast("_Server", self.server).store
 
-    def do_POST(self) -> None:  # noqa: N802  # the base class wants this name
+    def do_POST(self) -> None:  # the base class wants this name
         raw = self.rfile.read(int(self.headers["Content-Length"]))
         received = Received(
             self.path,
@@ -104,13 +104,13 @@ class Handler(BaseHTTPRequestHandler):
         status: int,
         body: bytes = b"{}",
         content_type: str = "application/json",
-        **headers: str,
+        headers: Mapping[str, str] | None = None,
     ) -> None:
         self.send_response(status)
         self.send_header("Content-Type", content_type)
         self.send_header("Content-Length", str(len(body)))
-        for name, value in headers.items():
-            self.send_header(name.replace("_", "-"), value)
+        for name, value in (headers or {}).items():
+            self.send_header(name, value)
         self.end_headers()
         self.wfile.write(body)
         self.wfile.flush()
@@ -128,9 +128,9 @@ class Handler(BaseHTTPRequestHandler):
 Fault = Callable[[Handler, Received], None]
 
 
-def status(code: int, **headers: str) -> Fault:
+def status(code: int, headers: Mapping[str, str] | None = None) -> Fault:
     """Answer with a status and keep nothing."""
-    return lambda handler, _: handler.answer(code, **headers)
+    return lambda handler, _: handler.answer(code, headers=headers)
 
 
 def html(handler: Handler, _: Received) -> None:
