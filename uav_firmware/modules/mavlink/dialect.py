@@ -65,7 +65,8 @@ def pack(message: Message) -> Payload:
         struct.error: if a field does not fit its wire type.
     """
     message.pack(_packer)
-    return Payload(message.id, message.crc_extra, bytes(message.get_payload()))
+    # Of the class: BATTERY_STATUS and others have a field of the name `id`.
+    return Payload(type(message).id, message.crc_extra, bytes(message.get_payload()))
 
 
 def frame(payload: Payload, sequence: int, system: int, component: int) -> bytes:

@@ -1,0 +1,307 @@
+"""A MAVLink module over an in-memory link, with a vehicle's topics and a scripted peer."""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from uav_firmware.bus import Queue, Topic
+from uav_firmware.cal.link import Address, Link
+from uav_firmware.modules.mavlink.dialect import frame, mavlink, pack, parse
+from uav_firmware.modules.mavlink.module import MavlinkModule
+from uav_firmware.modules.mavlink.peers import Peer, Profile
+from uav_firmware.modules.mavlink.topics import MavlinkTopics
+from uav_firmware.msg.actuators import ActuatorMotors
+from uav_firmware.msg.estimate import (
+    EstimatorStatus,
+    VehicleAttitude,
+    VehicleGlobalPosition,
+    VehicleLocalPosition,
+)
+from uav_firmware.msg.mission import MissionItem, MissionRejection
+from uav_firmware.msg.sensors import SensorBaro, SensorBattery, SensorGps, SensorImu, SensorTruth
+from uav_firmware.msg.setpoints import TrajectorySetpoint
+from uav_firmware.msg.status import (
+    HomePosition,
+    LandDetected,
+    LandedState,
+    NavigationState,
+    VehicleCommand,
+    VehicleCommandAck,
+    VehicleStatus,
+)
+from uav_firmware.parameters import Registry
+
+STEP_US = 4000
+GROUND: Address = ("192.0.2.2", 14550)
+BROKER: Address = ("192.0.2.3", 14540)
+STRANGER: Address = ("192.0.2.9", 50000)
+SYSTEM = 7
+
+LATITUDE_DEG, LONGITUDE_DEG, ALTITUDE_M = 40.4434, -3.7382, 650.0
+ZERO = (0.0, 0.0, 0.0)
+
+
+def empty_topics() -> MavlinkTopics:
+    """Topics on which nothing has been published."""
+    return MavlinkTopics(
+        attitude=Topic(),
+        local_position=Topic(),
+        global_position=Topic(),
+        estimator_status=Topic(),
+        gps=Topic(),
+        imu=Topic(),
+        baro=Topic(),
+        battery=Topic(),
+        vehicle_status=Topic(),
+        land_detected=Topic(),
+        home=Topic(),
+        mission_progress=Topic(),
+        trajectory_setpoint=Topic(),
+        actuator_motors=Topic(),
+        truth=Topic(),
+        command_ack=Queue(),
+        status_text=Queue(),
+        vehicle_command=Queue(),
+        mission=Topic(),
+    )
+
+
+def status(
+    state: NavigationState = NavigationState.AUTO_LOITER,
+    *,
+    armed: bool = False,
+    failsafe: bool = False,
+    ready: bool = True,
+) -> VehicleStatus:
+    """A vehicle's status with every sensor present and healthy."""
+    bits = 0b101111
+    return VehicleStatus(
+        time_us=0,
+        armed=armed,
+        navigation_state=state,
+        failsafe=failsafe,
+        preflight_checks_pass=ready,
+        armed_since_us=0,
+        sensors_present=bits,
+        sensors_enabled=bits,
+        sensors_health=bits,
+    )
+
+
+LOCAL = VehicleLocalPosition(
+    time_us=0,
+    position_ned=(3.0, 4.0, -10.0),
+    velocity_ned=(1.0, -2.0, 0.5),
+    acceleration_ned=ZERO,
+    heading=math.radians(-90.0),
+    origin_latitude_deg=LATITUDE_DEG,
+    origin_longitude_deg=LONGITUDE_DEG,
+    origin_altitude_amsl_m=ALTITUDE_M,
+    horizontal_accuracy_m=0.5,
+    vertical_accuracy_m=0.8,
+    position_valid=True,
+    altitude_valid=True,
+    velocity_valid=True,
+    heading_valid=True,
+)
+
+
+def flying_topics() -> MavlinkTopics:
+    """Topics of a vehicle in the air, 10 m above home."""
+    topics = empty_topics()
+    topics.attitude.publish(VehicleAttitude(0, (0.5, 0.5, 0.5, 0.5), (0.1, 0.2, 0.3)))
+    topics.local_position.publish(LOCAL)
+    topics.global_position.publish(
+        VehicleGlobalPosition(0, LATITUDE_DEG, LONGITUDE_DEG, ALTITUDE_M + 10.0, 0.5, 0.8)
+    )
+    topics.estimator_status.publish(
+        EstimatorStatus(0, 831, 0.1, 0.2, 0.3, 0.4, 0.5, 0.8, ZERO, aligned=True)
+    )
+    topics.gps.publish(
+        SensorGps(
+            time_us=0,
+            time_utc_us=0,
+            latitude_deg=LATITUDE_DEG,
+            longitude_deg=LONGITUDE_DEG,
+            altitude_amsl_m=ALTITUDE_M + 10.0,
+            velocity_ned=(1.0, -2.0, 0.5),
+            horizontal_accuracy_m=0.9,
+            vertical_accuracy_m=1.4,
+            speed_accuracy_m_s=0.2,
+            fix_type=3,
+            satellites_used=14,
+            hdop=0.7,
+            vdop=1.1,
+        )
+    )
+    topics.imu.publish(SensorImu(0, ZERO, (0.0, 0.0, -9.81)))
+    topics.baro.publish(SensorBaro(0, 93_000.0, 21.5))
+    topics.battery.publish(SensorBattery(0, 11.8, 14.5, 1.2, 5.0, 0.76))
+    topics.vehicle_status.publish(status(armed=True))
+    topics.land_detected.publish(
+        LandDetected(0, landed=False, ground_contact=False, landed_state=LandedState.IN_AIR)
+    )
+    topics.home.publish(HomePosition(0, LATITUDE_DEG, LONGITUDE_DEG, ALTITUDE_M, ZERO, 0.0))
+    topics.trajectory_setpoint.publish(
+        TrajectorySetpoint(0, (3.0, 8.0, -10.0), (math.nan,) * 3, (math.nan,) * 3, 0.0, math.nan)
+    )
+    topics.actuator_motors.publish(ActuatorMotors(0, (0.5, 0.5, 0.5, 0.5)))
+    topics.truth.publish(
+        SensorTruth(
+            time_us=0,
+            latitude_deg=LATITUDE_DEG,
+            longitude_deg=LONGITUDE_DEG,
+            altitude_amsl_m=ALTITUDE_M + 10.0,
+            velocity_ned=(1.0, -2.0, 0.5),
+            q_ned_frd=(1.0, 0.0, 0.0, 0.0),
+            rate_frd=ZERO,
+            acceleration_frd=(0.0, 0.0, -9.81),
+            airspeed_m_s=2.2,
+        )
+    )
+    return topics
+
+
+class MemoryLink:
+    """Datagrams in lists."""
+
+    def __init__(self) -> None:
+        self.incoming: list[tuple[bytes, Address]] = []
+        self.sent: list[tuple[bytes, Address]] = []
+
+    def receive(self) -> list[tuple[bytes, Address]]:
+        arrived, self.incoming = self.incoming, []
+        return arrived
+
+    def send(self, datagram: bytes, address: Address) -> None:
+        self.sent.append((datagram, address))
+
+    def close(self) -> None:
+        pass
+
+
+class Bench:
+    """A module on the bench: say something as a peer, let time pass, hear the answers."""
+
+    def __init__(
+        self,
+        *,
+        topics: MavlinkTopics | None = None,
+        registry: Registry | None = None,
+        check: Callable[[Sequence[MissionItem]], MissionRejection | None] = lambda _: None,
+        save: Callable[[], None] = lambda: None,
+        link: Link | None = None,
+    ) -> None:
+        self.topics = topics or flying_topics()
+        self.registry = registry or Registry()
+        self.memory = MemoryLink()
+        self.now_us = 0
+        self.module = MavlinkModule(
+            link=link or self.memory,
+            system_id=SYSTEM,
+            registry=self.registry,
+            topics=self.topics,
+            check_mission=check,
+            peers=(
+                Peer(address=GROUND, profile=Profile.GROUND_STATION),
+                Peer(address=BROKER, profile=Profile.ONBOARD),
+            ),
+            boot_time_utc_us=1_700_000_000_000_000,
+            save_parameters=save,
+        )
+        self._sequence = 0
+
+    def say(
+        self, message: Any, *, source: Address = GROUND, system: int = 255, component: int = 190
+    ) -> None:
+        """Put a message into the link; it is read at the next step."""
+        self._sequence = (self._sequence + 1) & 0xFF
+        self.memory.incoming.append(
+            (frame(pack(message), self._sequence, system, component), source)
+        )
+
+    def run(self, duration_us: int = STEP_US) -> None:
+        """Let vehicle time pass in control steps."""
+        end_us = self.now_us + duration_us
+        while self.now_us < end_us:
+            self.now_us += STEP_US
+            self.module.update(self.now_us)
+
+    def hear(self, name: str | None = None, *, at: Address = GROUND) -> list[Any]:
+        """Messages sent to a peer since the last call, of one type if a name is given."""
+        heard = [m for data, to in self.memory.sent if to == at for m in parse(data).messages]
+        self.memory.sent = [(data, to) for data, to in self.memory.sent if to != at]
+        return [m for m in heard if name is None or m.get_type() == name]
+
+    def ask(self, message: Any, answer: str, **sender: Any) -> list[Any]:
+        """Say a message, let one step pass, and hear the answers of one type."""
+        source = sender.get("source", GROUND)
+        self.hear(at=source)
+        self.say(message, **sender)
+        self.run()
+        return self.hear(answer, at=source)
+
+    def commands(self) -> list[VehicleCommand]:
+        """Commands that reached the commander since the last call."""
+        return self.topics.vehicle_command.drain()
+
+    def answer(self, command: VehicleCommand, result: int, progress: int = 0) -> None:
+        """Answer a command as the commander does."""
+        self.topics.command_ack.publish(
+            VehicleCommandAck(self.now_us, command.command, result, progress, command.token)
+        )
+
+
+def command_long(number: int, *parameters: float, **header: int) -> Any:
+    """COMMAND_LONG with missing parameters 0."""
+    p = [*parameters, *[0.0] * (7 - len(parameters))]
+    return mavlink.MAVLink_command_long_message(
+        header.get("target_system", SYSTEM),
+        header.get("target_component", 1),
+        number,
+        header.get("confirmation", 0),
+        *p,
+    )
+
+
+def command_int(number: int, *parameters: float, frame: int = 0, **header: int) -> Any:
+    """COMMAND_INT with missing parameters 0; parameters 5 and 6 are integers."""
+    p = [*parameters, *[0.0] * (7 - len(parameters))]
+    return mavlink.MAVLink_command_int_message(
+        header.get("target_system", SYSTEM),
+        header.get("target_component", 1),
+        frame,
+        number,
+        0,
+        0,
+        *p[:4],
+        int(p[4]),
+        int(p[5]),
+        p[6],
+    )
+
+
+def mission_item(seq: int, command: int = 16, **fields: Any) -> Any:
+    """MISSION_ITEM_INT: a waypoint at 10 m above home unless told otherwise."""
+    values: dict[str, Any] = {
+        "target_system": SYSTEM,
+        "target_component": 1,
+        "seq": seq,
+        "frame": 6,
+        "command": command,
+        "current": int(seq == 0),
+        "autocontinue": 1,
+        "param1": 0.0,
+        "param2": 0.0,
+        "param3": 0.0,
+        "param4": math.nan,
+        "x": 404_434_000 + seq,
+        "y": -37_382_000 - seq,
+        "z": 10.0,
+        "mission_type": 0,
+    }
+    return mavlink.MAVLink_mission_item_int_message(**{**values, **fields})
+
+
+def mission_count(count: int, mission_type: int = 0) -> Any:
+    return mavlink.MAVLink_mission_count_message(SYSTEM, 1, count, mission_type)

@@ -1,0 +1,278 @@
+import math
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.unit.uav_firmware.modules.mavlink.harness import (
+    ALTITUDE_M,
+    BROKER,
+    GROUND,
+    LATITUDE_DEG,
+    LOCAL,
+    LONGITUDE_DEG,
+    Bench,
+    empty_topics,
+    flying_topics,
+    status,
+)
+from uav_firmware.bus import Topic
+from uav_firmware.modules.mavlink.builders.context import BatteryThresholds, Context
+from uav_firmware.modules.mavlink.builders.status import charge_state
+from uav_firmware.modules.mavlink.dialect import mavlink, pack
+from uav_firmware.modules.mavlink.streams import BUILDERS, STREAMS
+from uav_firmware.modules.mavlink.topics import MavlinkTopics
+from uav_firmware.msg.estimate import VehicleAttitude
+from uav_firmware.msg.mission import Mission, MissionItem, MissionProgress
+from uav_firmware.msg.status import LandDetected, LandedState, NavigationState
+
+THRESHOLDS = BatteryThresholds(low=0.15, critical=0.07, emergency=0.05)
+ITEM = MissionItem(0, 16, 3, True, True, 0, 0, 0, 0, 0, 0, 0)  # noqa: FBT003 - a message's fields
+SECOND_US = 1_000_000
+# What PX4 streams to a ground station by itself [Hz], as far as this vehicle has it.
+PX4_GROUND_STATION_HZ = {
+    "ALTITUDE": 1,
+    "ATTITUDE": 15,
+    "ATTITUDE_QUATERNION": 10,
+    "BATTERY_STATUS": 0.5,
+    "CURRENT_MODE": 0.5,
+    "ESTIMATOR_STATUS": 0.5,
+    "EXTENDED_SYS_STATE": 1,
+    "GLOBAL_POSITION_INT": 5,
+    "GPS_GLOBAL_ORIGIN": 1,
+    "GPS_RAW_INT": 5,
+    "HEARTBEAT": 1,
+    "HOME_POSITION": 0.5,
+    "LOCAL_POSITION_NED": 1,
+    "NAV_CONTROLLER_OUTPUT": 1,
+    "POSITION_TARGET_LOCAL_NED": 1.5,
+    "SCALED_PRESSURE": 1,
+    "SERVO_OUTPUT_RAW": 1,
+    "SYS_STATUS": 1,
+    "VFR_HUD": 4,
+    "VIBRATION": 0.1,
+}
+
+
+def context(topics: MavlinkTopics, now_us: int = 5 * SECOND_US) -> Context:
+    return Context(topics, now_us, 1_700_000_000_000_000, 7, THRESHOLDS, (0.1, 0.2, 0.3))
+
+
+def built(name: str, topics: MavlinkTopics | None = None) -> Any:
+    identifier = getattr(mavlink, f"MAVLINK_MSG_ID_{name}")
+    return BUILDERS[identifier](context(topics or flying_topics()))
+
+
+@pytest.mark.parametrize(("name", "rate_hz"), PX4_GROUND_STATION_HZ.items())
+def test_a_ground_station_gets_px4s_rates_unprompted(name: str, rate_hz: float) -> None:
+    bench = Bench()
+    bench.run(20 * SECOND_US)
+    assert len(bench.hear(name)) == pytest.approx(20 * rate_hz, abs=2)
+
+
+def test_the_broker_gets_attitude_and_position_at_10_hz() -> None:
+    bench = Bench()
+    bench.run(10 * SECOND_US)
+    heard = [message.get_type() for message in bench.hear(at=BROKER)]
+    assert heard.count("ATTITUDE") == pytest.approx(100, abs=2)
+    assert heard.count("GLOBAL_POSITION_INT") == pytest.approx(100, abs=2)
+    assert len(heard) < 450
+
+
+def test_stamps_are_the_vehicles_time() -> None:
+    topics = flying_topics()
+    topics.attitude.publish(VehicleAttitude(12_345_678, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    assert built("ATTITUDE", topics).time_boot_ms == 12_345
+    assert built("SYSTEM_TIME").time_boot_ms == 5000
+    assert built("SYSTEM_TIME").time_unix_usec == 1_700_000_005_000_000
+
+
+def test_nothing_but_what_is_known_is_sent_at_boot() -> None:
+    bench = Bench(topics=empty_topics())
+    bench.run(3 * SECOND_US)
+    heard = {message.get_type() for message in bench.hear()}
+    assert heard == {"HEARTBEAT", "SYSTEM_TIME", "MISSION_CURRENT", "AVAILABLE_MODES_MONITOR"}
+
+
+def test_the_heartbeat_of_a_vehicle_on_a_mission() -> None:
+    topics = flying_topics()
+    topics.vehicle_status.publish(status(NavigationState.AUTO_MISSION, armed=True))
+    heartbeat = built("HEARTBEAT", topics)
+    assert (heartbeat.type, heartbeat.autopilot) == (2, 12)
+    assert heartbeat.custom_mode == 0x04040000
+    assert heartbeat.base_mode == 128 | 16 | 8 | 4 | 1
+    assert heartbeat.system_status == mavlink.MAV_STATE_ACTIVE
+
+
+@pytest.mark.parametrize(
+    ("armed", "failsafe", "expected"),
+    [
+        (False, False, mavlink.MAV_STATE_STANDBY),
+        (True, False, mavlink.MAV_STATE_ACTIVE),
+        (True, True, mavlink.MAV_STATE_CRITICAL),
+    ],
+)
+def test_the_system_status_follows_arming_and_failsafe(
+    armed: bool, failsafe: bool, expected: int
+) -> None:
+    topics = empty_topics()
+    topics.vehicle_status.publish(status(armed=armed, failsafe=failsafe))
+    heartbeat = built("HEARTBEAT", topics)
+    assert heartbeat.system_status == expected
+    assert bool(heartbeat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED) == armed
+
+
+@pytest.mark.parametrize("ready", [True, False])
+def test_the_prearm_bit_tells_whether_arming_would_be_accepted(ready: bool) -> None:
+    topics = flying_topics()
+    topics.vehicle_status.publish(status(ready=ready))
+    message = built("SYS_STATUS", topics)
+    bit = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+    assert message.onboard_control_sensors_present & bit
+    assert message.onboard_control_sensors_enabled & bit
+    assert bool(message.onboard_control_sensors_health & bit) == ready
+    assert (message.voltage_battery, message.current_battery) == (11_800, 1450)
+    assert message.battery_remaining == 76
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (lambda t: t.vehicle_status.publish(status(NavigationState.AUTO_RTL, armed=True)), "mode"),
+        (lambda t: t.vehicle_status.publish(status(armed=False)), "arming"),
+        (lambda t: t.land_detected.publish(LandDetected(0, True, True, LandedState.ON_GROUND)), ""),  # noqa: FBT003 - a message's fields
+    ],
+)
+def test_a_change_is_told_by_a_heartbeat_at_once(change: Any, expected: str) -> None:
+    bench = Bench()
+    bench.run(2 * SECOND_US + 100_000)
+    bench.hear()
+    change(bench.topics)
+    bench.run()
+    assert len(bench.hear("HEARTBEAT")) >= 1, expected
+
+
+def test_a_status_repeated_without_a_change_is_not_told_again() -> None:
+    bench = Bench()
+    bench.run(2 * SECOND_US)
+    bench.hear()
+    for _ in range(20):
+        bench.topics.vehicle_status.publish(status(armed=True))
+        bench.run()
+    assert len(bench.hear("HEARTBEAT")) <= 1
+
+
+def test_velocity_and_heading_have_the_right_signs() -> None:
+    message = built("GLOBAL_POSITION_INT")
+    assert (message.vx, message.vy, message.vz) == (100, -200, 50)
+    assert message.hdg == 27_000
+    assert message.lat == round(LATITUDE_DEG * 1e7)
+    assert message.lon == round(LONGITUDE_DEG * 1e7)
+    assert message.alt == round((ALTITUDE_M + 10.0) * 1e3)
+    assert message.relative_alt == 10_000
+    hud = built("VFR_HUD")
+    assert (hud.heading, hud.throttle) == (270, 50)
+    assert hud.climb == pytest.approx(-0.5)
+    assert hud.groundspeed == pytest.approx(math.hypot(1.0, 2.0))
+    assert built("GPS_RAW_INT").cog == round(math.degrees(math.atan2(-2.0, 1.0)) * 100) % 36_000
+
+
+def test_altitudes_agree_with_each_other() -> None:
+    message = built("ALTITUDE")
+    assert message.altitude_amsl == pytest.approx(ALTITUDE_M + 10.0)
+    assert message.altitude_relative == pytest.approx(10.0)
+    assert message.altitude_local == pytest.approx(10.0)
+    home = built("HOME_POSITION")
+    assert home.altitude == round(ALTITUDE_M * 1e3)
+    assert home.q == [1.0, 0.0, 0.0, 0.0]
+
+
+def test_a_position_that_does_not_hold_is_not_sent() -> None:
+    topics = flying_topics()
+    topics.local_position.publish(LOCAL._replace(position_valid=False))
+    assert built("LOCAL_POSITION_NED", topics) is None
+    assert built("GPS_GLOBAL_ORIGIN", topics) is None
+
+
+def test_the_set_points_unset_parts_are_masked() -> None:
+    message = built("POSITION_TARGET_LOCAL_NED")
+    assert message.type_mask == 0b1000_0001_1111_1000 & 0xFFF | 0b1000_0000_0000
+    assert (message.x, message.y, message.z, message.vx) == (3.0, 8.0, -10.0, 0.0)
+    output = built("NAV_CONTROLLER_OUTPUT")
+    assert (output.nav_bearing, output.wp_dist) == (90, 4)
+
+
+def test_motors_are_told_as_pulse_widths() -> None:
+    message = built("SERVO_OUTPUT_RAW")
+    assert (message.servo1_raw, message.servo4_raw, message.servo5_raw) == (1500, 1500, 0)
+
+
+def test_battery_time_and_charge() -> None:
+    message = built("BATTERY_STATUS")
+    assert message.voltages[0] == 11_800
+    assert message.voltages[1:] == [0xFFFF] * 9
+    assert message.current_consumed == 1200
+    assert message.time_remaining == pytest.approx(0.76 * 5.0 / 14.5 * 3600, abs=1)
+    assert message.charge_state == mavlink.MAV_BATTERY_CHARGE_STATE_OK
+
+
+@given(st.floats(0.0, 1.0), st.floats(0.0, 1.0))
+def test_less_charge_is_never_a_better_state(one: float, other: float) -> None:
+    low, high = sorted((one, other))
+    assert charge_state(low, THRESHOLDS) >= charge_state(high, THRESHOLDS)
+
+
+def test_the_truth_is_sent_only_on_request() -> None:
+    bench = Bench()
+    bench.run(3 * SECOND_US)
+    assert bench.hear("HIL_STATE_QUATERNION") == []
+    truth = built("HIL_STATE_QUATERNION")
+    assert (truth.vx, truth.zacc, truth.true_airspeed) == (100, -1000, 220)
+
+
+def test_mission_current_tells_the_state_of_the_stored_mission() -> None:
+    topics = flying_topics()
+    assert built("MISSION_CURRENT", topics).mission_state == mavlink.MISSION_STATE_NO_MISSION
+    assert built("MISSION_CURRENT", topics).total == 0xFFFF
+    topics.mission.publish(Mission(time_us=0, mission_id=99, items=(ITEM,) * 5))
+    topics.mission_progress.publish(MissionProgress(0, 55, 3, 4, 2, 3, 3))
+    waiting = built("MISSION_CURRENT", topics)
+    assert (waiting.seq, waiting.mission_state) == (0, mavlink.MISSION_STATE_NOT_STARTED)
+    topics.mission_progress.publish(MissionProgress(0, 99, 3, 5, 2, 3, 3))
+    topics.vehicle_status.publish(status(NavigationState.AUTO_MISSION, armed=True))
+    active = built("MISSION_CURRENT", topics)
+    assert (active.seq, active.total, active.mission_id) == (3, 5, 99)
+    assert (active.mission_state, active.mission_mode) == (mavlink.MISSION_STATE_ACTIVE, 1)
+
+
+def broken(value: Any, number: float) -> Any:
+    """A topic's value with every float, also inside vectors, replaced."""
+    if isinstance(value, float):
+        return number
+    if isinstance(value, tuple) and not hasattr(value, "_replace"):
+        return tuple(broken(part, number) for part in value)
+    return value
+
+
+@pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf, 1e300, -1e300])
+def test_an_estimate_that_ran_away_costs_messages_but_not_the_flight(number: float) -> None:
+    topics = flying_topics()
+    for name in MavlinkTopics.__dataclass_fields__:
+        topic = getattr(topics, name)
+        if isinstance(topic, Topic) and topic.value is not None:
+            old = topic.value
+            topic.publish(old._replace(**{f: broken(getattr(old, f), number) for f in old._fields}))
+    bench = Bench(topics=topics)
+    bench.run(12 * SECOND_US)
+    heard = {message.get_type() for message in bench.hear(at=GROUND)}
+    assert {"HEARTBEAT", "SYS_STATUS", "EXTENDED_SYS_STATE"} <= heard
+
+
+def test_every_stream_builds_and_packs() -> None:
+    topics = flying_topics()
+    topics.mission.publish(Mission(time_us=0, mission_id=1, items=(ITEM,)))
+    for stream in STREAMS:
+        message = stream.builder(context(topics))
+        assert message is not None
+        assert pack(message).message_id == stream.message_id
