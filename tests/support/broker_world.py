@@ -1,0 +1,143 @@
+"""The whole broker in simulated time, between scripted vehicles and an edge server in memory."""
+
+import random
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from itertools import count
+from typing import Any
+
+from mavlink_broker.app import App
+from mavlink_broker.config import Config
+from mavlink_broker.link import Address
+from tests.support.fake_edge import FakeEdge
+from tests.support.scripted_vehicle import HOME, PX4, Script, ScriptedVehicle
+
+EPOCH = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
+TICK_S = 0.02
+
+
+class Clock:
+    """Time that stands still until it is told to go on."""
+
+    def __init__(self) -> None:
+        self.now = 1000.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+    def utc(self) -> datetime:
+        return EPOCH + timedelta(seconds=self.now - 1000.0)
+
+
+class Air:
+    """Datagrams between broker and vehicles; may lose some of them."""
+
+    def __init__(self, clock: Clock, loss: float, seed: int) -> None:
+        self.vehicles: dict[Address, ScriptedVehicle] = {}
+        self.sent: list[tuple[Address, bytes]] = []
+        self._clock = clock
+        self._loss = loss
+        self._random = random.Random(seed)
+        self._to_broker: list[tuple[Address, bytes]] = []
+
+    def step(self) -> None:
+        for address, vehicle in self.vehicles.items():
+            for frame in vehicle.step(self._clock.now):
+                self.to_broker(address, frame)
+
+    def to_broker(self, address: Address, frame: bytes) -> None:
+        if self._random.random() >= self._loss:
+            self._to_broker.append((address, frame))
+
+    def receive(self, timeout_s: float) -> list[tuple[Address, bytes]]:
+        del timeout_s
+        datagrams, self._to_broker = self._to_broker, []
+        return datagrams
+
+    def send(self, address: Address, frame: bytes) -> None:
+        self.sent.append((address, frame))
+        if self._random.random() >= self._loss and not self.vehicles[address].silent:
+            self.vehicles[address].receive(frame, self._clock.now)
+
+
+class World:
+    """Everything that takes part."""
+
+    def __init__(self, *, loss: float = 0.0, seed: int = 1, config: Config | None = None) -> None:
+        self.clock = Clock()
+        self.air = Air(self.clock, loss, seed)
+        self.edge = FakeEdge()
+        self.config = config or Config()
+        self._ulids = count(1)
+        self.app = self._new_app()
+
+    def _new_app(self) -> App:
+        return App(self.config, self.air, self.edge, self.clock, self._ulid)
+
+    def _ulid(self) -> str:
+        return f"01{next(self._ulids):024d}"
+
+    def restart_broker(self) -> None:
+        """Lose everything that the broker knows, as a kill would."""
+        self.app = self._new_app()
+        self.edge.hand_out_again()
+
+    def add_vehicle(self, system: int = 1, script: Script = PX4) -> ScriptedVehicle:
+        vehicle = ScriptedVehicle(system, script, booted_at=self.clock.now)
+        self.air.vehicles["192.0.2.1", 14580 + system] = vehicle
+        return vehicle
+
+    def run(self, seconds: float) -> None:
+        """Let so much time pass."""
+        end = self.clock.now + seconds
+        while self.clock.now < end:
+            self.tick()
+
+    def tick(self) -> None:
+        self.clock.now += TICK_S
+        self.air.step()
+        self.app.step(0.0)
+
+    def run_until(self, condition: Callable[[], Any], within_s: float = 120.0) -> None:
+        """Let time pass until the condition holds."""
+        end = self.clock.now + within_s
+        while not condition():
+            assert self.clock.now < end, f"not within {within_s} s"
+            self.tick()
+
+    def run_until_over(self, mission_id: int, within_s: float = 240.0) -> None:
+        """Let time pass until a mission has its terminal status."""
+        self.run_until(lambda: (self.edge.status(mission_id) or 0) >= 3, within_s)
+
+
+def takeoff(command_id: int = 1, altitude: float = 5.0, **more: Any) -> dict[str, Any]:
+    place = {"latitude": HOME[0], "longitude": HOME[1], "altitude": altitude}
+    return {"command_id": command_id, "command_type_id": 1, "parameters": place | more}
+
+
+def waypoint(command_id: int = 2, north_m: float = 10.0, **more: Any) -> dict[str, Any]:
+    place = {"latitude": HOME[0] + north_m * 9e-6, "longitude": HOME[1], "altitude": 5.0}
+    return {"command_id": command_id, "command_type_id": 3, "parameters": place | more}
+
+
+def land(command_id: int = 3, **more: Any) -> dict[str, Any]:
+    place = {"latitude": HOME[0], "longitude": HOME[1]}
+    return {"command_id": command_id, "command_type_id": 2, "parameters": place | more}
+
+
+def go_home(command_id: int = 3, *, landing: bool = True) -> dict[str, Any]:
+    return {"command_id": command_id, "command_type_id": 11, "parameters": {"landing": landing}}
+
+
+def mission(*commands: dict[str, Any], mission_id: int = 1201, vehicle_id: int = 1) -> Any:
+    return {
+        "mission_id": mission_id,
+        "vehicle_id": vehicle_id,
+        "maximum_speed": 4.0,
+        "command_array": list(commands),
+    }
+
+
+def first_flight(mission_id: int = 1201, vehicle_id: int = 1) -> Any:
+    """Take-off, one waypoint, home."""
+    return mission(takeoff(), waypoint(), go_home(), mission_id=mission_id, vehicle_id=vehicle_id)

@@ -1,0 +1,230 @@
+"""The edge server's door as the broker sees it: work out, reports in, all in memory.
+
+`FakeEdge` stands in the broker's own process and answers at once; `FakeEdgeServer` serves the
+same over HTTP, and can be told to fail.
+"""
+
+import json
+import threading
+from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+from afarcloud.enumerations import Status
+from mavlink_broker.send_queue import Post
+
+
+class FakeEdge:
+    """Keeps work and reports; a mission's work closes with its terminal report."""
+
+    def __init__(self) -> None:
+        self.posts: list[Post] = []
+        self.work: dict[int, dict[str, Any]] = {}
+        self.closed: set[int] = set()
+        self._new: list[dict[str, Any]] = []
+
+    # What tests do.
+
+    def plan(self, mission: dict[str, Any], *, expires_at: str | None = None) -> int:
+        """Hand out a mission; gives the number of the work."""
+        number = len(self.work) + 1
+        self.work[number] = {
+            "id": number,
+            "kind": "mission",
+            "vehicle_id": mission["vehicle_id"],
+            "plan_id": f"01PLAN{number}",
+            "expires_at": expires_at,
+            "state": "queued",
+            "mission": mission,
+            "report": None,
+        }
+        self._new.append(dict(self.work[number]))
+        return number
+
+    def ask_state(self, vehicle_id: int | None = None) -> int:
+        """Ask for a fresh state vector."""
+        number = len(self.work) + 1
+        self.work[number] = {
+            "id": number,
+            "kind": "latest_state_vector",
+            "vehicle_id": vehicle_id,
+            "sequence_number": number,
+            "expires_at": None,
+        }
+        self._new.append(dict(self.work[number]))
+        return number
+
+    def hand_out_again(self) -> None:
+        """Give all unfinished work once more, as to a broker that was restarted."""
+        self._new = [dict(w) for n, w in self.work.items() if n not in self.closed]
+
+    def bodies(self, path: str) -> list[dict[str, Any]]:
+        """Everything told at a path, in order."""
+        return [post.body for post in self.posts if post.path == path]
+
+    def reports(self, mission_id: int) -> list[dict[str, Any]]:
+        """Reports of one mission."""
+        return [b for b in self.bodies("/mission_report/") if b["mission_id"] == mission_id]
+
+    def statuses(self, mission_id: int) -> list[int]:
+        """Statuses of one mission's commands as last reported."""
+        report = self.reports(mission_id)[-1]
+        return [c["command_status_id"] for c in report["command_report_array"]]
+
+    def status(self, mission_id: int) -> int | None:
+        """Status of one mission as last reported."""
+        reports = self.reports(mission_id)
+        return reports[-1]["mission_status_id"] if reports else None
+
+    def acknowledgements(self, number: int) -> list[dict[str, Any]]:
+        """What was said about one piece of work."""
+        return self.bodies(f"/broker/commands/{number}/ack")
+
+    # What the broker does.
+
+    def take_work(self) -> list[dict[str, Any]]:
+        """Give new work."""
+        work, self._new = self._new, []
+        return work
+
+    def post(self, post: Post) -> None:
+        """Take a post; it is answered at once."""
+        self.posts.append(post)
+        if post.path.endswith("/ack"):
+            self._acknowledged(int(post.path.split("/")[3]), post.body["status"])
+        elif post.path == "/mission_report/":
+            self._reported(post.body)
+
+    def _acknowledged(self, number: int, status: str) -> None:
+        if status == "accepted":
+            self.work[number]["state"] = "accepted"
+        else:
+            self.closed.add(number)
+
+    def _reported(self, report: dict[str, Any]) -> None:
+        for number, work in reversed(self.work.items()):
+            mission = work.get("mission")
+            if number in self.closed or mission is None:
+                continue
+            if mission["mission_id"] == report["mission_id"]:
+                work["report"] = report
+                if Status(report["mission_status_id"]).is_terminal:
+                    self.closed.add(number)
+                return
+
+
+class FakeEdgeServer:
+    """A `FakeEdge` behind HTTP on the loopback."""
+
+    def __init__(self, port: int, key: str) -> None:
+        self.edge = FakeEdge()
+        self.key = key
+        self.failures: deque[int] = deque()  # Status codes of the next POST and PUT answers
+        self.keys_seen: list[tuple[str, str | None]] = []
+        self._changed = threading.Condition()
+        self._server = ThreadingHTTPServer(("127.0.0.1", port), self._handler())
+        self._server.daemon_threads = True
+        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.01,))
+
+    @property
+    def url(self) -> str:
+        """Where it is."""
+        return f"http://127.0.0.1:{self._server.server_address[1]}"
+
+    def plan(self, mission: dict[str, Any]) -> int:
+        """Hand out a mission to whoever polls."""
+        with self._changed:
+            number = self.edge.plan(mission)
+            self._changed.notify_all()
+            return number
+
+    def wait_for(self, path: str, count: int, timeout_s: float = 10.0) -> list[dict[str, Any]]:
+        """Wait until so many bodies have come to a path; gives what has come."""
+        with self._changed:
+            self._changed.wait_for(lambda: len(self.edge.bodies(path)) >= count, timeout_s)
+            return self.edge.bodies(path)
+
+    @contextmanager
+    def running(self) -> Iterator["FakeEdgeServer"]:
+        """Serve for as long as the context lasts."""
+        self._thread.start()
+        try:
+            yield self
+        finally:
+            self._server.shutdown()
+            self._server.server_close()
+            self._thread.join()
+
+    def _give_work(self, after: int, wait_s: float) -> dict[str, Any]:
+        def unfinished() -> list[dict[str, Any]]:
+            edge = self.edge
+            return [w for n, w in edge.work.items() if n > after and n not in edge.closed]
+
+        with self._changed:
+            self._changed.wait_for(lambda: bool(unfinished()), min(wait_s, 1.0))
+            commands = unfinished()
+            return {"cursor": max((c["id"] for c in commands), default=after), "commands": commands}
+
+    def _take(self, method: str, path: str, key: str | None, body: dict[str, Any]) -> int:
+        with self._changed:
+            self.keys_seen.append((path, key))
+            status = self.failures.popleft() if self.failures else 201
+            if status < 300:
+                self.edge.post(
+                    Post(
+                        method=method,
+                        path=path,
+                        body=body,
+                        vehicle_id=0,
+                        lane="",
+                        urgency=0,  # type: ignore[arg-type]  # HTTP does not carry it
+                        idempotency_key=key,
+                    )
+                )
+            self._changed.notify_all()
+            return status
+
+    def _handler(self) -> type[BaseHTTPRequestHandler]:
+        fake = self
+
+        class Handler(BaseHTTPRequestHandler):
+            protocol_version = "HTTP/1.1"
+
+            def log_message(self, *_: Any) -> None:
+                """Keep quiet."""
+
+            def do_GET(self) -> None:  # noqa: N802  # the name is HTTP's
+                query = parse_qs(urlsplit(self.path).query)
+                if self._is_allowed():
+                    after, wait = int(query["after"][0]), float(query["wait"][0])
+                    self._answer(200, fake._give_work(after, wait))
+
+            def do_POST(self) -> None:  # noqa: N802  # as above
+                self._take("POST")
+
+            def do_PUT(self) -> None:  # noqa: N802  # as above
+                self._take("PUT")
+
+            def _take(self, method: str) -> None:
+                body = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+                if self._is_allowed():
+                    key = self.headers.get("Idempotency-Key")
+                    self._answer(fake._take(method, self.path, key, body), {})
+
+            def _is_allowed(self) -> bool:
+                allowed = self.headers.get("Authorization") == f"Bearer {fake.key}"
+                if not allowed:
+                    self._answer(401, {})
+                return allowed
+
+            def _answer(self, status: int, body: dict[str, Any]) -> None:
+                data = json.dumps(body).encode()
+                self.send_response(status)
+                self.send_header("Content-Length", str(len(data)))
+                self.end_headers()
+                self.wfile.write(data)
+
+        return Handler
