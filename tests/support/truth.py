@@ -2,7 +2,7 @@
 
 import csv
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,7 +24,7 @@ def read_track(path: Path) -> list[TruePosition]:
         return list(_positions(csv.DictReader(log)))
 
 
-def _positions(rows: csv.DictReader[str]) -> Iterator[TruePosition]:
+def _positions(rows: Iterable[dict[str, str]]) -> Iterator[TruePosition]:
     for row in rows:
         yield TruePosition(
             float(row["time_s"]),
