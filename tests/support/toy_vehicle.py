@@ -175,9 +175,11 @@ class ToyVehicle:
 
     def send(self, command: int, *params: float, frame: int = 0) -> int:
         """Send a command, let it be answered, give the result."""
-        values = (*params, *(0.0,) * (7 - len(params)))
+        p1, p2, p3, p4, p5, p6, p7 = (*params, *(0.0,) * (7 - len(params)))
         before = len(self.acks)
-        self.commands.publish(VehicleCommand(self.now_us, command, *values, frame, 255, 190, 42))
+        self.commands.publish(
+            VehicleCommand(self.now_us, command, p1, p2, p3, p4, p5, p6, p7, frame, 255, 190, 42)
+        )
         self.run(0.1)
         finals = [ack for ack in self.acks[before:] if ack.result != 5]
         assert len(finals) == 1, finals

@@ -116,6 +116,8 @@ class MissionMode(NavigatorMode):
             return
         self._task = None
         self.cursor.advance()
+        if self.cursor.seq <= item.seq:
+            self._route = _NO_ROUTE  # a jump back: the route lies behind
         self.finished = self.cursor.complete
         if self.finished and not flight.landed:
             flight.hold()

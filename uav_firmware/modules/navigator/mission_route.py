@@ -109,9 +109,9 @@ def build(items: Sequence[MissionItem], seq: int, flight: Flight) -> Route:
 
 
 def from_the_ground(route: Route, flight: Flight) -> Route:
-    """The same route with a climb straight up to the height of its first waypoint."""
+    """The same route with a climb straight up to its first height, MIS_TAKEOFF_ALT at least."""
     here, first = flight.rest_point(), route.waypoints[0]
     lowest = flight.home_down(flight.params.takeoff_height)
-    down = min(here[2], max(first.position[2], lowest))
+    down = min(here[2], first.position[2], lowest)
     climb = Waypoint((here[0], here[1], down), 0.0, first.limits)
     return Route((-1, *route.seqs), (climb, *route.waypoints))

@@ -1,0 +1,175 @@
+"""Take-off, hold, reposition, land and return, flown by a kinematic vehicle."""
+
+import math
+
+import pytest
+
+from tests.support.toy_vehicle import HOME, ToyVehicle, at
+from uav_firmware.msg.status import Command, NavigationState
+
+ACCEPTED, NOT_NOW = 0, 1
+NAN = math.nan
+
+
+def airborne(height: float = 5.0) -> ToyVehicle:
+    """A vehicle that hovers above home."""
+    vehicle = ToyVehicle()
+    vehicle.run(0.5)
+    altitude = HOME[2] + height
+    assert vehicle.send(Command.NAV_TAKEOFF, -1.0, 0, 0, NAN, NAN, NAN, altitude) == ACCEPTED
+    assert vehicle.arm() == ACCEPTED
+    vehicle.run_until(lambda v: v.mode is NavigationState.AUTO_LOITER, 60.0)
+    return vehicle
+
+
+def fly_to(vehicle: ToyVehicle, north: float, east: float, height: float = 5.0) -> None:
+    place = at(north, east)
+    result = vehicle.send(
+        Command.DO_REPOSITION, -1.0, 1.0, 0.0, NAN, place["x"], place["y"], HOME[2] + height
+    )
+    assert result == ACCEPTED
+    goal = (north, east, -height)
+    vehicle.run_until(lambda v: math.dist(v.position, goal) < 0.05, 120.0)
+    vehicle.run(2.0)
+
+
+def test_a_take_off_ends_in_hold_at_its_height() -> None:
+    vehicle = airborne(10.0)
+    vehicle.run(5.0)
+    assert vehicle.height == pytest.approx(10.0, abs=0.05)
+    assert math.hypot(*vehicle.position[:2]) < 0.05
+
+
+@pytest.mark.parametrize("altitude", [NAN, 10.0, HOME[2] - 3.0])
+def test_a_take_off_without_a_sensible_height_goes_to_the_default(altitude: float) -> None:
+    vehicle = ToyVehicle()
+    vehicle.run(0.5)
+    assert vehicle.arm() == ACCEPTED
+    assert vehicle.send(Command.NAV_TAKEOFF, 0, 0, 0, NAN, NAN, NAN, altitude) == ACCEPTED
+    vehicle.run_until(lambda v: v.mode is NavigationState.AUTO_LOITER, 60.0)
+    assert vehicle.height == pytest.approx(2.5, abs=0.1)
+    assert any("MIS_TAKEOFF_ALT" in text for text in vehicle.texts)
+
+
+def test_a_take_off_command_goes_to_its_point_and_turns() -> None:
+    vehicle = ToyVehicle()
+    vehicle.run(0.5)
+    place = at(6, 8)
+    values = (0.0, 0.0, 0.0, 90.0, place["x"], place["y"], HOME[2] + 5.0)
+    assert vehicle.send(Command.NAV_TAKEOFF, *values) == ACCEPTED
+    assert vehicle.arm() == ACCEPTED
+    vehicle.run_until(lambda v: v.mode is NavigationState.AUTO_LOITER, 60.0)
+    assert math.dist(vehicle.position, (6, 8, -5)) < 0.1
+    assert vehicle.yaw == pytest.approx(math.pi / 2, abs=0.02)
+
+
+def test_a_take_off_in_the_air_never_descends() -> None:
+    vehicle = airborne(10.0)
+    altitude = HOME[2] + 4.0
+    assert vehicle.send(Command.NAV_TAKEOFF, 0, 0, 0, NAN, NAN, NAN, altitude) == ACCEPTED
+    vehicle.run(10.0)
+    assert vehicle.height == pytest.approx(10.0, abs=0.1)
+
+
+def test_hold_stops_within_the_braking_distance() -> None:
+    vehicle = airborne()
+    place = at(100, 0)
+    vehicle.send(Command.DO_REPOSITION, -1.0, 1.0, 0.0, NAN, place["x"], place["y"], HOME[2] + 5)
+    vehicle.run_until(lambda v: v.position[0] > 30.0)
+    here = vehicle.position[0]
+    assert vehicle.send(Command.DO_REPOSITION, -1.0, 1.0, 0.0, NAN, NAN, NAN, NAN) == ACCEPTED
+    vehicle.run(6.0)
+    assert here < vehicle.position[0] < here + 10.0
+    assert math.hypot(*vehicle.velocity) < 0.01
+
+
+def test_a_reposition_at_a_speed_keeps_to_it() -> None:
+    vehicle = airborne()
+    place = at(30, 0)
+    vehicle.send(Command.DO_REPOSITION, 1.5, 1.0, 0.0, NAN, place["x"], place["y"], HOME[2] + 5)
+    vehicle.run_until(lambda v: v.position[0] > 15.0)
+    assert vehicle.velocity[0] == pytest.approx(1.5, abs=0.05)
+
+
+def test_a_reposition_by_height_and_yaw_alone_stays_over_its_point() -> None:
+    vehicle = airborne()
+    fly_to(vehicle, 10.0, 0.0)
+    vehicle.send(Command.DO_REPOSITION, -1.0, 1.0, 0.0, 1.0, NAN, NAN, HOME[2] + 8.0)
+    vehicle.run(8.0)
+    assert math.dist(vehicle.position, (10, 0, -8)) < 0.05
+    assert vehicle.yaw == pytest.approx(1.0, abs=0.01)
+
+
+def test_landing_on_the_spot_disarms() -> None:
+    vehicle = airborne()
+    fly_to(vehicle, 5.0, 5.0)
+    assert vehicle.set_mode(6) == ACCEPTED
+    vehicle.run_until(lambda v: not v.armed, 60.0)
+    assert math.dist(vehicle.position, (5, 5, 0)) < 0.1
+    assert vehicle.mode is NavigationState.AUTO_LOITER
+
+
+def test_a_land_command_with_a_place_lands_there() -> None:
+    vehicle = airborne()
+    place = at(-7, 12)
+    values = (0.0, 0.0, 0.0, NAN, place["x"], place["y"], 0.0)
+    assert vehicle.send(Command.NAV_LAND, *values, frame=3) == ACCEPTED
+    vehicle.run_until(lambda v: not v.armed, 60.0)
+    assert math.dist(vehicle.position, (-7, 12, 0)) < 0.1
+
+
+def test_a_landing_on_ground_lower_than_thought_still_ends_on_the_ground() -> None:
+    vehicle = airborne(10.0)
+    here = vehicle.position
+    values = (0.0, 0.0, 0.0, NAN, HOME[0], HOME[1], 6.0)
+    assert vehicle.send(Command.NAV_LAND, *values, frame=3) == ACCEPTED
+    vehicle.run_until(lambda v: not v.armed, 90.0)
+    assert vehicle.height <= 0.0 < -here[2]
+
+
+def test_return_from_afar_climbs_first_then_flies_then_lands() -> None:
+    vehicle = airborne()
+    fly_to(vehicle, 60.0, 0.0)
+    before = len(vehicle.track)
+    assert vehicle.set_mode(5) == ACCEPTED
+    vehicle.run_until(lambda v: not v.armed, 180.0)
+    way = vehicle.track[before:]
+    assert math.hypot(*vehicle.position[:2]) < 0.1
+    assert max(-p[2] for p in way) == pytest.approx(20.0, abs=0.2)
+    assert all(-p[2] > 19.0 for p in way if 2.0 < p[0] < 58.0)
+
+
+def test_return_from_close_by_does_not_climb() -> None:
+    vehicle = airborne()
+    fly_to(vehicle, 6.0, 0.0)
+    before = len(vehicle.track)
+    assert vehicle.send(Command.NAV_RETURN_TO_LAUNCH) == ACCEPTED
+    vehicle.run_until(lambda v: not v.armed, 120.0)
+    assert max(-p[2] for p in vehicle.track[before:]) < 5.3
+
+
+def test_return_can_wait_above_home() -> None:
+    vehicle = airborne()
+    vehicle.registry.set("RTL_LAND_DELAY", -1.0)
+    fly_to(vehicle, 40.0, 0.0)
+    assert vehicle.set_mode(5) == ACCEPTED
+    vehicle.run(90.0)
+    assert vehicle.armed
+    assert math.dist(vehicle.position, (0, 0, -10)) < 0.1
+
+
+def test_without_a_valid_position_the_vehicle_sinks_to_the_ground() -> None:
+    vehicle = airborne()
+    vehicle.position_valid = False
+    vehicle.run(1.5)
+    assert vehicle.mode is NavigationState.AUTO_LAND
+    vehicle.run_until(lambda v: not v.armed, 60.0)
+
+
+def test_an_armed_vehicle_on_the_ground_is_not_asked_to_climb() -> None:
+    vehicle = ToyVehicle()
+    vehicle.run(0.5)
+    assert vehicle.arm() == ACCEPTED
+    vehicle.run(3.0)
+    assert vehicle.setpoints[-1].velocity_ned[2] > 0.0
+    assert math.isnan(vehicle.setpoints[-1].position_ned[2])
