@@ -68,6 +68,13 @@ class LossyLink:
         self.carried: int = 0
         self.lost: int = 0
 
+    def degrade(self, to_ground: Conditions, to_vehicle: Conditions) -> None:
+        """Change the conditions for what is sent from now on."""
+        self._ways = {
+            VEHICLE_ADDRESS: (to_ground, self.ground),
+            GROUND_ADDRESS: (to_vehicle, self.vehicle),
+        }
+
     def advance(self, now_us: int) -> None:
         """Let time pass and deliver what is due."""
         self._now_us = now_us

@@ -43,7 +43,11 @@ def test_the_wire_layout_is_that_of_the_message_definitions() -> None:
     assert struct.Struct("<BBBBI").size == MissionAck.unpacker.size
     assert struct.Struct("<HBBBI").size == MissionCount.unpacker.size
     assert struct.Struct("<HHBBIII").size == MissionCurrent.unpacker.size
-    assert (MissionAck.crc_extra, MissionCount.crc_extra, MissionCurrent.crc_extra) == (153, 221, 28)
+    assert (MissionAck.crc_extra, MissionCount.crc_extra, MissionCurrent.crc_extra) == (
+        153,
+        221,
+        28,
+    )
     count = MissionCount(target_system=2, target_component=3, count=0x0405, opaque_id=0x06070809)
     assert pack(count).body == bytes([5, 4, 2, 3, 0, 9, 8, 7, 6])
 
@@ -69,9 +73,7 @@ def test_a_field_that_does_not_exist_is_refused() -> None:
 def test_every_integer_survives_the_float_field(value: int) -> None:
     raw = struct.pack("<i", value)
     body = pack(
-        ParamValue(
-            param_id=b"X", param_value=raw, param_type=6, param_count=1, param_index=0
-        )
+        ParamValue(param_id=b"X", param_value=raw, param_type=6, param_count=1, param_index=0)
     ).body
     assert body[:4] == raw
 

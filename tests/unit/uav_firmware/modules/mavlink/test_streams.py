@@ -28,7 +28,7 @@ from uav_firmware.msg.mission import Mission, MissionItem, MissionProgress
 from uav_firmware.msg.status import LandDetected, LandedState, NavigationState
 
 THRESHOLDS = BatteryThresholds(low=0.15, critical=0.07, emergency=0.05)
-ITEM = MissionItem(0, 16, 3, True, True, 0, 0, 0, 0, 0, 0, 0)  # noqa: FBT003 - a message's fields
+ITEM = MissionItem(0, 16, 3, True, True, 0, 0, 0, 0, 0, 0, 0)
 SECOND_US = 1_000_000
 # What PX4 streams to a ground station by itself [Hz], as far as this vehicle has it.
 PX4_GROUND_STATION_HZ = {
@@ -141,7 +141,7 @@ def test_the_prearm_bit_tells_whether_arming_would_be_accepted(ready: bool) -> N
     [
         (lambda t: t.vehicle_status.publish(status(NavigationState.AUTO_RTL, armed=True)), "mode"),
         (lambda t: t.vehicle_status.publish(status(armed=False)), "arming"),
-        (lambda t: t.land_detected.publish(LandDetected(0, True, True, LandedState.ON_GROUND)), ""),  # noqa: FBT003 - a message's fields
+        (lambda t: t.land_detected.publish(LandDetected(0, True, True, LandedState.ON_GROUND)), ""),
     ],
 )
 def test_a_change_is_told_by_a_heartbeat_at_once(change: Any, expected: str) -> None:

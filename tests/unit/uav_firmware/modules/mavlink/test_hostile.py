@@ -1,0 +1,102 @@
+"""Bytes from an enemy: the module survives, and nothing that was not commanded moves."""
+
+import math
+from typing import Any, Final
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.unit.uav_firmware.modules.mavlink.harness import GROUND, SYSTEM, Bench, command_long
+from uav_firmware.modules.mavlink.commands import FORWARDED
+from uav_firmware.modules.mavlink.dialect import Payload, frame, mavlink, pack
+from uav_firmware.modules.mavlink.dispatcher import Dispatcher
+
+HANDLED: Final = {
+    cls
+    for cls in mavlink.mavlink_map.values()
+    if cls.msgname
+    in {
+        "HEARTBEAT", "COMMAND_LONG", "COMMAND_INT", "COMMAND_CANCEL", "SET_MODE",
+        "MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ITEM", "MISSION_REQUEST_LIST",
+        "MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_CLEAR_ALL", "MISSION_ACK",
+        "MISSION_REQUEST_PARTIAL_LIST", "MISSION_WRITE_PARTIAL_LIST", "MISSION_SET_CURRENT",
+        "PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET", "TIMESYNC", "PING",
+        "SYSTEM_TIME", "REQUEST_DATA_STREAM",
+    }
+}  # fmt: skip
+SPECIAL: Final = [math.nan, math.inf, -math.inf, 0.0, -0.0, 1e38, -1e38, 1e-45]
+
+
+def say_payload(bench: Bench, cls: Any, body: bytes) -> None:
+    """Say a message with a right checksum and any contents."""
+    trimmed = body.rstrip(b"\x00") or b"\x00"
+    datagram = frame(Payload(cls.id, cls.crc_extra, trimmed), 0, 255, 190)
+    bench.memory.incoming.append((datagram, GROUND))
+
+
+def test_the_list_of_handled_messages_is_complete() -> None:
+    bench = Bench()
+    dispatcher = bench.module._dispatcher
+    assert isinstance(dispatcher, Dispatcher)
+    assert set(dispatcher._handlers) <= {cls.msgname for cls in HANDLED}
+
+
+@given(st.lists(st.binary(max_size=600), max_size=10))
+def test_random_bytes_command_nothing(datagrams: list[bytes]) -> None:
+    bench = Bench()
+    bench.memory.incoming += [(datagram, GROUND) for datagram in datagrams]
+    bench.run(20_000)
+    assert bench.commands() == []
+
+
+@given(st.sampled_from(sorted(HANDLED, key=lambda cls: cls.id)), st.data())
+@settings(max_examples=400)
+def test_any_contents_of_a_handled_message_are_survived(cls: Any, data: st.DataObject) -> None:
+    bench = Bench()
+    size = cls.unpacker.size
+    body = bytearray(data.draw(st.binary(min_size=size, max_size=size)))
+    for name in ("target_system", "target_component"):
+        if name in cls.ordered_fieldnames and data.draw(st.booleans()):
+            index = cls.ordered_fieldnames.index(name)
+            fields = list(cls.unpacker.unpack(bytes(body)))
+            fields[index] = {"target_system": SYSTEM, "target_component": 1}[name]
+            body = bytearray(cls.unpacker.pack(*fields))
+    say_payload(bench, cls, bytes(body))
+    bench.run(20_000)
+    for command in bench.commands():
+        assert command.command in FORWARDED
+
+
+@given(
+    st.sampled_from(sorted(FORWARDED)), st.lists(st.sampled_from(SPECIAL), min_size=7, max_size=7)
+)
+def test_special_numbers_in_commands_are_survived_and_answered(
+    number: int, parameters: list[float]
+) -> None:
+    bench = Bench()
+    bench.say(command_long(number, *parameters))
+    bench.run()
+    for command in bench.commands():
+        assert not any(math.isinf(p) for p in command[2:9])
+    bench.run(3_000_000)
+    assert len(bench.hear("COMMAND_ACK")) == 1
+
+
+@given(st.data())
+def test_a_command_with_any_bit_flipped_commands_nothing(data: st.DataObject) -> None:
+    bench = Bench()
+    arm = frame(pack(command_long(400, 1.0)), 0, 255, 190)
+    flipped = bytearray(arm)
+    position = data.draw(st.integers(0, len(arm) - 1))
+    flipped[position] ^= 1 << data.draw(st.integers(0, 7))
+    bench.memory.incoming.append((bytes(flipped), GROUND))
+    bench.run()
+    assert bench.commands() == []
+
+
+def test_a_flood_of_faulty_frames_is_counted() -> None:
+    bench = Bench()
+    bench.memory.incoming += [(b"\xfd" + bytes(11), GROUND)] * 100
+    bench.run()
+    assert bench.module.faulty_frames == 100
+    assert bench.hear("COMMAND_ACK") == []
