@@ -1,0 +1,116 @@
+"""An edge server without a network: the WSGI application, a clock that we own, keys of all roles."""
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from flask.testing import FlaskClient
+from sqlalchemy import text
+from werkzeug.test import TestResponse
+
+from edge_server import key_files, server
+from edge_server.app import context_of, create_app
+from edge_server.config import Config
+from edge_server.services.context import Context
+from edge_server.store.keys import Role
+
+NOON = 1_795_262_400.0  # 2026-11-21T12:00:00Z
+
+
+class Clock:
+    """Epoch seconds that pass when told to."""
+
+    def __init__(self, now: float = NOON) -> None:
+        self.now = now
+
+    def __call__(self) -> float:
+        return self.now
+
+    def pass_s(self, seconds: float) -> None:
+        self.now += seconds
+
+
+class Edge:
+    """What a test does to the edge server."""
+
+    def __init__(self, client: FlaskClient, context: Context, clock: Clock) -> None:
+        self.client = client
+        self.context = context
+        self.clock = clock
+        self.config = context.config
+        self._keys = {
+            role: key_files.read(key_files.path_of(self.config.keys_dir, role)) for role in Role
+        }
+
+    def key(self, role: str) -> str:
+        key = self._keys[Role(role)]
+        assert key is not None
+        return key
+
+    def ask(self, method: str, path: str, role: str | None, **options: Any) -> TestResponse:
+        headers = dict(options.pop("headers", {}))
+        if role is not None:
+            headers["Authorization"] = f"Bearer {self.key(role)}"
+        return self.client.open(path, method=method, headers=headers, **options)
+
+    def get(self, path: str, role: str = "operator") -> Any:
+        return self.ask("GET", path, role).json
+
+    def post(self, path: str, body: Any, role: str, key: str | None = None) -> TestResponse:
+        headers = {"Idempotency-Key": key} if key else {}
+        return self.ask("POST", path, role, json=body, headers=headers)
+
+    def post_plan(self, body: Any, key: str | None = None) -> TestResponse:
+        return self.post("/plans/", body, "operator", key)
+
+    def report(self, kind: str, body: Any, key: str | None = None) -> TestResponse:
+        return self.post(f"/{kind}/", body, "broker", key)
+
+    def register(self, *vehicle_ids: int) -> None:
+        for vehicle_id in vehicle_ids:
+            path = f"/vehicles/{vehicle_id}"
+            answer = self.ask("PUT", path, "broker", json={"link_state": "connected"})
+            assert answer.status_code in {200, 201}
+
+    def work(self, after: int = 0) -> list[dict[str, Any]]:
+        answer = self.get(f"/broker/commands?after={after}", "broker")
+        commands: list[dict[str, Any]] = answer["commands"]
+        return commands
+
+    def acknowledge(self, identifier: int, status: str, message: str | None = None) -> TestResponse:
+        body = {"status": status} | ({"message": message} if message else {})
+        return self.post(f"/broker/commands/{identifier}/ack", body, "broker")
+
+    def count(self, table: str) -> int:
+        with self.context.database.read() as connection:
+            return int(connection.execute(text(f"SELECT count(*) FROM {table}")).scalar_one())
+
+
+@pytest.fixture(scope="session")
+def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A state folder with an empty database and keys, to be copied."""
+    folder = tmp_path_factory.mktemp("prepared")
+    server.prepare(Config(state_dir=folder))
+    return folder
+
+
+@pytest.fixture
+def config(prepared: Path, tmp_path: Path) -> Config:
+    """A configuration with a state folder of its own."""
+    folder = tmp_path / "state"
+    shutil.copytree(prepared, folder)
+    return Config(state_dir=folder)
+
+
+@pytest.fixture
+def edge(config: Config) -> Iterator[Edge]:
+    """An edge server that knows vehicles 1 and 2."""
+    clock = Clock()
+    app = create_app(config, clock=clock)
+    context = context_of(app)
+    edge = Edge(app.test_client(), context, clock)
+    edge.register(1, 2)
+    yield edge
+    context.database.close()
