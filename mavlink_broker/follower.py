@@ -40,8 +40,8 @@ class Follower:
         self._ledger = ledger
         self._vehicle = vehicle
         self._reporter = reporter
-        self._progress = Progress(plan)
-        self._mission_id = 0
+        self._progress = Progress.after(plan, ledger.finished)
+        self._mission_id: int | None = None  # The vehicle's own, once it has told it
         self._under_way = resumed
         self._reported_at = 0.0
         self._departed_at: float | None = None
@@ -80,6 +80,8 @@ class Follower:
         return reports
 
     def _current(self, message: Message) -> None:
+        if self._mission_id is None:
+            self._mission_id = message.mission_id
         if message.mission_id != self._mission_id:
             return
         if message.mission_state in _UNDER_WAY:
@@ -127,6 +129,7 @@ class Follower:
             return "the vehicle disarmed before the end of the mission"
         if role is ModeRole.OTHER or (role is ModeRole.ENDING and not ending):
             return f"the vehicle left the mission: mode {vehicle.mode}"
-        if snapshot.mission is not None and snapshot.mission.mission_id != self._mission_id:
+        told = snapshot.mission.mission_id if snapshot.mission else None
+        if self._mission_id is not None and told != self._mission_id:
             return "another mission was put onto the vehicle"
         return None

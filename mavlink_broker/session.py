@@ -94,6 +94,7 @@ class Session:
 
     def step(self, now: float, effects: Effects) -> None:
         """Let time pass."""
+        self._update(now, effects)
         if self.vehicle.is_heard(now):
             effects.messages += self._heartbeat.tick(now)
             effects.messages += self._streams.tick(now)
@@ -106,7 +107,6 @@ class Session:
         connected = self.vehicle.link_state(now) is LinkState.CONNECTED
         if connected and now - self._state_vector_at >= self._state_vector_every_s:
             self._post_state_vector(now, effects)
-        self._update(now, effects)
 
     def _restarted(self, now: float, effects: Effects) -> None:
         _LOG.warning("vehicle %d was restarted", self.vehicle.vehicle_id)

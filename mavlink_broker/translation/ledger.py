@@ -33,9 +33,10 @@ class Ledger:
         return tuple(self._statuses)
 
     @property
-    def running(self) -> int | None:
-        """The command that runs now."""
-        return next((i for i, s in enumerate(self._statuses) if s == Status.RUNNING), None)
+    def finished(self) -> int:
+        """How many commands, counted from the first, have ended."""
+        open_ones = (i for i, status in enumerate(self._statuses) if not status.is_terminal)
+        return next(open_ones, len(self._statuses))
 
     def restore(self, report: MissionReport) -> None:
         """Take up where an earlier report left off; terminal statuses are kept as they are."""

@@ -23,6 +23,14 @@ class Progress:
     reached: int = NOTHING  # Highest item that was reached
     on_ground: bool = False  # Landed and disarmed after the last command had begun
 
+    @classmethod
+    def after(cls, plan: FlightPlan, finished_commands: int) -> Self:
+        """Take up a flight of which so many commands were finished before."""
+        if finished_commands == 0:
+            return cls(plan)
+        done = plan.done_item[finished_commands - 1]
+        return cls(plan, current=done, reached=done)
+
     def with_current(self, seq: int) -> Self:
         """Take MISSION_CURRENT: everything before it has been reached."""
         if not self.current < seq < len(self.plan.items):
