@@ -65,9 +65,9 @@ def waypoint(
     return item(seq, 16, **wishes)
 
 
-def takeoff(seq: int = 0, height: float = 5.0, **fields: float) -> MissionItem:
+def takeoff(seq: float = 0, height: float = 5.0, **fields: float) -> MissionItem:
     """Take-off on the spot."""
-    return item(seq, 22, **{"param4": NAN, "x": NAN, "y": NAN, "z": height, **fields})
+    return item(int(seq), 22, **{"param4": NAN, "x": NAN, "y": NAN, "z": height, **fields})
 
 
 @dataclass
@@ -80,10 +80,13 @@ class ToyVehicle:
     velocity: Vector3 = (0.0, 0.0, 0.0)
     yaw: float = 0.0
     position_valid: bool = True
+    altitude_valid: bool = True
     aligned: bool = True
     battery: float = 1.0
     fix_type: int = 3
     wind: Vector3 = (0.0, 0.0, 0.0)
+    roll: float = 0.0
+    silent: set[str] = field(default_factory=set)  # Sensors that have failed
     registry: Registry = field(default_factory=Registry)
     track: list[Vector3] = field(default_factory=list)
     setpoints: list[TrajectorySetpoint] = field(default_factory=list)
@@ -243,7 +246,7 @@ class ToyVehicle:
 
     def _sense(self) -> None:
         now, valid = self.now_us, self.position_valid
-        q = from_euler(0.0, 0.0, self.yaw)
+        q = from_euler(self.roll, 0.0, self.yaw)
         self.attitude.publish(VehicleAttitude(now, q, (0.0, 0.0, 0.0)))
         self.local_position.publish(
             VehicleLocalPosition(
@@ -256,7 +259,7 @@ class ToyVehicle:
                 horizontal_accuracy_m=0.1,
                 vertical_accuracy_m=0.1,
                 position_valid=valid,
-                altitude_valid=valid,
+                altitude_valid=self.altitude_valid,
                 velocity_valid=valid,
                 heading_valid=self.aligned,
             )
@@ -266,13 +269,22 @@ class ToyVehicle:
         )
         state = LandedState.ON_GROUND if self.landed else LandedState.IN_AIR
         self.land.publish(LandDetected(now, self.landed, self.landed, state))
-        self.imu.publish(SensorImu(now, (0.0, 0.0, 0.0), (0.0, 0.0, -9.81)))
-        self.baro.publish(SensorBaro(now, 93700.0, 20.0))
-        self.mag.publish(SensorMag(now, (0.2, 0.0, 0.4)))
-        self.gps.publish(
-            SensorGps(now, 0, *HOME, self.velocity, 1.0, 1.0, 0.1, self.fix_type, 12, 0.8, 1.0)
-        )
-        self.battery_topic.publish(SensorBattery(now, 15.0, 5.0, 0.0, 5.0, self.battery))
+        self._sense_instruments()
+
+    def _sense_instruments(self) -> None:
+        now = self.now_us
+        if "imu" not in self.silent:
+            self.imu.publish(SensorImu(now, (0.0, 0.0, 0.0), (0.0, 0.0, -9.81)))
+        if "baro" not in self.silent:
+            self.baro.publish(SensorBaro(now, 93700.0, 20.0))
+        if "mag" not in self.silent:
+            self.mag.publish(SensorMag(now, (0.2, 0.0, 0.4)))
+        if "gps" not in self.silent:
+            self.gps.publish(
+                SensorGps(now, 0, *HOME, self.velocity, 1.0, 1.0, 0.1, self.fix_type, 12, 0.8, 1.0)
+            )
+        if "battery" not in self.silent:
+            self.battery_topic.publish(SensorBattery(now, 15.0, 5.0, 0.0, 5.0, self.battery))
 
     def _record(self) -> None:
         self.track.append(self.position)

@@ -1,0 +1,158 @@
+"""Arming: the table, the checks with their sentences, and disarming by itself."""
+
+from collections.abc import Callable
+from itertools import product
+
+import pytest
+
+from tests.support.toy_vehicle import ToyVehicle, item, takeoff, waypoint
+from uav_firmware.modules.commander.arming_states import (
+    TRANSITIONS,
+    Arming,
+    ArmingEvent,
+    IllegalArmingError,
+    after,
+)
+from uav_firmware.modules.commander.sensor_watch import SensorBit
+from uav_firmware.msg.status import Command, CommandResult, NavigationState
+
+ACCEPTED = CommandResult.ACCEPTED
+NOT_NOW = CommandResult.TEMPORARILY_REJECTED
+
+
+@pytest.mark.parametrize(("state", "event"), list(product(Arming, ArmingEvent)))
+def test_only_the_pairs_of_the_table_change_anything(state: Arming, event: ArmingEvent) -> None:
+    if (state, event) in TRANSITIONS:
+        assert after(state, event) is not state
+    else:
+        with pytest.raises(IllegalArmingError, match=event.name):
+            after(state, event)
+
+
+def lose_alignment(vehicle: ToyVehicle) -> None:
+    vehicle.aligned = False
+
+
+def lose_position(vehicle: ToyVehicle) -> None:
+    vehicle.position_valid = False
+
+
+def lose_fix(vehicle: ToyVehicle) -> None:
+    vehicle.fix_type = 1
+
+
+def drain_battery(vehicle: ToyVehicle) -> None:
+    vehicle.battery = 0.1
+
+
+def fall_over(vehicle: ToyVehicle) -> None:
+    vehicle.roll = 1.2
+
+
+def silence(name: str) -> Callable[[ToyVehicle], None]:
+    def silent(vehicle: ToyVehicle) -> None:
+        vehicle.silent.add(name)
+
+    return silent
+
+
+FAULTS = [
+    (lose_alignment, "Attitude and heading", SensorBit.AHRS),
+    (lose_position, "Position", SensorBit.XY_POSITION_CONTROL),
+    (lose_fix, "no 3D fix", SensorBit.GPS),
+    (drain_battery, "Battery at 10%", SensorBit.PREARM_CHECK),
+    (fall_over, "Tilted by 69 degrees", SensorBit.PREARM_CHECK),
+    (silence("imu"), "Inertial sensor", SensorBit.GYRO_3D),
+    (silence("baro"), "Barometer", SensorBit.ABSOLUTE_PRESSURE),
+    (silence("mag"), "Magnetometer", SensorBit.MAG_3D),
+    (silence("gps"), "GPS", SensorBit.GPS),
+    (silence("battery"), "Battery monitor", SensorBit.BATTERY),
+]
+
+
+@pytest.mark.parametrize(("fault", "sentence", "bit"), FAULTS)
+def test_a_fault_keeps_the_vehicle_disarmed_and_says_why(
+    fault: Callable[[ToyVehicle], None], sentence: str, bit: SensorBit
+) -> None:
+    vehicle = ToyVehicle()
+    vehicle.run(1.0)
+    assert vehicle.status.value is not None
+    assert vehicle.status.value.preflight_checks_pass
+    assert vehicle.status.value.sensors_health & bit
+    fault(vehicle)
+    vehicle.run(3.0)
+    assert vehicle.arm() is NOT_NOW
+    assert not vehicle.armed
+    assert any(sentence in text for text in vehicle.texts)
+    assert not vehicle.status.value.preflight_checks_pass
+    assert not vehicle.status.value.sensors_health & bit
+    assert not vehicle.status.value.sensors_health & SensorBit.PREARM_CHECK
+
+
+def test_before_anything_is_known_the_vehicle_does_not_arm() -> None:
+    vehicle = ToyVehicle(position_valid=False, aligned=False)
+    assert vehicle.arm() is NOT_NOW
+    assert vehicle.home.value is None
+
+
+def test_force_arms_in_spite_of_a_fault() -> None:
+    vehicle = ToyVehicle(battery=0.1)
+    vehicle.run(0.5)
+    assert vehicle.send(Command.COMPONENT_ARM_DISARM, 1.0, 21196.0) is ACCEPTED
+    assert vehicle.armed
+
+
+def test_an_infeasible_mission_is_neither_started_nor_armed_for() -> None:
+    vehicle = ToyVehicle()
+    vehicle.run(0.5)
+    vehicle.upload(takeoff(), item(1, 2000))
+    vehicle.run(0.1)
+    assert vehicle.set_mode(4) is NOT_NOW
+    assert vehicle.send(Command.MISSION_START) is NOT_NOW
+    assert any("item 1" in text for text in vehicle.texts)
+
+
+def test_armed_and_left_alone_on_the_ground_it_disarms_after_ten_seconds() -> None:
+    vehicle = ToyVehicle()
+    vehicle.run(0.5)
+    assert vehicle.arm() is ACCEPTED
+    armed = []
+    for seconds in (9.0, 1.5):
+        vehicle.run(seconds)
+        armed.append(vehicle.armed)
+    assert armed == [True, False]
+    assert "Disarmed: no take-off" in vehicle.texts
+
+
+def test_two_seconds_after_landing_it_disarms_and_goes_to_hold() -> None:
+    vehicle = ToyVehicle()
+    vehicle.run(0.5)
+    vehicle.upload(takeoff(), waypoint(1, 5, 0), item(2, 21, param4=0.0))
+    vehicle.run(0.1)
+    vehicle.set_mode(4)
+    vehicle.arm()
+    vehicle.run_until(lambda v: not v.landed)
+    vehicle.run_until(lambda v: v.landed)
+    landed_us = vehicle.now_us
+    vehicle.run_until(lambda v: not v.armed, 5.0)
+    assert 1.9 < (vehicle.now_us - landed_us) * 1e-6 < 2.2
+    assert vehicle.mode is NavigationState.AUTO_LOITER
+
+
+def test_disarming_by_itself_can_be_switched_off() -> None:
+    vehicle = ToyVehicle()
+    vehicle.registry.set("COM_DISARM_PRFLT", -1.0)
+    vehicle.run(0.5)
+    vehicle.arm()
+    vehicle.run(15.0)
+    assert vehicle.armed
+
+
+def test_state_is_published_on_change_and_twice_a_second() -> None:
+    vehicle = ToyVehicle()
+    vehicle.run(1.0)
+    before = vehicle.status.count
+    vehicle.run(2.0)
+    assert vehicle.status.count - before in {4, 5}
+    vehicle.arm()
+    assert vehicle.armed

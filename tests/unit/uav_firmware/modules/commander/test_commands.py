@@ -1,0 +1,258 @@
+"""Every command gets exactly one final answer, and the right one."""
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.support.toy_vehicle import HOME, ToyVehicle, at, item, takeoff, waypoint
+from uav_firmware.msg.mission import MissionState
+from uav_firmware.msg.status import Command, CommandResult, NavigationState, VehicleCommand
+
+ACCEPTED = CommandResult.ACCEPTED
+NOT_NOW = CommandResult.TEMPORARILY_REJECTED
+DENIED = CommandResult.DENIED
+UNSUPPORTED = CommandResult.UNSUPPORTED
+FAILED = CommandResult.FAILED
+NAN = math.nan
+
+
+def grounded() -> ToyVehicle:
+    vehicle = ToyVehicle()
+    vehicle.run(0.5)
+    return vehicle
+
+
+def loaded() -> ToyVehicle:
+    vehicle = grounded()
+    vehicle.upload(takeoff(), waypoint(1, 30, 0), waypoint(2, 30, 30), item(3, 20))
+    vehicle.run(0.1)
+    return vehicle
+
+
+def airborne() -> ToyVehicle:
+    vehicle = loaded()
+    vehicle.send(Command.MISSION_START)
+    vehicle.arm()
+    vehicle.run_until(lambda v: v.position[0] > 5.0)
+    return vehicle
+
+
+values = st.one_of(
+    st.sampled_from([NAN, 0.0, 1.0, -1.0, 2.0, 3.0, 4.0, 21196.0, math.inf, -math.inf, 1e300]),
+    st.floats(allow_nan=True, allow_infinity=True, width=32),
+)
+
+
+class Fleet:
+    """Vehicles kept between examples; one that was disarmed in the air is replaced."""
+
+    def __init__(self) -> None:
+        self._grounded = loaded()
+        self._airborne = airborne()
+
+    def pick(self, *, flying: bool) -> ToyVehicle:
+        if not flying:
+            return self._grounded
+        if not self._airborne.armed or self._airborne.landed:
+            self._airborne = airborne()
+        return self._airborne
+
+
+@pytest.fixture(scope="module")
+def fleet() -> Fleet:
+    return Fleet()
+
+
+@settings(deadline=None, max_examples=300)
+@given(
+    command=st.one_of(st.sampled_from(list(Command)), st.integers(0, 65535)),
+    params=st.lists(values, min_size=7, max_size=7),
+    frame=st.sampled_from([0, 3, 10, 255]),
+    flying=st.booleans(),
+)
+def test_no_command_whatever_it_holds_goes_without_one_answer(
+    fleet: Fleet, command: int, params: list[float], frame: int, flying: bool
+) -> None:
+    vehicle = fleet.pick(flying=flying)
+    result = vehicle.send(command, *params, frame=frame)
+    assert result in set(CommandResult) - {CommandResult.IN_PROGRESS}
+    vehicle.run(0.1)
+    for setpoint in vehicle.setpoints[-10:]:
+        assert all(map(math.isfinite, setpoint.velocity_ned))
+        assert math.isfinite(setpoint.yaw)
+    del vehicle.track[:], vehicle.setpoints[:], vehicle.acks[:]
+
+
+@pytest.mark.parametrize("command", list(Command))
+@pytest.mark.parametrize("number", range(1, 8))
+def test_an_infinite_parameter_is_always_denied(command: int, number: int) -> None:
+    params = [1.0 if n == 1 else 0.0 for n in range(1, 8)]
+    params[number - 1] = math.inf
+    vehicle = grounded()
+    assert vehicle.send(command, *params) is DENIED
+    assert any(f"parameter {number}" in text for text in vehicle.texts)
+
+
+@pytest.mark.parametrize("command", [16, 31, 34, 2000, 42, 65535])
+def test_an_unknown_command_is_unsupported(command: int) -> None:
+    assert grounded().send(command, NAN, NAN, NAN, NAN, NAN, NAN, NAN) is UNSUPPORTED
+
+
+WRONG = [
+    (Command.COMPONENT_ARM_DISARM, (2.0,)),
+    (Command.COMPONENT_ARM_DISARM, (NAN,)),
+    (Command.COMPONENT_ARM_DISARM, (1.0, 5.0)),
+    (Command.COMPONENT_ARM_DISARM, (1.0, 0.0, 1.0)),
+    (Command.DO_SET_MODE, (1.0, 4.0, 99.0)),
+    (Command.DO_SET_MODE, (1.0, 6.0, 0.0)),
+    (Command.DO_SET_MODE, (1.0, NAN, NAN)),
+    (Command.DO_SET_MODE, (0.0, 4.0, 3.0)),
+    (Command.NAV_TAKEOFF, (0.0, 1.0)),
+    (Command.NAV_TAKEOFF, (0.0, 0.0, 0.0, NAN, 91.0, 0.0, 660.0)),
+    (Command.NAV_TAKEOFF, (0.0, 0.0, 0.0, NAN, 10.0, 10.0, 660.0)),
+    (Command.NAV_TAKEOFF, (0.0, 0.0, 0.0, NAN, NAN, NAN, 9000.0)),
+    (Command.NAV_RETURN_TO_LAUNCH, (1.0,)),
+    (Command.NAV_LAND, (0.0, 2.0)),
+    (Command.DO_REPOSITION, (0.0, 1.0, 0.0, NAN, NAN, NAN, NAN)),
+    (Command.DO_REPOSITION, (-1.0, 1.0, 0.0, NAN, 0.0, 0.0, 660.0)),
+    (Command.DO_REPOSITION, (-1.0, 1.0, 0.0, NAN, NAN, NAN, HOME[2] - 5.0)),
+    (Command.DO_CHANGE_SPEED, (1.0, 0.0)),
+    (Command.DO_CHANGE_SPEED, (1.0, NAN)),
+    (Command.DO_CHANGE_SPEED, (9.0, 3.0)),
+    (Command.DO_CHANGE_SPEED, (1.0, 3.0, 50.0)),
+    (Command.DO_PAUSE_CONTINUE, (2.0,)),
+    (Command.DO_SET_HOME, (0.0, 0.0, 0.0, 0.0, 91.0, 0.0, 0.0)),
+    (Command.DO_SET_HOME, (0.0, 0.0, 0.0, 0.0, NAN, NAN, NAN)),
+    (Command.DO_SET_MISSION_CURRENT, (-2.0,)),
+    (Command.DO_SET_MISSION_CURRENT, (0.5,)),
+    (Command.DO_SET_MISSION_CURRENT, (0.0, 2.0)),
+    (Command.DO_SET_MISSION_CURRENT, (0.0, 0.0, 1.0)),
+    (Command.MISSION_START, (9.0,)),
+    (Command.MISSION_START, (0.0, 1.0)),
+    (Command.DO_FLIGHTTERMINATION, (0.3,)),
+]
+
+
+@pytest.mark.parametrize(("command", "params"), WRONG)
+def test_a_wrong_parameter_is_denied_with_a_sentence(
+    command: Command, params: tuple[float, ...]
+) -> None:
+    vehicle = loaded()
+    assert vehicle.send(command, *params) is DENIED
+    assert any(command.name in text for text in vehicle.texts)
+    assert not vehicle.armed
+
+
+WRONG_MOMENT = [
+    (Command.NAV_RETURN_TO_LAUNCH, ()),
+    (Command.NAV_LAND, ()),
+    (Command.DO_REPOSITION, (-1.0, 1.0, 0.0, NAN, NAN, NAN, NAN)),
+    (Command.DO_CHANGE_SPEED, (1.0, 3.0)),
+    (Command.DO_PAUSE_CONTINUE, (0.0,)),
+    (Command.DO_PAUSE_CONTINUE, (1.0,)),
+    (Command.DO_FLIGHTTERMINATION, (1.0,)),
+    (Command.DO_SET_MODE, (1.0, 4.0, 5.0)),
+]
+
+
+@pytest.mark.parametrize(("command", "params"), WRONG_MOMENT)
+def test_what_needs_the_air_is_not_done_on_the_ground(
+    command: Command, params: tuple[float, ...]
+) -> None:
+    assert loaded().send(command, *params) is NOT_NOW
+
+
+def test_without_a_mission_there_is_nothing_to_start_or_choose() -> None:
+    vehicle = grounded()
+    assert vehicle.send(Command.MISSION_START) is FAILED
+    assert vehicle.send(Command.DO_SET_MISSION_CURRENT, 0.0) is FAILED
+    assert vehicle.set_mode(4) is NOT_NOW
+    assert any("No mission stored" in text for text in vehicle.texts)
+
+
+def test_the_current_item_is_kept_chosen_or_beyond_the_end() -> None:
+    vehicle = loaded()
+    assert (
+        vehicle.send(Command.DO_SET_MISSION_CURRENT, 2.0, NAN, NAN, NAN, NAN, NAN, NAN) is ACCEPTED
+    )
+    assert vehicle.send(Command.DO_SET_MISSION_CURRENT, -1.0) is ACCEPTED
+    assert vehicle.progress.value is not None
+    assert vehicle.progress.value.seq_current == 2
+    assert vehicle.send(Command.DO_SET_MISSION_CURRENT, 4.0) is FAILED
+    assert vehicle.send(Command.MISSION_START, 1.0, 3.0) is ACCEPTED
+    assert vehicle.progress.value.seq_current == 1
+
+
+def test_disarming_in_the_air_needs_force() -> None:
+    vehicle = airborne()
+    assert vehicle.send(Command.COMPONENT_ARM_DISARM, 0.0) is NOT_NOW
+    assert vehicle.armed
+    assert vehicle.send(Command.COMPONENT_ARM_DISARM, 0.0, 21196.0) is ACCEPTED
+    assert not vehicle.armed
+
+
+def test_termination_stops_the_motors_in_the_air() -> None:
+    vehicle = airborne()
+    assert vehicle.send(Command.DO_FLIGHTTERMINATION, 1.0) is ACCEPTED
+    assert not vehicle.armed
+
+
+def test_arming_and_disarming_twice_is_no_fault() -> None:
+    vehicle = grounded()
+    assert [vehicle.arm(), vehicle.arm()] == [ACCEPTED, ACCEPTED]
+    assert vehicle.send(Command.COMPONENT_ARM_DISARM, 0.0) is ACCEPTED
+    assert vehicle.send(Command.COMPONENT_ARM_DISARM, 0.0) is ACCEPTED
+
+
+def test_a_repeated_take_off_does_not_begin_again() -> None:
+    vehicle = grounded()
+    params = (-1.0, 0.0, 0.0, NAN, NAN, NAN, HOME[2] + 10.0)
+    vehicle.send(Command.NAV_TAKEOFF, *params)
+    vehicle.arm()
+    vehicle.run_until(lambda v: v.velocity[2] < -2.0)
+    assert vehicle.send(Command.NAV_TAKEOFF, *params) is ACCEPTED
+    vehicle.run(0.3)
+    assert vehicle.velocity[2] < -2.0
+
+
+@pytest.mark.parametrize(
+    ("order", "mode"),
+    [
+        ((Command.DO_PAUSE_CONTINUE, 0.0), NavigationState.AUTO_LOITER),
+        ((Command.NAV_LOITER_UNLIM,), NavigationState.AUTO_LOITER),
+        ((Command.NAV_RETURN_TO_LAUNCH,), NavigationState.AUTO_RTL),
+        ((Command.NAV_LAND,), NavigationState.AUTO_LAND),
+        ((Command.DO_SET_MODE, 1.0, 4.0, 6.0), NavigationState.AUTO_LAND),
+        ((Command.DO_SET_MODE, 29.0, 4.0, 5.0), NavigationState.AUTO_RTL),
+        ((Command.DO_REPOSITION, -1.0, 1.0, 0.0, NAN, NAN, NAN, NAN), NavigationState.AUTO_LOITER),
+    ],
+)
+def test_a_command_in_flight_changes_the_mode(
+    order: tuple[float, ...], mode: NavigationState
+) -> None:
+    vehicle = airborne()
+    assert vehicle.send(int(order[0]), *order[1:]) is ACCEPTED
+    assert vehicle.mode is mode
+    assert vehicle.state == MissionState.PAUSED
+
+
+def test_home_can_be_set_to_a_place_and_stays_there() -> None:
+    vehicle = grounded()
+    place = at(10.0, 5.0)
+    params = (0.0, 0.0, 0.0, 0.0, place["x"], place["y"], HOME[2])
+    assert vehicle.send(Command.DO_SET_HOME, *params) is ACCEPTED
+    assert vehicle.arm() is ACCEPTED
+    assert vehicle.home.value is not None
+    assert vehicle.home.value.position_ned == pytest.approx((10.0, 5.0, 0.0), abs=1e-3)
+
+
+def test_commands_that_arrive_together_are_each_answered_in_order() -> None:
+    vehicle = loaded()
+    for token, command in enumerate((Command.MISSION_START, Command.COMPONENT_ARM_DISARM, 9999)):
+        vehicle.commands.publish(
+            VehicleCommand(0, command, 1.0, 0, 0, 0, 0, 0, 0, 0, 255, 190, token)
+        )
+    vehicle.run(0.1)
+    assert [(a.token, a.result) for a in vehicle.acks] == [(0, 0), (1, 0), (2, 3)]
