@@ -21,7 +21,7 @@ from uav_firmware.parameters import Registry
 
 T = TypeVar("T")
 
-_GLOBAL_EVERY_US: Final = 20_000
+_GLOBAL_EVERY_US: Final = 20_000  # Validity and accuracy too: they change slowly
 _STATUS_EVERY_US: Final = 200_000
 
 
@@ -58,6 +58,8 @@ class EstimatorModule:
         self._global_position = global_position
         self._status = estimator_status
         self._counts = [0, 0, 0, 0, 0]
+        self._validity = Validity()
+        self._accuracy_m = (math.nan, math.nan)
         self._global_due_us = 0
         self._status_due_us = 0
 
@@ -71,7 +73,7 @@ class EstimatorModule:
             return
         navigation = self.navigation
         if not navigation.take_imu(imu):
-            self._publish_status(imu.time_us, Validity())
+            self._publish_status(imu.time_us)
             return
         self._take_aids(navigation)
         navigation.finish_step()
@@ -103,17 +105,17 @@ class EstimatorModule:
         """Attitude and local position now, the others when they are due."""
         state, time_us = core.state, core.time_us
         self._attitude.publish(VehicleAttitude(time_us, state.q_ned_frd, self.navigation.rate_frd))
-        validity = self.navigation.validity()
-        self._publish_local(core, validity)
         if time_us >= self._global_due_us:
             self._global_due_us = time_us + _GLOBAL_EVERY_US
+            self._validity = self.navigation.validity()
+            self._accuracy_m = self.navigation.accuracy_m()
             self._publish_global(core)
-        if time_us >= self._status_due_us:
-            self._publish_status(time_us, validity)
+        self._publish_local(core)
+        self._publish_status(time_us)
 
-    def _publish_local(self, core: Core, validity: Validity) -> None:
-        state, origin = core.state, core.origin
-        horizontal, vertical = self.navigation.accuracy_m()
+    def _publish_local(self, core: Core) -> None:
+        state, origin, validity = core.state, core.origin, self._validity
+        horizontal, vertical = self._accuracy_m
         latitude, longitude, altitude = (
             (math.nan, math.nan, math.nan)
             if origin is None
@@ -142,21 +144,21 @@ class EstimatorModule:
         if core.origin is None:
             return
         latitude, longitude, altitude = core.origin.to_geodetic(core.state.position_ned)
-        horizontal, vertical = self.navigation.accuracy_m()
+        horizontal, vertical = self._accuracy_m
         self._global_position.publish(
             VehicleGlobalPosition(core.time_us, latitude, longitude, altitude, horizontal, vertical)
         )
 
-    def _publish_status(self, time_us: int, validity: Validity) -> None:
+    def _publish_status(self, time_us: int) -> None:
         if time_us < self._status_due_us:
             return
         self._status_due_us = time_us + _STATUS_EVERY_US
         navigation, core = self.navigation, self.navigation.core
-        horizontal, vertical = navigation.accuracy_m()
+        horizontal, vertical = self._accuracy_m
         self._status.publish(
             EstimatorStatus(
                 time_us,
-                status_flags(validity),
+                status_flags(self._validity),
                 navigation.gps.velocity.ratio,
                 navigation.gps.horizontal.ratio,
                 max(navigation.gps.vertical.ratio, navigation.baro.height.ratio),

@@ -60,9 +60,9 @@ def test_perfect_sensors_give_a_perfect_estimate_however_late_gps_is(delay_us: i
     assert np.abs(errors[:, 6:]).max() < math.radians(0.05)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3, 4, 5])
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
 def test_honest_sensors_give_a_good_and_honest_estimate(seed: int) -> None:
-    errors, sigmas = fly(Flight(seed), Rig(), 60.0)
+    errors, sigmas = fly(Flight(seed), Rig(), 45.0)
     size = rms(errors)
     assert (size[:3] < 0.30).all()
     assert (size[3:6] < 0.05).all()
@@ -74,8 +74,8 @@ def test_honest_sensors_give_a_good_and_honest_estimate(seed: int) -> None:
 def test_claimed_accuracy_is_not_timid() -> None:
     """Claiming ten times the real error would be within 3 sigma as well."""
     squares = []
-    for seed in range(11, 15):
-        errors, sigmas = fly(Flight(seed), Rig(), 40.0)
+    for seed in range(11, 14):
+        errors, sigmas = fly(Flight(seed), Rig(), 35.0)
         squares.append(((errors / sigmas) ** 2).mean(axis=0))
     mean = np.array(squares).mean(axis=0)
     assert (mean > 0.02).all()
