@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
 _MAX_SLOTS: Final = 10_000  # a longer pattern means that the periods do not fit together
-_SHORTEST_WAIT_S: Final = 0.0005  # a shorter wait costs more than it gives back
+_SHORTEST_WAIT_S: Final = 0.0075  # two steps at real time: a wake-up costs as much as half a step
 _CATCH_UP_S: Final = 0.1  # [s] Lateness that is made up; what exceeds it is given up
 
 

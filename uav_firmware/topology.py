@@ -32,6 +32,7 @@ from uav_firmware.topics import Topics
 
 _POSITION_PERIOD_US: Final = 8_000  # 125 Hz: navigator and position control
 _SLOW_PERIOD_US: Final = 20_000  # 50 Hz: commander, land detector
+_LINK_PERIOD_US: Final = 8_000  # 125 Hz; datagrams are also answered while a paced vehicle waits
 _CONSOLE_PERIOD_US: Final = 100_000  # 10 Hz
 _STORAGE_PERIOD_US: Final = 1_000_000  # 1 Hz
 
@@ -209,7 +210,7 @@ class Autopilot:
                 step_us,
                 lambda: self.control_allocator.update(vehicle.time_us),
             ),
-            RateGroup("mavlink", step_us, lambda: self.mavlink.update(vehicle.time_us)),
+            RateGroup("mavlink", _LINK_PERIOD_US, lambda: self.mavlink.update(vehicle.time_us), 1),
             RateGroup("console", _CONSOLE_PERIOD_US, self.console.update, 3),
             RateGroup("parameter_storage", _STORAGE_PERIOD_US, self.parameter_storage.update, 4),
         )

@@ -51,7 +51,8 @@ class UdpLink:
 
         For the pacing of a loop that has nothing else to do until its next step.
         """
-        return bool(self._poll.poll(max(timeout_s, 0.0) * 1e3))
+        # Not poll, which rounds up to whole milliseconds.
+        return bool(select.select((self._socket,), (), (), max(timeout_s, 0.0))[0])
 
     def receive(self) -> Sequence[tuple[bytes, Address]]:
         """Datagrams that have arrived with their senders, at most 64 in a call."""
