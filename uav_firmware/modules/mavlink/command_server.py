@@ -1,7 +1,7 @@
 """The command protocol's vehicle end: each command is carried out once and answered once.
 
 Sans-IO: messages and answers in, messages out, time as an argument. A command is refused here
-when it cannot be meant, answered here when it concerns the link, and otherwise passed to the
+when it is unknown, answered here when it concerns the link, and otherwise passed to the
 commander as a VehicleCommand with a token. From then on it is pending until the commander's
 final answer, or until the commander has been silent for too long, which is a failure.
 
@@ -12,6 +12,7 @@ final answer, or until the commander has been silent for too long, which is a fa
                             pending --silence---> answered FAILED
 """
 
+import math
 from collections import OrderedDict
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -22,11 +23,11 @@ from uav_firmware.modules.mavlink import mode_commands
 from uav_firmware.modules.mavlink.addressing import Outgoing, Sender, is_for_us
 from uav_firmware.modules.mavlink.commands import (
     BAD_FRAME,
-    RULES,
+    KNOWN,
     Command,
     from_int,
     from_long,
-    refusal,
+    is_honoured,
 )
 from uav_firmware.modules.mavlink.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.dialect_extensions import MAV_CMD_DO_SET_STANDARD_MODE
@@ -43,6 +44,7 @@ MAX_PENDING: Final = 64
 _MAX_REMEMBERED: Final = 32
 
 _IN_PROGRESS: Final[int] = mavlink.MAV_RESULT_IN_PROGRESS
+_DENIED: Final[int] = mavlink.MAV_RESULT_DENIED
 _FAILED: Final[int] = mavlink.MAV_RESULT_FAILED
 _UNSUPPORTED: Final[int] = mavlink.MAV_RESULT_UNSUPPORTED
 _BUSY: Final[int] = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
@@ -98,7 +100,7 @@ class CommandServer:
         """Take COMMAND_LONG or COMMAND_INT."""
         if not self._is_addressed(message):
             return []
-        if message.command not in RULES:
+        if message.command not in KNOWN:
             return [_acknowledge(message.command, _UNSUPPORTED, sender)]
         is_long = message.get_type() == "COMMAND_LONG"
         command = from_long(message) if is_long else from_int(message)
@@ -146,9 +148,8 @@ class CommandServer:
         earlier = self._earlier(command, sender, now_us, repeated=repeated)
         if earlier is not None:
             return earlier
-        refused = refusal(command)
-        if refused is not None:
-            return [_acknowledge(command.number, refused, sender)]
+        if not is_honoured(command):
+            return [_acknowledge(command.number, _DENIED, sender)]
         answer = self._requests.answer(command, sender, now_us)
         if answer is not None:
             to = None if answer.to_all else sender.address
@@ -182,13 +183,9 @@ class CommandServer:
     def _meaning(self, command: Command) -> Command | int:
         """The command as the commander reads it, or the MAV_RESULT that refuses it."""
         if command.number == mavlink.MAV_CMD_DO_SET_MODE:
-            return mode_commands.from_do_set_mode(command) or int(mavlink.MAV_RESULT_DENIED)
+            return mode_commands.from_do_set_mode(command) or _DENIED
         if command.number == MAV_CMD_DO_SET_STANDARD_MODE:
             return mode_commands.from_standard_mode(command) or _FAILED
-        if command.number == mavlink.MAV_CMD_DO_SET_MISSION_CURRENT:
-            length = self._mission_length()
-            if length == 0 or command.parameter(1) >= length:
-                return _FAILED
         return command
 
     def _forward(
@@ -233,8 +230,8 @@ class CommandServer:
 
 def _comparable(command: Command) -> Command:
     """The command with NaN replaced, because NaN equals nothing, not even itself."""
-    unset = float("-inf")  # Refused as a value, so it cannot collide
-    parameters = tuple(unset if p != p else p for p in command.parameters)  # noqa: PLR0124 - NaN
+    beyond_float32 = 1e300  # What no wire value can be
+    parameters = tuple(beyond_float32 if math.isnan(p) else p for p in command.parameters)
     return command._replace(parameters=parameters)  # type: ignore[arg-type]  # still seven
 
 

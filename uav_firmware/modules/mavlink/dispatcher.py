@@ -1,7 +1,7 @@
 """Which server takes which message: one table."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 from uav_firmware.cal.link import Address
 from uav_firmware.modules.mavlink.addressing import Outgoing, Sender, is_for_us
@@ -20,6 +20,8 @@ from uav_firmware.parameters import Registry
 
 Handler: TypeAlias = Callable[[Message, Sender, int], list[Outgoing]]
 """Takes a message, its sender and the time [us]; gives what is to be sent."""
+
+_COMMANDING_TYPES: Final = frozenset({mavlink.MAV_TYPE_GCS, mavlink.MAV_TYPE_ONBOARD_CONTROLLER})
 
 
 class Dispatcher:
@@ -57,6 +59,7 @@ class Dispatcher:
             system_id=system_id, registry=registry, save=save_parameters, texts=texts
         )
         self._handlers: Mapping[str, Handler] = {
+            "HEARTBEAT": self._heartbeat,
             **dict.fromkeys(self._missions.message_types, self._missions.handle),
             "COMMAND_LONG": self._commands.handle,
             "COMMAND_INT": self._commands.handle,
@@ -86,6 +89,12 @@ class Dispatcher:
         """Drop what is kept for peers that are gone."""
         for address in addresses:
             self._parameters.forget(address)
+
+    def _heartbeat(self, message: Message, _sender: Sender, now_us: int) -> list[Outgoing]:
+        """Note that whoever commands the vehicle (ground station or broker) is there."""
+        if message.type in _COMMANDING_TYPES:
+            self._topics.ground_station_heartbeat.publish(now_us)
+        return []
 
     def _current_seq(self) -> int:
         """Item that the navigator flies; 0 until it has taken the mission over."""

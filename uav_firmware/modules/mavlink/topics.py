@@ -1,6 +1,6 @@
 """The topics and queues that the MAVLink module reads and writes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from uav_firmware.bus import Queue, Topic
 from uav_firmware.msg.actuators import ActuatorMotors
@@ -25,7 +25,7 @@ from uav_firmware.msg.status import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MavlinkTopics:
-    """Every connection of the module to the bus; the last two are written, the rest read."""
+    """Every connection of the module to the bus; the last three are written, the rest read."""
 
     attitude: Topic[VehicleAttitude]
     local_position: Topic[VehicleLocalPosition]
@@ -46,3 +46,4 @@ class MavlinkTopics:
     status_text: Queue[StatusText]
     vehicle_command: Queue[VehicleCommand]
     mission: Topic[Mission]
+    ground_station_heartbeat: Topic[int] = field(default_factory=Topic)  # [us] When heard

@@ -168,7 +168,7 @@ def test_two_senders_of_one_command_get_an_answer_each() -> None:
 @given(
     st.lists(
         st.tuples(
-            st.sampled_from([*FORWARDED, 511, 512, 520, 34, 9999]),
+            st.sampled_from([*sorted(FORWARDED), 511, 512, 520, 34, 9999]),
             st.integers(200, 203),
             st.floats(allow_nan=True, width=32),
             st.booleans(),
@@ -250,27 +250,8 @@ def upload(bench: Bench, count: int) -> None:
     bench.hear()
 
 
-@pytest.mark.parametrize(
-    ("length", "parameters", "expected"),
-    [
-        (0, (0.0,), FAILED),
-        (5, (5.0,), FAILED),
-        (5, (-2.0,), DENIED),
-        (5, (1.5,), DENIED),
-        (5, (1.0, 3.0), DENIED),
-        (5, (1.0, 0.0, 9.0), DENIED),
-    ],
-)
-def test_a_current_item_that_cannot_be_set_is_refused(
-    length: int, parameters: tuple[float, ...], expected: int
-) -> None:
-    bench = Bench()
-    upload(bench, length)
-    assert results(bench.ask(command_long(CURRENT, *parameters), "COMMAND_ACK")) == [expected]
-
-
 @pytest.mark.parametrize("seq", [-1.0, 0.0, 4.0])
-def test_a_current_item_that_can_be_set_goes_to_the_commander(seq: float) -> None:
+def test_a_current_item_goes_to_the_commander(seq: float) -> None:
     bench = Bench()
     upload(bench, 5)
     bench.say(command_long(CURRENT, seq))

@@ -76,8 +76,6 @@ def test_special_numbers_in_commands_are_survived_and_answered(
     bench = Bench()
     bench.say(command_long(number, *parameters))
     bench.run()
-    for command in bench.commands():
-        assert not any(math.isinf(p) for p in command[2:9])
     bench.run(3_000_000)
     assert len(bench.hear("COMMAND_ACK")) == 1
 

@@ -75,3 +75,14 @@ def test_an_own_frame_that_comes_back_is_ignored() -> None:
     bench.say(arm, system=7, component=1)
     bench.run()
     assert bench.commands() == []
+
+
+def test_the_commander_hears_of_ground_station_and_broker_but_not_of_other_vehicles() -> None:
+    bench = Bench()
+    heard = bench.topics.ground_station_heartbeat
+    for kind, expected in ((6, 1), (18, 2), (2, 2), (30, 2)):
+        bench.say(mavlink.MAVLink_heartbeat_message(kind, 8, 0, 0, 0, 3))
+        bench.run()
+        assert heard.count == expected
+    assert heard.value is not None
+    assert heard.value <= bench.now_us
