@@ -29,7 +29,11 @@ class _Json(DefaultJSONProvider):
 
 def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> APIFlask:
     """Build the WSGI application; the database must have been prepared."""
-    app = APIFlask("edge_server", title="Edge server", enable_openapi=False)
+    app = APIFlask(
+        "edge_server",
+        enable_openapi=False,
+        static_folder=None,  # type: ignore[arg-type]  # Flask takes it; the type says otherwise
+    )
     app.json = _Json(app)
     app.config.update(
         SQLALCHEMY_DATABASE_URI=sqlite_url(config.database_path),

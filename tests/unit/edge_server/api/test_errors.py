@@ -1,0 +1,134 @@
+"""One shape for every error, and nothing of our insides in it."""
+
+import base64
+import json
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+from sqlalchemy import event
+
+from edge_server.services import plans
+from tests.unit.edge_server.conftest import Edge
+from tests.unit.edge_server.documents import plan, telemetry
+
+
+def shape_of(answer: Any) -> dict[str, Any]:
+    assert answer.mimetype == "application/json"
+    body: dict[str, Any] = json.loads(answer.data, parse_constant=pytest.fail)
+    assert {"message", "detail"} <= body.keys() <= {"message", "detail", "errors"}
+    assert body["message"]
+    return body
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "status"),
+    [
+        ("GET", "/nothing", 404),
+        ("GET", "/plans/1", 404),
+        ("GET", "/plans/99999999999999999999999", 404),
+        ("GET", "/pose//", 404),
+        ("GET", "/pose/-1", 404),
+        ("GET", "/pose/9223372036854775808", 404),
+        ("PATCH", "/plans/", 405),
+        ("GET", "/latest_state_vector/", 405),
+        ("POST", "/plans/", 415),
+        ("PUT", "/plans/1", 415),
+    ],
+)
+def test_errors_of_the_address(edge: Edge, method: str, path: str, status: int) -> None:
+    answer = edge.ask(method, path, "admin")
+    assert answer.status_code == status
+    shape_of(answer)
+
+
+def test_a_refused_method_tells_which_there_are(edge: Edge) -> None:
+    assert "POST" in edge.ask("PATCH", "/plans/", "admin").headers["Allow"]
+
+
+@pytest.mark.parametrize(
+    "content_type", ["text/plain", "application/x-www-form-urlencoded", "multipart/form-data"]
+)
+def test_a_body_of_another_type_is_a_415(edge: Edge, content_type: str) -> None:
+    headers = {"Content-Type": content_type}
+    answer = edge.ask("POST", "/pose/", "broker", data=b"{}", headers=headers)
+    assert answer.status_code == 415
+    shape_of(answer)
+
+
+def test_a_body_that_is_too_large_is_a_413(edge: Edge) -> None:
+    answer = edge.post_plan(plan(name="x" * 2_000_000))
+    assert answer.status_code == 413
+    assert answer.headers["Connection"] == "close"
+    shape_of(answer)
+    assert edge.count("plan") == 0
+
+
+def test_several_faults_are_told_at_once(edge: Edge) -> None:
+    answer = edge.report("pose", telemetry("pose") | {"latitude": 91, "yaw": "north"})
+    assert shape_of(answer)["detail"]["json"].keys() == {"latitude", "yaw"}
+
+
+def test_what_was_sent_is_not_echoed(edge: Edge) -> None:
+    answer = edge.report("pose", telemetry("pose") | {"latitude": "my secret"})
+    assert answer.status_code == 422
+    assert b"my secret" not in answer.data
+
+
+def test_an_error_of_ours_tells_nothing_and_logs_everything(
+    edge: Edge, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise ZeroDivisionError("inside")
+
+    monkeypatch.setattr(plans, "page", fail)
+    with caplog.at_level(logging.ERROR):
+        answer = edge.ask("GET", "/plans/", "operator")
+    assert answer.status_code == 500
+    assert "inside" not in shape_of(answer)["message"]
+    assert "ZeroDivisionError" in caplog.text
+
+
+@contextmanager
+def a_small_disk(edge: Edge) -> Iterator[None]:
+    """Let the database grow no more."""
+
+    def limit(connection: Any, _record: object, _proxy: object) -> None:
+        pages = connection.execute("PRAGMA page_count").fetchone()[0]
+        connection.execute(f"PRAGMA max_page_count={pages}").close()
+
+    engine = edge.context.database._engine
+    event.listen(engine, "checkout", limit)
+    yield
+    event.remove(engine, "checkout", limit)
+    edge.context.database.close()
+
+
+def test_a_full_disk_is_a_507_and_nothing_is_half_stored(edge: Edge) -> None:
+    with a_small_disk(edge):
+        statuses = set()
+        for number in range(20):
+            before = edge.count("telemetry"), edge.count("outbox")
+            status = edge.report("pose", telemetry("pose", number)).status_code
+            statuses.add(status)
+            if status != 201:
+                assert (edge.count("telemetry"), edge.count("outbox")) == before
+        image = edge.report("image", telemetry("image") | big_picture())
+        assert image.status_code == 507
+        shape_of(image)
+        assert edge.count("telemetry") == edge.count("outbox")
+    assert statuses <= {201, 507}
+    assert edge.report("pose", telemetry("pose")).status_code == 201
+
+
+def big_picture() -> dict[str, Any]:
+    picture = b"\xff\xd8\xff" + bytes(300_000)
+    return {"frame": base64.b64encode(picture).decode(), "image_size": len(picture)}
+
+
+def test_answers_are_not_cached_or_guessed_at(edge: Edge) -> None:
+    for answer in (edge.ask("GET", "/plans/", "operator"), edge.ask("GET", "/nothing", "admin")):
+        assert answer.headers["X-Content-Type-Options"] == "nosniff"
+        assert answer.headers["Cache-Control"] == "no-store"

@@ -1,0 +1,117 @@
+"""The role matrix, cell by cell, and that no route is without one."""
+
+import itertools
+from typing import Any
+
+import pytest
+
+from edge_server.app import context_of, create_app
+from edge_server.config import Config
+from edge_server.store.keys import Role
+from tests.unit.edge_server.conftest import Clock, Edge
+from tests.unit.edge_server.documents import TELEMETRY, plan, telemetry
+
+EVERYBODY = {"farmer", "operator", "admin", "broker", "cloud"}
+PEOPLE = EVERYBODY - {"broker"}
+ULID = "01K9Z4T1W8F6Q2M3N5P7R9S0VX"
+
+MATRIX: list[tuple[str, str, set[str], Any]] = [
+    ("GET", "/plans/", EVERYBODY, None),
+    ("GET", "/plans/1", EVERYBODY, None),
+    ("GET", f"/plans/{ULID}", EVERYBODY, None),
+    ("POST", "/plans/", {"operator", "admin"}, plan()),
+    ("PUT", "/plans/1", {"operator", "admin"}, plan()),
+    ("PUT", f"/plans/{ULID}", {"operator", "admin"}, plan()),
+    ("DELETE", "/plans/1", {"operator", "admin"}, None),
+    ("DELETE", f"/plans/{ULID}", {"operator", "admin"}, None),
+    ("GET", "/vehicles/", EVERYBODY, None),
+    ("GET", "/vehicles/1", EVERYBODY, None),
+    ("PUT", "/vehicles/1", {"broker", "operator", "admin"}, {"link_state": "lost"}),
+    ("DELETE", "/vehicles/1", {"admin"}, None),
+    ("GET", "/broker/commands", {"broker"}, None),
+    ("POST", "/broker/commands/1/ack", {"broker"}, {"status": "accepted"}),
+    ("POST", "/latest_state_vector/", PEOPLE, {"sequence_number": 3}),
+]
+for _kind in TELEMETRY:
+    MATRIX += [
+        ("POST", f"/{_kind}/", {"broker"}, telemetry(_kind)),
+        ("GET", f"/{_kind}/", PEOPLE, None),
+        ("GET", f"/{_kind}/1", PEOPLE, None),
+        ("PUT", f"/{_kind}/1", {"admin"}, telemetry(_kind)),
+        ("DELETE", f"/{_kind}/1", {"admin"}, None),
+    ]
+OPEN = {("GET", "/healthz"), ("GET", "/readyz")}
+
+
+@pytest.mark.parametrize("row", MATRIX, ids=lambda row: f"{row[0]} {row[1]}")
+def test_a_row_of_the_matrix(edge: Edge, row: tuple[str, str, set[str], Any]) -> None:
+    method, path, allowed, body = row
+    options = {} if body is None else {"json": body}
+    for role in Role:
+        status = edge.ask(method, path, role, **options).status_code
+        assert (status != 403) == (role.value in allowed), (role, status)
+        assert status not in {401, 500}
+    assert edge.ask(method, path, None, **options).status_code == 401
+
+
+def test_every_route_stands_in_the_matrix(edge: Edge) -> None:
+    rules = list(edge.client.application.url_map.iter_rules())
+    adapter = edge.client.application.url_map.bind("localhost")
+    covered = {
+        adapter.match(path, method=method)[0]
+        for method, path in itertools.chain(((m, p) for m, p, *_ in MATRIX), OPEN)
+    }
+    assert {rule.endpoint for rule in rules} - covered == set()
+
+
+def test_an_unmarked_route_is_nobodys(config: Config) -> None:
+    app = create_app(config)
+    app.add_url_rule("/forgotten", "forgotten", lambda: "secret")
+    edge = Edge(app.test_client(), context_of(app), Clock())
+    for role in Role:
+        assert edge.ask("GET", "/forgotten", role).status_code == 403
+    edge.context.database.close()
+
+
+@pytest.mark.parametrize("path", ["/", "/nothing", "/plans/1", "/pose/", "/broker/commands"])
+def test_a_stranger_learns_nothing(edge: Edge, path: str) -> None:
+    answer = edge.ask("GET", path, None)
+    assert answer.status_code == 401
+    assert answer.headers["WWW-Authenticate"].startswith("Bearer")
+
+
+@pytest.mark.parametrize("path", ["/healthz", "/readyz", "/healthz/"])
+def test_health_needs_no_key(edge: Edge, path: str) -> None:
+    answer = edge.ask("GET", path, None)
+    assert answer.status_code == 200
+    assert (answer.json or {})["database"] == "ok"
+
+
+def test_both_headers_carry_a_key(edge: Edge) -> None:
+    key = edge.key("operator")
+    for headers in ({"Authorization": f"Bearer {key}"}, {"X-API-Key": key}):
+        assert edge.ask("GET", "/plans/", None, headers=headers).status_code == 200
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda key: key[:-1] + ("0" if key[-1] != "0" else "1"),
+        lambda key: key[:-1],
+        lambda key: key + "0",
+        lambda key: key.upper(),
+        lambda key: key.replace("fm_", "xx_"),
+        lambda _: "",
+        lambda _: "fm_00000000_" + "0" * 64,
+        lambda _: "\xe9" * 40,
+    ],
+)
+def test_almost_a_key_is_no_key(edge: Edge, spoil: Any) -> None:
+    headers = {"X-API-Key": spoil(edge.key("admin"))}
+    assert edge.ask("GET", "/plans/", None, headers=headers).status_code == 401
+
+
+def test_keys_are_not_in_the_database(edge: Edge) -> None:
+    raw = edge.config.database_path.read_bytes()
+    for role in Role:
+        assert edge.key(role).rpartition("_")[2].encode() not in raw
