@@ -238,4 +238,5 @@ def _mavlink_topics(topics: Topics) -> MavlinkTopics:
         status_text=topics.status_text,
         vehicle_command=topics.vehicle_command,
         mission=topics.mission,
+        ground_station_heartbeat=topics.ground_station_heartbeat,
     )
