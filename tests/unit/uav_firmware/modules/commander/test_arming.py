@@ -14,7 +14,7 @@ from uav_firmware.modules.commander.arming_states import (
     after,
 )
 from uav_firmware.modules.commander.sensor_watch import SensorBit
-from uav_firmware.msg.status import Command, CommandResult, NavigationState
+from uav_firmware.msg.status import Command, CommandResult, NavigationState, VehicleStatus
 
 ACCEPTED = CommandResult.ACCEPTED
 NOT_NOW = CommandResult.TEMPORARILY_REJECTED
@@ -27,6 +27,11 @@ def test_only_the_pairs_of_the_table_change_anything(state: Arming, event: Armin
     else:
         with pytest.raises(IllegalArmingError, match=event.name):
             after(state, event)
+
+
+def status_of(vehicle: ToyVehicle) -> VehicleStatus:
+    assert vehicle.status.value is not None
+    return vehicle.status.value
 
 
 def lose_alignment(vehicle: ToyVehicle) -> None:
@@ -76,17 +81,17 @@ def test_a_fault_keeps_the_vehicle_disarmed_and_says_why(
 ) -> None:
     vehicle = ToyVehicle()
     vehicle.run(1.0)
-    assert vehicle.status.value is not None
-    assert vehicle.status.value.preflight_checks_pass
-    assert vehicle.status.value.sensors_health & bit
+    before = status_of(vehicle)
     fault(vehicle)
     vehicle.run(3.0)
     assert vehicle.arm() is NOT_NOW
-    assert not vehicle.armed
+    after_fault = status_of(vehicle)
+    assert not after_fault.armed
     assert any(sentence in text for text in vehicle.texts)
-    assert not vehicle.status.value.preflight_checks_pass
-    assert not vehicle.status.value.sensors_health & bit
-    assert not vehicle.status.value.sensors_health & SensorBit.PREARM_CHECK
+    assert (before.preflight_checks_pass, after_fault.preflight_checks_pass) == (True, False)
+    assert before.sensors_health & bit
+    assert not after_fault.sensors_health & bit
+    assert not after_fault.sensors_health & SensorBit.PREARM_CHECK
 
 
 def test_before_anything_is_known_the_vehicle_does_not_arm() -> None:

@@ -74,16 +74,13 @@ def test_the_operator_may_overrule_and_a_cause_does_not_fire_twice() -> None:
     vehicle.battery = 0.06
     vehicle.run(1.0)
     assert vehicle.set_mode(3) == 0
-    vehicle.battery = 0.075  # within the hysteresis of the same cause
-    vehicle.run(1.0)
-    vehicle.battery = 0.06
-    vehicle.run(1.0)
-    assert vehicle.mode is NavigationState.AUTO_LOITER
-    vehicle.battery = 0.5
-    vehicle.run(0.1)
-    vehicle.battery = 0.06
-    vehicle.run(0.1)
-    assert vehicle.mode is NavigationState.AUTO_RTL
+    modes = []
+    # Within the hysteresis, below again, cleared, below once more.
+    for remaining in (0.075, 0.06, 0.5, 0.06):
+        vehicle.battery = remaining
+        vehicle.run(0.5)
+        modes.append(vehicle.mode)
+    assert modes == [NavigationState.AUTO_LOITER] * 3 + [NavigationState.AUTO_RTL]
 
 
 def test_a_short_loss_of_position_changes_nothing() -> None:
