@@ -1,26 +1,16 @@
 """One vehicle as the broker sees it: its link, its family, its newest words."""
 
-from collections import deque
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple
 
-from mavlink_broker.dialect import Message, mavlink
+from mavlink_broker.dialect import Message
 from mavlink_broker.protocol.heartbeat import LinkState, LinkWatch
 from mavlink_broker.protocol.reboot import RebootWatch
 from mavlink_broker.protocol.round_trip import RoundTrip
 from mavlink_broker.protocol.route import Route
+from mavlink_broker.protocol.status_text import StatusTexts
 from mavlink_broker.translation.families import GENERIC, Family, family_of
 from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.translation.telemetry import Snapshot
-
-WORDS_KEPT: Final = 8
-
-
-class Words(NamedTuple):
-    """One STATUSTEXT of warning or worse."""
-
-    time: float
-    text: str
 
 
 @dataclass(slots=True)
@@ -34,7 +24,7 @@ class Vehicle:
     link: LinkWatch = field(default_factory=LinkWatch)
     round_trip: RoundTrip = field(default_factory=RoundTrip)
     _reboots: RebootWatch = field(default_factory=RebootWatch)
-    _words: deque[Words] = field(default_factory=lambda: deque(maxlen=WORDS_KEPT))
+    _words: StatusTexts = field(default_factory=StatusTexts)
 
     def take(self, message: Message, now: float) -> bool:
         """Learn from a message of the vehicle; true when it proves that it was restarted."""
@@ -42,8 +32,7 @@ class Vehicle:
         if kind == "HEARTBEAT":
             self.link.heard(now)
             self.family = family_of(message.autopilot)
-        elif kind == "STATUSTEXT" and message.severity <= mavlink.MAV_SEVERITY_WARNING:
-            self._words.append(Words(now, message.text.strip()))
+        self._words.receive(message, now)
         rebooted = hasattr(message, "time_boot_ms") and self._reboots.sample(message.time_boot_ms)
         if rebooted:
             self.snapshot.forget()
@@ -71,4 +60,4 @@ class Vehicle:
 
     def words_since(self, time: float) -> str | None:
         """Its latest complaint since a time, or None."""
-        return next((w.text for w in reversed(self._words) if w.time >= time and w.text), None)
+        return self._words.latest_since(time)
