@@ -31,8 +31,9 @@ LAST_WORDS_S: Final = 0.5
 """How long a vehicle that refused something may take to say why."""
 
 _LOG = logging.getLogger(__name__)
-_ON_ITS_WAY: Final = frozenset({State.ARMING, State.STARTING, State.RUNNING})
-_ON_THE_GROUND: Final = frozenset({State.UPLOADING, State.VERIFYING, State.SELECTING})
+_BEFORE_TAKEOFF: Final = frozenset(
+    {State.UPLOADING, State.VERIFYING, State.SELECTING, State.ARMING, State.STARTING}
+)
 _AFTER_ACCEPTANCE: Final = {State.SELECTING: Event.SELECTED, State.ARMING: Event.ARMED}
 
 
@@ -94,9 +95,10 @@ class Flight:
 
     def rebooted(self, now: float, effects: Effects) -> None:
         """Take that the vehicle was restarted."""
-        if self.state in _ON_ITS_WAY:
+        preparing = self.state in _BEFORE_TAKEOFF
+        if self.state is State.RUNNING or (preparing and self._hovering):
             self._fail("the vehicle was restarted", now, effects)
-        elif self.state in _ON_THE_GROUND:
+        elif preparing:
             self._move(Event.REBOOTED, now, effects)
         elif self.state is State.ATTACHING:
             self._activity = None

@@ -35,7 +35,7 @@ class Event(Enum):
     VERIFIED = auto()
     SELECTED = auto()
     ARMED = auto()
-    REBOOTED = auto()  # On the ground, before it was armed: begin again
+    REBOOTED = auto()  # On the ground, before it flew: begin again
     FAULT = auto()
     ENDED = auto()  # The mission has its terminal status
 
@@ -60,8 +60,10 @@ TRANSITIONS: Final[Mapping[tuple[State, Event], State]] = {
     (State.SELECTING, Event.REBOOTED): State.WAITING,
     (State.SELECTING, Event.FAULT): State.FAILING,
     (State.ARMING, Event.ARMED): State.STARTING,
+    (State.ARMING, Event.REBOOTED): State.WAITING,
     (State.ARMING, Event.FAULT): State.FAILING,
     (State.STARTING, Event.FLYING): State.RUNNING,
+    (State.STARTING, Event.REBOOTED): State.WAITING,
     (State.STARTING, Event.FAULT): State.FAILING,
     (State.RUNNING, Event.ENDED): State.IDLE,
     (State.RUNNING, Event.FAULT): State.FAILING,
