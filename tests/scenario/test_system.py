@@ -1,7 +1,6 @@
 """The whole system as its users meet it: real processes, real wires, the simulator's truth."""
 
 import itertools
-import os
 import re
 import shlex
 import signal
@@ -150,25 +149,38 @@ def test_after_a_kill_while_idle_the_next_plan_flies(victim: str, tmp_path: Path
 
 def test_make_sim_leaves_neither_process_nor_port_behind(tmp_path: Path) -> None:
     system = FarmSystem(tmp_path / "var")
-    launcher = run_module("sim", environment=system.environment)
-    try:
-        system.wait_until_connected()
-    finally:
-        launcher.send_signal(signal.SIGINT)
-        output, _ = launcher.communicate(timeout=60)
-    text = output.decode()
-    assert launcher.returncode == 0, text
-    assert f"curl -sS -X POST {system.settings.edge_url}/plans/" in text
-    listing = subprocess.run(["ps", "-eo", "args"], capture_output=True, text=True, check=True)
-    state = str(system.state_dir)
-    assert not [line for line in listing.stdout.splitlines() if state in line]
-    again = run_module("sim", environment=system.environment)
-    try:
-        system.wait_until_connected()
-    finally:
-        again.send_signal(signal.SIGTERM)
-        output, _ = again.communicate(timeout=60)
-    assert again.returncode == 0, output.decode()
+    for stop in (signal.SIGINT, signal.SIGTERM):
+        launcher = run_module("sim", environment=system.environment)
+        text = read_until(launcher, "Stop with Ctrl-C.")
+        launcher.send_signal(stop)
+        rest, _ = launcher.communicate(timeout=60)
+        assert launcher.returncode == 0, rest.decode()
+        assert f"curl -sS -X POST {system.settings.edge_url}/plans/" in text
+        assert processes_that_know(system.state_dir) == []
+
+
+def read_until(process: subprocess.Popen[bytes], last: str) -> str:
+    """Read a program's output up to a line."""
+    assert process.stdout is not None
+    text = ""
+    for raw in process.stdout:
+        text += raw.decode()
+        if last in text:
+            return text
+    raise AssertionError(f"{last!r} was never printed:\n{text}")
+
+
+def processes_that_know(state_dir: Path) -> list[str]:
+    """Processes that were started with this state folder in their environment."""
+    wanted = f"STATE_DIR={state_dir}".encode()
+    found = []
+    for environment in Path("/proc").glob("[0-9]*/environ"):
+        try:
+            if wanted in environment.read_bytes().split(b"\0"):
+                found.append(environment.parent.name)
+        except OSError:
+            continue
+    return found
 
 
 @pytest.mark.parametrize("vehicles", [1, 3])
@@ -181,11 +193,4 @@ def test_make_demo_ends_when_the_cloud_holds_everything(vehicles: int, tmp_path:
     for number in range(1, vehicles + 1):
         assert f"mission {number}  vehicle {number}" in text
     assert "the cloud holds every report and result" in text
-    assert not [pid for pid in _session_of(demo.pid) if pid != os.getpid()]
-
-
-def _session_of(process_id: int) -> list[int]:
-    listing = subprocess.run(
-        ["ps", "-o", "pid=", "--ppid", str(process_id)], capture_output=True, text=True, check=False
-    )
-    return [int(line) for line in listing.stdout.split()]
+    assert processes_that_know(system.state_dir) == []
