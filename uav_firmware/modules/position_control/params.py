@@ -10,7 +10,7 @@ class PositionControlParams:
     """Gains and limits of the position controller."""
 
     xy_p: float = param(
-        "MPC_XY_P", 1.2, unit="1/s", minimum=0.0, maximum=2.5,
+        "MPC_XY_P", 1.4, unit="1/s", minimum=0.0, maximum=2.5,
         short="Corrective velocity per metre of horizontal position error",
     )  # fmt: skip
     z_p: float = param(
@@ -18,11 +18,11 @@ class PositionControlParams:
         short="Corrective velocity per metre of vertical position error",
     )  # fmt: skip
     xy_velocity_p: float = param(
-        "MPC_XY_VEL_P_ACC", 2.8, unit="1/s", minimum=1.2, maximum=6.0,
+        "MPC_XY_VEL_P_ACC", 3.2, unit="1/s", minimum=1.2, maximum=6.0,
         short="Acceleration per m/s of horizontal velocity error",
     )  # fmt: skip
     xy_velocity_i: float = param(
-        "MPC_XY_VEL_I_ACC", 0.8, unit="1/s^2", minimum=0.0, maximum=10.0,
+        "MPC_XY_VEL_I_ACC", 1.0, unit="1/s^2", minimum=0.0, maximum=10.0,
         short="Acceleration per metre of integrated horizontal velocity error",
     )  # fmt: skip
     xy_velocity_d: float = param(
