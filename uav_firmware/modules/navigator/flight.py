@@ -4,7 +4,8 @@ import math
 from dataclasses import dataclass, field
 
 from uav_firmware.lib.geo import LocalFrame
-from uav_firmware.lib.smoothing import MotionLimits, Waypoint
+from uav_firmware.lib.motion import MotionLimits
+from uav_firmware.lib.smoothing import Waypoint
 from uav_firmware.lib.vector import ZERO, subtract
 from uav_firmware.modules.navigator.params import NavigatorParams
 from uav_firmware.modules.navigator.path_follower import PathFollower

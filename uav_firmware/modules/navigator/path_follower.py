@@ -8,17 +8,15 @@ import math
 from collections.abc import Sequence
 
 from uav_firmware.lib import speed_profile
-from uav_firmware.lib.smoothing import (
-    Leg,
+from uav_firmware.lib.motion import (
     MotionLimits,
     MotionState,
     Piece,
-    Waypoint,
     along,
-    plan_leg,
     stop_piece,
     straight_pieces,
 )
+from uav_firmware.lib.smoothing import Leg, Waypoint, plan_leg
 from uav_firmware.lib.vector import ZERO, dot, norm, scale
 from uav_firmware.msg.vectors import Vector3
 

@@ -7,14 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uav_firmware.lib.smoothing import (
-    MotionLimits,
-    MotionState,
-    Piece,
-    Waypoint,
-    plan_leg,
-    stop_piece,
-)
+from uav_firmware.lib.motion import MotionLimits, MotionState, Piece, stop_piece
+from uav_firmware.lib.smoothing import Waypoint, plan_leg
 from uav_firmware.lib.vector import ZERO, norm, subtract
 from uav_firmware.msg.vectors import Vector3
 

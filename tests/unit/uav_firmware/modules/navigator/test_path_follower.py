@@ -5,7 +5,8 @@ import math
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uav_firmware.lib.smoothing import MotionLimits, Waypoint
+from uav_firmware.lib.motion import MotionLimits
+from uav_firmware.lib.smoothing import Waypoint
 from uav_firmware.lib.vector import norm, subtract
 from uav_firmware.modules.navigator.path_follower import PathFollower
 from uav_firmware.msg.vectors import Vector3
