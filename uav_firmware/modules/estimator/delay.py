@@ -19,7 +19,7 @@ from collections import deque
 from typing import NamedTuple
 
 from uav_firmware.modules.estimator.state import NominalState
-from uav_firmware.msg.vectors import Vector3
+from uav_firmware.msg.vectors import Quaternion, Vector3
 
 
 class _Entry(NamedTuple):
@@ -35,6 +35,7 @@ class Past(NamedTuple):
     position_ned: Vector3  # [m]
     velocity_ned: Vector3  # [m/s]
     impulse_ned: Vector3  # [m/s] Integral of the specific force since then
+    q_ned_frd: Quaternion  # [-] Present attitude, which stands for that of the interval
 
 
 class InertialHistory:
@@ -80,6 +81,7 @@ class InertialHistory:
             (position[0], position[1], position[2]),
             (velocity[0], velocity[1], velocity[2]),
             (change[0], change[1], change[2] - gravity * tau),
+            state.q_ned_frd,
         )
 
     def _at(self, time_us: int) -> tuple[Vector3, Vector3]:

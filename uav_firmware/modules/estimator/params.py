@@ -38,7 +38,7 @@ class EstimatorParams:
         short="Largest gyroscope bias estimated",
     )  # fmt: skip
     accel_bias_sigma: float = param(
-        "EKF2_ABIAS_INIT", 0.1, unit="m/s^2", minimum=0.0, maximum=0.5,
+        "EKF2_ABIAS_INIT", 0.05, unit="m/s^2", minimum=0.0, maximum=0.5,
         short="Accelerometer bias at switch-on, one sigma",
     )  # fmt: skip
     angle_sigma: float = param(

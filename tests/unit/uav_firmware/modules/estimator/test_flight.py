@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.unit.uav_firmware.modules.estimator.flight import (
+    GRAVITY,
     PERFECT,
     Array,
     Errors,
@@ -112,6 +113,18 @@ def test_any_heading_is_found_at_rest(heading: float) -> None:
     assert np.abs(errors[:, 6:8]).max() < math.radians(0.6)
     assert np.abs(errors[:, 8]).max() < math.radians(1.5)
     assert math.cos(rig.position.heading - heading) > math.cos(math.radians(1.5))
+
+
+def test_at_rest_tilt_is_never_known_better_than_the_accelerometer() -> None:
+    """However long GPS is watched: tilt and accelerometer bias look the same there."""
+    rig = Rig()
+    for readings in Flight(5, start_s=100.0).steps(40.0):
+        rig.feed(readings)
+    core = rig.module.navigation.core
+    assert core is not None
+    bias = 0.05  # [m/s^2] EKF2_ABIAS_INIT
+    assert min(core.ekf.sigma(6), core.ekf.sigma(7)) > 0.9 * bias / GRAVITY
+    assert min(core.ekf.sigma(9), core.ekf.sigma(10)) > 0.9 * bias
 
 
 def test_gyro_bias_is_found_and_taken_off_the_rate() -> None:
