@@ -38,8 +38,7 @@ def main() -> int:
         boot_time_utc_us = time.time_ns() // 1000
         hardware = build_hardware(config, boot_time_utc_us)
     except (ConfigError, OSError) as error:
-        sentence = error.strerror if isinstance(error, OSError) and error.strerror else error
-        print(f"vehicle not started: {sentence}", file=sys.stderr, flush=True)
+        print(f"vehicle not started: {_sentence(error)}", file=sys.stderr, flush=True)
         return EXIT_REFUSED
     try:
         autopilot = Autopilot(
@@ -55,6 +54,13 @@ def main() -> int:
     finally:
         hardware.close()
     return 0
+
+
+def _sentence(error: ConfigError | OSError) -> str:
+    """What went wrong, without an error number."""
+    if not isinstance(error, OSError) or error.strerror is None:
+        return str(error)
+    return error.strerror if error.filename is None else f"{error.filename}: {error.strerror}"
 
 
 def _peers(config: VehicleConfig) -> tuple[Peer, Peer]:
