@@ -2,8 +2,11 @@
 
 import math
 from itertools import pairwise
+from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from tests.support.toy_vehicle import HOME, ToyVehicle, at, item, takeoff, waypoint
 from uav_firmware.msg.mission import MissionItem, MissionState
@@ -274,3 +277,57 @@ def test_home_is_where_the_vehicle_was_armed() -> None:
     assert vehicle.home.value is not None
     assert vehicle.home.value.position_ned == pytest.approx((3.0, 4.0, 0.0))
     assert vehicle.home.value.latitude_deg > HOME[0]
+
+
+def test_a_landing_broken_off_climbs_back_to_its_abort_altitude() -> None:
+    land = item(1, 21, param1=4.0, param4=math.nan)
+    vehicle = start(ready(), takeoff(height=10.0), land)
+    vehicle.run_until(lambda v: len(v.reached) == 1)
+    vehicle.run_until(lambda v: v.height < 1.5)
+    assert vehicle.send(Command.DO_PAUSE_CONTINUE, 0.0) == ACCEPTED
+    vehicle.run(8.0)
+    assert vehicle.height == pytest.approx(4.0, abs=0.1)
+
+
+def test_an_item_without_autocontinue_waits_to_be_told() -> None:
+    vehicle = start(ready(), takeoff(), waypoint(1, 10, 0, autocontinue=0.0), waypoint(2, 20, 0))
+    vehicle.run(30.0)
+    assert vehicle.reached == [0, 1]
+    assert vehicle.send(Command.DO_SET_MISSION_CURRENT, 2.0) == ACCEPTED
+    vehicle.run_until(completed, 30.0)
+
+
+places = st.tuples(st.floats(-30.0, 30.0), st.floats(-30.0, 30.0), st.floats(2.0, 12.0))
+kinds = st.one_of(
+    st.tuples(st.just("waypoint"), places, st.sampled_from([0.0, 0.0, 1.0])),
+    st.tuples(st.just("speed"), st.floats(0.5, 12.0), st.just(0.0)),
+    st.tuples(st.just("delay"), st.floats(0.0, 2.0), st.just(0.0)),
+)
+
+
+def built(seq: int, kind: tuple[Any, Any, float]) -> MissionItem:
+    name, value, hold = kind
+    if name == "waypoint":
+        return waypoint(seq, *value, param1=hold)
+    if name == "speed":
+        return item(seq, 178, param1=1.0, param2=value, param3=-1.0)
+    return item(seq, 93, param1=value)
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.lists(kinds, min_size=1, max_size=6), st.lists(st.floats(0.5, 20.0), max_size=3))
+def test_any_mission_is_flown_to_its_end_whenever_it_is_paused(
+    plan: list[tuple[Any, Any, float]], pauses: list[float]
+) -> None:
+    items = (takeoff(), *(built(seq, kind) for seq, kind in enumerate(plan, start=1)))
+    vehicle = start(ready(), *items)
+    for seconds in pauses:
+        vehicle.run(seconds)
+        vehicle.send(Command.DO_PAUSE_CONTINUE, 0.0)
+        vehicle.run(1.0)
+        vehicle.send(Command.DO_PAUSE_CONTINUE, 1.0)
+    vehicle.run_until(completed, 900.0)
+    assert vehicle.reached == list(range(len(items)))
+    for entry, (name, value, _) in zip(items[1:], plan, strict=True):
+        if name == "waypoint":
+            assert nearest(vehicle, (value[0], value[1], -value[2])) <= entry.param2
