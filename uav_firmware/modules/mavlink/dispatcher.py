@@ -101,7 +101,7 @@ class Dispatcher:
         progress, mission = self._topics.mission_progress.value, self._topics.mission.value
         if progress is None or mission is None or progress.mission_id != mission.mission_id:
             return 0
-        return progress.seq_current
+        return min(progress.seq_current, len(mission.items) - 1)
 
     def _set_current(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
         """MISSION_SET_CURRENT has no acknowledgement: a failure is told in words."""

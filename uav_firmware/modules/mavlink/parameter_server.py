@@ -147,7 +147,8 @@ class ParameterServer:
         error = self._error(name, self._indices.get(name, -1), fault, sender)
         if name not in self._indices:
             return [error]
-        return [Outgoing(self._value(name), sender.address), error]
+        # The error first: a client that compares the value would take it for a lost PARAM_SET.
+        return [error, Outgoing(self._value(name), sender.address)]
 
     def _change(self, name: str, message: Message) -> int | None:
         """Change a value; gives the MAV_PARAM_ERROR when it is refused."""

@@ -38,7 +38,8 @@ def mission_current(context: Context) -> Message:
     flown = status is not None and status.navigation_state is NavigationState.AUTO_MISSION
     seq, state = 0, mavlink.MISSION_STATE_NOT_STARTED
     if progress is not None and progress.mission_id == mission.mission_id:
-        seq, state = max(progress.seq_current, 0), progress.state
+        last = len(mission.items) - 1  # Where a complete mission stays
+        seq, state = min(max(progress.seq_current, 0), last), progress.state
     return MissionCurrent(
         seq=seq,
         total=len(mission.items),

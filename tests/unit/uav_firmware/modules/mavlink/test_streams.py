@@ -244,6 +244,9 @@ def test_mission_current_tells_the_state_of_the_stored_mission() -> None:
     active = built("MISSION_CURRENT", topics)
     assert (active.seq, active.total, active.mission_id) == (3, 5, 99)
     assert (active.mission_state, active.mission_mode) == (mavlink.MISSION_STATE_ACTIVE, 1)
+    topics.mission_progress.publish(MissionProgress(0, 99, 5, 5, 4, 5, 5))
+    complete = built("MISSION_CURRENT", topics)
+    assert (complete.seq, complete.mission_state) == (4, mavlink.MISSION_STATE_COMPLETE)
 
 
 def broken(value: Any, number: float) -> Any:
