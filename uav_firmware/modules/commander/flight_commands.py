@@ -33,6 +33,7 @@ from uav_firmware.msg.mission import (
 from uav_firmware.msg.status import NavigationState, VehicleCommand
 
 LOWEST_TAKEOFF_M: Final = 1.0  # [m] above home; lower becomes MIS_TAKEOFF_ALT
+_HERE: Final = Place(NAN, NAN, NAN)
 _AIRBORNE_ONLY: Final = frozenset({NavigationState.AUTO_RTL, NavigationState.AUTO_LAND})
 
 
@@ -46,7 +47,10 @@ class Situation(NamedTuple):
 
 
 def change_mode(state: NavigationState, situation: Situation) -> Decision:
-    """Enter a mode if what it needs is there; a complete mission begins again."""
+    """Enter a mode if what it needs is there.
+
+    A complete mission begins again, and a hold that is on its way to a point stops.
+    """
     view = situation.view
     reason = mode_requirements.missing(state, view)
     if reason is not None:
@@ -57,6 +61,9 @@ def change_mode(state: NavigationState, situation: Situation) -> Decision:
     if state is NavigationState.AUTO_MISSION and complete:
         again = MissionCurrentRequest(view.now_us, 0, reset=True)
         return accepted(Tell(again), SetMode(state))
+    if state is NavigationState.AUTO_LOITER and situation.mode is state:
+        here = NavigatorTarget(view.now_us, state, *_HERE, yaw=NAN, speed_m_s=NAN)
+        return accepted(Tell(here), SetMode(state))
     return accepted(SetMode(state))
 
 

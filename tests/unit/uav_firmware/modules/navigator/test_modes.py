@@ -71,15 +71,23 @@ def test_a_take_off_in_the_air_never_descends() -> None:
     assert vehicle.height == pytest.approx(10.0, abs=0.1)
 
 
-def test_hold_stops_within_the_braking_distance() -> None:
+@pytest.mark.parametrize(
+    "order",
+    [
+        (Command.DO_PAUSE_CONTINUE, 0.0),
+        (Command.DO_SET_MODE, 1.0, 4.0, 3.0),
+        (Command.NAV_LOITER_UNLIM,),
+        (Command.DO_REPOSITION, -1.0, 1.0, 0.0, NAN, NAN, NAN, NAN),
+    ],
+)
+def test_every_order_to_hold_stops_a_reposition(order: tuple[float, ...]) -> None:
     vehicle = airborne()
     place = at(100, 0)
     vehicle.send(Command.DO_REPOSITION, -1.0, 1.0, 0.0, NAN, place["x"], place["y"], HOME[2] + 5)
     vehicle.run_until(lambda v: v.position[0] > 30.0)
-    here = vehicle.position[0]
-    assert vehicle.send(Command.DO_REPOSITION, -1.0, 1.0, 0.0, NAN, NAN, NAN, NAN) == ACCEPTED
+    assert vehicle.send(int(order[0]), *order[1:]) == ACCEPTED
     vehicle.run(6.0)
-    assert here < vehicle.position[0] < here + 10.0
+    assert vehicle.position[0] < 40.0
     assert math.hypot(*vehicle.velocity) < 0.01
 
 
