@@ -249,14 +249,18 @@ class CommanderModule:
             self._watch(view)
 
     def _watch(self, view: VehicleView) -> None:
-        """Take the worst action that a new threat asks for."""
+        """Take the worst action that a new threat asks for.
+
+        Not on the ground: what is found there would no longer be new after the take-off.
+        """
+        if view.landed:
+            return
         threats = self._monitor.update(view, self._params)
         for cause, action in reversed(threats):
             severity = WARNING if action is Action.WARN else CRITICAL
             self._say(view.now_us, severity, f"{TEXT_OF[cause]}: {action.name}")
-        if not threats or view.landed:
-            return
-        self._fly_failsafe(threats[0].action, view)
+        if threats:
+            self._fly_failsafe(threats[0].action, view)
 
     def _fly_failsafe(self, action: Action, view: VehicleView) -> None:
         flown = max((act for act, mode in MODE_OF.items() if mode is self._mode), default=None)
@@ -274,6 +278,7 @@ class CommanderModule:
 
     def _publish(self, view: VehicleView) -> None:
         ready = arming_refusal(self._situation(view)) is None
+        present = present_bits(view.ages)
         status = VehicleStatus(
             view.now_us,
             self._armed,
@@ -281,9 +286,9 @@ class CommanderModule:
             self._failsafe,
             ready,
             self._armed_since_us,
-            int(present_bits(view.ages)),
-            int(present_bits(view.ages)),
-            int(healthy_bits(view, ready=ready)),
+            present,
+            present,
+            healthy_bits(view, ready=ready),
         )
         old = self._status.value
         stale = old is None or view.now_us - old.time_us >= STATUS_PERIOD_US

@@ -1,7 +1,7 @@
 """How long ago each sensor was heard, and the MAVLink bits that tell of it."""
 
 import math
-from enum import IntFlag
+from enum import IntEnum
 
 from uav_firmware.bus import Topic
 from uav_firmware.modules.commander.health_checks import (
@@ -12,8 +12,8 @@ from uav_firmware.modules.commander.health_checks import (
 from uav_firmware.modules.commander.vehicle_view import SensorAges, VehicleView
 
 
-class SensorBit(IntFlag):
-    """MAVLink's MAV_SYS_STATUS_SENSOR."""
+class SensorBit(IntEnum):
+    """MAVLink's MAV_SYS_STATUS_SENSOR; a set of them is a plain int, made 50 times a second."""
 
     GYRO_3D = 0x1
     ACCEL_3D = 0x2
@@ -62,9 +62,9 @@ class Freshness:
         return math.inf if self._seen_us is None else (now_us - self._seen_us) * 1e-6
 
 
-def present_bits(ages: SensorAges) -> SensorBit:
+def present_bits(ages: SensorAges) -> int:
     """Sensors that have ever been heard, and the controllers, which are always there."""
-    bits = _CONTROL
+    bits: int = _CONTROL
     for age, bit in (
         (ages.imu, _IMU),
         (ages.baro, SensorBit.ABSOLUTE_PRESSURE),
@@ -77,13 +77,13 @@ def present_bits(ages: SensorAges) -> SensorBit:
     return bits
 
 
-def healthy_bits(view: VehicleView, *, ready: bool) -> SensorBit:
+def healthy_bits(view: VehicleView, *, ready: bool) -> int:
     """Sensors that deliver and controllers that have what they need."""
     ages, estimate = view.ages, view.position
     gps_good = ages.gps < GPS_STALE_S and view.gps is not None and view.gps.fix_type >= 3
     heading = estimate is not None and estimate.heading_valid
     height = estimate is not None and estimate.altitude_valid
-    bits = SensorBit.MOTOR_OUTPUTS
+    bits: int = SensorBit.MOTOR_OUTPUTS
     for healthy, bit in (
         (ages.imu < IMU_STALE_S, _IMU | SensorBit.ANGULAR_RATE_CONTROL),
         (ages.baro < SENSOR_STALE_S, SensorBit.ABSOLUTE_PRESSURE),
