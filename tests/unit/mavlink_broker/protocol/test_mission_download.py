@@ -1,0 +1,73 @@
+"""Reading a mission back."""
+
+from mavlink_broker.dialect import Message, MissionAck, MissionCount, mavlink
+from mavlink_broker.protocol.mission_download import Downloaded, MissionDownload, NotDownloaded
+from mavlink_broker.protocol.round_trip import RoundTrip
+from mavlink_broker.translation.mission_item import to_message, waypoint
+from tests.unit.mavlink_broker.protocol.harness import ROUTE, kinds, received, tick_until
+
+ITEM = waypoint(latitude_deg=1.0, longitude_deg=2.0, relative_altitude_m=5.0)
+
+
+def item(seq: int) -> Message:
+    return received(to_message(ITEM, seq=seq, first=0, system=254, component=191))
+
+
+def count(number: int) -> Message:
+    return received(MissionCount(254, 191, number))
+
+
+def download() -> MissionDownload:
+    one = MissionDownload(ROUTE, RoundTrip())
+    one.start(0.0)
+    return one
+
+
+def test_items_are_asked_for_one_by_one() -> None:
+    one = download()
+    (first,) = one.receive(count(2), 0.1)
+    assert (first.get_type(), first.seq) == ("MISSION_REQUEST_INT", 0)
+    (second,) = one.receive(item(0), 0.2)
+    assert second.seq == 1
+    assert kinds(one.receive(item(1), 0.3)) == ["MISSION_ACK"]
+    assert isinstance(one.outcome, Downloaded)
+    assert [i.seq for i in one.outcome.items] == [0, 1]
+
+
+def test_an_empty_mission_is_over_at_once() -> None:
+    one = download()
+    one.receive(count(0), 0.1)
+    assert one.outcome == Downloaded(())
+
+
+def test_what_is_not_answered_is_asked_for_again() -> None:
+    one = download()
+    assert set(kinds(tick_until(one, 0.0, 3.0))) == {"MISSION_REQUEST_LIST"}
+    one.receive(count(2), 3.1)
+    again = tick_until(one, 3.1, 6.0)
+    assert {(m.get_type(), m.seq) for m in again} == {("MISSION_REQUEST_INT", 0)}
+
+
+def test_repeated_and_early_items_are_not_counted() -> None:
+    one = download()
+    one.receive(count(3), 0.1)
+    for seq in (0, 0, 2):
+        one.receive(item(seq), 0.2)
+    one.receive(item(1), 0.3)
+    assert one.outcome is None
+    one.receive(item(2), 0.4)
+    assert isinstance(one.outcome, Downloaded)
+    assert [i.seq for i in one.outcome.items] == [0, 1, 2]
+
+
+def test_a_refused_download_is_begun_again_from_the_count() -> None:
+    one = download()
+    one.receive(count(2), 0.1)
+    one.receive(received(MissionAck(254, 191, mavlink.MAV_MISSION_ERROR)), 0.2)
+    assert kinds(tick_until(one, 0.2, 1.3)) == ["MISSION_REQUEST_LIST"]
+
+
+def test_a_silent_vehicle_ends_it() -> None:
+    one = download()
+    tick_until(one, 0.0, 200.0, step=0.2)
+    assert one.outcome == NotDownloaded("mission could not be read back: no answer")

@@ -1,0 +1,190 @@
+"""The uploader against every answer that vehicles are known to give."""
+
+from typing import Any
+
+import pytest
+
+from mavlink_broker.dialect import Message, MissionAck, mavlink
+from mavlink_broker.protocol.mission_upload import (
+    COUNT_ATTEMPTS,
+    MissionUpload,
+    NotStored,
+    Stored,
+    Uncertain,
+)
+from mavlink_broker.protocol.round_trip import RoundTrip
+from mavlink_broker.translation.mission_item import to_message, waypoint
+from tests.unit.mavlink_broker.protocol.harness import ROUTE, kinds, received, tick_until
+
+COUNT = 3
+ITEM = waypoint(latitude_deg=1.0, longitude_deg=2.0, relative_altitude_m=5.0)
+
+
+def upload() -> MissionUpload:
+    items = [to_message(ITEM, seq=i, first=0, system=1, component=1) for i in range(COUNT)]
+    return MissionUpload(items, ROUTE, RoundTrip(), busy_pause_s=6.0)
+
+
+def request(seq: int, *, as_float: bool = False, system: int = 254) -> Message:
+    kind: Any = (
+        mavlink.MAVLink_mission_request_message
+        if as_float
+        else mavlink.MAVLink_mission_request_int_message
+    )
+    return received(kind(system, 191, seq))
+
+
+def ack(result: int, opaque_id: int = 0, mission_type: int = 0) -> Message:
+    return received(MissionAck(254, 191, result, mission_type, opaque_id))
+
+
+def sent_all() -> MissionUpload:
+    one = upload()
+    one.start(0.0)
+    for seq in range(COUNT):
+        one.receive(request(seq), 0.1)
+    return one
+
+
+def test_every_item_is_given_when_asked_for_and_the_id_is_kept() -> None:
+    one = upload()
+    (count,) = one.start(0.0)
+    assert (count.get_type(), count.count) == ("MISSION_COUNT", COUNT)
+    for seq in range(COUNT):
+        (item,) = one.receive(request(seq), 0.1)
+        assert (item.get_type(), item.seq) == ("MISSION_ITEM_INT", seq)
+    one.receive(ack(mavlink.MAV_MISSION_ACCEPTED, 77), 0.2)
+    assert one.outcome == Stored(77)
+
+
+def test_a_request_is_answered_any_number_of_times_and_in_any_order() -> None:
+    one = upload()
+    one.start(0.0)
+    for seq in (0, 0, 1, 0, 2, 1, 2):
+        (item,) = one.receive(request(seq), 0.1)
+        assert item.seq == seq
+
+
+def test_the_deprecated_request_is_answered_with_the_integer_item() -> None:
+    one = upload()
+    one.start(0.0)
+    assert kinds(one.receive(request(0, as_float=True), 0.1)) == ["MISSION_ITEM_INT"]
+
+
+def test_a_request_beyond_the_end_or_to_somebody_else_is_ignored() -> None:
+    one = upload()
+    one.start(0.0)
+    assert one.receive(request(COUNT), 0.1) == []
+    assert one.receive(request(0, system=255), 0.1) == []
+
+
+def test_the_count_is_repeated_until_the_first_request() -> None:
+    one = upload()
+    one.start(0.0)
+    assert set(kinds(tick_until(one, 0.0, 5.0))) == {"MISSION_COUNT"}
+    one.receive(request(0), 5.1)
+    assert tick_until(one, 5.1, 9.0) == []
+
+
+def test_nothing_is_sent_unasked_before_the_last_item() -> None:
+    one = upload()
+    one.start(0.0)
+    one.receive(request(0), 0.1)
+    assert tick_until(one, 0.1, 4.9) == []
+
+
+def test_a_missing_acknowledgement_makes_the_last_item_go_again() -> None:
+    one = sent_all()
+    again = tick_until(one, 0.1, 4.0)
+    assert again
+    assert {message.seq for message in again} == {COUNT - 1}
+    one.receive(ack(mavlink.MAV_MISSION_ACCEPTED, 5), 4.1)
+    assert one.outcome == Stored(5)
+
+
+def test_an_acknowledgement_that_never_comes_leaves_it_uncertain() -> None:
+    one = sent_all()
+    tick_until(one, 0.1, 60.0)
+    assert one.outcome == Uncertain()
+
+
+@pytest.mark.parametrize(
+    "result", [mavlink.MAV_MISSION_ERROR, mavlink.MAV_MISSION_INVALID_SEQUENCE]
+)
+def test_a_vehicle_that_knows_no_repeated_item_leaves_it_uncertain(result: int) -> None:
+    one = sent_all()
+    tick_until(one, 0.1, 4.0)
+    one.receive(ack(result), 4.1)
+    assert one.outcome == Uncertain()
+
+
+def test_an_acceptance_before_all_items_were_asked_for_is_not_believed() -> None:
+    one = upload()
+    one.start(0.0)
+    one.receive(request(0), 0.1)
+    one.receive(ack(mavlink.MAV_MISSION_ACCEPTED, 9), 0.2)
+    assert one.outcome is None
+
+
+@pytest.mark.parametrize(
+    ("result", "name"),
+    [
+        (mavlink.MAV_MISSION_UNSUPPORTED, "UNSUPPORTED"),
+        (mavlink.MAV_MISSION_INVALID_PARAM3, "INVALID_PARAM3"),
+        (mavlink.MAV_MISSION_NO_SPACE, "NO_SPACE"),
+        (mavlink.MAV_MISSION_DENIED, "DENIED"),
+    ],
+)
+def test_a_refusal_names_the_item(result: int, name: str) -> None:
+    one = upload()
+    one.start(0.0)
+    one.receive(request(0), 0.1)
+    one.receive(request(1), 0.2)
+    one.receive(ack(result), 0.3)
+    assert one.outcome == NotStored(f"mission refused: MAV_MISSION_{name}", 1)
+
+
+@pytest.mark.parametrize("result", [mavlink.MAV_MISSION_ERROR, mavlink.MAV_MISSION_DENIED])
+def test_a_busy_vehicle_is_left_alone_for_a_while(result: int) -> None:
+    one = upload()
+    one.start(0.0)
+    one.receive(ack(result), 0.1)
+    assert tick_until(one, 0.1, 6.0) == []
+    assert kinds(tick_until(one, 6.0, 6.3)) == ["MISSION_COUNT"]
+
+
+def test_an_error_in_the_middle_does_not_end_a_transfer_that_goes_on() -> None:
+    one = upload()
+    one.start(0.0)
+    one.receive(request(0), 0.1)
+    one.receive(ack(mavlink.MAV_MISSION_ERROR), 0.2)
+    assert kinds(one.receive(request(1), 0.3)) == ["MISSION_ITEM_INT"]
+
+
+def test_a_stalled_transfer_is_begun_again() -> None:
+    one = upload()
+    one.start(0.0)
+    one.receive(request(0), 0.1)
+    assert kinds(tick_until(one, 0.1, 6.4)) == ["MISSION_COUNT"]
+
+
+def test_a_cancelled_transfer_is_begun_again() -> None:
+    one = upload()
+    one.start(0.0)
+    one.receive(request(0), 0.1)
+    one.receive(ack(mavlink.MAV_MISSION_OPERATION_CANCELLED), 0.2)
+    assert "MISSION_COUNT" in kinds(tick_until(one, 0.2, 1.5))
+
+
+def test_a_vehicle_that_never_answers_ends_it() -> None:
+    one = upload()
+    sent = one.start(0.0) + tick_until(one, 0.0, 300.0)
+    assert len(sent) == 4 * COUNT_ATTEMPTS
+    assert isinstance(one.outcome, NotStored)
+    assert "no answer to MISSION_COUNT" in one.outcome.reason
+
+
+def test_fence_and_rally_transfers_are_somebody_elses() -> None:
+    one = sent_all()
+    one.receive(ack(mavlink.MAV_MISSION_ACCEPTED, 3, mission_type=1), 0.2)
+    assert one.outcome is None

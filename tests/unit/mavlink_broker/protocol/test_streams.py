@@ -1,0 +1,111 @@
+"""The messages that the broker lives on keep coming."""
+
+from mavlink_broker.dialect import Message, MissionCurrent, mavlink
+from mavlink_broker.protocol.parameter_read import ATTEMPTS, ParameterRead
+from mavlink_broker.protocol.round_trip import RoundTrip
+from mavlink_broker.protocol.status_text import StatusTexts
+from mavlink_broker.protocol.streams import STREAMS, StreamRequests
+from tests.unit.mavlink_broker.protocol.harness import (
+    ROUTE,
+    acknowledgement,
+    received,
+    tick_until,
+)
+
+SET = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+
+
+def intervals(messages: list[Message]) -> list[int]:
+    return [int(m.param1) for m in messages if m.command == SET]
+
+
+def asked_for_all(requests: StreamRequests) -> list[int]:
+    """Acknowledge every request; gives the message ids in the order asked."""
+    asked = intervals(requests.tick(0.0))
+    for _ in STREAMS:
+        asked += intervals(requests.receive(acknowledgement(SET, 0), 0.01))
+    return asked
+
+
+def test_each_is_asked_for_once_one_at_a_time() -> None:
+    asked = asked_for_all(StreamRequests(ROUTE, RoundTrip()))
+    assert asked == [stream.message_id for stream in STREAMS]
+
+
+def test_a_refusal_does_not_hold_up_the_others() -> None:
+    requests = StreamRequests(ROUTE, RoundTrip())
+    requests.tick(0.0)
+    after = requests.receive(acknowledgement(SET, mavlink.MAV_RESULT_UNSUPPORTED), 0.1)
+    assert intervals(after) == [STREAMS[1].message_id]
+
+
+def test_what_has_fallen_silent_is_asked_for_again() -> None:
+    requests = StreamRequests(ROUTE, RoundTrip())
+    asked_for_all(requests)
+    asked: list[int] = []
+    for tenth in range(1, 300):
+        now = tenth / 10
+        requests.receive(received(MissionCurrent(0)), now)
+        asked += intervals(requests.tick(now))
+        asked += intervals(requests.receive(acknowledgement(SET, 0), now))
+    assert mavlink.MAVLINK_MSG_ID_ATTITUDE in asked
+    assert mavlink.MAVLINK_MSG_ID_MISSION_CURRENT not in asked
+
+
+def test_a_restart_of_the_vehicle_renews_everything() -> None:
+    requests = StreamRequests(ROUTE, RoundTrip())
+    asked_for_all(requests)
+    requests.renew()
+    assert asked_for_all(requests) == [stream.message_id for stream in STREAMS]
+
+
+def test_home_is_asked_for_until_it_is_told() -> None:
+    def wishes(messages: list[Message]) -> int:
+        return sum(m.command == mavlink.MAV_CMD_REQUEST_MESSAGE for m in messages)
+
+    requests = StreamRequests(ROUTE, RoundTrip())
+    assert wishes(tick_until(requests, 0.0, 3.0)) == 3
+    home = mavlink.MAVLink_home_position_message(1, 2, 3, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)
+    requests.receive(received(home), 3.0)
+    assert wishes(tick_until(requests, 3.0, 9.0)) == 0
+
+
+def value(name: bytes, kind: int, number: float) -> Message:
+    return received(mavlink.MAVLink_param_value_message(name, number, kind, 1, 0))
+
+
+def test_a_parameter_is_asked_for_until_it_is_told() -> None:
+    read = ParameterRead("BAT1_CAPACITY", ROUTE, RoundTrip())
+    assert len(tick_until(read, 0.0, 2.5)) == 3
+    read.receive(value(b"OTHER", 9, 1.0))
+    read.receive(value(b"BAT1_CAPACITY", 6, 1.0))
+    assert read.value is None
+    read.receive(value(b"BAT1_CAPACITY", 9, 5000.0))
+    assert read.value == 5000.0
+    assert tick_until(read, 2.5, 9.0) == []
+
+
+def test_a_vehicle_without_the_parameter_is_not_asked_for_ever() -> None:
+    read = ParameterRead("BAT1_CAPACITY", ROUTE, RoundTrip())
+    assert len(tick_until(read, 0.0, 60.0)) == ATTEMPTS
+    assert read.is_over
+
+
+def text(words: bytes, identifier: int = 0, chunk: int = 0, severity: int = 2) -> Message:
+    return received(mavlink.MAVLink_statustext_message(severity, words, identifier, chunk))
+
+
+def test_the_latest_complaint_counts_and_chatter_does_not() -> None:
+    texts = StatusTexts()
+    texts.receive(text(b"first"), 1.0)
+    texts.receive(text(b"second"), 2.0)
+    texts.receive(text(b"all is well", severity=6), 3.0)
+    assert texts.latest_since(0.0) == "second"
+    assert texts.latest_since(2.5) is None
+
+
+def test_a_long_complaint_is_put_together_whatever_the_order() -> None:
+    texts = StatusTexts()
+    texts.receive(text(b"not arrive", 7, 1), 1.0)
+    texts.receive(text(b"x" * 50, 7, 0), 1.1)
+    assert texts.latest_since(0.0) == "x" * 50 + "not arrive"
