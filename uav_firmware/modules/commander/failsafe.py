@@ -4,6 +4,7 @@ An action is taken when it first becomes the worst one, so that an operator may 
 afterwards; a cause that has cleared and comes back counts as new.
 """
 
+import math
 from collections.abc import Mapping
 from enum import IntEnum
 from typing import Final, NamedTuple
@@ -87,7 +88,8 @@ class FailsafeMonitor:
 
     def _present(self, cause: Cause, view: VehicleView, params: CommanderParams) -> bool:
         if cause is Cause.LINK_LOST:
-            return params.link_loss_action > 0 and view.ages.link > params.link_loss_s
+            silent = params.link_loss_s < view.ages.link < math.inf  # heard at least once
+            return params.link_loss_action > 0 and silent
         if cause is Cause.POSITION_LOST:
             lost_us = view.now_us - self._position_good_us
             return lost_us > params.position_loss_s * 1e6

@@ -7,7 +7,7 @@ import pytest
 from tests.support.toy_vehicle import ToyVehicle, takeoff, waypoint
 from uav_firmware.modules.commander.failsafe import Action, Cause, action_of
 from uav_firmware.modules.commander.params import CommanderParams
-from uav_firmware.msg.status import NavigationState
+from uav_firmware.msg.status import Command, NavigationState
 
 
 def on_mission() -> ToyVehicle:
@@ -48,6 +48,16 @@ def test_a_critical_battery_brings_the_vehicle_home() -> None:
     vehicle.battery = 0.06
     vehicle.run_until(lambda v: not v.armed, 200.0)
     assert abs(vehicle.position[0]) < 0.3
+
+
+def test_a_battery_found_critical_on_the_ground_acts_after_the_take_off() -> None:
+    vehicle = ToyVehicle(battery=0.06)
+    vehicle.run(0.5)
+    vehicle.upload(takeoff(), waypoint(1, 200, 0))
+    vehicle.run(0.1)
+    vehicle.set_mode(4)
+    assert vehicle.send(Command.COMPONENT_ARM_DISARM, 1.0, 21196.0) == 0
+    vehicle.run_until(lambda v: v.mode is NavigationState.AUTO_RTL, 10.0)
 
 
 def test_an_emergency_lands_even_on_the_way_home() -> None:
@@ -134,3 +144,10 @@ def test_modes_that_need_a_position_are_refused_without_one(sub_mode: int) -> No
     assert vehicle.set_mode(sub_mode) == 1
     assert vehicle.mode is NavigationState.AUTO_LAND
     assert any("Position not estimated" in text for text in vehicle.texts)
+
+
+def test_a_link_that_was_never_there_cannot_be_lost() -> None:
+    vehicle = on_mission()
+    vehicle.registry.set("NAV_DLL_ACT", 3)
+    vehicle.run(11.0)
+    assert vehicle.mode is NavigationState.AUTO_MISSION
