@@ -22,6 +22,8 @@ from uav_firmware.parameters import Registry, UnknownParameterError
 MissionCheck: TypeAlias = Callable[[Sequence[MissionItem]], MissionRejection | None]
 """Judges whether a whole mission can be flown."""
 
+_TICK_US: Final = 20_000
+"""50 Hz, the rate of the commander whose answers and changes are passed on."""
 _HOUSEKEEPING_US: Final = 1_000_000
 
 
@@ -85,22 +87,18 @@ class MavlinkModule:
         )
         self._battery_thresholds = BatteryThresholds(0.0, 0.0, 0.0)
         self._parameter_version = -1
+        self._tick_us = 0
         self._housekeeping_us = 0
         self.faulty_frames: int = 0
 
     def update(self, now_us: int) -> None:
         """Do everything that is due at `now_us` [us since boot]."""
         self.serve(now_us)
-        self._vibration.update(self._topics.imu.value, now_us)
-        self._transmitter.send(self._due(now_us))
-        changed = self._changes.take()
-        if changed:
-            self._transmitter.broadcast(changed, self._context(now_us))
+        if now_us >= self._tick_us:
+            self._tick_us = now_us + _TICK_US
+            self._tick(now_us)
         if self._peers.is_any_due(now_us):
             self._transmitter.stream(self._context(now_us))
-        if now_us >= self._housekeeping_us:
-            self._housekeeping_us = now_us + _HOUSEKEEPING_US
-            self._dispatcher.forget(self._peers.forget_silent(now_us))
 
     def serve(self, now_us: int) -> None:
         """Answer the datagrams that have arrived."""
@@ -119,6 +117,17 @@ class MavlinkModule:
         if not known or sender.identity == self._identity:
             return  # A stranger, or an own frame that a router sent back
         self._transmitter.send(self._dispatcher.handle(message, sender, now_us))
+
+    def _tick(self, now_us: int) -> None:
+        """Answers, repetitions and changes: what need not be looked at in every step."""
+        self._transmitter.send(self._due(now_us))
+        changed = self._changes.take()
+        if changed:
+            self._transmitter.broadcast(changed, self._context(now_us))
+        self._vibration.update(self._topics.imu.value, now_us)
+        if now_us >= self._housekeeping_us:
+            self._housekeeping_us = now_us + _HOUSEKEEPING_US
+            self._dispatcher.forget(self._peers.forget_silent(now_us))
 
     def _due(self, now_us: int) -> list[Outgoing]:
         """Protocol messages due now: answers, repetitions, texts."""

@@ -32,6 +32,7 @@ from uav_firmware.msg.status import (
 from uav_firmware.parameters import Registry
 
 STEP_US = 4000
+TICK_US = 20_000
 GROUND: Address = ("192.0.2.2", 14550)
 BROKER: Address = ("192.0.2.3", 14540)
 STRANGER: Address = ("192.0.2.9", 50000)
@@ -220,7 +221,7 @@ class Bench:
             (frame(pack(message), self._sequence, system, component), source)
         )
 
-    def run(self, duration_us: int = STEP_US) -> None:
+    def run(self, duration_us: int = TICK_US) -> None:
         """Let vehicle time pass in control steps."""
         end_us = self.now_us + duration_us
         while self.now_us < end_us:
@@ -234,7 +235,7 @@ class Bench:
         return [m for m in heard if name is None or m.get_type() == name]
 
     def ask(self, message: Any, answer: str, **sender: Any) -> list[Any]:
-        """Say a message, let one step pass, and hear the answers of one type."""
+        """Say a message, let one tick pass, and hear the answers of one type."""
         source = sender.get("source", GROUND)
         self.hear(at=source)
         self.say(message, **sender)

@@ -20,7 +20,7 @@ from tests.unit.uav_firmware.modules.mavlink.harness import (
 from uav_firmware.bus import Topic
 from uav_firmware.modules.mavlink.builders.context import BatteryThresholds, Context
 from uav_firmware.modules.mavlink.builders.status import charge_state
-from uav_firmware.modules.mavlink.dialect import mavlink, pack
+from uav_firmware.modules.mavlink.dialect import frame, mavlink, pack
 from uav_firmware.modules.mavlink.streams import BUILDERS, STREAMS
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
 from uav_firmware.msg.estimate import VehicleAttitude
@@ -278,4 +278,6 @@ def test_every_stream_builds_and_packs() -> None:
     for stream in STREAMS:
         message = stream.builder(context(topics))
         assert message is not None
-        assert pack(message).message_id == stream.message_id
+        payload = pack(stream.builder(context(topics)))
+        assert payload.message_id == stream.message_id
+        assert frame(payload, 0, 7, 1) == message.pack(mavlink.MAVLink(None, 7, 1))
