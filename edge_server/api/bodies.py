@@ -3,6 +3,7 @@
 from typing import Any, Final, TypeVar
 
 from flask import current_app, request
+from werkzeug.exceptions import RequestEntityTooLarge
 
 from afarcloud import wire
 from afarcloud.faults import Fault
@@ -29,8 +30,12 @@ def json_body(limit: int = MAXIMUM_BODY_BYTES) -> Any:
     """Read and parse the body; raises 413 or 415, or SyntaxFaultError."""
     if not request.is_json:
         raise RequestError(415, "the body must be application/json")
-    request.max_content_length = limit
-    return wire.parse_json(request.get_data(cache=False))
+    # A body in chunks has no length to refuse it by: it is cut one byte after the limit.
+    request.max_content_length = limit + 1
+    raw = request.get_data(cache=False)
+    if len(raw) > limit:
+        raise RequestEntityTooLarge
+    return wire.parse_json(raw)
 
 
 def document(kind: Kind) -> Model:

@@ -230,7 +230,8 @@ class Relay:
             times.append(due)
         if self._unsettled:
             times.append(max(self._unsettled_since + GROUP_WAIT_S, self._settle_not_before))
-        timeout = max(min(times) - time.monotonic(), 0.0)
+        # A `stop` whose byte has been drained already is seen here; a later one ends the select.
+        timeout = 0.0 if self._stopping.is_set() else max(min(times) - time.monotonic(), 0.0)
         select.select([self._wake, self._answered_read], [], [], timeout)
 
     def _tell(self, parcel: Parcel, verdict: Verdict) -> None:

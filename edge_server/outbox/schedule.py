@@ -18,7 +18,7 @@ from edge_server.outbox.retry import Backoff
 from edge_server.outbox.states import Happening, State, follow
 
 URGENT: Final = 1  # Alarms and mission reports: one worker is always free for them
-FAIR_TURN: Final = 16  # Every so many picks the oldest record goes, whatever its priority
+FAIR_TURN: Final = 8  # Every so many free picks the oldest record goes, of any priority
 BREAKER: Final = 5  # So many failures in a row, and it is not one stream's fault
 PREFETCH: Final = 64
 PREFETCH_IMAGES: Final = 2  # Up to 1.4 MB each
@@ -106,19 +106,20 @@ class Schedule:
     def _pick(self, now: float) -> Stream | None:
         if self.blocked and (self._flying or now < self._not_before):
             return None
-        free = self._workers - self._flying
+        only_urgent = self._workers - self._flying == 1 and not self.blocked
         ready = [
             (PRIORITY[stream.kind], lane.waiting[0].outbox_id, stream)
             for stream, lane in self._lanes.items()
             if lane.waiting and lane.in_flight is None and lane.not_before <= now
         ]
-        if free == 1 and not self.blocked:
+        if only_urgent:
             ready = [entry for entry in ready if entry[0] <= URGENT]
-        if not ready or free < 1:
+        if not ready or self._flying >= self._workers:
             return None
-        self._picks += 1
-        if self._picks % FAIR_TURN == 0 and not self.blocked:
-            return min(ready, key=lambda entry: entry[1])[2]
+        if not only_urgent and not self.blocked:
+            self._picks += 1
+            if self._picks % FAIR_TURN == 0:
+                return min(ready, key=lambda entry: entry[1])[2]
         return min(ready)[2]
 
     def settle(self, parcel: Parcel, verdict: Verdict, now: float) -> Happening:

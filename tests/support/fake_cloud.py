@@ -58,6 +58,13 @@ class Store:
             if not self._changed.wait_for(condition, timeout_s):
                 raise AssertionError(f"cloud saw {len(self.seen)}, kept {len(self.kept)}")
 
+    def wait_for_another_request(self) -> None:
+        so_far = len(self.seen)
+        self.wait_until(lambda: len(self.seen) > so_far)
+
+    def wait_for_stream(self, vehicle_id: int, kind: str, count: int) -> None:
+        self.wait_until(lambda: len(self.stream(vehicle_id, kind)) >= count)
+
     def wait_for(self, count: int, timeout_s: float = 20.0) -> None:
         self.wait_until(lambda: len(self.kept) >= count, timeout_s)
 

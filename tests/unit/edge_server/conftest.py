@@ -1,4 +1,4 @@
-"""An edge server without a network: the WSGI application, a clock that we own, keys of all roles."""
+"""An edge server without a network: the application, a clock that we own, keys of all roles."""
 
 import shutil
 from collections.abc import Iterator

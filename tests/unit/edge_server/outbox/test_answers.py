@@ -1,0 +1,61 @@
+"""What the cloud's answers mean, over all status codes."""
+
+import pytest
+
+from edge_server.outbox.answers import Answer, Meaning, Unreachable, judge
+
+JSON = "application/json"
+
+
+@pytest.mark.parametrize("status", range(100, 600))
+def test_every_status_has_its_meaning(status: int) -> None:
+    meaning = judge(Answer(status, JSON, b"{}")).meaning
+    if status in {200, 201, 203, 204, 205}:
+        assert meaning is Meaning.CONFIRMED
+    elif status in {401, 403}:
+        assert meaning is Meaning.NO_ACCESS
+    elif 300 <= status < 400:
+        assert meaning is Meaning.NO_CLOUD
+    elif 400 <= status < 500 and status not in {408, 425, 429}:
+        assert meaning is Meaning.REJECTED
+    else:
+        assert meaning is Meaning.TRY_LATER
+
+
+@pytest.mark.parametrize(
+    ("content_type", "body"),
+    [
+        (JSON, b'{"id": 1}'),
+        ("application/json; charset=utf-8", b"[]"),
+        ("application/problem+json", b"null"),
+        ("text/html", b""),
+        ("", b"  \r\n"),
+    ],
+)
+def test_json_or_nothing_confirms(content_type: str, body: bytes) -> None:
+    assert judge(Answer(200, content_type, body)).meaning is Meaning.CONFIRMED
+
+
+@pytest.mark.parametrize(
+    ("content_type", "body"),
+    [
+        ("text/html", b"<html>"),
+        ("text/html", b"{}"),
+        ("", b"{}"),
+        (JSON, b"{"),
+        (JSON, b"<html>"),
+        (JSON, b"[" * 100_000),
+        (JSON, b"\xff"),
+    ],
+)
+def test_anything_else_is_no_cloud(content_type: str, body: bytes) -> None:
+    assert judge(Answer(200, content_type, body)).meaning is Meaning.NO_CLOUD
+
+
+def test_silence_is_no_cloud_and_keeps_its_reason() -> None:
+    verdict = judge(Unreachable("no answer in time"))
+    assert (verdict.meaning, verdict.reason) == (Meaning.NO_CLOUD, "no answer in time")
+
+
+def test_the_clouds_wish_is_passed_on() -> None:
+    assert judge(Answer(503, retry_after_s=7.0)).retry_after_s == 7.0

@@ -1,0 +1,179 @@
+"""The promise as a state machine: whatever cloud, clock and crashes do, order and effect hold.
+
+The database and the decisions are the real ones; the cloud is a list. Its effect is what it has
+kept once per key; a crash forgets everything but the database and the cloud.
+"""
+
+from collections import defaultdict
+from pathlib import Path
+from random import Random
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
+
+from edge_server.outbox import queue
+from edge_server.outbox.answers import Answer, Meaning, Reply, Unreachable, judge
+from edge_server.outbox.queue import Delivered, Parcel, Stream
+from edge_server.outbox.retry import Backoff
+from edge_server.outbox.schedule import Schedule
+from edge_server.store import telemetry
+from edge_server.store.database import Database, open_engine, sqlite_url
+from edge_server.store.tables import METADATA
+
+STREAMS = st.sampled_from(
+    [Stream(1, "pose"), Stream(2, "pose"), Stream(1, "alarm"), Stream(1, "image")]
+)
+GOOD = Answer(200, "application/json", b"{}")
+FAILURES = st.sampled_from(
+    [
+        Answer(500),
+        Answer(429, retry_after_s=2.0),
+        Answer(202),
+        Answer(302),
+        Answer(401),
+        Answer(200, "text/html", b"<html>"),
+        Unreachable("refused"),
+    ]
+)
+
+
+class Promise(RuleBasedStateMachine):
+    """Ingest, answers good and bad, lost answers, crashes before and after the commit."""
+
+    @initialize()
+    def begin(self) -> None:
+        self._folder = TemporaryDirectory()
+        path = Path(self._folder.name) / "edge.sqlite3"
+        engine = open_engine(sqlite_url(path))
+        METADATA.create_all(engine)
+        self._database = Database(engine)
+        self._numbers = 0
+        self._now = 0.0
+        self._sent: dict[Stream, list[str]] = defaultdict(list)
+        self._effect: dict[Stream, list[str]] = defaultdict(list)
+        self._rejected: set[str] = set()
+        self._restart()
+
+    def _restart(self) -> None:
+        self._schedule = Schedule(
+            backoff=Backoff(1.0, 10.0), probe_interval_s=5.0, workers=3, random=Random(1)
+        )
+        self._flying: list[Parcel] = []
+        self._seen_row = 0
+
+    @rule(stream=STREAMS)
+    def ingest(self, stream: Stream) -> None:
+        self._numbers += 1
+        message_id = f"{self._numbers:026d}"
+        with self._database.write() as connection:
+            record_id = telemetry.add(
+                connection,
+                kind=stream.kind,
+                vehicle_id=stream.vehicle_id,
+                message_id=message_id,
+                payload="{}",
+                received_at=0.0,
+            )
+            queue.enqueue(connection, record_id, stream)
+        self._sent[stream].append(message_id)
+
+    @rule()
+    def look_and_send(self) -> None:
+        with self._database.read() as connection:
+            streams, self._seen_row = queue.streams_after(connection, self._seen_row)
+            self._schedule.announce(streams)
+            for stream, after_id, _ in self._schedule.hungry():
+                parcels = queue.heads(connection, stream, after_id, 3)
+                self._schedule.feed(stream, parcels, 3)
+        self._flying += self._schedule.take(self._now)
+
+    @precondition(lambda self: self._flying)
+    @rule(data=st.data(), stored=st.booleans(), crash=st.booleans())
+    def answer_well_or_lose_the_answer(self, data: Any, *, stored: bool, crash: bool) -> None:
+        parcel = self._pick(data)
+        self._keep(parcel)
+        if crash:
+            self._restart()
+        else:
+            self._settle(parcel, GOOD if stored else Unreachable("answer lost"))
+
+    @precondition(lambda self: self._flying)
+    @rule(data=st.data(), failure=FAILURES)
+    def answer_badly(self, data: Any, failure: Reply) -> None:
+        self._settle(self._pick(data), failure)
+
+    @precondition(lambda self: self._flying)
+    @rule(data=st.data())
+    def reject(self, data: Any) -> None:
+        parcel = self._pick(data)
+        if parcel.message_id not in self._effect[parcel.stream]:
+            self._rejected.add(parcel.message_id)
+            self._settle(parcel, Answer(422))
+
+    @rule()
+    def crash(self) -> None:
+        self._restart()
+
+    @rule(seconds=st.floats(0.0, 30.0))
+    def wait(self, seconds: float) -> None:
+        self._now += seconds
+
+    def _pick(self, data: Any) -> Parcel:
+        parcel: Parcel = data.draw(st.sampled_from(self._flying))
+        return parcel
+
+    def _keep(self, parcel: Parcel) -> None:
+        kept = self._effect[parcel.stream]
+        if parcel.message_id not in kept:
+            kept.append(parcel.message_id)
+
+    def _settle(self, parcel: Parcel, reply: Reply) -> None:
+        self._flying.remove(parcel)
+        verdict = judge(reply)
+        self._schedule.settle(parcel, verdict, self._now)
+        with self._database.write() as connection:
+            if verdict.meaning is Meaning.CONFIRMED:
+                assert queue.settle(connection, [Delivered(parcel, verdict.status)], 0.0) == []
+            elif verdict.meaning is Meaning.REJECTED:
+                queue.bury(connection, parcel, parcel.attempts + 1, verdict.reason)
+            else:
+                queue.note_failure(connection, parcel, parcel.attempts + 1, verdict.reason)
+
+    def _expected(self, stream: Stream) -> list[str]:
+        return [key for key in self._sent[stream] if key not in self._rejected]
+
+    @invariant()
+    def the_cloud_has_the_beginning_of_each_stream_in_order(self) -> None:
+        for stream, kept in getattr(self, "_effect", {}).items():
+            assert kept == self._expected(stream)[: len(kept)]
+
+    @invariant()
+    def nothing_is_lost(self) -> None:
+        if not hasattr(self, "_database"):
+            return
+        for stream, sent in self._sent.items():
+            with self._database.read() as connection:
+                here = {parcel.message_id for parcel in queue.heads(connection, stream, 0, 10**6)}
+            assert set(sent) <= here | set(self._effect[stream]) | self._rejected
+
+    def teardown(self) -> None:
+        """When the cloud behaves at last, everything arrives."""
+        if not hasattr(self, "_database"):
+            return
+        for _ in range(10 * self._numbers + 10):
+            self._now += 20.0
+            self.look_and_send()
+            for parcel in list(self._flying):
+                self._keep(parcel)
+                self._settle(parcel, GOOD)
+        for stream in self._sent:
+            assert self._effect[stream] == self._expected(stream)
+        self._database.close()
+        self._folder.cleanup()
+
+
+Promise.TestCase.settings = settings(max_examples=25, stateful_step_count=40, deadline=None)
+TestPromise = Promise.TestCase

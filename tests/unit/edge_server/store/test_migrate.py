@@ -1,0 +1,135 @@
+"""The database's shape: made, kept, taken back, refused, set aside."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from alembic.autogenerate import compare_metadata
+from alembic.migration import MigrationContext
+from sqlalchemy import CheckConstraint, Engine, inspect, text
+
+from edge_server.outbox import queue
+from edge_server.outbox.queue import Stream
+from edge_server.store import migrate, plans, telemetry, vehicles, work
+from edge_server.store.database import Database, open_engine, sqlite_url
+from edge_server.store.plans import StoredPlan
+from edge_server.store.tables import METADATA
+from tests.unit.edge_server import documents
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """Where a database will be."""
+    return tmp_path / "edge" / "edge.sqlite3"
+
+
+@pytest.fixture
+def engine(path: Path) -> Iterator[Engine]:
+    """A database at the newest shape."""
+    migrate.prepare(path)
+    engine = open_engine(sqlite_url(path))
+    yield engine
+    engine.dispose()
+
+
+def fill(engine: Engine) -> None:
+    """Put a row into every table that people care for."""
+    with Database(engine).write() as connection:
+        vehicles.put(connection, 1, {"link_state": "connected"}, 0.0)
+        plan_row = plans.add(connection, StoredPlan(0, "0" * 26, {}, 0.0, 9.0, []))
+        body = documents.mission()
+        work.add_mission(connection, plan_row=plan_row, body=body, now=0.0, expires_at=9.0)
+        record_id = telemetry.add(
+            connection,
+            kind="pose",
+            vehicle_id=1,
+            message_id="0" * 26,
+            payload="{}",
+            received_at=0.0,
+        )
+        queue.enqueue(connection, record_id, Stream(1, "pose"))
+
+
+def test_the_migrations_make_what_the_code_uses(engine: Engine) -> None:
+    with engine.connect() as connection:
+        found = compare_metadata(MigrationContext.configure(connection), METADATA)
+    assert found == []
+
+
+def test_constraints_are_in_the_migrated_database(engine: Engine) -> None:
+    inspector = inspect(engine)
+    for table in METADATA.tables.values():
+        wanted = {
+            str(check.name).removeprefix(f"ck_{table.name}_")
+            for check in table.constraints
+            if isinstance(check, CheckConstraint)
+        }
+        made = {
+            str(check["name"]).removeprefix(f"ck_{table.name}_")
+            for check in inspector.get_check_constraints(table.name)
+        }
+        assert made == wanted, table.name
+
+
+def test_down_and_up_again_on_a_filled_database(engine: Engine) -> None:
+    fill(engine)
+    migrate.migrate(engine, "base")
+    assert set(inspect(engine).get_table_names()) <= {"alembic_version", "sqlite_sequence"}
+    assert migrate.revision(engine) is None
+    migrate.migrate(engine, migrate.HEAD)
+    assert migrate.revision(engine) == migrate.HEAD
+    fill(engine)
+
+
+def test_preparing_again_keeps_what_is_there(path: Path, engine: Engine) -> None:
+    fill(engine)
+    migrate.prepare(path)
+    with Database(engine).read() as connection:
+        assert telemetry.count_waiting(connection) == 1
+
+
+def test_a_newer_database_is_not_touched(path: Path, engine: Engine) -> None:
+    with engine.begin() as connection:
+        connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
+    engine.dispose()
+    before = path.read_bytes()
+    assert not migrate.is_ready(path)
+    with pytest.raises(migrate.NewerDatabaseError):
+        migrate.prepare(path)
+    assert path.read_bytes() == before
+
+
+def test_a_missing_database_is_not_ready(path: Path) -> None:
+    assert not migrate.is_ready(path)
+    assert not path.exists()
+    migrate.prepare(path)
+    assert migrate.is_ready(path)
+
+
+@pytest.mark.parametrize("start", [0, 100, 4096])
+def test_telegraf18528_flipped_bytes_go_to_quarantine(path: Path, start: int) -> None:
+    migrate.prepare(path)
+    spoiled = bytearray(path.read_bytes())
+    spoiled[start : start + 2000] = b"\xa5" * 2000
+    path.write_bytes(spoiled)
+    migrate.prepare(path)
+    assert migrate.is_ready(path)
+    (kept,) = (path.parent / "quarantine").iterdir()
+    assert kept.read_bytes() == bytes(spoiled)
+
+
+def test_telegraf18528_a_truncated_file_goes_to_quarantine(path: Path) -> None:
+    migrate.prepare(path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    migrate.prepare(path)
+    assert migrate.is_ready(path)
+    assert len(list((path.parent / "quarantine").iterdir())) == 1
+
+
+def test_two_quarantines_in_one_second_are_both_kept(path: Path) -> None:
+    for number in range(2):
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(f"broken {number}", encoding="ascii")
+        migrate.set_aside(path, "now")
+    assert len(list((path.parent / "quarantine").iterdir())) == 2

@@ -1,0 +1,105 @@
+"""The cloud over real sockets: what it does becomes an answer or a reason."""
+
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from edge_server.cloud import HttpCloud, retry_after_s
+from edge_server.config import Config
+from edge_server.outbox.answers import Answer, Reply, Unreachable
+from edge_server.outbox.queue import Parcel, Stream
+from tests.support import fake_cloud
+from tests.support.fake_cloud import FakeCloud, Fault, Handler, Received, running_cloud
+from tests.unit.edge_server.program import free_port
+
+NOW = datetime(2026, 11, 21, 12, 0, 0, tzinfo=UTC)
+PAYLOAD = '{"sequence_number":0,"vehicle_id":1,"name":"Äcker"}'
+PARCEL = Parcel(1, 1, "01K9Z4T1W8F6Q2M3N5P7R9S0VX", Stream(1, "pose"), PAYLOAD, 0)
+
+
+@pytest.fixture
+def cloud() -> Iterator[FakeCloud]:
+    """A cloud that runs."""
+    with running_cloud() as running:
+        yield running
+
+
+def deliver(url: str, key_file: Path | None = None) -> Reply:
+    config = Config(
+        cloud_url=url, connect_timeout_s=1.0, read_timeout_s=0.3, cloud_key_file=key_file
+    )
+    port = HttpCloud(config)
+    try:
+        return port.deliver(PARCEL)
+    finally:
+        port.close()
+
+
+def test_a_record_is_posted_bare_under_its_key(cloud: FakeCloud) -> None:
+    answer = deliver(cloud.url)
+    assert isinstance(answer, Answer)
+    assert (answer.status, answer.content_type) == (200, "application/json")
+    (received,) = cloud.store.kept
+    assert received.path == "/pose"
+    assert received.key == PARCEL.message_id
+    assert received.body["name"] == "Äcker"
+    assert received.headers["Content-Type"] == "application/json"
+
+
+def too_long(handler: Handler, _: Received) -> None:
+    handler.answer(200, b" " * 100_000)
+
+
+def never(handler: Handler, received: Received) -> None:
+    handler.connection.settimeout(2.0)
+    assert handler.rfile.read(1) == b""
+    handler.close_connection = True
+    handler.store.keep(received)
+
+
+@pytest.mark.parametrize("fault", [fake_cloud.lose_record, fake_cloud.lose_answer, too_long, never])
+def test_no_proper_answer_is_a_reason(cloud: FakeCloud, fault: Fault) -> None:
+    cloud.store.always = fault
+    reply = deliver(cloud.url)
+    assert isinstance(reply, Unreachable)
+    assert reply.reason
+
+
+def test_nobody_there_is_a_reason() -> None:
+    assert isinstance(deliver(f"http://127.0.0.1:{free_port()}"), Unreachable)
+
+
+def test_a_redirect_is_an_answer_not_a_way(cloud: FakeCloud) -> None:
+    location = {"Location": f"{cloud.url}/elsewhere"}
+    cloud.store.faults.append(fake_cloud.status(302, location))
+    reply = deliver(cloud.url)
+    assert isinstance(reply, Answer)
+    assert reply.status == 302
+    assert len(cloud.store.seen) == 1
+
+
+@pytest.mark.parametrize(
+    ("header", "seconds"),
+    [
+        (None, None),
+        ("7", 7.0),
+        (" 120 ", 120.0),
+        ("Sat, 21 Nov 2026 12:00:30 GMT", 30.0),
+        ("Sat, 21 Nov 2026 11:00:00 GMT", 0.0),
+        ("soon", None),
+        ("-5", None),
+        ("1.5", None),
+        ("²", None),
+    ],
+)
+def test_retry_after_is_read_as_seconds_or_date(header: str | None, seconds: float | None) -> None:
+    assert retry_after_s(header, NOW) == seconds
+
+
+def test_the_clouds_wish_is_in_the_answer(cloud: FakeCloud) -> None:
+    cloud.store.always = fake_cloud.status(503, {"Retry-After": "9"})
+    reply = deliver(cloud.url)
+    assert isinstance(reply, Answer)
+    assert (reply.status, reply.retry_after_s) == (503, 9.0)

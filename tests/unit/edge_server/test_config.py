@@ -1,0 +1,65 @@
+"""Settings: where they come from, which wins, how a bad one is refused."""
+
+from pathlib import Path
+
+import pytest
+
+from edge_server.config import SETTINGS, Config, ConfigError, load
+
+
+def test_without_anything_there_are_defaults() -> None:
+    config = load({}, {})
+    assert (config.host, config.port) == ("127.0.0.1", 8000)
+    assert config.cloud_url == "http://127.0.0.1:8100"
+    assert config.state_dir.is_absolute()
+
+
+def test_flags_beat_environment_beats_file_beats_default(tmp_path: Path) -> None:
+    file = tmp_path / "edge.toml"
+    file.write_text("[edge_server]\nport = 1001\nthreads = 20\nhost = '::1'\n", encoding="utf-8")
+    environment = {"EDGE_PORT": "1002", "EDGE_THREADS": "21"}
+    config = load({"port": "1003"}, environment, file)
+    assert (config.port, config.threads, config.host) == (1003, 21, "::1")
+
+
+def test_a_cloud_port_is_a_cloud_on_this_machine() -> None:
+    assert load({}, {"CLOUD_PORT": "8200"}).cloud_url == "http://127.0.0.1:8200"
+    both = {"CLOUD_PORT": "8200", "CLOUD_URL": "https://cloud.example/api/"}
+    assert load({}, both).cloud_url == "https://cloud.example/api"
+
+
+@pytest.mark.parametrize(
+    ("variable", "value"),
+    [
+        ("EDGE_PORT", "0"),
+        ("EDGE_PORT", "65536"),
+        ("EDGE_PORT", "eighty"),
+        ("CLOUD_URL", "ftp://cloud.example"),
+        ("CLOUD_URL", "cloud.example"),
+        ("CLOUD_URL", "http://user:password@cloud.example"),
+        ("RELAY_BACKOFF_CAP_S", "nan"),
+        ("RELAY_BACKOFF_CAP_S", "-1"),
+        ("LOG_LEVEL", "LOUD"),
+    ],
+)
+def test_a_bad_setting_is_refused_by_name(variable: str, value: str) -> None:
+    with pytest.raises(ConfigError, match=variable):
+        load({}, {variable: value})
+
+
+@pytest.mark.parametrize("text", ["[edge_server]\nportt = 1", "not toml", "edge_server = 1"])
+def test_a_bad_file_is_refused_by_name(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "edge.toml"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError, match="edge.toml"):
+        load({}, {}, file)
+    with pytest.raises(ConfigError, match="nowhere"):
+        load({}, {}, tmp_path / "nowhere.toml")
+
+
+def test_every_setting_is_a_field_and_its_default_is_allowed() -> None:
+    defaults = Config()
+    for setting in SETTINGS:
+        value = getattr(defaults, setting.name)
+        assert value is None or setting.read(value) == value
+    assert len({setting.variable for setting in SETTINGS}) == len(SETTINGS)

@@ -1,0 +1,276 @@
+"""The whole program: starts from nothing, ends in order, survives what kills it."""
+
+import json
+import os
+import signal
+import socket
+import sqlite3
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import requests
+
+from tests.support.fake_cloud import running_cloud
+from tests.unit.edge_server import documents
+from tests.unit.edge_server.program import Program, descendants, gone, program_in
+
+CYCLES = 5
+
+
+@pytest.fixture
+def program(tmp_path: Path) -> Iterator[Program]:
+    """A program with an empty state folder and no cloud."""
+    with program_in(tmp_path / "state") as made:
+        yield made
+
+
+def post(program: Program, kind: str, number: int, vehicle_id: int = 1) -> int:
+    """Post a report as the broker does; returns its id once it is acknowledged."""
+    answer = requests.post(
+        f"{program.url}/{kind}/",
+        json=documents.telemetry(kind, number, vehicle_id),
+        headers={
+            "X-API-Key": program.key("broker"),
+            "Idempotency-Key": f"{kind}-{vehicle_id}-{number}",
+        },
+        timeout=10.0,
+    )
+    assert answer.status_code == 201, answer.text
+    identifier: int = answer.json()["id"]
+    return identifier
+
+
+def test_it_starts_from_nothing_and_ends_with_zero(program: Program) -> None:
+    program.start()
+    assert program.process is not None
+    children = descendants(program.process.pid)
+    keys = program.state_dir / "keys"
+    for file in keys.iterdir():
+        assert file.stat().st_mode & 0o777 == 0o600
+    code, errors = program.end()
+    assert code == 0, errors
+    assert "Traceback" not in errors
+    assert gone(children)
+
+
+def test_ctrl_c_is_an_orderly_end_too(program: Program) -> None:
+    program.start()
+    code, errors = program.end(signal.SIGINT)
+    assert (code, "Traceback" in errors) == (0, False)
+
+
+def test_a_waiting_broker_does_not_hold_up_the_end(program: Program) -> None:
+    program.start()
+    answers: list[int] = []
+
+    def wait_for_work() -> None:
+        answer = requests.get(
+            f"{program.url}/broker/commands?wait=25",
+            headers={"X-API-Key": program.key("broker")},
+            timeout=30.0,
+        )
+        answers.append(answer.status_code)
+
+    thread = threading.Thread(target=wait_for_work)
+    thread.start()
+    while "/broker" not in _requests_in_flight(program) and thread.is_alive():
+        time.sleep(0.05)
+    code, errors = program.end()
+    thread.join()
+    assert (code, answers) == (0, [200]), errors
+
+
+def _requests_in_flight(program: Program) -> str:
+    """Whether somebody else has connected; the poll is then on its way in."""
+    table = Path("/proc/net/tcp").read_text(encoding="ascii")
+    established = f":{program.port:04X} "
+    lines = [line for line in table.splitlines() if established in line and " 01 " in line]
+    return "/broker" if lines else ""
+
+
+def test_a_killed_parent_leaves_no_orphan_and_no_stale_port(program: Program) -> None:
+    program.start()
+    assert program.process is not None
+    children = descendants(program.process.pid)
+    assert len(children) >= 3
+    program.end(signal.SIGKILL)
+    assert gone(children)
+    program.start()
+
+
+def test_a_killed_part_is_started_again(program: Program) -> None:
+    program.start()
+    assert program.process is not None
+    before = descendants(program.process.pid)
+    for pid in before:
+        try:
+            os.kill(pid, signal.SIGKILL)
+        except ProcessLookupError:
+            continue
+    assert gone(before)
+    program.wait_ready()
+    assert not set(descendants(program.process.pid)) & set(before)
+
+
+def test_a_taken_port_is_told_in_one_sentence(program: Program) -> None:
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", program.port))
+        other.listen()
+        program.process = program.spawn()
+        code, errors = program.wait()
+    assert code == 2
+    told = [line for line in errors.splitlines() if "cannot listen" in line]
+    assert len(told) == 1
+    assert str(program.port) in told[0]
+    assert "Traceback" not in errors
+
+
+def test_a_second_relay_is_turned_away(program: Program) -> None:
+    program.start()
+    second = program.spawn("relay")
+    _, errors = second.communicate(timeout=30.0)
+    assert second.returncode == 2
+    assert "another relay" in errors
+
+
+def test_a_relay_started_first_waits_for_the_database(program: Program) -> None:
+    with running_cloud() as cloud:
+        program.environment["CLOUD_URL"] = cloud.url
+        relay = program.spawn("relay")
+        program.start("serve")
+        post(program, "pose", 0)
+        cloud.store.wait_for(1)
+        relay.send_signal(signal.SIGTERM)
+        relay.communicate(timeout=30.0)
+        assert relay.returncode == 0
+        program.end()
+
+
+def test_telegraf18528_corrupt_store_starts(program: Program) -> None:
+    program.start()
+    program.end()
+    database = program.state_dir / "edge" / "edge.sqlite3"
+    spoiled = bytearray(database.read_bytes())
+    spoiled[0:4096] = os.urandom(4096)
+    database.write_bytes(spoiled)
+    key = program.key("operator")
+    program.start()
+    answer = requests.get(f"{program.url}/plans/", headers={"X-API-Key": key}, timeout=5.0)
+    assert (answer.status_code, answer.json()) == (200, [])
+    (kept,) = (program.state_dir / "edge" / "quarantine").glob("*.sqlite3")
+    assert kept.read_bytes() == bytes(spoiled)
+    _, errors = program.end()
+    assert "CRITICAL" in errors
+
+
+def test_a_body_in_chunks_is_bounded_too(program: Program) -> None:
+    program.start()
+    with socket.create_connection(("127.0.0.1", program.port), timeout=10.0) as connection:
+        head = (
+            f"POST /pose/ HTTP/1.1\r\nHost: edge\r\nX-API-Key: {program.key('broker')}\r\n"
+            "Content-Type: application/json\r\nTransfer-Encoding: chunked\r\n\r\n"
+        )
+        connection.sendall(head.encode())
+        answer = b""
+        try:
+            for _ in range(64):
+                connection.sendall(b"8000\r\n" + b" " * 0x8000 + b"\r\n")
+            connection.sendall(b"0\r\n\r\n")
+        except ConnectionError:
+            pass
+        answer = connection.recv(4096)
+    assert answer.startswith(b"HTTP/1.1 413"), answer
+    with requests.Session() as session:
+        body = json.dumps(documents.telemetry("pose")).encode()
+        answered = session.post(
+            f"{program.url}/pose/",
+            data=iter([body[:10], body[10:]]),
+            headers={"X-API-Key": program.key("broker"), "Content-Type": "application/json"},
+            timeout=5.0,
+        )
+    assert answered.status_code == 201
+
+
+def test_a_rotated_key_replaces_the_old_one(program: Program) -> None:
+    program.start()
+    old = program.key("farmer")
+    rotation = program.spawn("keys", "rotate", "farmer")
+    said, errors = rotation.communicate(timeout=30.0)
+    assert rotation.returncode == 0, errors
+    assert program.key("farmer") != old
+    assert program.key("farmer") not in said + errors
+    deadline = time.monotonic() + 10.0
+    while _status(program, old) != 401:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    assert _status(program, program.key("farmer")) == 200
+
+
+def _status(program: Program, key: str) -> int:
+    headers = {"X-API-Key": key}
+    return requests.get(f"{program.url}/plans/", headers=headers, timeout=5.0).status_code
+
+
+def test_a_wrong_setting_is_told_by_name(tmp_path: Path) -> None:
+    ended = subprocess.run(
+        [sys.executable, "-m", "edge_server", "--state-dir", str(tmp_path)],
+        env=os.environ | {"EDGE_PORT": "high"},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=30.0,
+    )
+    assert ended.returncode == 2
+    assert "EDGE_PORT" in ended.stderr
+
+
+class Broker(threading.Thread):
+    """Posts reports of one vehicle without end, each until it is acknowledged."""
+
+    def __init__(self, program: Program, vehicle_id: int) -> None:
+        super().__init__(daemon=True)
+        self.program = program
+        self.vehicle_id = vehicle_id
+        self.acknowledged: list[int] = []
+        self.stopping = threading.Event()
+
+    def run(self) -> None:
+        number = 0
+        while not self.stopping.is_set():
+            try:
+                post(self.program, "state_vector", number, self.vehicle_id)
+            except (requests.RequestException, AssertionError):
+                time.sleep(0.02)
+                continue
+            self.acknowledged.append(number)
+            number += 1
+
+
+def test_killed_again_and_again_under_load_nothing_acknowledged_is_lost(tmp_path: Path) -> None:
+    with running_cloud() as cloud, program_in(tmp_path / "state", cloud.url) as program:
+        program.start()
+        brokers = [Broker(program, vehicle_id) for vehicle_id in (1, 2)]
+        for broker in brokers:
+            broker.start()
+        for cycle in range(CYCLES):
+            enough = len(brokers[0].acknowledged) + 15 + 5 * cycle
+            while len(brokers[0].acknowledged) < enough:
+                time.sleep(0.01)
+            program.end(signal.SIGKILL)
+            program.start()
+        for broker in brokers:
+            broker.stopping.set()
+            broker.join()
+        for broker in brokers:
+            wanted = broker.acknowledged
+            cloud.store.wait_for_stream(broker.vehicle_id, "state_vector", len(wanted))
+            assert cloud.store.stream(broker.vehicle_id, "state_vector") == wanted
+        program.end()
+    left = sqlite3.connect(tmp_path / "state" / "edge" / "edge.sqlite3")
+    assert left.execute("SELECT count(*) FROM outbox").fetchone() == (0,)
+    left.close()
