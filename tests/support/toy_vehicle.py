@@ -13,6 +13,7 @@ from uav_firmware.lib.geo import LocalFrame
 from uav_firmware.lib.rotation import from_euler
 from uav_firmware.modules.commander.module import CommanderModule
 from uav_firmware.modules.navigator.module import NavigatorModule
+from uav_firmware.modules.position_control.params import PositionControlParams
 from uav_firmware.msg.estimate import EstimatorStatus, VehicleAttitude, VehicleLocalPosition
 from uav_firmware.msg.mission import (
     Mission,
@@ -115,6 +116,7 @@ class ToyVehicle:
         self.status_text: Queue[StatusText] = Queue()
         self.mission: Topic[Mission] = Topic()
         self.setpoint: Topic[TrajectorySetpoint] = Topic()
+        self.registry.add(PositionControlParams)
         self.navigator = NavigatorModule(
             self.registry,
             vehicle_local_position=self.local_position,

@@ -123,7 +123,9 @@ class Flight:
         self.path.stop(self.limits())
 
     def face(self, yaw_deg: float) -> None:
-        """Turn to a heading [deg]; NaN keeps the nose along the path."""
+        """Turn to a heading [deg]; NaN keeps the nose along the path, as it is until it moves."""
+        if not math.isnan(self.yaw_target):
+            self.course = self.yaw_target
         self.yaw_target = math.radians(yaw_deg)
 
     def arrived(self, point: Vector3, radius: float) -> bool:

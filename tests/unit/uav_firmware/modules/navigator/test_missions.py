@@ -106,6 +106,20 @@ def test_the_nose_follows_the_path_unless_a_yaw_is_given() -> None:
     assert abs(vehicle.yaw) == pytest.approx(math.pi, abs=0.02)
 
 
+def test_a_pause_does_not_turn_the_nose() -> None:
+    vehicle = start(ready(), takeoff(), waypoint(1, 0, 40), waypoint(2, 0, 60))
+    vehicle.run_until(lambda v: v.position[1] > 20.0)
+    vehicle.send(Command.DO_REPOSITION, -1.0, 1.0, 0.0, 1.2, math.nan, math.nan, math.nan)
+    vehicle.run(5.0)
+    vehicle.send(Command.DO_PAUSE_CONTINUE, 1.0)
+    yaws = []
+    while vehicle.position[1] < 38.0:
+        vehicle.step()
+        yaws.append(vehicle.yaw)
+    assert min(yaws) > 1.19
+    assert max(yaws) < math.pi / 2 + 0.01
+
+
 def test_a_change_of_speed_holds_for_the_legs_after_it() -> None:
     vehicle = start(
         ready(),
@@ -131,6 +145,13 @@ def test_a_commanded_speed_takes_effect_at_once_and_lasts_through_a_pause() -> N
     assert vehicle.send(Command.DO_PAUSE_CONTINUE, 1.0) == ACCEPTED
     vehicle.run(4.0)
     assert vehicle.velocity[0] == pytest.approx(2.0, abs=0.1)
+
+
+def test_no_speed_beyond_the_controller_s_own_is_asked_for() -> None:
+    vehicle = start(ready(), takeoff(), waypoint(1, 900, 0))
+    assert vehicle.send(Command.DO_CHANGE_SPEED, 1.0, 1000.0, -1.0) == ACCEPTED
+    vehicle.run_until(lambda v: v.position[0] > 400.0)
+    assert vehicle.velocity[0] == pytest.approx(12.0, abs=0.1)
 
 
 def test_pause_stops_and_continue_goes_on_at_the_same_item() -> None:
