@@ -30,7 +30,7 @@ from uav_firmware.parameters import Registry
 from uav_firmware.scheduler import RateGroup, Scheduler
 from uav_firmware.topics import Topics
 
-_POSITION_PERIOD_US: Final = 8_000  # 125 Hz: navigator and position control
+_POSITION_PERIOD_US: Final = 16_000  # 62.5 Hz: navigator and position control
 _SLOW_PERIOD_US: Final = 20_000  # 50 Hz: commander, land detector
 _LINK_PERIOD_US: Final = 8_000  # 125 Hz; datagrams are also answered while a paced vehicle waits
 _CONSOLE_PERIOD_US: Final = 100_000  # 10 Hz
@@ -155,6 +155,7 @@ class Autopilot:
             vehicle_status=topics.vehicle_status,
             motors=topics.actuator_motors,
             allocator_status=topics.control_allocator_status,
+            status_text=topics.status_text,
             registry=registry,
         )
         self.parameter_storage = ParameterStorageModule(

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from sim.config import SimulationConfig
 from sim.simulation import Simulation
 from sim.truth import Truth
-from uav_firmware.bus import Topic
+from uav_firmware.bus import Queue, Topic
 from uav_firmware.drivers.jsbsim import JsbsimVehicle
 from uav_firmware.lib.rotation import rotate
 from uav_firmware.modules.attitude_control.module import AttitudeControlModule
@@ -36,7 +36,7 @@ from uav_firmware.msg.vectors import Vector3
 from uav_firmware.parameters import Registry
 
 _METRES_PER_DEGREE = 111_195.0  # only differences of a few metres are judged
-_POSITION_EVERY = 2  # control steps between two runs of the position law
+_POSITION_EVERY = 4  # control steps between two runs of the position law
 
 Trajectory = Callable[[float, Vector3], TrajectorySetpoint]
 """Set-point for the time since arming [s] and the present position [m, NED]."""
@@ -197,6 +197,7 @@ class ControlBench:
             vehicle_status=self.status,
             motors=self.motors,
             allocator_status=self.allocator_status,
+            status_text=Queue(),
             registry=self.registry,
         )
         self.land_detector = LandDetectorModule(

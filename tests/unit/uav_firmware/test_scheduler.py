@@ -72,10 +72,10 @@ def test_periods_that_never_meet_are_refused() -> None:
 def test_the_wall_clock_passes_at_the_wanted_ratio(speed: float) -> None:
     clock = Clock()
     pacer = Pacer(speed, clock=clock, wait=clock.wait)
-    for step in range(1, 1001):
+    for step in range(1, 10_001):
         clock.now_s += 0.0001
         pacer.pace(step * 4000)
-    assert clock.now_s - 100.0 == pytest.approx(4.0 / speed, rel=0.01)
+    assert clock.now_s - 100.0 == pytest.approx(40.0 / speed, rel=0.01)
     assert pacer.overruns == 0
 
 
@@ -91,10 +91,10 @@ def test_a_late_step_is_counted_and_made_up() -> None:
     clock = Clock()
     pacer = Pacer(1.0, clock=clock, wait=clock.wait)
     for step in range(1, 101):
-        clock.now_s += 0.02 if step == 50 else 0.001
+        clock.now_s += 0.06 if step == 50 else 0.001
         pacer.pace(step * 4000)
-    assert 1 <= pacer.overruns < 10
-    assert clock.now_s - 100.001 == pytest.approx(99 * 0.004, abs=0.008)
+    assert 1 <= pacer.overruns < 20
+    assert clock.now_s - 100.001 == pytest.approx(99 * 0.004, abs=0.02)
     assert pacer.given_up_s == 0.0
 
 

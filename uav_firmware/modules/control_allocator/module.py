@@ -1,15 +1,18 @@
 """Reads torque and thrust, publishes motor commands and what could not be produced."""
 
-from uav_firmware.bus import Topic
+from typing import Final
+
+from uav_firmware.bus import Queue, Topic
 from uav_firmware.modules.control_allocator.allocation import allocate, motor_command
-from uav_firmware.modules.control_allocator.geometry import Mix, Rotor, mix_of
+from uav_firmware.modules.control_allocator.geometry import GeometryError, Mix, Rotor, mix_of
 from uav_firmware.modules.control_allocator.params import ControlAllocatorParams
 from uav_firmware.msg.actuators import ActuatorMotors
 from uav_firmware.msg.setpoints import ControlAllocatorStatus, VehicleTorqueThrustSetpoint
-from uav_firmware.msg.status import VehicleStatus
+from uav_firmware.msg.status import StatusText, VehicleStatus
 from uav_firmware.msg.vectors import Motors
 from uav_firmware.parameters import Registry
 
+_ERROR: Final = 3  # MAV_SEVERITY
 _STOPPED: Motors = (0.0, 0.0, 0.0, 0.0)
 
 
@@ -23,19 +26,27 @@ class ControlAllocatorModule:
         vehicle_status: Topic[VehicleStatus],
         motors: Topic[ActuatorMotors],
         allocator_status: Topic[ControlAllocatorStatus],
+        status_text: Queue[StatusText],
         registry: Registry,
     ) -> None:
+        """Read the geometry.
+
+        Raises:
+            GeometryError: if the rotors leave an axis without torque.
+        """
         self._torque_thrust = torque_thrust
         self._vehicle_status = vehicle_status
         self._motors = motors
         self._allocator_status = allocator_status
+        self._status_text = status_text
         self._registry = registry
-        self._retune()
+        self._seen_version = registry.version
+        self._take(registry.read(ControlAllocatorParams))
 
     def update(self, now_us: int) -> None:
         """Run the law once. Safety: a motor turns only while the vehicle is armed."""
         if self._seen_version != self._registry.version:
-            self._retune()
+            self._retune(now_us)
         status = self._vehicle_status.value
         setpoint = self._torque_thrust.value
         if status is None or not status.armed:
@@ -58,9 +69,15 @@ class ControlAllocatorModule:
             ControlAllocatorStatus(now_us, result.unallocated_torque_frd, result.unallocated_thrust)
         )
 
-    def _retune(self) -> None:
+    def _retune(self, now_us: int) -> None:
+        """Take changed parameters; rotors that cannot fly leave the former mix in place."""
         self._seen_version = self._registry.version
-        params = self._registry.read(ControlAllocatorParams)
+        try:
+            self._take(self._registry.read(ControlAllocatorParams))
+        except GeometryError as error:
+            self._status_text.publish(StatusText(now_us, _ERROR, f"Geometry not taken: {error}"))
+
+    def _take(self, params: ControlAllocatorParams) -> None:
         self._mix: Mix = mix_of(_rotors(params))
         self._model_factor = params.thrust_model_factor
         self._idle = params.idle

@@ -118,7 +118,8 @@ class PositionControlModule:
         limits = ThrustLimits(
             minimum=min(params.thrust_min, thrust_max),
             maximum=thrust_max,
-            horizontal_margin=min(params.thrust_xy_margin, thrust_max),
+            # During the ramp most of what there is has to lift.
+            horizontal_margin=min(params.thrust_xy_margin, 0.5 * thrust_max),
             tilt=self._tilt_ground if near_ground else self._tilt_air,
         )
         measured = Motion(position.position_ned, position.velocity_ned, position.acceleration_ned)

@@ -1,0 +1,103 @@
+from uav_firmware.bus import Topic
+from uav_firmware.modules.vehicle_io.module import VehicleIoModule
+from uav_firmware.msg.actuators import ActuatorMotors
+from uav_firmware.msg.sensors import (
+    SensorBaro,
+    SensorBattery,
+    SensorGps,
+    SensorImu,
+    SensorMag,
+    SensorTruth,
+)
+from uav_firmware.msg.vectors import Motors
+
+
+class Hardware:
+    """A vehicle that notes the order in which it is used; its barometer is due every other step."""
+
+    def __init__(self) -> None:
+        self.calls: list[str] = []
+        self.motors: Motors | None = None
+        self.time_us = 0
+        self.step_us = 4000
+
+    def write_motors(self, control: Motors) -> None:
+        self.calls.append("write_motors")
+        self.motors = control
+
+    def advance(self) -> None:
+        self.calls.append("advance")
+        self.time_us += self.step_us
+
+    def read_imu(self) -> SensorImu:
+        self.calls.append("read_imu")
+        return SensorImu(self.time_us, (0.0, 0.0, 0.0), (0.0, 0.0, -9.81))
+
+    def read_baro(self) -> SensorBaro | None:
+        due = self.time_us // self.step_us % 2 == 0
+        return SensorBaro(self.time_us, 94_000.0, 20.0) if due else None
+
+    def read_mag(self) -> SensorMag | None:
+        return None
+
+    def read_gps(self) -> SensorGps | None:
+        return None
+
+    def read_battery(self) -> SensorBattery | None:
+        return None
+
+    def read_truth(self) -> SensorTruth | None:
+        return None
+
+    def close(self) -> None:
+        self.calls.append("close")
+
+
+class Vehicle:
+    """The module on its hardware."""
+
+    def __init__(self) -> None:
+        self.hardware = Hardware()
+        self.motors: Topic[ActuatorMotors] = Topic()
+        self.imu: Topic[SensorImu] = Topic()
+        self.baro: Topic[SensorBaro] = Topic()
+        self.truth: Topic[SensorTruth] = Topic()
+        self.module = VehicleIoModule(
+            self.hardware,
+            motors=self.motors,
+            imu=self.imu,
+            baro=self.baro,
+            mag=Topic(),
+            gps=Topic(),
+            battery=Topic(),
+            truth=self.truth,
+        )
+
+
+def test_motors_are_written_before_time_passes_and_sensors_read_after() -> None:
+    vehicle = Vehicle()
+    vehicle.motors.publish(ActuatorMotors(0, (0.1, 0.2, 0.3, 0.4)))
+    vehicle.module.update()
+    assert vehicle.hardware.calls == ["write_motors", "advance", "read_imu"]
+    assert vehicle.hardware.motors == (0.1, 0.2, 0.3, 0.4)
+
+
+def test_without_a_command_no_motor_is_written() -> None:
+    vehicle = Vehicle()
+    vehicle.module.update()
+    assert vehicle.hardware.motors is None
+
+
+def test_a_sensor_is_published_only_when_it_was_due() -> None:
+    vehicle = Vehicle()
+    for _ in range(10):
+        vehicle.module.update()
+    assert vehicle.imu.count == 10
+    assert vehicle.baro.count == 5
+
+
+def test_a_real_vehicle_has_no_truth() -> None:
+    vehicle = Vehicle()
+    vehicle.module.update()
+    vehicle.module.update_truth()
+    assert vehicle.truth.count == 0
