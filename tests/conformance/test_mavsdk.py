@@ -1,12 +1,7 @@
 """MAVSDK's client, which knows nothing of this project, drives the autopilot process."""
 
 import math
-import os
-import signal
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
@@ -17,7 +12,8 @@ from mavsdk.plugins.mission_raw import MissionItem, MissionRaw, MissionRawError,
 from mavsdk.plugins.param import Param, ParamError, ParamResult
 from mavsdk.plugins.telemetry import FlightMode, LandedState, Telemetry
 
-from tests.support.system import ROOT, free_ports, wait_for
+from tests.conformance.ground_station import vehicle_process
+from tests.support.system import free_ports, wait_for
 
 pytestmark = pytest.mark.scenario
 
@@ -43,7 +39,7 @@ class Client(NamedTuple):
 def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
     own, broker, ground = free_ports(3)
     state = tmp_path_factory.mktemp("vehicle")
-    with _vehicle(own, broker, ground, state):
+    with vehicle_process(SYSTEM, SPEED, (own, broker, ground), state):
         sdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
         sdk.add_any_connection(f"udpin://127.0.0.1:{ground}")
         system = wait_for(lambda: sdk.first_autopilot(timeout_s=5.0), "MAVSDK's discovery")
@@ -58,28 +54,6 @@ def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
         wait_for(made.telemetry.health_all_ok, "a vehicle that is ready")
         yield made
         sdk.destroy()
-
-
-class _vehicle:  # noqa: N801 - used as a function
-    """The autopilot as a process of its own."""
-
-    def __init__(self, own: int, broker: int, ground: int, state: Path) -> None:
-        self._command = [
-            sys.executable, "-m", "uav_firmware", "--system-id", str(SYSTEM),
-            "--speed", str(SPEED), "--port", str(own), "--broker", f"127.0.0.1:{broker}",
-            "--gcs", f"127.0.0.1:{ground}", "--state-dir", str(state), "--truth", "1",
-        ]  # fmt: skip
-        self._log = state / "vehicle.log"
-
-    def __enter__(self) -> None:
-        with self._log.open("wb") as log:
-            self._process = subprocess.Popen(
-                self._command, cwd=ROOT, env=os.environ, stdout=log, stderr=log
-            )
-
-    def __exit__(self, *_: object) -> None:
-        self._process.send_signal(signal.SIGTERM)
-        assert self._process.wait(30) == 0, self._log.read_text()
 
 
 def item(seq: int, command: int = WAYPOINT, **fields: Any) -> MissionItem:

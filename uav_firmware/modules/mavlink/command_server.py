@@ -5,11 +5,12 @@ when it is unknown, answered here when it concerns the link, and otherwise passe
 commander as a VehicleCommand with a token. From then on it is pending until the commander's
 final answer, or until the commander has been silent for too long, which is a failure.
 
-    received --refused--------------------------> answered
-    received --about the link-------------------> answered
-    received --forwarded--> pending --answer----> answered
-                            pending --progress--> pending (longer limit)
-                            pending --silence---> answered FAILED
+    received --refused-----------------> answered
+    received --about the link----------> answered
+    received --forwarded---------------> pending
+    pending  --the commander's answer--> answered
+    pending  --progress----------------> pending   limit 10 s
+    pending  --2 s of silence----------> answered  FAILED
 """
 
 import math
