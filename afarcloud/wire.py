@@ -168,9 +168,9 @@ def _message(error: ErrorDetails) -> str:
         case "extra_forbidden":
             return "is not a known field"
         case "too_short":
-            return f"must have at least {context['min_length']} entries"
+            return f"is too short: at least {context['min_length']}"
         case "too_long":
-            return f"must have at most {context['max_length']} entries"
+            return f"is too long: at most {context['max_length']}"
         case _:
             message = error["msg"].removeprefix("Value error, ")
             return message.replace("Input should", "must", 1)
