@@ -164,7 +164,7 @@ class App:
         try:
             work = self._inbox.read(raw, now, self._clock.utc())
         except WorkError as error:
-            _LOG.exception("work refused")
+            _LOG.warning("work refused: %s", error)
             if error.work_id is not None:
                 self._tell(Acknowledgement(error.work_id, "refused", str(error)), 0)
             return
@@ -179,13 +179,15 @@ class App:
 
     def _answer_state_vector(self, work: StateVectorWork, now: float) -> None:
         """Have one vehicle or all report; done if any of them could."""
+        expired = work.expires_at is not None and now >= work.expires_at
+        reason = "expired" if expired else "no such vehicle is heard"
         answered = False
         for peer in self._peers.values():
-            if work.vehicle_id in {None, peer.session.vehicle.vehicle_id}:
+            if not expired and work.vehicle_id in {None, peer.session.vehicle.vehicle_id}:
                 effects = Effects()
                 answered |= peer.session.answer_state_vector(work, now, effects)
                 self._carry_out(effects, peer)
-        status, message = ("done", None) if answered else ("refused", "no such vehicle is heard")
+        status, message = ("done", None) if answered else ("refused", reason)
         self._tell(Acknowledgement(work.work_id, status, message), work.vehicle_id or 0)
 
     def _carry_out(self, effects: Effects, peer: _Peer) -> None:

@@ -14,6 +14,7 @@ ONBOARD_COMPUTER: Final = 191
 DEFAULT_STATE_VECTOR_INTERVAL_S: Final = 1.0
 DEFAULT_BATTERY_CAPACITY_AH: Final = 5.2
 """Of the vehicle that this system was first built for; used where a vehicle does not tell."""
+LOG_LEVELS: Final = ("DEBUG", "INFO", "WARNING", "ERROR")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,6 +67,8 @@ def load(arguments: Sequence[str], environment: Mapping[str, str]) -> Config:
         parser.error("--mavlink-system-id must be 1 to 255")
     if not 0 <= options.mavlink_port <= 65_535:
         parser.error("--mavlink-port must be 0 to 65535")
+    if options.log_level.upper() not in LOG_LEVELS:
+        parser.error(f"--log-level must be one of {', '.join(LOG_LEVELS)}")
     if not options.state_vector_interval > 0 or not 0 < options.battery_capacity <= 100:
         parser.error("--state-vector-interval must be above 0, --battery-capacity 0 to 100 Ah")
     return Config(

@@ -24,6 +24,8 @@ LONG_POLL_S: Final = 20.0
 TIMEOUT_S: Final = 10.0
 SENDERS: Final = 2
 RETRY_WORK_S: Final = 0.5
+SHOWN_CHARACTERS: Final = 500
+"""Of a refusal's text, in the log."""
 
 _TRY_AGAIN: Final = frozenset(
     {
@@ -198,12 +200,12 @@ class EdgeClient:
 
     def _send(self, door: _Door, post: Post) -> None:
         headers = {"Idempotency-Key": post.idempotency_key} if post.idempotency_key else {}
-        status: int | None = None
+        status, text = None, ""
         try:
             response = door.request(
                 post.method, post.path, TIMEOUT_S, json=post.body, headers=headers
             )
-            status = response.status_code
+            status, text = response.status_code, response.text[:SHOWN_CHARACTERS]
             self._note(reachable=True)
         except (requests.RequestException, NoKeyError) as error:
             self._note(reachable=False, why=error)
@@ -211,7 +213,7 @@ class EdgeClient:
             if status is not None and is_final(status):
                 self._posts.answered(post)
                 if status >= 400:
-                    _LOG.error("%s %s refused: HTTP %d", post.method, post.path, status)
+                    _LOG.error("%s %s: HTTP %d %s", post.method, post.path, status, text)
             else:
                 self._posts.failed(post, time.monotonic(), cut_off=status is None)
             self._changed.notify_all()

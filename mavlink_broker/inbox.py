@@ -9,9 +9,9 @@ WorkError  a piece of work that cannot be read, with its number where it has one
 from collections import OrderedDict
 from collections.abc import Mapping
 from datetime import datetime
-from typing import Any, Final
+from typing import Any, Final, Literal
 
-from pydantic import ValidationError
+from pydantic import AwareDatetime, BaseModel, StrictInt, ValidationError
 
 from afarcloud.plan import Mission
 from afarcloud.state import MissionReport
@@ -28,6 +28,31 @@ class WorkError(Exception):
         self.work_id = work_id
 
 
+class _RawWork(BaseModel):
+    """What every piece of work has; a field that we do not know is the edge server's affair."""
+
+    id: StrictInt
+    expires_at: AwareDatetime | None = None
+
+    def deadline(self, now: float, utc: datetime) -> float | None:
+        """Give the expiry on the program's clock."""
+        if self.expires_at is None:
+            return None
+        return now + (self.expires_at - utc).total_seconds()
+
+
+class _RawMission(_RawWork):
+    plan_id: str | None = None
+    state: Literal["queued", "accepted"] = "queued"
+    mission: Mission
+    report: dict[str, Any] | None = None
+
+
+class _RawStateVector(_RawWork):
+    vehicle_id: StrictInt | None = None
+    sequence_number: StrictInt | None = None
+
+
 class Inbox:
     """Remembers what was taken."""
 
@@ -35,30 +60,21 @@ class Inbox:
         self._taken: OrderedDict[tuple[Any, ...], None] = OrderedDict()
 
     def read(self, raw: Mapping[str, Any], now: float, utc: datetime) -> Work | None:
-        """Turn raw work into its type; None when it was taken before, or is of another kind.
+        """Turn raw work into its type; None when it was taken before.
 
         Raises:
             WorkError: if it cannot be read.
         """
-        work_id = raw.get("id")
-        if not isinstance(work_id, int):
-            raise WorkError(None, "work without a number")
-        work: Work
+        number = raw.get("id")
+        work_id = number if isinstance(number, int) and not isinstance(number, bool) else None
         try:
-            if raw.get("kind") == "mission":
-                work = _mission(raw, work_id, now, utc)
-                key: tuple[Any, ...] = work.key
-            elif raw.get("kind") == "latest_state_vector":
-                work = StateVectorWork(
-                    work_id=work_id,
-                    vehicle_id=raw.get("vehicle_id"),
-                    expires_at=_on_our_clock(raw.get("expires_at"), now, utc),
-                )
-                key = (work_id, "latest_state_vector", raw.get("sequence_number"))
-            else:
-                raise WorkError(work_id, f"work of kind {raw.get('kind')} is not done here")
-        except (KeyError, ValidationError, ValueError) as error:
-            raise WorkError(work_id, f"work cannot be read: {error}") from error
+            work, key = _read(raw, now, utc)
+        except ValidationError as error:
+            first = error.errors()[0]
+            path = ".".join(str(step) for step in first["loc"])
+            raise WorkError(work_id, f"work cannot be read: {path}: {first['msg']}") from error
+        if work is None:
+            raise WorkError(work_id, f"work of kind {raw.get('kind')} is not done here")
         return work if self._is_new(key) else None
 
     def _is_new(self, key: tuple[Any, ...]) -> bool:
@@ -70,17 +86,33 @@ class Inbox:
         return True
 
 
-def _mission(raw: Mapping[str, Any], work_id: int, now: float, utc: datetime) -> MissionWork:
-    report = raw.get("report")
-    mission = Mission.model_validate(raw["mission"])
+def _read(raw: Mapping[str, Any], now: float, utc: datetime) -> tuple[Work | None, tuple[Any, ...]]:
+    """Give the work and what tells it from every other."""
+    match raw.get("kind"):
+        case "mission":
+            mission = _mission(_RawMission.model_validate(raw), now, utc)
+            return mission, mission.key
+        case "latest_state_vector":
+            wish = _RawStateVector.model_validate(raw)
+            work = StateVectorWork(
+                work_id=wish.id,
+                vehicle_id=wish.vehicle_id,
+                expires_at=wish.deadline(now, utc),
+            )
+            return work, (wish.id, "latest_state_vector", wish.sequence_number)
+        case _:
+            return None, ()
+
+
+def _mission(raw: _RawMission, now: float, utc: datetime) -> MissionWork:
     return MissionWork(
-        work_id=work_id,
-        plan_id=str(raw.get("plan_id")),
-        vehicle_id=mission.vehicle_id,
-        mission=mission,
-        was_accepted=raw.get("state") == "accepted",
-        report=None if report is None else _report(report),
-        expires_at=_on_our_clock(raw.get("expires_at"), now, utc),
+        work_id=raw.id,
+        plan_id=str(raw.plan_id),
+        vehicle_id=raw.mission.vehicle_id,
+        mission=raw.mission,
+        was_accepted=raw.state == "accepted",
+        report=None if raw.report is None else _report(raw.report),
+        expires_at=raw.deadline(now, utc),
     )
 
 
@@ -88,10 +120,3 @@ def _report(raw: Mapping[str, Any]) -> MissionReport:
     """Read the last report; what the edge server added to it is its own affair."""
     known = {name: value for name, value in raw.items() if name in MissionReport.model_fields}
     return MissionReport.model_validate(known)
-
-
-def _on_our_clock(text: str | None, now: float, utc: datetime) -> float | None:
-    """Turn a time of day into one of the program's clock."""
-    if text is None:
-        return None
-    return now + (datetime.fromisoformat(text) - utc).total_seconds()

@@ -43,7 +43,6 @@ class Event(Enum):
 TRANSITIONS: Final[Mapping[tuple[State, Event], State]] = {
     (State.IDLE, Event.MISSION_TAKEN): State.WAITING,
     (State.IDLE, Event.MISSION_RESUMED): State.ATTACHING,
-    (State.IDLE, Event.ENDED): State.IDLE,
     (State.ATTACHING, Event.FLYING): State.RUNNING,
     (State.ATTACHING, Event.NOT_STARTED): State.WAITING,
     (State.ATTACHING, Event.FAULT): State.FAILING,

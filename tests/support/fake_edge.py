@@ -187,44 +187,44 @@ class FakeEdgeServer:
             self._changed.notify_all()
             return status
 
-    def _handler(self) -> type[BaseHTTPRequestHandler]:
-        fake = self
+    def _handler(self) -> type["_Handler"]:
+        return type("Handler", (_Handler,), {"fake": self})
 
-        class Handler(BaseHTTPRequestHandler):
-            protocol_version = "HTTP/1.1"
 
-            def log_message(self, *_: Any) -> None:
-                """Keep quiet."""
+class _Handler(BaseHTTPRequestHandler):
+    protocol_version = "HTTP/1.1"
+    fake: FakeEdgeServer
 
-            def do_GET(self) -> None:  # noqa: N802  # the name is HTTP's
-                query = parse_qs(urlsplit(self.path).query)
-                if self._is_allowed():
-                    after, wait = int(query["after"][0]), float(query["wait"][0])
-                    self._answer(200, fake._give_work(after, wait))
+    def log_message(self, *_: Any) -> None:
+        """Keep quiet."""
 
-            def do_POST(self) -> None:  # noqa: N802  # as above
-                self._take("POST")
+    def do_GET(self) -> None:
+        query = parse_qs(urlsplit(self.path).query)
+        if self._is_allowed():
+            after, wait = int(query["after"][0]), float(query["wait"][0])
+            self._answer(200, self.fake._give_work(after, wait))
 
-            def do_PUT(self) -> None:  # noqa: N802  # as above
-                self._take("PUT")
+    def do_POST(self) -> None:
+        self._take("POST")
 
-            def _take(self, method: str) -> None:
-                body = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
-                if self._is_allowed():
-                    key = self.headers.get("Idempotency-Key")
-                    self._answer(fake._take(method, self.path, key, body), {})
+    def do_PUT(self) -> None:
+        self._take("PUT")
 
-            def _is_allowed(self) -> bool:
-                allowed = self.headers.get("Authorization") == f"Bearer {fake.key}"
-                if not allowed:
-                    self._answer(401, {})
-                return allowed
+    def _take(self, method: str) -> None:
+        body = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+        if self._is_allowed():
+            key = self.headers.get("Idempotency-Key")
+            self._answer(self.fake._take(method, self.path, key, body), {})
 
-            def _answer(self, status: int, body: dict[str, Any]) -> None:
-                data = json.dumps(body).encode()
-                self.send_response(status)
-                self.send_header("Content-Length", str(len(data)))
-                self.end_headers()
-                self.wfile.write(data)
+    def _is_allowed(self) -> bool:
+        allowed = self.headers.get("Authorization") == f"Bearer {self.fake.key}"
+        if not allowed:
+            self._answer(401, {})
+        return allowed
 
-        return Handler
+    def _answer(self, status: int, body: dict[str, Any]) -> None:
+        data = json.dumps(body).encode()
+        self.send_response(status)
+        self.send_header("Content-Length", str(len(data)))
+        self.end_headers()
+        self.wfile.write(data)

@@ -9,6 +9,7 @@ from afarcloud.enumerations import Status
 from mavlink_broker.app import AUTOPILOT
 from mavlink_broker.config import Config
 from mavlink_broker.dialect import Encoder, mavlink
+from mavlink_broker.session_states import State
 from tests.support.broker_world import (
     World,
     first_flight,
@@ -146,11 +147,7 @@ class TestARefusal:
         assert "MAV_MISSION_INVALID_PARAM3" in reason
         assert "waypoint too far" in reason
 
-    @pytest.mark.parametrize(
-        "command", [mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_DO_SET_MODE]
-    )
-    def test_to_arm_fails_the_mission_with_the_reason(self, command: int) -> None:
-        del command
+    def test_to_arm_fails_the_mission_with_the_reason(self) -> None:
         denied = {mavlink.MAV_CMD_COMPONENT_ARM_DISARM: mavlink.MAV_RESULT_DENIED}
         world = World()
         script = dataclasses.replace(PX4, results=denied, complaint="Arming denied: no propellers")
@@ -308,6 +305,19 @@ class TestInFlight:
         vehicle.reboot(world.clock.now)
         world.run_until_over(1201, within_s=10.0)
         assert "restarted" in world.edge.reports(1201)[-1]["message"]
+
+    def test_a_restart_while_being_armed_begins_again(self) -> None:
+        refused = {mavlink.MAV_CMD_COMPONENT_ARM_DISARM: mavlink.MAV_RESULT_IN_PROGRESS}
+        world = World()
+        vehicle = world.add_vehicle(script=dataclasses.replace(PX4, results=refused))
+        world.run(5.0)
+        world.edge.plan(first_flight())
+        world.run_until(lambda: world.app.sessions[1].state is State.ARMING)
+        vehicle.script = PX4
+        vehicle.reboot(world.clock.now)
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+        assert vehicle.uploads == 2
 
     def test_a_restarted_vehicle_is_asked_for_its_streams_again(self) -> None:
         world = World()

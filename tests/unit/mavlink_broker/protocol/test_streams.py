@@ -79,7 +79,7 @@ def test_a_parameter_is_asked_for_until_it_is_told() -> None:
     assert len(tick_until(read, 0.0, 2.5)) == 3
     read.receive(value(b"OTHER", 9, 1.0))
     read.receive(value(b"BAT1_CAPACITY", 6, 1.0))
-    assert read.value is None
+    assert not read.is_over
     read.receive(value(b"BAT1_CAPACITY", 9, 5000.0))
     assert read.value == 5000.0
     assert tick_until(read, 2.5, 9.0) == []

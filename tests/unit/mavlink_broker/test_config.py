@@ -1,0 +1,58 @@
+"""Environment, flags over it, faults told."""
+
+from pathlib import Path
+
+import pytest
+
+from mavlink_broker.config import Config, load, parse_vehicle_ids
+
+
+def test_without_anything_said_the_system_of_the_readme_is_meant() -> None:
+    assert load([], {}) == Config()
+
+
+def test_the_environment_is_read_and_flags_override_it() -> None:
+    environment = {"EDGE_PORT": "15401", "MAVLINK_PORT": "15402", "STATE_DIR": "/tmp/x"}
+    settings = load(["--mavlink-port", "15403"], environment)
+    assert settings.edge_url == "http://127.0.0.1:15401"
+    assert settings.mavlink_port == 15403
+    assert settings.key_file == Path("/tmp/x/keys/broker.key")
+
+
+def test_a_whole_url_goes_before_a_port() -> None:
+    settings = load([], {"EDGE_PORT": "1", "EDGE_URL": "http://edge.farm:80"})
+    assert settings.edge_url == "http://edge.farm:80"
+
+
+def test_vehicles_may_have_other_numbers_than_their_systems() -> None:
+    settings = load(["--vehicle-ids", "7:1,8:2"], {})
+    assert [settings.vehicle_id(system) for system in (1, 2, 3)] == [7, 8, 3]
+    assert [settings.system_of(vehicle) for vehicle in (7, 8, 3)] == [1, 2, 3]
+
+
+@pytest.mark.parametrize("text", ["7", "7:x", "7:1,7:2", "7:1,8:1"])
+def test_numbers_that_make_no_sense_are_refused(text: str) -> None:
+    with pytest.raises(ValueError, match=text):
+        parse_vehicle_ids(text)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--mavlink-port", "70000"],
+        ["--mavlink-port", "many"],
+        ["--mavlink-system-id", "0"],
+        ["--vehicle-ids", "7"],
+        ["--state-vector-interval", "0"],
+        ["--state-vector-interval", "nan"],
+        ["--battery-capacity", "5200"],
+        ["--log-level", "LOUD"],
+    ],
+)
+def test_a_fault_ends_the_program_with_status_2(
+    arguments: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as caught:
+        load(arguments, {})
+    assert caught.value.code == 2
+    assert arguments[0] in capsys.readouterr().err
