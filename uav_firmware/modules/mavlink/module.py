@@ -22,6 +22,8 @@ from uav_firmware.parameters import Registry, UnknownParameterError
 MissionCheck: TypeAlias = Callable[[Sequence[MissionItem]], MissionRejection | None]
 """Judges whether a whole mission can be flown."""
 
+MAX_MESSAGES_PER_CALL: Final = 256
+"""Some 2 ms of work; what a flood brings beyond it is dropped, as a full buffer would."""
 _TICK_US: Final = 20_000
 """50 Hz, the rate of the commander whose answers and changes are passed on."""
 _HOUSEKEEPING_US: Final = 1_000_000
@@ -90,6 +92,7 @@ class MavlinkModule:
         self._tick_us = 0
         self._housekeeping_us = 0
         self.faulty_frames: int = 0
+        self.dropped_datagrams: int = 0
 
     def update(self, now_us: int) -> None:
         """Do everything that is due at `now_us` [us since boot]."""
@@ -101,10 +104,15 @@ class MavlinkModule:
             self._transmitter.stream(self._context(now_us))
 
     def serve(self, now_us: int) -> None:
-        """Answer the datagrams that have arrived."""
+        """Answer the datagrams that have arrived; of a flood, as many as a step can bear."""
+        taken = 0
         for datagram, address in self._link.receive():
+            if taken >= MAX_MESSAGES_PER_CALL:
+                self.dropped_datagrams += 1
+                continue
             parsed = parse(datagram)
             self.faulty_frames += parsed.faults
+            taken += len(parsed.messages) + parsed.faults
             for message in parsed.messages:
                 self._take(message, address, now_us)
 

@@ -6,10 +6,17 @@ from typing import Any, Final
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.unit.uav_firmware.modules.mavlink.harness import GROUND, SYSTEM, Bench, command_long
+from tests.unit.uav_firmware.modules.mavlink.harness import (
+    GROUND,
+    STEP_US,
+    SYSTEM,
+    Bench,
+    command_long,
+)
 from uav_firmware.modules.mavlink.commands import FORWARDED
 from uav_firmware.modules.mavlink.dialect import Payload, frame, mavlink, pack
 from uav_firmware.modules.mavlink.dispatcher import Dispatcher
+from uav_firmware.modules.mavlink.module import MAX_MESSAGES_PER_CALL
 
 HANDLED: Final = {
     cls
@@ -90,6 +97,17 @@ def test_a_command_with_any_bit_flipped_commands_nothing(data: st.DataObject) ->
     bench.memory.incoming.append((bytes(flipped), GROUND))
     bench.run()
     assert bench.commands() == []
+
+
+def test_of_a_flood_only_a_bounded_part_is_served() -> None:
+    bench = Bench()
+    request = frame(pack(command_long(512, 148)), 0, 255, 190)
+    bench.memory.incoming += [(request * 60, GROUND)] * 60
+    bench.run(STEP_US)
+    answered = len(bench.hear("AUTOPILOT_VERSION"))
+    assert MAX_MESSAGES_PER_CALL <= answered < MAX_MESSAGES_PER_CALL + 60
+    assert bench.module.dropped_datagrams == 55
+    assert bench.ask(command_long(512, 148), "AUTOPILOT_VERSION")
 
 
 def test_a_flood_of_faulty_frames_is_counted() -> None:
