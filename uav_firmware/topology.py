@@ -107,6 +107,7 @@ class Autopilot:
             vehicle_local_position=topics.vehicle_local_position,
             estimator_status=topics.estimator_status,
             land_detected=topics.land_detected,
+            mission=topics.mission,
             mission_progress=topics.mission_progress,
             navigator_status=topics.navigator_status,
             sensor_imu=topics.sensor_imu,

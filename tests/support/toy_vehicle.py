@@ -137,6 +137,7 @@ class ToyVehicle:
             vehicle_local_position=self.local_position,
             estimator_status=self.estimator,
             land_detected=self.land,
+            mission=self.mission,
             mission_progress=self.progress,
             navigator_status=self.navigator_status,
             sensor_imu=self.imu,

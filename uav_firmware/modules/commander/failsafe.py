@@ -5,10 +5,11 @@ afterwards; a cause that has cleared and comes back counts as new.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from enum import IntEnum
 from typing import Final, NamedTuple
 
+from uav_firmware.modules.commander import mode_requirements
 from uav_firmware.modules.commander.params import CommanderParams
 from uav_firmware.modules.commander.vehicle_view import VehicleView
 from uav_firmware.msg.status import NavigationState
@@ -101,6 +102,23 @@ class FailsafeMonitor:
             Cause.BATTERY_EMERGENCY: params.battery_emergency,
         }[cause]
         return view.battery.remaining < threshold + (_HYSTERESIS if cause in self._active else 0.0)
+
+
+def mode_against(
+    threats: Sequence[Threat], flown: NavigationState, view: VehicleView
+) -> NavigationState | None:
+    """Mode that the worst of the threats asks for; None when what is flown is as strong.
+
+    What cannot be flown becomes a landing.
+    """
+    action = max((threat.action for threat in threats), default=Action.NONE)
+    present = max((act for act, mode in MODE_OF.items() if mode is flown), default=Action.NONE)
+    if action not in MODE_OF or action <= present:
+        return None
+    mode = MODE_OF[action]
+    if mode_requirements.missing(mode, view) is None:
+        return mode
+    return NavigationState.AUTO_LAND if present < Action.LAND else None
 
 
 def action_of(cause: Cause, params: CommanderParams) -> Action:

@@ -3,7 +3,6 @@
 from typing import Any, Final
 
 from uav_firmware.bus import Queue, Topic
-from uav_firmware.modules.commander import mode_requirements
 from uav_firmware.modules.commander.arming_states import Arming, ArmingEvent, after
 from uav_firmware.modules.commander.commands import arming_refusal, decide
 from uav_firmware.modules.commander.decision import (
@@ -17,18 +16,20 @@ from uav_firmware.modules.commander.decision import (
 )
 from uav_firmware.modules.commander.disarming import DisarmTimer
 from uav_firmware.modules.commander.failsafe import (
-    MODE_OF,
     TEXT_OF,
     Action,
     FailsafeMonitor,
+    mode_against,
 )
 from uav_firmware.modules.commander.flight_commands import Situation
 from uav_firmware.modules.commander.home import HomeKeeper
 from uav_firmware.modules.commander.params import CommanderParams
 from uav_firmware.modules.commander.sensor_watch import Freshness, healthy_bits, present_bits
+from uav_firmware.modules.commander.texts import DISARM_TEXTS, Severity
 from uav_firmware.modules.commander.vehicle_view import SensorAges, VehicleView
 from uav_firmware.msg.estimate import EstimatorStatus, VehicleAttitude, VehicleLocalPosition
 from uav_firmware.msg.mission import (
+    Mission,
     MissionProgress,
     NavigatorRequest,
     NavigatorStatus,
@@ -50,18 +51,6 @@ from uav_firmware.parameters import Registry
 PERIOD_US: Final = 20_000  # [us] 50 Hz
 STATUS_PERIOD_US: Final = 500_000  # [us] 2 Hz at least
 
-EMERGENCY: Final = 0
-CRITICAL: Final = 2
-WARNING: Final = 4
-INFO: Final = 6
-
-_DISARM_TEXTS: Final = {
-    ArmingEvent.DISARM_ACCEPTED: (INFO, "Disarmed by command"),
-    ArmingEvent.LANDED_TIMEOUT: (INFO, "Disarmed after landing"),
-    ArmingEvent.PREFLIGHT_TIMEOUT: (INFO, "Disarmed: no take-off"),
-    ArmingEvent.TERMINATED: (EMERGENCY, "Flight terminated by command"),
-}
-
 
 class CommanderModule:
     """Holds the vehicle's arming state and mode.
@@ -79,6 +68,7 @@ class CommanderModule:
         vehicle_local_position: Topic[VehicleLocalPosition],
         estimator_status: Topic[EstimatorStatus],
         land_detected: Topic[LandDetected],
+        mission: Topic[Mission],
         mission_progress: Topic[MissionProgress],
         navigator_status: Topic[NavigatorStatus],
         sensor_imu: Topic[SensorImu],
@@ -100,6 +90,7 @@ class CommanderModule:
         self._position = vehicle_local_position
         self._estimator = estimator_status
         self._land = land_detected
+        self._mission = mission
         self._progress = mission_progress
         self._navigator = navigator_status
         self._gps = sensor_gps
@@ -127,6 +118,7 @@ class CommanderModule:
         self._disarm_timer = DisarmTimer()
         self._home_keeper = HomeKeeper(home_position)
         self._last_target = ""
+        self._waited = False
         self._last_us: int | None = None
 
     def update(self, now_us: int) -> None:
@@ -141,7 +133,8 @@ class CommanderModule:
         if view.position is not None and view.position_valid:
             self._home_keeper.keep(now_us, view.position)
             view = view._replace(home=self._home.value)
-        for command in self._commands.drain():
+        self._waited = self._mission_is_new() and not self._waited
+        for command in [] if self._waited else self._commands.drain():
             self._answer(command, view)
             view = view._replace(home=self._home.value)
         self._supervise(view)
@@ -150,6 +143,18 @@ class CommanderModule:
     @property
     def _armed(self) -> bool:
         return self._arming is Arming.ARMED
+
+    def _mission_is_new(self) -> bool:
+        """Whether the navigator has not yet looked at the mission just uploaded.
+
+        Commands then wait for one step, so that a start sent right after the upload is judged
+        by the mission that it means.
+        """
+        mission, progress = self._mission.value, self._progress.value
+        if mission is None:
+            return False
+        wanted = (mission.mission_id, len(mission.items))
+        return progress is None or (progress.mission_id, progress.seq_total) != wanted
 
     def _view(self, now_us: int) -> VehicleView:
         estimator = self._estimator.value
@@ -176,7 +181,7 @@ class CommanderModule:
             self._carry_out(effect, view)
         if decision.reason:
             accepted = decision.result is CommandResult.ACCEPTED
-            self._say(view.now_us, INFO if accepted else WARNING, decision.reason)
+            self._say(view.now_us, Severity.INFO if accepted else Severity.WARNING, decision.reason)
         self._answers.publish(
             VehicleCommandAck(view.now_us, command.command, decision.result, 255, command.token)
         )
@@ -215,7 +220,7 @@ class CommanderModule:
         self._monitor.clear()
         if view.position is not None and view.position_valid:
             self._home_keeper.arm(view.now_us, view.position)
-        self._say(view.now_us, INFO, "Armed")
+        self._say(view.now_us, Severity.INFO, "Armed")
 
     def _disarm(self, event: ArmingEvent, now_us: int) -> None:
         """Stop the motors; the next flight begins in hold."""
@@ -225,7 +230,7 @@ class CommanderModule:
         self._failsafe = False
         self._home_keeper.disarm()
         self._last_target = ""
-        self._say(now_us, *_DISARM_TEXTS[event])
+        self._say(now_us, *DISARM_TEXTS[event])
 
     def _supervise(self, view: VehicleView) -> None:
         """What changes without a command: the end of a mode, disarming, failsafes."""
@@ -257,23 +262,14 @@ class CommanderModule:
             return
         threats = self._monitor.update(view, self._params)
         for cause, action in reversed(threats):
-            severity = WARNING if action is Action.WARN else CRITICAL
+            severity = Severity.WARNING if action is Action.WARN else Severity.CRITICAL
             self._say(view.now_us, severity, f"{TEXT_OF[cause]}: {action.name}")
-        if threats:
-            self._fly_failsafe(threats[0].action, view)
+        mode = mode_against(threats, self._mode, view)
+        if mode is not None:
+            self._mode = mode
+            self._failsafe = True
 
-    def _fly_failsafe(self, action: Action, view: VehicleView) -> None:
-        flown = max((act for act, mode in MODE_OF.items() if mode is self._mode), default=None)
-        for candidate in (action, Action.LAND):
-            mode = MODE_OF.get(candidate)
-            if mode is None or (flown is not None and flown >= candidate):
-                return
-            if mode_requirements.missing(mode, view) is None or candidate is Action.LAND:
-                self._mode = mode
-                self._failsafe = True
-                return
-
-    def _say(self, now_us: int, severity: int, text: str) -> None:
+    def _say(self, now_us: int, severity: Severity, text: str) -> None:
         self._texts.publish(StatusText(now_us, severity, text))
 
     def _publish(self, view: VehicleView) -> None:

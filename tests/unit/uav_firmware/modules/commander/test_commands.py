@@ -256,3 +256,11 @@ def test_commands_that_arrive_together_are_each_answered_in_order() -> None:
         )
     vehicle.run(0.1)
     assert [(a.token, a.result) for a in vehicle.acks] == [(0, 0), (1, 0), (2, 3)]
+
+
+def test_a_start_that_arrives_with_the_mission_finds_it() -> None:
+    vehicle = grounded()
+    vehicle.upload(takeoff(), waypoint(1, 10, 0))
+    assert vehicle.send(Command.MISSION_START) is ACCEPTED
+    vehicle.upload(item(0, 2000), mission_id=8)
+    assert vehicle.send(Command.MISSION_START) is NOT_NOW
