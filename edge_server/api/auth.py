@@ -6,6 +6,7 @@ stranger, not even a 404.
 
 import hmac
 import logging
+import re
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -15,6 +16,7 @@ from flask import current_app, g, request
 from werkzeug.datastructures import WWWAuthenticate
 from werkzeug.exceptions import Forbidden, HTTPException, Unauthorized
 
+from edge_server.api.errors import RequestError
 from edge_server.services.context import Caller
 from edge_server.store import keys
 from edge_server.store.database import Database
@@ -32,6 +34,7 @@ BROKER: Final = frozenset({Role.BROKER})
 ADMIN: Final = frozenset({Role.ADMIN})
 PUBLIC: Final[frozenset[Role]] = frozenset()
 
+_KEY_SHAPE: Final = re.compile(r"[!-~]{1,64}")
 _ATTRIBUTE: Final = "edge_roles"
 _View = TypeVar("_View", bound=Callable[..., object])
 
@@ -96,8 +99,11 @@ def check_caller(ring: KeyRing) -> None:
 
 
 def caller() -> Caller:
-    """Give who asks, and under which idempotency key."""
-    return Caller(g.role, request.headers.get("Idempotency-Key"))
+    """Give who asks, and under which idempotency key; raises 422 for one that is no key."""
+    key = request.headers.get("Idempotency-Key")
+    if key is not None and not _KEY_SHAPE.fullmatch(key):
+        raise RequestError(422, "Idempotency-Key must be 1 to 64 visible ASCII characters")
+    return Caller(g.role, key)
 
 
 def audit(action: str) -> None:

@@ -2,7 +2,7 @@
 
 from typing import Any, Final, TypeVar
 
-from flask import current_app, request
+from flask import Response, current_app, request
 from werkzeug.exceptions import RequestEntityTooLarge
 
 from afarcloud import wire
@@ -14,6 +14,8 @@ from edge_server.services.context import Context
 
 MAXIMUM_BODY_BYTES: Final = 1024 * 1024
 MAXIMUM_IMAGE_BODY_BYTES: Final = 3 * 512 * 1024  # A 1 MiB frame in base64, and its fields
+_CHUNK_BYTES: Final = 65_536
+_DISCARDED_BYTES: Final = 8 * 1024 * 1024
 PAGE_DEFAULT: Final = 100
 PAGE_LIMIT: Final = 1000
 
@@ -36,6 +38,22 @@ def json_body(limit: int = MAXIMUM_BODY_BYTES) -> Any:
     if len(raw) > limit:
         raise RequestEntityTooLarge
     return wire.parse_json(raw)
+
+
+def discard_rest(response: Response) -> Response:
+    """Read what a refused request still sends, within reason.
+
+    A connection that is closed while the client sends is reset, and the client may never see
+    the answer; one on which bytes are left cannot be used again.
+    """
+    if response.status_code < 400 or request.method not in {"POST", "PUT"}:
+        return response
+    stream = request.environ["wsgi.input"]
+    for _ in range(_DISCARDED_BYTES // _CHUNK_BYTES):
+        if not stream.read(_CHUNK_BYTES):
+            return response
+    response.headers["Connection"] = "close"
+    return response
 
 
 def document(kind: Kind) -> Model:

@@ -35,8 +35,6 @@ STATUS: Final[dict[type[ServiceError], int]] = {
     KeyReusedError: 422,
 }
 RETRY_SOON: Final = {"Retry-After": "1"}
-CLOSE: Final = {"Connection": "close"}
-"""After a body that we would not read, the connection is of no more use."""
 
 
 class RequestError(Exception):
@@ -85,8 +83,6 @@ def _werkzeug(error: HTTPException) -> ResponseReturnValue:
         return error.response
     status = error.code or 500
     headers = {name: value for name, value in error.get_headers() if name.lower() != "content-type"}
-    if status == 413:
-        headers |= CLOSE
     return body(_SENTENCES.get(status) or error.description or error.name), status, headers
 
 

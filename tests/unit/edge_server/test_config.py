@@ -51,7 +51,7 @@ def test_a_bad_setting_is_refused_by_name(variable: str, value: str) -> None:
 def test_a_bad_file_is_refused_by_name(tmp_path: Path, text: str) -> None:
     file = tmp_path / "edge.toml"
     file.write_text(text, encoding="utf-8")
-    with pytest.raises(ConfigError, match="edge.toml"):
+    with pytest.raises(ConfigError, match=r"edge\.toml"):
         load({}, {}, file)
     with pytest.raises(ConfigError, match="nowhere"):
         load({}, {}, tmp_path / "nowhere.toml")

@@ -196,6 +196,23 @@ def test_a_body_in_chunks_is_bounded_too(program: Program) -> None:
     assert answered.status_code == 201
 
 
+def test_a_refused_body_does_not_break_the_connection(program: Program) -> None:
+    program.start()
+    headers = {"X-API-Key": program.key("operator")}
+    with requests.Session() as session:
+        for _ in range(5):
+            for more, status in (({}, 401), (headers, 413)):
+                answer = session.post(
+                    f"{program.url}/plans/",
+                    data=b"x" * 2_000_000,
+                    headers={"Content-Type": "application/json"} | more,
+                    timeout=10.0,
+                )
+                assert answer.status_code == status
+            answer = session.get(f"{program.url}/plans/", headers=headers, timeout=10.0)
+            assert (answer.status_code, answer.json()) == (200, [])
+
+
 def test_a_rotated_key_replaces_the_old_one(program: Program) -> None:
     program.start()
     old = program.key("farmer")

@@ -61,7 +61,6 @@ def test_a_body_of_another_type_is_a_415(edge: Edge, content_type: str) -> None:
 def test_a_body_that_is_too_large_is_a_413(edge: Edge) -> None:
     answer = edge.post_plan(plan(name="x" * 2_000_000))
     assert answer.status_code == 413
-    assert answer.headers["Connection"] == "close"
     shape_of(answer)
     assert edge.count("plan") == 0
 

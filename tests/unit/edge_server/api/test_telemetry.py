@@ -67,6 +67,12 @@ def test_a_key_used_for_something_else_is_refused(edge: Edge, kind: str) -> None
     assert edge.count("telemetry") == 1
 
 
+@pytest.mark.parametrize("key", ["x" * 65, "with space", "\xe9"])
+def test_a_key_of_another_shape_is_refused(edge: Edge, key: str) -> None:
+    assert edge.report("pose", telemetry("pose"), key=key).status_code == 422
+    assert edge.count("telemetry") == 0
+
+
 def test_a_list_is_cut_into_pages_in_order(edge: Edge) -> None:
     for number in range(5):
         edge.report("pose", telemetry("pose", number, vehicle_id=1 + number % 2))

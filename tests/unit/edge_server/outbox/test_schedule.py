@@ -116,7 +116,6 @@ def test_no_cloud_blocks_everything_but_one_probe() -> None:
     assert len(probe) == 1
     assert plan.take(due) == []
     plan.settle(probe[0], CONFIRMED, due)
-    assert not plan.blocked
     assert len(plan.take(due + 1.0)) == 3
 
 

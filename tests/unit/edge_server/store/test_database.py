@@ -32,10 +32,13 @@ def test_every_connection_has_our_pragmas(database: Database, pragma: str, wante
 
 
 def test_a_failed_transaction_leaves_nothing(database: Database) -> None:
-    row = "INSERT INTO vehicle VALUES (1, '{}', 0, 0)"
-    with pytest.raises(IntegrityError), database.write() as connection:
-        connection.execute(text(row))
-        connection.execute(text(row))
+    def register_twice() -> None:
+        with database.write() as connection:
+            for _ in range(2):
+                connection.execute(text("INSERT INTO vehicle VALUES (1, '{}', 0, 0)"))
+
+    with pytest.raises(IntegrityError):
+        register_twice()
     with database.read() as connection:
         assert connection.execute(text("SELECT count(*) FROM vehicle")).scalar_one() == 0
 
@@ -61,13 +64,14 @@ def test_what_one_writer_read_no_other_writer_changes(database: Database) -> Non
         assert connection.execute(text("SELECT state FROM vehicle")).scalar_one() == "80"
 
 
+WORK = "work (kind, sequence_number, state, created_at, expires_at)"
+
+
 @pytest.mark.parametrize(
     "row",
     [
-        "INSERT INTO work (kind, sequence_number, state, created_at, expires_at)"
-        " VALUES ('mission', 0, 'queued', 0, 0)",
-        "INSERT INTO work (kind, sequence_number, state, created_at, expires_at)"
-        " VALUES ('latest_state_vector', 0, 'lost', 0, 0)",
+        f"INSERT INTO {WORK} VALUES ('mission', 0, 'queued', 0, 0)",
+        f"INSERT INTO {WORK} VALUES ('latest_state_vector', 0, 'lost', 0, 0)",
         "INSERT INTO outbox (record_id, vehicle_id, kind) VALUES (77, 1, 'pose')",
     ],
 )
