@@ -1,5 +1,6 @@
 """Starts one vehicle: `python -m uav_firmware --system-id N`."""
 
+import gc
 import os
 import signal
 import sys
@@ -75,6 +76,7 @@ def _run(config: VehicleConfig, hardware: Hardware, autopilot: Autopilot, stop: 
     """Step and pace until told to stop."""
     write = _line_writer(config.system_id)
     vehicle, step = hardware.vehicle, autopilot.scheduler.step
+    gc.freeze()  # what lives as long as the process need not be looked through in mid-flight
     pacer = Pacer(
         config.speed,
         clock=time.monotonic,

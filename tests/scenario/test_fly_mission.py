@@ -163,3 +163,39 @@ def _scatter(positions: Iterable[tuple[float, float, float]]) -> float:
 def _rms(values: Iterable[float]) -> float:
     squares = [value * value for value in values]
     return math.sqrt(sum(squares) / len(squares))
+
+
+@pytest.mark.parametrize(("noise", "cross_track"), [(0.05, 0.12), (1.0, 0.30)])
+def test_a_square_with_stops_is_flown_straight_and_without_overshoot(
+    tmp_path: Path, noise: float, cross_track: float
+) -> None:
+    tester = vehicle(tmp_path, seed=9, sensor_noise_factor=noise)
+    corners = [(0.0, 0.0), (20.0, 0.0), (20.0, 20.0), (0.0, 20.0), (0.0, 0.0)]
+    station = tester.ground_station
+    takeoff = station.mission_item(0, common.MAV_CMD_NAV_TAKEOFF, tester.place(0.0, 0.0, 5.0), 0.0)
+    stops = [
+        station.mission_item(
+            seq,
+            common.MAV_CMD_NAV_WAYPOINT,
+            tester.place(north, east, 5.0),
+            2.0,  # hold
+            ACCEPTANCE_M,
+            0.0,
+        )
+        for seq, (north, east) in enumerate(corners, start=1)
+    ]
+    tester.upload([takeoff, *stops])
+    tester.start_mission()
+    tester.wait_until(lambda: 1 in station.items_reached, 30.0, "above the start")
+    track = Track(tester)
+    tester.wait_until(lambda: 5 in station.items_reached, 60.0, "round the square")
+    north, east, _ = zip(*track.positions, strict=True)
+    assert _rms(_off_the_square(n, e) for n, e in zip(north, east, strict=True)) < cross_track
+    assert max(*north, *east) < 20.0 + 0.5
+    assert min(*north, *east) > -0.5
+
+
+def _off_the_square(north: float, east: float) -> float:
+    """Distance [m] from the nearest side of the 20 m square."""
+    sides = (abs(north), abs(east), abs(north - 20.0), abs(east - 20.0))
+    return min(sides)

@@ -1,5 +1,6 @@
 """Reads torque and thrust, publishes motor commands and what could not be produced."""
 
+import math
 from typing import Final
 
 from uav_firmware.bus import Queue, Topic
@@ -12,7 +13,8 @@ from uav_firmware.msg.status import StatusText, VehicleStatus
 from uav_firmware.msg.vectors import Motors
 from uav_firmware.parameters import Registry
 
-_ERROR: Final = 3  # MAV_SEVERITY
+_CRITICAL: Final = 2  # MAV_SEVERITY
+_ERROR: Final = 3
 _STOPPED: Motors = (0.0, 0.0, 0.0, 0.0)
 
 
@@ -39,6 +41,7 @@ class ControlAllocatorModule:
         self._motors = motors
         self._allocator_status = allocator_status
         self._status_text = status_text
+        self._reported = False
         self._registry = registry
         self._seen_version = registry.version
         self._take(registry.read(ControlAllocatorParams))
@@ -64,10 +67,21 @@ class ControlAllocatorModule:
             max(motor_command(three, factor), idle),
             max(motor_command(four, factor), idle),
         )
+        if not math.isfinite(sum(control)):
+            self._hold_motors(now_us)
+            return
         self._motors.publish(ActuatorMotors(now_us, control))
         self._allocator_status.publish(
             ControlAllocatorStatus(now_us, result.unallocated_torque_frd, result.unallocated_thrust)
         )
+
+    def _hold_motors(self, now_us: int) -> None:
+        """Safety: a command that is no number changes nothing; the former one stays."""
+        if self._motors.value is None:
+            self._motors.publish(ActuatorMotors(now_us, self._idling))
+        if not self._reported:
+            self._reported = True
+            self._status_text.publish(StatusText(now_us, _CRITICAL, "Motor command is no number"))
 
     def _retune(self, now_us: int) -> None:
         """Take changed parameters; rotors that cannot fly leave the former mix in place."""

@@ -108,3 +108,17 @@ def test_a_changed_parameter_is_taken_in_flight() -> None:
     vehicle.registry.set("THR_MDL_FAC", 0.0)
     assert vehicle.motors() == pytest.approx((0.4, 0.4, 0.4, 0.4))
     assert before != vehicle.motors()
+
+
+@pytest.mark.parametrize("number", [float("nan"), float("inf"), float("-inf")])
+def test_a_setpoint_that_is_no_number_keeps_the_former_command(number: float) -> None:
+    vehicle = Vehicle()
+    vehicle.arms()
+    vehicle.wants(0.4)
+    before = vehicle.motors()
+    for _ in range(3):
+        vehicle.wants(0.4, (number, 0.0, 0.0))
+        assert vehicle.motors() == before
+    assert [text.text for text in vehicle.texts.drain()] == ["Motor command is no number"]
+    vehicle.wants(0.6)
+    assert vehicle.motors() > before
