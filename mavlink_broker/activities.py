@@ -53,6 +53,15 @@ def verification(plan: FlightPlan, vehicle: Vehicle, opaque_id: int) -> MissionV
     return MissionVerify(opaque_id, compare, vehicle.route, vehicle.round_trip)
 
 
+def recognition(plan: FlightPlan, vehicle: Vehicle) -> MissionVerify:
+    """Find out whether the vehicle holds the plan since an earlier run of the broker."""
+
+    def compare(messages: Sequence[Message]) -> str | None:
+        return difference(plan, messages, vehicle.family, home_may_have_moved=True)
+
+    return MissionVerify(0, compare, vehicle.route, vehicle.round_trip)
+
+
 def selection(plan: FlightPlan, vehicle: Vehicle) -> MissionSelect:
     """Make the first item the current one."""
     return MissionSelect(plan.first_item, vehicle.route, vehicle.round_trip)

@@ -209,8 +209,7 @@ class Flight:
                 self._move(Event.NOT_STARTED, now, effects)
             case Attachment.COMPARE:
                 self._translate()
-                proof = activities.verification(self._plan, self._vehicle, 0)
-                self._start(proof, now, effects)
+                self._start(activities.recognition(self._plan, self._vehicle), now, effects)
 
     def _step_waiting(self, now: float, effects: Effects) -> None:
         if self.is_expired(now):

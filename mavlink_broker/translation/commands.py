@@ -7,7 +7,7 @@ RefusedError  a command that this broker cannot fly, with its id and the reason
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple, TypeAlias
 
 from afarcloud.commands import Command, NavHome, NavLand, NavTakeoff, NavWaypoint
@@ -129,7 +129,7 @@ def home(command: NavHome, situation: Situation) -> Items:
         longitude_deg=situation.home.longitude_deg,
         relative_altitude_m=situation.relative_altitude_m,
     )
-    return Items((go,), 0)
+    return Items((replace(go, at_home=True),), 0)
 
 
 Translator: TypeAlias = Callable[[Any, Situation], Items]

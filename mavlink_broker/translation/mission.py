@@ -1,7 +1,7 @@
 """A mission to the items that a vehicle flies, and back from items to commands."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 from afarcloud.commands import FLYING, Command
@@ -122,8 +122,9 @@ def _home_item(home: Home) -> MissionItem:
 
 def _hold_behind(item: MissionItem) -> MissionItem:
     """Hold where the last waypoint is; arriving at this item also proves the one before."""
-    return mission_item.hold(
+    hold = mission_item.hold(
         latitude_deg=item.latitude_deg,
         longitude_deg=item.longitude_deg,
         relative_altitude_m=item.altitude_m,
     )
+    return replace(hold, at_home=item.at_home)

@@ -21,7 +21,10 @@ _FRAME_NAMES: Final = {0: 5, 3: 6, 10: 11}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissionItem:
-    """One item; `frame` is a MAV_FRAME, `parameters` are the first four of its command."""
+    """One item; `frame` is a MAV_FRAME, `parameters` are the first four of its command.
+
+    `at_home` marks a place that is home as it was when the mission was translated.
+    """
 
     command: int
     frame: int = mavlink.MAV_FRAME_MISSION
@@ -29,6 +32,7 @@ class MissionItem:
     latitude_deg: float = 0.0
     longitude_deg: float = 0.0
     altitude_m: float = 0.0
+    at_home: bool = False
 
     @property
     def is_positional(self) -> bool:

@@ -13,41 +13,55 @@ ALTITUDE_TOLERANCE_M: Final = 0.011
 """ArduPilot stores centimetres."""
 POSITION_TOLERANCE_DEG: Final = 1.5e-7
 """The last digit of the wire."""
+HOME_TOLERANCE_DEG: Final = 2e-4
+"""Some 20 m: vehicles set home anew when they are armed, where they then believe to stand."""
 PARAMETER_TOLERANCE: Final = 1e-5
 """Relative, or absolute below 1: the wire carries single precision."""
 
 _AMSL: Final = mavlink.MAV_FRAME_GLOBAL_INT
 
 
-def difference(plan: FlightPlan, messages: Sequence[Message], family: Family) -> str | None:
+def difference(
+    plan: FlightPlan,
+    messages: Sequence[Message],
+    family: Family,
+    *,
+    home_may_have_moved: bool = False,
+) -> str | None:
     """Name the first difference that the family's storage does not explain, or None.
 
-    Home, where it is an item, is the vehicle's own and is not compared.
+    Home, where it is an item, is the vehicle's own and is not compared. A place that was home
+    when the mission was uploaded may be some metres from home now: `home_may_have_moved`.
     """
     if len(messages) != len(plan.items):
         return f"the vehicle holds {len(messages)} items instead of {len(plan.items)}"
     for seq in range(plan.first_item, len(plan.items)):
-        name = _different_field(plan.items[seq], from_message(messages[seq]), family)
+        sent, held = plan.items[seq], from_message(messages[seq])
+        loosely = home_may_have_moved and sent.at_home
+        tolerance_deg = HOME_TOLERANCE_DEG if loosely else POSITION_TOLERANCE_DEG
+        name = _different_field(sent, held, family, tolerance_deg)
         if name:
             return f"item {seq} on the vehicle differs in {name}"
     return None
 
 
-def _different_field(sent: MissionItem, held: MissionItem, family: Family) -> str | None:
+def _different_field(
+    sent: MissionItem, held: MissionItem, family: Family, tolerance_deg: float
+) -> str | None:
     if sent.command != held.command:
         return "command"
     kept = family.kept_parameters.get(sent.command, frozenset(range(4)))
     for index in sorted(kept):
         if not _same_parameter(sent.parameters[index], held.parameters[index]):
             return f"parameter {index + 1}"
-    return _different_place(sent, held) if sent.is_positional else None
+    return _different_place(sent, held, tolerance_deg) if sent.is_positional else None
 
 
-def _different_place(sent: MissionItem, held: MissionItem) -> str | None:
+def _different_place(sent: MissionItem, held: MissionItem, tolerance_deg: float) -> str | None:
     same = {
         "frame": _frame(sent) == _frame(held),
-        "latitude": abs(sent.latitude_deg - held.latitude_deg) <= POSITION_TOLERANCE_DEG,
-        "longitude": abs(sent.longitude_deg - held.longitude_deg) <= POSITION_TOLERANCE_DEG,
+        "latitude": abs(sent.latitude_deg - held.latitude_deg) <= tolerance_deg,
+        "longitude": abs(sent.longitude_deg - held.longitude_deg) <= tolerance_deg,
         "altitude": abs(sent.altitude_m - held.altitude_m) <= ALTITUDE_TOLERANCE_M,
     }
     return next((name for name, is_same in same.items() if not is_same), None)

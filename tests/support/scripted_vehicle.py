@@ -86,6 +86,7 @@ class ScriptedVehicle:
         self.commands: list[int] = []
         self.parameters: list[tuple[int, tuple[float, ...]]] = []
         self.silent = False
+        self.home = HOME
         self._booted_at = booted_at
         self._now = booted_at
         self._decoder = Decoder()
@@ -367,9 +368,9 @@ class ScriptedVehicle:
         elif message_id == mavlink.MAVLINK_MSG_ID_HOME_POSITION and self.script.has_home:
             self._send(
                 mavlink.MAVLink_home_position_message(
-                    round(HOME[0] * 1e7),
-                    round(HOME[1] * 1e7),
-                    round(HOME[2] * 1e3),
+                    round(self.home[0] * 1e7),
+                    round(self.home[1] * 1e7),
+                    round(self.home[2] * 1e3),
                     *(0.0, 0.0, 0.0),
                     [1.0, 0.0, 0.0, 0.0],
                     *(0.0, 0.0, 0.0),

@@ -350,6 +350,17 @@ class TestARestartedBroker:
         assert vehicle.commands.count(mavlink.MAV_CMD_MISSION_START) == 1
         assert len(world.edge.bodies("/pose/")) == results + 2
 
+    def test_knows_its_mission_although_home_has_moved_a_little(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=dataclasses.replace(PX4, item_time_s=6.0))
+        world.edge.plan(mission(takeoff(), waypoint(), go_home(landing=False)))
+        world.run_until(lambda: vehicle.airborne)
+        vehicle.home = (vehicle.home[0] + 2e-5, vehicle.home[1] - 2e-5, vehicle.home[2])
+        world.restart_broker()
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+        assert vehicle.uploads == 1
+
     def test_learns_of_a_landing_that_it_missed(self) -> None:
         world = flying_world()
         vehicle = next(iter(world.air.vehicles.values()))
