@@ -12,7 +12,8 @@ from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
 _MAX_SLOTS: Final = 10_000  # a longer pattern means that the periods do not fit together
-_LEAD_S: Final = 0.018  # [s] Steps run ahead of the wall clock before it waits for them
+_LEAD_MAX_S: Final = 0.024  # [s] Steps run ahead of the wall clock by this before they wait
+_LEAD_MIN_S: Final = 0.006  # [s] and wait until they are ahead by no more than this
 _CATCH_UP_S: Final = 0.1  # [s] Lateness that is made up; what exceeds it is given up
 
 
@@ -76,7 +77,8 @@ class Pacer:
     """Keeps simulated time at `speed` times the wall clock.
 
     Steps run in small batches ahead of the clock, because the first step after a wait costs
-    three times as much as the fifth: the processor's caches have gone cold.
+    three times as much as the fifth: the processor's caches have gone cold. A little lead is
+    kept, so that a slow first step is not a late one.
 
     A step that ends late is an overrun. Lateness up to a tenth of a second is made up by
     steps without a wait; what exceeds it is given up (the flight falls behind the clock), so
@@ -107,8 +109,8 @@ class Pacer:
         if self._origin_s is None:
             self._origin_s = now_s - due_s
         ahead_s = self._origin_s + due_s - now_s
-        if ahead_s >= _LEAD_S:
-            self._wait(ahead_s)
+        if ahead_s >= _LEAD_MAX_S:
+            self._wait(ahead_s - _LEAD_MIN_S)
         elif ahead_s < 0.0:
             self.overruns += 1
             late_s = -ahead_s - _CATCH_UP_S
