@@ -40,13 +40,14 @@ def main(arguments: list[str]) -> int:
 
 def _serve(config: Config, _options: argparse.Namespace) -> int:
     from edge_server import server  # noqa: PLC0415  # each command loads what it needs
-    from edge_server.store.migrate import StoreError  # noqa: PLC0415  # as above
 
     try:
         server.serve(config)
-    except (server.PortTakenError, StoreError) as error:
+    except server.PortTakenError as error:
         print(f"edge server: {error}", file=sys.stderr)
         return WRONG_SETUP
+    except server.UnpreparedError as error:
+        return error.exit_code
     return OK
 
 
@@ -66,11 +67,11 @@ def _relay(config: Config, _options: argparse.Namespace) -> int:
 
 
 def _migrate(config: Config, _options: argparse.Namespace) -> int:
-    from edge_server import server  # noqa: PLC0415  # as above
+    from edge_server import preparation  # noqa: PLC0415  # as above
     from edge_server.store.migrate import HEAD, StoreError  # noqa: PLC0415  # as above
 
     try:
-        server.prepare(config)
+        preparation.prepare(config)
     except StoreError as error:
         print(f"edge server: {error}", file=sys.stderr)
         return FAILED
@@ -88,16 +89,17 @@ def _show_paths(config: Config, _options: argparse.Namespace) -> int:
 
 
 def _rotate(config: Config, options: argparse.Namespace) -> int:
-    from edge_server import key_files, server  # noqa: PLC0415  # as above
-    from edge_server.store.database import Database, open_engine, sqlite_url  # noqa: PLC0415  # as above
+    from edge_server import key_files, preparation  # noqa: PLC0415  # as above
     from edge_server.store.keys import Role  # noqa: PLC0415  # as above
+    from edge_server.store.migrate import is_ready  # noqa: PLC0415  # as above
 
     roles = [role.value for role in Role]
     if options.role not in roles:
         print(f"edge server: there is no role {options.role}: {', '.join(roles)}", file=sys.stderr)
         return WRONG_SETUP
-    server.prepare(config)
-    database = Database(open_engine(sqlite_url(config.database_path)))
+    if not is_ready(config.database_path):
+        preparation.prepare(config)
+    database = preparation.open_database(config)
     path = key_files.rotate(database, config.keys_dir, Role(options.role), time.time())
     database.close()
     print(f"new key in {path}; the old one is revoked")

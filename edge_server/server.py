@@ -3,7 +3,10 @@
 One worker, because SQLite has one writer and the broker's long polls are woken inside one
 process.
 
-PortTakenError  another program listens on our port
+The server's parent process loads neither the application nor the database: it only watches.
+
+PortTakenError   another program listens on our port
+UnpreparedError  the state folder cannot be used
 """
 
 import logging
@@ -18,11 +21,9 @@ from gunicorn.app.base import BaseApplication  # type: ignore[import-untyped]  #
 from gunicorn.arbiter import Arbiter  # type: ignore[import-untyped]  # as above
 from gunicorn.workers.gthread import ThreadWorker  # type: ignore[import-untyped]  # as above
 
-from edge_server import children, housekeeping, key_files
-from edge_server.app import context_of, create_app
+from edge_server import children
 from edge_server.config import Config
-from edge_server.store import migrate
-from edge_server.store.database import Database, open_engine, sqlite_url
+from edge_server.exit_codes import FAILED, OK, WRONG_SETUP
 
 LOG = logging.getLogger(__name__)
 BIND_PATIENCE_S: Final = 3.0
@@ -30,6 +31,7 @@ KEEP_ALIVE_S: Final = 75
 GRACE_S: Final = 5
 _WsgiApp = Callable[[dict[str, Any], Any], Iterable[bytes]]
 _stopping = threading.Event()
+_on_stop: Final[list[Callable[[], None]]] = []
 
 
 class PortTakenError(Exception):
@@ -41,21 +43,36 @@ def serve(config: Config) -> None:
 
     Raises:
         PortTakenError: if the port is taken.
-        StoreError: if the database cannot be used.
+        UnpreparedError: if the state folder cannot be used; the reason has been logged.
     """
     listener = listen(config.host, config.port, BIND_PATIENCE_S)
-    prepare(config)
+    _prepare_apart(config)
     _Application(config, listener).run()
 
 
-def prepare(config: Config) -> None:
-    """Bring the state folder into order: database, tables, keys."""
-    migrate.prepare(config.database_path)
-    database = Database(open_engine(sqlite_url(config.database_path)))
+def _prepare_apart(config: Config) -> None:
+    """Prepare in a process of its own, so that what it loads does not stay in memory."""
+    child = os.fork()
+    if child == 0:
+        os._exit(_prepare(config))
+    _, status = os.waitpid(child, 0)
+    if (code := os.waitstatus_to_exitcode(status)) != OK:
+        raise UnpreparedError(code)
+
+
+def _prepare(config: Config) -> int:
+    from edge_server.preparation import prepare  # noqa: PLC0415  # stays in the child
+    from edge_server.store.migrate import StoreError  # noqa: PLC0415  # as above
+
     try:
-        key_files.ensure(database, config.keys_dir, time.time())
-    finally:
-        database.close()
+        prepare(config)
+    except StoreError as error:
+        LOG.error("%s", error)  # noqa: TRY400  # the sentence is enough
+        return WRONG_SETUP
+    except OSError:
+        LOG.exception("the state folder %s cannot be prepared", config.state_dir)
+        return FAILED
+    return OK
 
 
 def listen(host: str, port: int, patience_s: float) -> socket.socket:
@@ -84,16 +101,28 @@ def listen(host: str, port: int, patience_s: float) -> socket.socket:
             return listener
 
 
+class UnpreparedError(Exception):
+    """The state folder cannot be used."""
+
+    def __init__(self, exit_code: int) -> None:
+        super().__init__(f"preparing the state folder ended with code {exit_code}")
+        self.exit_code = exit_code
+
+
 class _Worker(ThreadWorker):  # type: ignore[misc]  # gunicorn has no types
     """Ends long polls when it is told to stop."""
 
     def handle_exit(self, sig: int, frame: object) -> None:
         _stopping.set()
-        if (app := getattr(self, "wsgi", None)) is not None:
-            context_of(app).bell.close()
+        _stop_waiting()
         super().handle_exit(sig, frame)
 
     handle_quit = handle_exit
+
+
+def _stop_waiting() -> None:
+    for action in _on_stop:
+        action()
 
 
 class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no types
@@ -121,10 +150,13 @@ class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no ty
             self.cfg.set(name, value)
 
     def load(self) -> _WsgiApp:
+        from edge_server import housekeeping  # noqa: PLC0415  # only the worker needs it
+        from edge_server.app import context_of, create_app  # noqa: PLC0415  # as above
+
         app = create_app(self._config)
-        threading.Thread(
-            target=housekeeping.run, args=(context_of(app), _stopping), daemon=True
-        ).start()
+        context = context_of(app)
+        _on_stop.append(context.bell.close)
+        threading.Thread(target=housekeeping.run, args=(context, _stopping), daemon=True).start()
         LOG.info("serving on http://%s:%d", self._config.host, self._config.port)
         return app
 

@@ -4,8 +4,11 @@ StoreError
   +- NewerDatabaseError  made by a newer version; this one must not touch it
 """
 
+import fcntl
 import logging
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -35,6 +38,19 @@ def prepare(path: Path) -> None:
         NewerDatabaseError: if a newer version has made it.
     """
     path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+    with _one_at_a_time(path.parent / "prepare.lock"):
+        _prepare(path)
+
+
+@contextmanager
+def _one_at_a_time(lock: Path) -> Iterator[None]:
+    """Keep two programs that start together from making the same tables."""
+    with lock.open("w", encoding="ascii") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+def _prepare(path: Path) -> None:
     if path.exists() and (fault := _fault_of(path)):
         moved_to = set_aside(path, time.strftime("%Y%m%dT%H%M%S", time.gmtime()))
         LOG.critical(

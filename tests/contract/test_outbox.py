@@ -16,9 +16,10 @@ from sqlalchemy import text
 
 from afarcloud.state import Report
 from afarcloud.wire import Kind, read
-from edge_server import relay_process, server
+from edge_server import relay_process
 from edge_server.config import Config
 from edge_server.outbox.relay import Relay
+from edge_server.preparation import prepare
 from edge_server.services import telemetry
 from edge_server.services.context import Caller, Context
 from edge_server.store.database import Database, open_engine, sqlite_url
@@ -86,7 +87,7 @@ def config(tmp_path: Path) -> Config:
         probe_interval_s=0.05,
         read_timeout_s=5.0,
     )
-    server.prepare(made)
+    prepare(made)
     return made
 
 

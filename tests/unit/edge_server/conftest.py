@@ -10,9 +10,10 @@ from flask.testing import FlaskClient
 from sqlalchemy import text
 from werkzeug.test import TestResponse
 
-from edge_server import key_files, server
+from edge_server import key_files
 from edge_server.app import context_of, create_app
 from edge_server.config import Config
+from edge_server.preparation import prepare
 from edge_server.services.context import Context
 from edge_server.store.keys import Role
 
@@ -92,7 +93,7 @@ class Edge:
 def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A state folder with an empty database and keys, to be copied."""
     folder = tmp_path_factory.mktemp("prepared")
-    server.prepare(Config(state_dir=folder))
+    prepare(Config(state_dir=folder))
     return folder
 
 

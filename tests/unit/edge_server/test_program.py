@@ -151,6 +151,28 @@ def test_a_relay_started_first_waits_for_the_database(program: Program) -> None:
         program.end()
 
 
+def test_a_hopeless_part_ends_everything_with_a_reason(program: Program) -> None:
+    (program.state_dir / "edge" / "relay.wake").mkdir(parents=True)
+    program.process = program.spawn()
+    code, errors = program.wait()
+    assert code == 1
+    assert "relay died 5 times" in errors
+
+
+def test_a_database_of_a_newer_version_is_told_in_one_sentence(program: Program) -> None:
+    program.start()
+    program.end()
+    database = sqlite3.connect(program.state_dir / "edge" / "edge.sqlite3")
+    with database:
+        database.execute("UPDATE alembic_version SET version_num = '9999'")
+    database.close()
+    program.process = program.spawn()
+    code, errors = program.wait()
+    assert code == 2
+    assert "9999" in errors
+    assert "Traceback" not in errors
+
+
 def test_telegraf18528_corrupt_store_starts(program: Program) -> None:
     program.start()
     program.end()

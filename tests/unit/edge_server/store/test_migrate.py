@@ -1,6 +1,7 @@
 """The database's shape: made, kept, taken back, refused, set aside."""
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -86,6 +87,13 @@ def test_preparing_again_keeps_what_is_there(path: Path, engine: Engine) -> None
     migrate.prepare(path)
     with Database(engine).read() as connection:
         assert telemetry.count_waiting(connection) == 1
+
+
+def test_programs_that_start_together_make_one_database(path: Path) -> None:
+    with ThreadPoolExecutor(4) as together:
+        list(together.map(migrate.prepare, [path] * 4))
+    assert migrate.is_ready(path)
+    assert not (path.parent / "quarantine").exists()
 
 
 def test_a_newer_database_is_not_touched(path: Path, engine: Engine) -> None:

@@ -1,0 +1,27 @@
+"""Brings the state folder into order: database, tables, keys."""
+
+import time
+
+from edge_server import key_files
+from edge_server.config import Config
+from edge_server.store import migrate
+from edge_server.store.database import Database, open_engine, sqlite_url
+
+
+def prepare(config: Config) -> None:
+    """Make what is missing and update what is old; harmless when all is well.
+
+    Raises:
+        StoreError: if the database cannot be used.
+    """
+    migrate.prepare(config.database_path)
+    database = open_database(config)
+    try:
+        key_files.ensure(database, config.keys_dir, time.time())
+    finally:
+        database.close()
+
+
+def open_database(config: Config) -> Database:
+    """Open the database of a state folder, outside Flask."""
+    return Database(open_engine(sqlite_url(config.database_path)))

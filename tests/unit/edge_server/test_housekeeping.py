@@ -1,0 +1,47 @@
+"""What happens though nobody asks."""
+
+import threading
+
+from sqlalchemy import text
+
+from edge_server import housekeeping
+from edge_server.services import once
+from tests.unit.edge_server.conftest import Edge
+from tests.unit.edge_server.documents import plan, telemetry
+
+
+def test_old_keys_are_forgotten_and_young_ones_are_not(edge: Edge) -> None:
+    edge.report("pose", telemetry("pose"), key="old")
+    edge.clock.pass_s(once.KEPT_S - 1)
+    edge.report("pose", telemetry("pose", 1), key="young")
+    edge.clock.pass_s(2)
+    housekeeping.forget(edge.context)
+    with edge.context.database.read() as connection:
+        left = connection.execute(text("SELECT key FROM idempotency")).scalars().all()
+    assert left == ["young"]
+
+
+def test_answered_requests_are_forgotten_but_the_cursor_keeps_its_measure(edge: Edge) -> None:
+    for number in range(3):
+        edge.post("/latest_state_vector/", {"sequence_number": number}, "operator")
+    newest = edge.work()[-1]["id"]
+    edge.clock.pass_s(7200)
+    assert edge.work() == []
+    housekeeping.forget(edge.context)
+    assert edge.count("work") == 1
+    assert edge.get(f"/broker/commands?after={newest}", "broker")["cursor"] == newest
+
+
+def test_a_mission_expires_though_nobody_asks(edge: Edge) -> None:
+    edge.post_plan(plan())
+    edge.clock.pass_s(edge.config.plan_lifetime_s + 1)
+    stopping = threading.Event()
+    thread = threading.Thread(target=housekeeping.run, args=(edge.context, stopping))
+    thread.start()
+    while edge.count("telemetry") == 0:
+        assert thread.is_alive()
+    stopping.set()
+    thread.join()
+    with edge.context.database.read() as connection:
+        status = connection.execute(text("SELECT status_id FROM work")).scalar_one()
+    assert status == 5
