@@ -15,6 +15,7 @@ import math
 from typing import NamedTuple
 
 from uav_firmware.modules.position_control.control_math import (
+    GRAVITY,
     ThrustLimits,
     acceleration_of,
     shorten_horizontal,
@@ -64,6 +65,12 @@ class PositionController:
     def reset(self) -> None:
         """Forget the integral: on the ground."""
         self.integral_ned = (0.0, 0.0, 0.0)
+
+    def follow_hover(self, former: float, present: float) -> None:
+        """Take a new hover thrust without a jump of the thrust: the integral gives way."""
+        north, east, down = self.integral_ned
+        down = GRAVITY - (GRAVITY - down) * former / present
+        self.integral_ned = (north, east, min(max(down, -_INTEGRAL_LIMIT_Z), _INTEGRAL_LIMIT_Z))
 
     def update(
         self, wanted: Motion, measured: Motion, thrust_limits: ThrustLimits, hover: float, dt: float

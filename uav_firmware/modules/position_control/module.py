@@ -12,6 +12,10 @@ from uav_firmware.modules.position_control.controller import (
     PositionGains,
     PositionLimits,
 )
+from uav_firmware.modules.position_control.hover_thrust import (
+    HoverThrustEstimator,
+    HoverThrustNoise,
+)
 from uav_firmware.modules.position_control.params import PositionControlParams
 from uav_firmware.modules.position_control.takeoff_ramp import Takeoff, TakeoffRamp
 from uav_firmware.modules.position_control.wanted_motion import (
@@ -22,13 +26,15 @@ from uav_firmware.modules.position_control.wanted_motion import (
 )
 from uav_firmware.msg.estimate import VehicleLocalPosition
 from uav_firmware.msg.setpoints import TrajectorySetpoint, VehicleAttitudeSetpoint
-from uav_firmware.msg.status import LandDetected, VehicleStatus
+from uav_firmware.msg.status import LandDetected, LandedState, VehicleStatus
 from uav_firmware.msg.vectors import Vector3
 from uav_firmware.parameters import Registry
 
 _STALE_US: Final = 500_000  # a set-point older than this counts as none
 _BLIND_DESCENT_SPEED: Final = 0.5  # [m/s] Of an armed vehicle that nobody leads
 _LONGEST_STEP_S: Final = 0.1  # after a longer pause the integrator does not move
+_ACCELERATION_NOISE: Final = 2.0  # [m/s^2] Covers the motors' lag as well as the sensor
+_LEVEL_SPEED: Final = 0.2  # [m/s] Vertical
 _UP_NED: Final[Vector3] = (0.0, 0.0, -1.0)
 
 
@@ -54,7 +60,9 @@ class PositionControlModule:
         self._ramp = TakeoffRamp()
         self._yaw = 0.0
         self._last_us = 0
+        self._last_thrust_up = 0.0  # [-] What the rotors were last asked for
         self._retune()
+        self._hover = HoverThrustEstimator(self._params.thrust_hover, _hover_noise(self._params))
         self._law = PositionController(_gains(self._params), _limits(self._params))
 
     def update(self) -> None:
@@ -123,7 +131,9 @@ class PositionControlModule:
             tilt=self._tilt_ground if near_ground else self._tilt_air,
         )
         measured = Motion(position.position_ned, position.velocity_ned, position.acceleration_ned)
-        thrust = self._law.update(wanted, measured, limits, params.thrust_hover, dt)
+        self._learn_hover(position, wanted, dt)
+        thrust = self._law.update(wanted, measured, limits, self._hover.hover, dt)
+        self._last_thrust_up = -thrust[2]
         yaw_rate = self._follow_yaw(position)
         north, east, down = thrust
         self._attitude_setpoint.publish(
@@ -134,6 +144,17 @@ class PositionControlModule:
                 math.sqrt(north * north + east * east + down * down),
             )
         )
+
+    def _learn_hover(self, position: VehicleLocalPosition, wanted: Motion, dt: float) -> None:
+        """Improve the hover thrust in level flight: while it sinks, the ground may carry it."""
+        land = self._land_detected.value
+        airborne = land is not None and land.landed_state is LandedState.IN_AIR
+        level = abs(wanted.velocity_ned[2]) < _LEVEL_SPEED  # false for NaN
+        if not (airborne and level and self._params.estimates_hover_thrust):
+            return
+        former = self._hover.hover
+        present = self._hover.update(self._last_thrust_up, -position.acceleration_ned[2], dt)
+        self._law.follow_hover(former, present)
 
     def _follow_yaw(self, position: VehicleLocalPosition) -> float:
         """Take over the wanted yaw, keep the former one where none is set; gives the rate."""
@@ -146,6 +167,7 @@ class PositionControlModule:
 
     def _idle(self, position: VehicleLocalPosition) -> None:
         self._law.reset()
+        self._hover.reset(self._params.thrust_hover, _hover_noise(self._params))
         self._yaw = position.heading
         self._attitude_setpoint.publish(
             VehicleAttitudeSetpoint(
@@ -158,6 +180,15 @@ class PositionControlModule:
         self._params = self._registry.read(PositionControlParams)
         self._tilt_air = math.radians(self._params.tilt_max_air_deg)
         self._tilt_ground = math.radians(self._params.tilt_max_ground_deg)
+
+
+def _hover_noise(params: PositionControlParams) -> HoverThrustNoise:
+    return HoverThrustNoise(
+        initial=params.hover_thrust_error,
+        walk=params.hover_thrust_noise,
+        acceleration=_ACCELERATION_NOISE,
+        gate=params.hover_thrust_gate,
+    )
 
 
 def _gains(params: PositionControlParams) -> PositionGains:

@@ -85,3 +85,19 @@ class PositionControlParams:
         "COM_SPOOLUP_TIME", 1.0, unit="s", minimum=0.0, maximum=5.0,
         short="Time that the motors idle after arming before the thrust rises",
     )  # fmt: skip
+    estimates_hover_thrust: int = param(
+        "MPC_USE_HTE", 1, unit="1", minimum=0, maximum=1,
+        short="1 learns the hover thrust in flight, 0 keeps MPC_THR_HOVER",
+    )  # fmt: skip
+    hover_thrust_error: float = param(
+        "HTE_HT_ERR_INIT", 0.05, unit="1", minimum=0.0, maximum=1.0,
+        short="Error of MPC_THR_HOVER, one sigma",
+    )  # fmt: skip
+    hover_thrust_noise: float = param(
+        "HTE_HT_NOISE", 0.0036, unit="1/sqrt(s)", minimum=0.0001, maximum=1.0,
+        short="Random walk of the hover thrust",
+    )  # fmt: skip
+    hover_thrust_gate: float = param(
+        "HTE_ACC_GATE", 3.0, unit="SD", minimum=1.0, maximum=10.0,
+        short="Gate of the acceleration from which the hover thrust is learnt",
+    )  # fmt: skip

@@ -103,6 +103,15 @@ def test_reset_forgets_the_integral() -> None:
     assert controller.integral_ned == ZERO
 
 
+def test_a_new_hover_thrust_does_not_move_the_thrust() -> None:
+    controller = law()
+    for _ in range(50):
+        before = controller.update(REST, REST, THRUST, HOVER, DT)
+    controller.follow_hover(HOVER, 0.3)
+    after = controller.update(REST, REST, THRUST, 0.3, DT)
+    assert after == pytest.approx(before)
+
+
 def test_nothing_unset_reaches_the_thrust() -> None:
     for bits in range(512):
         values = [NAN if bits >> index & 1 else 0.5 for index in range(9)]
