@@ -32,9 +32,13 @@ LAST_WORDS_S: Final = 0.5
 
 _LOG = logging.getLogger(__name__)
 _BEFORE_TAKEOFF: Final = frozenset(
-    {State.UPLOADING, State.VERIFYING, State.SELECTING, State.ARMING, State.STARTING}
+    {State.HOLDING, State.UPLOADING, State.VERIFYING, State.SELECTING, State.ARMING, State.STARTING}
 )
-_AFTER_ACCEPTANCE: Final = {State.SELECTING: Event.SELECTED, State.ARMING: Event.ARMED}
+_AFTER_ACCEPTANCE: Final = {
+    State.HOLDING: Event.HELD,
+    State.SELECTING: Event.SELECTED,
+    State.ARMING: Event.ARMED,
+}
 
 
 class Flight:
@@ -164,6 +168,10 @@ class Flight:
 
     # What a state begins with.
 
+    def _enter_holding(self, now: float, effects: Effects) -> None:
+        ways = self._vehicle.family.holding
+        self._start(activities.commands(ways, self._vehicle), now, effects)
+
     def _enter_uploading(self, now: float, effects: Effects) -> None:
         try:
             self._translate()
@@ -218,7 +226,8 @@ class Flight:
             return
         obstacle = readiness.obstacle(self._vehicle, now, hovering=self._hovering)
         if obstacle is None:
-            self._move(Event.READY, now, effects)
+            flying = self._hovering and bool(self._vehicle.snapshot.armed)
+            self._move(Event.HOVERS if flying else Event.READY, now, effects)
         elif now - self._entered_at >= readiness.WITHIN_S:
             self._fail(f"not ready after {readiness.WITHIN_S:.0f} s: {obstacle}", now, effects)
 
@@ -256,6 +265,7 @@ _Handler: TypeAlias = Callable[[Flight, float, Effects], None]
 
 # The class's own tables, below it because they hold its functions.
 _ENTRIES: Final[Mapping[State, _Handler]] = {
+    State.HOLDING: Flight._enter_holding,  # noqa: SLF001
     State.UPLOADING: Flight._enter_uploading,  # noqa: SLF001
     State.VERIFYING: Flight._enter_verifying,  # noqa: SLF001
     State.SELECTING: Flight._enter_selecting,  # noqa: SLF001

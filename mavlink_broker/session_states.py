@@ -14,6 +14,7 @@ class State(Enum):
     IDLE = auto()  # No mission, or one that waits for the vehicle to come down
     ATTACHING = auto()  # Finding out whether the vehicle flies a mission accepted earlier
     WAITING = auto()  # A mission waits for the vehicle to be heard, placed and ready to arm
+    HOLDING = auto()  # A hovering vehicle leaves its mission mode, lest it fly what arrives
     UPLOADING = auto()  # The mission goes onto the vehicle
     VERIFYING = auto()  # The vehicle proves that it holds the mission
     SELECTING = auto()  # The first item becomes the current one
@@ -31,6 +32,8 @@ class Event(Enum):
     FLYING = auto()
     NOT_STARTED = auto()
     READY = auto()
+    HOVERS = auto()  # Ready, in the air where a mission of ours has left it
+    HELD = auto()
     STORED = auto()
     VERIFIED = auto()
     SELECTED = auto()
@@ -47,8 +50,11 @@ TRANSITIONS: Final[Mapping[tuple[State, Event], State]] = {
     (State.ATTACHING, Event.NOT_STARTED): State.WAITING,
     (State.ATTACHING, Event.FAULT): State.FAILING,
     (State.WAITING, Event.READY): State.UPLOADING,
+    (State.WAITING, Event.HOVERS): State.HOLDING,
     (State.WAITING, Event.FAULT): State.FAILING,
     (State.WAITING, Event.ENDED): State.IDLE,
+    (State.HOLDING, Event.HELD): State.UPLOADING,
+    (State.HOLDING, Event.FAULT): State.FAILING,
     (State.UPLOADING, Event.STORED): State.VERIFYING,
     (State.UPLOADING, Event.REBOOTED): State.WAITING,
     (State.UPLOADING, Event.FAULT): State.FAILING,

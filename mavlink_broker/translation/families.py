@@ -35,6 +35,8 @@ _ARM: Final = CommandLong(
     command=mavlink.MAV_CMD_COMPONENT_ARM_DISARM, parameters=(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 )
 _START: Final = CommandLong(command=mavlink.MAV_CMD_MISSION_START)
+_PAUSE: Final = CommandLong(command=mavlink.MAV_CMD_DO_PAUSE_CONTINUE)
+_PX4_HOLD: Final = _mode(4, 3)
 _PX4_MISSION_MODE: Final = _mode(4, 4)
 _COPTER_AUTO: Final = _mode(3)
 _COPTER_GUIDED: Final = _mode(4)
@@ -56,6 +58,7 @@ class Family:
     """Which of the first four parameters survive storage, per command; all where none is named."""
     arming: Ways = ((_ARM,),)
     starting: Ways = ((_START,),)
+    holding: Ways = ((_PAUSE,),)  # Stay in the air, out of the mission
     busy_pause_s: float = 6.0  # After "busy": the vehicle's own idle timeout and a second
     battery_capacity_parameter: str | None = None  # In mAh
     mode_name: Callable[[int, int], str] = modes.generic_name
@@ -66,6 +69,7 @@ PX4: Final = Family(
     name="px4",
     arming=((_ARM,), (_PX4_MISSION_MODE, _ARM)),
     starting=((_START,), (_PX4_MISSION_MODE,)),
+    holding=((_PX4_HOLD,), (_PAUSE,)),
     battery_capacity_parameter="BAT1_CAPACITY",
     mode_name=modes.px4_name,
     mode_role=modes.px4_role,
@@ -86,6 +90,7 @@ ARDUPILOT: Final = Family(
     },
     arming=((_COPTER_GUIDED, _ARM), (_ARM,)),
     starting=((_START,), (_COPTER_AUTO,)),
+    holding=((_COPTER_GUIDED,), (_PAUSE,)),
     busy_pause_s=9.0,
     battery_capacity_parameter="BATT_CAPACITY",
     mode_name=modes.copter_name,

@@ -193,6 +193,8 @@ class FakeEdgeServer:
 
 class _Handler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
+    wbufsize = -1  # One packet per answer: the second would wait for the first's receipt
+    disable_nagle_algorithm = True
     fake: FakeEdgeServer
 
     def log_message(self, *_: Any) -> None:

@@ -265,6 +265,7 @@ class ScriptedVehicle:
         self.uploads += 1
         self.current = 0
         self.mission_state = mavlink.MISSION_STATE_NOT_STARTED
+        self._begin_if_flying()  # Whoever is in the mission mode flies what it is given
         self._acknowledged = MissionAck(0, 0, mavlink.MAV_MISSION_ACCEPTED, 0, self._plan_id())
         self._final(self._acknowledged)
 
@@ -356,6 +357,9 @@ class ScriptedVehicle:
                 is_copter = self.script.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
                 self.custom_mode = COPTER_AUTO if is_copter else PX4_MISSION
                 self._begin_if_flying()
+                self.heartbeat()
+            case mavlink.MAV_CMD_DO_PAUSE_CONTINUE if message.param1 == 0.0:
+                self.custom_mode = PX4_HOLD
                 self.heartbeat()
             case mavlink.MAV_CMD_DO_SET_MISSION_CURRENT:
                 self._set_current(int(message.param1))

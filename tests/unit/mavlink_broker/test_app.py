@@ -96,9 +96,12 @@ class TestAWholeMission:
         world.run(95.0)
         assert len(world.edge.reports(1201)) == 4
 
-    def test_ending_in_the_air_finishes_on_arrival_and_the_next_begins_there(self) -> None:
+    @FAMILIES
+    def test_ending_in_the_air_finishes_on_arrival_and_the_next_begins_there(
+        self, script: Script
+    ) -> None:
         world = World()
-        vehicle = world.add_vehicle()
+        vehicle = world.add_vehicle(script=script)
         world.edge.plan(mission(takeoff(), waypoint(), go_home(landing=False)))
         world.run_until_over(1201)
         assert world.edge.statuses(1201) == FINISHED
