@@ -51,6 +51,7 @@ class Flight:
         self._vehicle = vehicle
         self._reporter = reporter
         self._hovering = False
+        self._told_to_start = False
         self._activity: Activity | None = None
         self._plan = FlightPlan.empty()
         self._follower: Follower | None = None
@@ -61,9 +62,11 @@ class Flight:
         self._fault: tuple[str, int | None] = ("", None)
 
     @property
-    def ends_in_the_air(self) -> bool:
-        """Whether the vehicle is left hovering after a finished mission."""
-        return self.ledger.status == Status.FINISHED and not self._plan.ends_on_ground
+    def leaves_hovering(self) -> bool:
+        """Whether the vehicle hovers afterwards: at the end, or still where it did before."""
+        if self.ledger.status == Status.FINISHED:
+            return not self._plan.ends_on_ground
+        return self._hovering and not self._told_to_start
 
     def is_expired(self, now: float) -> bool:
         """Whether it may not be begun any more."""
@@ -192,6 +195,7 @@ class Flight:
         self._start(activities.commands(ways, self._vehicle), now, effects)
 
     def _enter_starting(self, now: float, effects: Effects) -> None:
+        self._told_to_start = True
         ways = self._vehicle.family.starting
         self._start(activities.commands(ways, self._vehicle), now, effects)
 

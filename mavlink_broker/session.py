@@ -129,7 +129,7 @@ class Session:
 
     def _close_flight(self) -> None:
         if self._flight is not None and self._flight.state is State.IDLE:
-            self._hovering = self._flight.ends_in_the_air
+            self._hovering = self._flight.leaves_hovering
             self._flight = None
 
     def _watch_hover(self) -> None:

@@ -111,6 +111,21 @@ class TestAWholeMission:
         assert world.edge.statuses(1202) == FINISHED
         assert not vehicle.airborne
 
+    def test_a_refusal_in_the_air_leaves_the_vehicle_to_the_next_mission(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle()
+        world.edge.plan(mission(takeoff(), waypoint(), go_home(landing=False)))
+        world.run_until_over(1201)
+        vehicle.script = dataclasses.replace(PX4, refused_item=2)
+        world.edge.plan(first_flight(mission_id=1202))
+        world.run_until_over(1202)
+        assert world.edge.status(1202) == Status.FAILED
+        assert vehicle.airborne
+        vehicle.script = PX4
+        world.edge.plan(first_flight(mission_id=1203))
+        world.run_until_over(1203)
+        assert world.edge.statuses(1203) == FINISHED
+
     def test_landing_at_a_point_finishes_on_the_ground(self) -> None:
         world = World()
         vehicle = world.add_vehicle()

@@ -1,23 +1,33 @@
 """The broker as a process: it starts before everything else, and stops cleanly."""
 
+import dataclasses
 import os
+import select
 import signal
 import socket
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from afarcloud.enumerations import Status
+from tests.support.broker_world import first_flight
+from tests.support.fake_edge import FakeEdgeServer
+from tests.support.scripted_vehicle import PX4, ScriptedVehicle
+
 ROOT = Path(__file__).parents[3]
-LISTENING = "listening on UDP"
+LISTENING = "listening on UDP "
+PATIENCE_S = 60.0
 
 
-def start(port: int, state: Path) -> subprocess.Popen[str]:
+def start(port: int, state: Path, edge_url: str = "http://127.0.0.1:9") -> subprocess.Popen[str]:
     environment = os.environ | {
         "STATE_DIR": str(state),
         "MAVLINK_PORT": str(port),
-        "EDGE_URL": "http://127.0.0.1:9",
+        "EDGE_URL": edge_url,
     }
     return subprocess.Popen(
         [sys.executable, "-m", "mavlink_broker"],
@@ -28,9 +38,24 @@ def start(port: int, state: Path) -> subprocess.Popen[str]:
     )
 
 
-def wait_until_listening(process: subprocess.Popen[str]) -> None:
+def wait_until_listening(process: subprocess.Popen[str]) -> int:
+    """Give the port that it listens on."""
     assert process.stderr is not None
-    assert any(LISTENING in line for line in process.stderr)
+    line = next(line for line in process.stderr if LISTENING in line)
+    return int(line.split(LISTENING)[1].split(",")[0])
+
+
+def fly(vehicle: ScriptedVehicle, port: int, is_over: Callable[[], bool]) -> None:
+    """Let a vehicle live on a real socket in real time."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own:
+        own.bind(("127.0.0.1", 0))
+        end = time.monotonic() + PATIENCE_S
+        while not is_over():
+            assert time.monotonic() < end, "the mission does not end"
+            if select.select([own], [], [], 0.005)[0]:
+                vehicle.receive(own.recv(2048), time.monotonic())
+            for frame in vehicle.step(time.monotonic()):
+                own.sendto(frame, ("127.0.0.1", port))
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -49,3 +74,21 @@ def test_a_busy_port_is_one_sentence_and_status_2(tmp_path: Path) -> None:
             _, errors = process.communicate(timeout=20)
     assert process.returncode == 2
     assert errors == f"mavlink_broker: UDP port {port} is in use by another program\n"
+
+
+def test_it_flies_a_mission_between_a_real_socket_and_real_http(tmp_path: Path) -> None:
+    key = tmp_path / "keys" / "broker.key"
+    script = dataclasses.replace(PX4, item_time_s=0.05)
+    vehicle = ScriptedVehicle(1, script, booted_at=time.monotonic())
+    with FakeEdgeServer(0, "secret").running() as server, start(0, tmp_path, server.url) as broker:
+        port = wait_until_listening(broker)
+        key.parent.mkdir()
+        key.write_text("secret")
+        server.plan(first_flight())
+        fly(vehicle, port, lambda: server.edge.status(1201) == Status.FINISHED)
+        broker.send_signal(signal.SIGTERM)
+        assert broker.wait(timeout=20) == 0
+    assert server.edge.statuses(1201) == [Status.FINISHED] * 3
+    assert vehicle.uploads == 1
+    keys = [key for path, key in server.keys_seen if path == "/pose/"]
+    assert len(set(keys)) == len(keys) == 3
