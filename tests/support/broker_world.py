@@ -6,12 +6,19 @@ from datetime import UTC, datetime, timedelta
 from itertools import count
 from typing import Any
 
+import pytest
+
+from afarcloud.enumerations import Status
 from mavlink_broker.app import App
 from mavlink_broker.config import Config
+from mavlink_broker.dialect import mavlink
 from mavlink_broker.link import Address
 from tests.support.fake_edge import FakeEdge
-from tests.support.scripted_vehicle import HOME, PX4, Script, ScriptedVehicle
+from tests.support.scripted_vehicle import ARDUPILOT, HOME, PX4, Script, ScriptedVehicle
 
+GENERIC = Script(autopilot=mavlink.MAV_AUTOPILOT_GENERIC)
+FAMILIES = pytest.mark.parametrize("script", [PX4, ARDUPILOT, GENERIC])
+FINISHED = [Status.FINISHED] * 3
 EPOCH = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
 TICK_S = 0.02
 
@@ -87,6 +94,12 @@ class World:
         self.air.vehicles["192.0.2.1", 14580 + system] = vehicle
         return vehicle
 
+    @property
+    def only_vehicle(self) -> ScriptedVehicle:
+        """The vehicle of a world that has one."""
+        (vehicle,) = self.air.vehicles.values()
+        return vehicle
+
     def run(self, seconds: float) -> None:
         """Let so much time pass."""
         end = self.clock.now + seconds
@@ -141,3 +154,12 @@ def mission(*commands: dict[str, Any], mission_id: int = 1201, vehicle_id: int =
 def first_flight(mission_id: int = 1201, vehicle_id: int = 1) -> Any:
     """Take-off, one waypoint, home."""
     return mission(takeoff(), waypoint(), go_home(), mission_id=mission_id, vehicle_id=vehicle_id)
+
+
+def flying_world(script: Script = PX4) -> World:
+    """A world whose one vehicle has just been reported to fly."""
+    world = World()
+    world.add_vehicle(script=script)
+    world.edge.plan(first_flight())
+    world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+    return world

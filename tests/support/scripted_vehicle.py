@@ -2,27 +2,14 @@
 
 It flies by the clock: every item takes a while, a landing ends on the ground and disarmed. It
 knows nothing of the broker but its frames. Time is simulated; bytes in, bytes out.
-
-What the scripts follow: PX4's `mavlink_mission.cpp` (atomic store, an id over the items, a
-repeated last item acknowledged again, MISSION_ERROR when busy) and ArduPilot's
-`MissionItemProtocol.cpp` (item 0 is home, float requests, items written one by one, no ids).
 """
 
 import math
-import zlib
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Any
 
-from mavlink_broker.dialect import (
-    Decoder,
-    Encoder,
-    Message,
-    MissionAck,
-    MissionCount,
-    MissionCurrent,
-    mavlink,
-)
+from mavlink_broker.dialect import Decoder, Encoder, Message, MissionCurrent, mavlink
+from tests.support.scripted_missions import ARDUPILOT, PX4, Script, ScriptedMissions
+
+__all__ = ["ARDUPILOT", "PX4", "Script", "ScriptedVehicle"]
 
 HOME = (40.44340, -3.73820, 650.0)
 PX4_HOLD = 4 << 16 | 3 << 24
@@ -32,57 +19,20 @@ PX4_POSITION = 3 << 16
 COPTER_GUIDED = 4
 COPTER_AUTO = 3
 
-_REPEAT_REQUEST_S = 0.25
-_IDLE_TRANSFER_S = 5.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Script:
-    """How this vehicle differs from a well-behaved one."""
-
-    autopilot: int = mavlink.MAV_AUTOPILOT_PX4
-    vehicle_type: int = mavlink.MAV_TYPE_QUADROTOR
-    gives_ids: bool = True
-    home_is_item_0: bool = False
-    float_requests: bool = False
-    forgets_parameters: bool = False  # Keeps of a waypoint nothing but its hold time
-    lost_acknowledgements: int = 0  # The first so many final MISSION_ACK are not sent
-    busy_for_s: float = 0.0  # Answers MISSION_COUNT with MISSION_ERROR
-    refused_item: int | None = None  # Answered by INVALID_PARAM3
-    corrupts_item: int | None = None  # Stored at another altitude
-    results: Mapping[int, int] = field(default_factory=dict)  # MAV_RESULT per command
-    ready_to_arm_after_s: float = 0.0
-    complaint: str = ""  # STATUSTEXT that goes with a refusal
-    item_time_s: float = 2.0
-    tells_reached: bool = True
-    has_home: bool = True
-    battery_capacity_mah: float | None = 4200.0
-    ignores_start: bool = False
-
-
-PX4 = Script()
-ARDUPILOT = Script(
-    autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
-    gives_ids=False,
-    home_is_item_0=True,
-    float_requests=True,
-    forgets_parameters=True,
-)
-
 
 class ScriptedVehicle:
     """One vehicle."""
 
     def __init__(self, system: int, script: Script = PX4, *, booted_at: float = 0.0) -> None:
         self.system = system
-        self.script = script
+        self.missions = ScriptedMissions(script, self._send, self._mission_stored)
+        self.missions.busy_until = booted_at + script.busy_for_s
+        self.missions.complain = self._complain
         self.armed = False
         self.airborne = False
         self.custom_mode = PX4_HOLD if script.autopilot == mavlink.MAV_AUTOPILOT_PX4 else 0
-        self.items: list[Message] = []
         self.current = 0
         self.mission_state = mavlink.MISSION_STATE_NO_MISSION
-        self.uploads = 0
         self.commands: list[int] = []
         self.parameters: list[tuple[int, tuple[float, ...]]] = []
         self.silent = False
@@ -92,14 +42,31 @@ class ScriptedVehicle:
         self._decoder = Decoder()
         self._encoder = Encoder(system, 1)
         self._outbox: list[bytes] = []
-        self._transfer: dict[int, Message] = {}
-        self._transfer_count = 0
-        self._asked_at = 0.0
-        self._progress_at = 0.0
-        self._acknowledged: Message | None = None
-        self._lost_acknowledgements = script.lost_acknowledgements
         self._item_began_at = 0.0
         self._next = {"heartbeat": booted_at, "telemetry": booted_at}
+
+    @property
+    def script(self) -> Script:
+        """How it behaves; may be changed at any time."""
+        return self.missions.script
+
+    @script.setter
+    def script(self, script: Script) -> None:
+        self.missions.script = script
+
+    @property
+    def items(self) -> list[Message]:
+        """The stored mission."""
+        return self.missions.items
+
+    @items.setter
+    def items(self, items: list[Message]) -> None:
+        self.missions.items = items
+
+    @property
+    def uploads(self) -> int:
+        """How many missions were stored."""
+        return self.missions.uploads
 
     # The world's side.
 
@@ -108,13 +75,14 @@ class ScriptedVehicle:
         self._now = now
         for message in self._decoder.decode(datagram):
             if getattr(message, "target_system", self.system) in {0, self.system}:
+                self.missions.handle(message, now)
                 self._handle(message)
 
     def step(self, now: float) -> list[bytes]:
         """Let time pass; gives the frames to send."""
         self._now = now
         self._fly()
-        self._ask_again()
+        self.missions.tick(now)
         if now >= self._next["heartbeat"]:
             self._next["heartbeat"] = now + 1.0
             self.heartbeat()
@@ -129,7 +97,7 @@ class ScriptedVehicle:
         self.armed = self.airborne = False
         self._booted_at = now
         self._next = {"heartbeat": now, "telemetry": now}
-        self._transfer_count = 0
+        self.missions.drop_transfer()
         self.mission_state = mavlink.MISSION_STATE_NOT_STARTED
         self.current = 0
 
@@ -197,133 +165,35 @@ class ScriptedVehicle:
             len(self.items),
             self.mission_state,
             1 if self.in_mission else 2,
-            self._plan_id(),
+            self.missions.plan_id,
         )
 
-    def _plan_id(self) -> int:
-        if not self.script.gives_ids or not self.items:
-            return 0
-        text = repr([_fields(item) for item in self.items])
-        return zlib.crc32(text.encode()) or 1
-
-    # The mission protocol.
+    # Commands and parameters.
 
     def _handle(self, message: Message) -> None:
-        handlers: Mapping[str, Callable[[Message], None]] = {
-            "MISSION_COUNT": self._count,
-            "MISSION_ITEM_INT": self._item,
-            "MISSION_REQUEST_LIST": self._list,
-            "MISSION_REQUEST_INT": self._request,
-            "MISSION_SET_CURRENT": lambda m: self._set_current(m.seq),
-            "COMMAND_LONG": self._command,
-            "PARAM_REQUEST_READ": self._parameter,
-        }
-        handler = handlers.get(message.get_type())
-        if handler is not None:
-            handler(message)
+        match message.get_type():
+            case "COMMAND_LONG":
+                self._command(message)
+            case "PARAM_REQUEST_READ":
+                self._parameter(message)
+            case "MISSION_SET_CURRENT":
+                self._set_current(message.seq)
 
-    def _count(self, message: Message) -> None:
-        if self._now - self._booted_at < self.script.busy_for_s:
-            self._acknowledge(mavlink.MAV_MISSION_ERROR)
-            return
-        self._transfer = {}
-        self._transfer_count = message.count
-        self._acknowledged = None
-        self._progress_at = self._now
-        self._ask()
-
-    def _item(self, message: Message) -> None:
-        if self._transfer_count == 0:
-            if self._acknowledged is not None and message.seq == len(self.items) - 1:
-                self._final(self._acknowledged)
-            return
-        if message.seq != len(self._transfer):
-            self._ask()
-            return
-        if message.seq == self.script.refused_item:
-            self._transfer_count = 0
-            self._complain()
-            self._acknowledge(mavlink.MAV_MISSION_INVALID_PARAM3)
-            return
-        self._transfer[message.seq] = self._stored(message)
-        self._progress_at = self._now
-        if len(self._transfer) < self._transfer_count:
-            self._ask()
-        else:
-            self._complete()
-
-    def _stored(self, message: Message) -> Message:
-        if message.seq == self.script.corrupts_item:
-            message.z += 5.0
-        if self.script.forgets_parameters and message.command == mavlink.MAV_CMD_NAV_WAYPOINT:
-            message.param2 = message.param3 = message.param4 = 0.0
-        return message
-
-    def _complete(self) -> None:
-        self.items = [self._transfer[seq] for seq in sorted(self._transfer)]
-        self._transfer_count = 0
-        self.uploads += 1
+    def _mission_stored(self) -> None:
         self.current = 0
         self.mission_state = mavlink.MISSION_STATE_NOT_STARTED
         self._begin_if_flying()  # Whoever is in the mission mode flies what it is given
-        self._acknowledged = MissionAck(0, 0, mavlink.MAV_MISSION_ACCEPTED, 0, self._plan_id())
-        self._final(self._acknowledged)
-
-    def _final(self, acknowledgement: Message) -> None:
-        if self._lost_acknowledgements > 0:
-            self._lost_acknowledgements -= 1
-            return
-        self._send(acknowledgement)
-
-    def _ask(self) -> None:
-        self._asked_at = self._now
-        kind = (
-            mavlink.MAVLink_mission_request_message
-            if self.script.float_requests
-            else mavlink.MAVLink_mission_request_int_message
-        )
-        self._send(kind(0, 0, len(self._transfer)))
-
-    def _ask_again(self) -> None:
-        if self._transfer_count == 0:
-            return
-        if self._now - self._progress_at > _IDLE_TRANSFER_S:
-            self._transfer_count = 0
-        elif self._now - self._asked_at >= _REPEAT_REQUEST_S:
-            self._ask()
-
-    def _list(self, message: Message) -> None:
-        del message
-        self._send(MissionCount(0, 0, len(self.items), 0, self._plan_id()))
-
-    def _request(self, message: Message) -> None:
-        if message.seq < len(self.items):
-            item = self.items[message.seq]
-            item.target_system = item.target_component = 0
-            self._send(item)
-        else:
-            self._acknowledge(mavlink.MAV_MISSION_INVALID_SEQUENCE)
-
-    def _acknowledge(self, result: int) -> None:
-        self._send(MissionAck(0, 0, result))
 
     def _set_current(self, seq: int) -> None:
         self.current = seq
         self._send(self._mission_current())
 
     def _parameter(self, message: Message) -> None:
-        if self.script.battery_capacity_mah is not None:
-            self._send(
-                mavlink.MAVLink_param_value_message(
-                    message.param_id.encode(),
-                    self.script.battery_capacity_mah,
-                    mavlink.MAV_PARAM_TYPE_REAL32,
-                    1,
-                    0,
-                )
-            )
-
-    # Commands.
+        capacity_mah = self.script.battery_capacity_mah
+        if capacity_mah is not None:
+            kind = mavlink.MAV_PARAM_TYPE_REAL32
+            name = message.param_id.encode()
+            self._send(mavlink.MAVLink_param_value_message(name, capacity_mah, kind, 1, 0))
 
     def _command(self, message: Message) -> None:
         values = tuple(getattr(message, f"param{i}") for i in range(1, 8))
@@ -420,8 +290,3 @@ class ScriptedVehicle:
 
     def _send(self, message: Message) -> None:
         self._outbox.append(self._encoder.encode(message))
-
-
-def _fields(item: Message) -> list[Any]:
-    names = ("frame", "command", "param1", "param2", "param3", "param4", "x", "y", "z")
-    return [getattr(item, name) for name in names]

@@ -1,0 +1,188 @@
+"""Whole missions by the whole broker, and what one must wait for, in simulated time."""
+
+import dataclasses
+
+from afarcloud.enumerations import Status
+from mavlink_broker.dialect import mavlink
+from tests.support.broker_world import (
+    FAMILIES,
+    FINISHED,
+    World,
+    first_flight,
+    flying_world,
+    go_home,
+    land,
+    mission,
+    takeoff,
+    waypoint,
+)
+from tests.support.scripted_vehicle import ARDUPILOT, PX4, Script
+
+RESULT_PATHS = frozenset({"/pose/", "/battery/", "/mission_report/"})
+
+
+class TestAWholeMission:
+    @FAMILIES
+    def test_is_flown_and_every_command_reported(self, script: Script) -> None:
+        world = World()
+        world.add_vehicle(script=script)
+        work = world.edge.plan(first_flight())
+        world.run_until_over(1201)
+        assert world.edge.status(1201) == Status.FINISHED
+        assert world.edge.statuses(1201) == FINISHED
+        assert world.edge.acknowledgements(work) == [{"status": "accepted"}]
+        assert len(world.edge.bodies("/pose/")) == 3
+        assert len(world.edge.bodies("/battery/")) == 3
+
+    @FAMILIES
+    def test_survives_a_link_that_loses_a_fifth_each_way(self, script: Script) -> None:
+        for seed in range(3):
+            world = World(loss=0.2, seed=seed)
+            vehicle = world.add_vehicle(script=script)
+            world.run(5.0)
+            world.edge.plan(first_flight())
+            world.run_until_over(1201)
+            assert world.edge.statuses(1201) == FINISHED
+            assert vehicle.commands.count(mavlink.MAV_CMD_MISSION_START) >= 1
+
+    def test_reports_running_first_and_only_one_terminal_status(self) -> None:
+        world = flying_world()
+        world.run_until_over(1201)
+        world.run(60.0)
+        statuses = [r["mission_status_id"] for r in world.edge.reports(1201)]
+        assert statuses[0] == Status.RUNNING
+        assert statuses.count(Status.FINISHED) == 1
+        assert statuses == sorted(statuses)
+
+    def test_posts_pose_and_battery_before_the_report_of_a_finished_command(self) -> None:
+        world = flying_world()
+        world.run_until_over(1201)
+        told = [p.path for p in world.edge.posts if p.path in RESULT_PATHS]
+        one = ["/pose/", "/battery/", "/mission_report/"]
+        assert told == ["/mission_report/", *one, *one, *one]
+
+    @pytest.mark.parametrize("lost", [1, 2, 100])
+    @pytest.mark.parametrize("script", [PX4, ARDUPILOT])
+    def test_survives_lost_final_acknowledgements(self, script: Script, lost: int) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=dataclasses.replace(script, lost_acknowledgements=lost))
+        world.edge.plan(first_flight())
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+        assert vehicle.uploads == 1
+
+    def test_waits_for_a_vehicle_that_is_busy_with_another_transfer(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=dataclasses.replace(PX4, busy_for_s=8.0))
+        world.edge.plan(first_flight())
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+        assert vehicle.uploads == 1
+
+    def test_needs_no_item_reached_messages(self) -> None:
+        world = flying_world(dataclasses.replace(PX4, tells_reached=False))
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+
+    def test_is_reported_every_thirty_seconds_although_nothing_changes(self) -> None:
+        world = flying_world(dataclasses.replace(PX4, item_time_s=100.0))
+        world.run(95.0)
+        assert len(world.edge.reports(1201)) == 4
+
+    @FAMILIES
+    def test_ending_in_the_air_finishes_on_arrival_and_the_next_begins_there(
+        self, script: Script
+    ) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=script)
+        world.edge.plan(mission(takeoff(), waypoint(), go_home(landing=False)))
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+        assert vehicle.airborne
+        world.edge.plan(first_flight(mission_id=1202))
+        world.run_until_over(1202)
+        assert world.edge.statuses(1202) == FINISHED
+        assert not vehicle.airborne
+
+    def test_a_refusal_in_the_air_leaves_the_vehicle_to_the_next_mission(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle()
+        world.edge.plan(mission(takeoff(), waypoint(), go_home(landing=False)))
+        world.run_until_over(1201)
+        vehicle.script = dataclasses.replace(PX4, refused_item=2)
+        world.edge.plan(first_flight(mission_id=1202))
+        world.run_until_over(1202)
+        assert world.edge.status(1202) == Status.FAILED
+        assert vehicle.airborne
+        vehicle.script = PX4
+        world.edge.plan(first_flight(mission_id=1203))
+        world.run_until_over(1203)
+        assert world.edge.statuses(1203) == FINISHED
+
+    def test_landing_at_a_point_finishes_on_the_ground(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle()
+        world.edge.plan(mission(takeoff(), waypoint(), land()))
+        world.run_until(lambda: vehicle.airborne)
+        world.run_until(lambda: not vehicle.armed)
+        world.run_until_over(1201, within_s=5.0)
+        assert world.edge.statuses(1201) == FINISHED
+
+
+class TestWaiting:
+    def test_for_a_vehicle_to_be_ready_to_arm(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=dataclasses.replace(PX4, ready_to_arm_after_s=20.0))
+        world.edge.plan(first_flight())
+        world.run(15.0)
+        assert vehicle.uploads == 0
+        world.run_until_over(1201)
+        assert world.edge.status(1201) == Status.FINISHED
+
+    def test_in_vain_fails_with_the_vehicles_last_words(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=dataclasses.replace(PX4, ready_to_arm_after_s=1e6))
+        world.edge.plan(first_flight())
+        world.run(30.0)
+        vehicle.say("Preflight Fail: no GPS")
+        world.run_until_over(1201, within_s=40.0)
+        assert world.edge.reports(1201)[-1]["message"] == (
+            "not ready after 60 s: it is not ready to arm (Preflight Fail: no GPS)"
+        )
+
+    def test_for_a_home_that_is_never_told_ends_too(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=dataclasses.replace(PX4, has_home=False))
+        world.edge.plan(first_flight())
+        world.run_until_over(1201, within_s=70.0)
+        assert "its home is not known" in world.edge.reports(1201)[-1]["message"]
+        assert vehicle.uploads == 0
+
+    def test_for_a_vehicle_that_is_never_heard_ends_too(self) -> None:
+        world = World()
+        world.edge.plan(first_flight(vehicle_id=9))
+        world.run_until_over(1201, within_s=70.0)
+        assert world.edge.status(1201) == Status.FAILED
+        assert "not heard" in world.edge.reports(1201)[-1]["message"]
+
+    def test_missions_of_one_vehicle_fly_one_after_the_other(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle()
+        first, second = first_flight(1), first_flight(2)
+        world.edge.plan(first)
+        world.edge.plan(second)
+        world.run_until_over(1)
+        assert world.edge.status(2) is None
+        world.run_until_over(2)
+        assert vehicle.uploads == 2
+        assert world.edge.statuses(2) == FINISHED
+
+    def test_past_its_expiry_aborts_a_mission(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=dataclasses.replace(PX4, ready_to_arm_after_s=50.0))
+        world.edge.plan(first_flight(), expires_at="2026-11-21T08:00:30Z")
+        world.run_until_over(1201, within_s=40.0)
+        assert world.edge.status(1201) == Status.ABORTED
+        assert world.edge.statuses(1201) == [Status.ABORTED] * 3
+        world.run(60.0)
+        assert vehicle.uploads == 0
