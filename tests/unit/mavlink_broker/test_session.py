@@ -2,6 +2,8 @@
 
 import dataclasses
 
+import pytest
+
 from afarcloud.enumerations import Status
 from mavlink_broker.dialect import mavlink
 from tests.support.broker_world import (
