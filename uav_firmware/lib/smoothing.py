@@ -7,7 +7,7 @@ Three kinds of `motion.Piece` are enough:
   within a time T. It begins and ends v T / 2 from the waypoint, without acceleration, and
   misses the waypoint by 3/32 v T |u2 - u1| at its middle. Acceleration is at most
   3/2 v |u2 - u1| / T and jerk at most 6 v |u2 - u1| / T^2, which gives v in closed form;
-* from any motion to rest, `motion.stop_piece`.
+* from any motion to rest, `motion.stop_piece`, or into a leg, `motion.bend_piece`.
 
 Frames: NED, SI.
 """
@@ -17,7 +17,15 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from uav_firmware.lib import speed_profile
-from uav_firmware.lib.motion import MotionLimits, MotionState, Piece, along, straight_pieces
+from uav_firmware.lib.motion import (
+    MotionLimits,
+    MotionState,
+    Piece,
+    along,
+    bend_piece,
+    stop_piece,
+    straight_pieces,
+)
 from uav_firmware.lib.vector import ZERO, dot, norm, scale, subtract
 from uav_firmware.msg.vectors import Vector3
 
@@ -25,6 +33,11 @@ _SHORTEST_LEG_M = 1e-3  # below it a leg has no direction
 _STRAIGHT = 1e-6  # |u2 - u1| below which a waypoint needs no turn
 _SHARE_OF_LEG = 0.45  # of a leg that the turn at either end may cut off
 _SLOWEST_TURN = 0.1  # [m/s] a slower turn is flown as a stop
+_JOINING_SHARES = (1.0, 0.7, 0.45)  # of a leg's speed limit, tried as the speed to join it at
+_AIMINGS = 6  # corrections of the direction in which a leg is joined
+_AIMED = 1e-6  # change of that direction at which it is found
+_BEND_SAMPLES = 8  # moments at which a bend is held to its limits
+_SLACK = 1.001
 
 
 class Waypoint(NamedTuple):
@@ -136,6 +149,65 @@ def plan_leg(
         return Leg(straight, (), turn.speed)
     corner = _turn_piece(waypoints[0].position, direction, course.directions[1], turn)
     return Leg(straight, (corner,), turn.speed)
+
+
+def join(state: MotionState, waypoints: Sequence[Waypoint]) -> tuple[Piece, Leg] | None:
+    """Bend from any motion into the leg to the first of `waypoints`, without a stop between.
+
+    Returns:
+        The bend and the leg from its end, the quickest of a few; None when coming to rest
+        first is as quick, or no bend keeps to the limits.
+    """
+    stop = stop_piece(state, waypoints[0].limits)
+    if stop is None:
+        return None
+    from_rest = plan_leg(stop.end().position, 0.0, waypoints)
+    best: tuple[Piece, Leg] | None = None
+    shortest = stop.duration + (_duration(from_rest) if from_rest is not None else math.inf)
+    for share in _JOINING_SHARES:
+        bend = _bend_towards(state, waypoints[0], share)
+        if bend is None:
+            continue
+        end = bend.end()
+        leg = plan_leg(end.position, norm(end.velocity), waypoints)
+        if leg is not None and bend.duration + _duration(leg) < shortest:
+            best, shortest = (bend, leg), bend.duration + _duration(leg)
+    return best
+
+
+def _duration(leg: Leg) -> float:
+    return sum(piece.duration for piece in (*leg.straight, *leg.turn))
+
+
+def _bend_towards(state: MotionState, waypoint: Waypoint, share: float) -> Piece | None:
+    """Bend whose end heads straight for a waypoint, at a share of the speed allowed."""
+    direction, distance = _direction(state.position, waypoint.position)
+    for _ in range(_AIMINGS):
+        if distance == 0.0:
+            return None
+        speed = share * along(direction, waypoint.limits).speed
+        bend = bend_piece(state, scale(direction, speed), waypoint.limits)
+        before = direction
+        direction, distance = _direction(bend.end().position, waypoint.position)
+        if norm(subtract(direction, before)) < _AIMED:
+            return bend if _keeps_to(bend, waypoint.limits) else None
+    return None
+
+
+def _keeps_to(bend: Piece, limits: MotionLimits) -> bool:
+    """Whether a bend stays within speeds and accelerations, or within those that it begins at."""
+    top = math.hypot(*bend.velocity[:2])
+    climb, sink = max(0.0, -bend.velocity[2]), max(0.0, bend.velocity[2])
+    for index in range(1, _BEND_SAMPLES + 1):
+        _, velocity, acceleration = bend.at(bend.duration * index / _BEND_SAMPLES)
+        if not (
+            math.hypot(*velocity[:2]) <= _SLACK * max(limits.speed_horizontal, top)
+            and -velocity[2] <= _SLACK * max(limits.speed_up, climb)
+            and velocity[2] <= _SLACK * max(limits.speed_down, sink)
+            and math.hypot(*acceleration[:2]) <= _SLACK * limits.acceleration_horizontal
+        ):
+            return False
+    return True
 
 
 def _first_turn(

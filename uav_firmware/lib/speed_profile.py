@@ -102,3 +102,10 @@ def release(acceleration: float, limits: Limits) -> list[Phase]:
     if duration <= _SHORTEST:
         return []
     return [Phase(duration, -math.copysign(limits.jerk, acceleration))]
+
+
+def cruise_for(distance: float, limits: Limits) -> list[Phase]:
+    """Fastest profile from rest over `distance` [m] to rest; over an infinite one, for ever."""
+    if math.isfinite(distance):
+        return plan(distance, 0.0, 0.0, limits) or []
+    return [*_change_phases(0.0, limits.speed, limits), Phase(math.inf, 0.0)]

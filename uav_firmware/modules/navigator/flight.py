@@ -115,7 +115,7 @@ class Flight:
         return Waypoint(position, 0.0, self.limits())
 
     def fly(self, *route: Waypoint) -> None:
-        """Fly a route from rest."""
+        """Fly a route from the present motion."""
         self.path.fly(route, self.limits())
 
     def hold(self) -> None:

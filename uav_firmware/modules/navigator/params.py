@@ -15,7 +15,7 @@ class NavigatorParams:
         short="Horizontal speed in missions and modes, unless a command changes it",
     )  # fmt: skip
     acceleration_horizontal: float = param(
-        "MPC_ACC_HOR", 4.0, unit="m/s^2", minimum=0.5, maximum=8.0,
+        "MPC_ACC_HOR", 5.0, unit="m/s^2", minimum=0.5, maximum=8.0,
         short="Horizontal acceleration of the trajectory",
     )  # fmt: skip
     acceleration_up: float = param(
@@ -27,7 +27,7 @@ class NavigatorParams:
         short="Downward acceleration of the trajectory",
     )  # fmt: skip
     jerk: float = param(
-        "MPC_JERK_AUTO", 12.0, unit="m/s^3", minimum=1.0, maximum=80.0,
+        "MPC_JERK_AUTO", 25.0, unit="m/s^3", minimum=1.0, maximum=80.0,
         short="Jerk of the trajectory",
     )  # fmt: skip
     climb_speed: float = param(

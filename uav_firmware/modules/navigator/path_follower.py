@@ -1,7 +1,7 @@
 """Moves the set-point along a route of waypoints, leg by leg.
 
-A new route never bends the present motion: the set-point first comes to rest, then flies the
-route. Only `reshape` keeps moving, and only for the leg that it is on.
+A new route is joined from the present motion by a bend where that is safe and saves time, else
+the set-point first comes to rest. `reshape` keeps to the leg that it is on.
 """
 
 import math
@@ -9,14 +9,16 @@ from collections.abc import Sequence
 
 from uav_firmware.lib import speed_profile
 from uav_firmware.lib.motion import (
+    Arc,
     MotionLimits,
     MotionState,
-    Piece,
+    Stretch,
     along,
+    arcs,
     stop_piece,
     straight_pieces,
 )
-from uav_firmware.lib.smoothing import Leg, Waypoint, plan_leg
+from uav_firmware.lib.smoothing import Leg, Waypoint, join, plan_leg
 from uav_firmware.lib.vector import ZERO, dot, norm, scale
 from uav_firmware.msg.vectors import Vector3
 
@@ -35,8 +37,9 @@ class PathFollower:
         self._leg_index = 0  # Waypoint that the present pieces lead to
         self._leg: Leg | None = None
         self._origin: Vector3 = ZERO  # Where the line of the present leg began
-        self._pieces: list[Piece] = []
+        self._pieces: list[Stretch] = []
         self._time = 0.0  # [s] Within the first piece
+        self._joining = False  # The first piece bends to the line of the first leg
 
     @property
     def resting(self) -> bool:
@@ -46,7 +49,8 @@ class PathFollower:
     @property
     def sinking(self) -> bool:
         """Whether the set-point sinks at a steady speed, for ever."""
-        return bool(self._pieces) and math.isinf(self._pieces[0].duration)
+        piece = self._pieces[0] if self._pieces else None
+        return piece is not None and math.isinf(piece.duration) and not isinstance(piece, Arc)
 
     def rest_point(self, limits: MotionLimits) -> Vector3:
         """Where the set-point would come to rest [m]."""
@@ -60,12 +64,42 @@ class PathFollower:
 
     def stop(self, limits: MotionLimits) -> None:
         """Come to rest as soon as the limits allow."""
-        self.fly((), limits)
+        piece = stop_piece(self.state, limits)
+        self._follow((), [piece] if piece is not None else [])
 
     def fly(self, route: Sequence[Waypoint], limits: MotionLimits) -> None:
-        """Come to rest if moving, then fly a route; its last waypoint is a stop."""
-        piece = stop_piece(self.state, limits)
-        self._follow(tuple(route), [piece] if piece is not None else [])
+        """Fly a route, from the present motion; its last waypoint is a stop."""
+        self.stop(limits)
+        self._route = tuple(route)
+        if not self._pieces or not route:
+            return
+        joined = join(self.state, self._ahead())
+        if joined is not None:
+            bend, leg = joined
+            self._take(leg)
+            self._origin, self._joining = bend.end().position, True
+            self._pieces.insert(0, bend)
+
+    def circle(
+        self,
+        centre: Vector3,
+        radius: float,
+        angle: float,
+        speed: speed_profile.Limits,
+    ) -> None:
+        """Fly a level circle from the point of it that the set-point rests on.
+
+        Args:
+            centre: of the circle [m]; the set-point's height is kept.
+            radius: [m] positive clockwise seen from above.
+            angle: to fly [rad]; infinite for ever, else it ends at rest.
+            speed: limits along the circle; its speed is the cruising speed.
+        """
+        north, east, down = self.state.position
+        bearing = math.atan2(east - centre[1], north - centre[0])
+        phases = speed_profile.cruise_for(angle * abs(radius), speed)
+        level = (centre[0], centre[1], down)
+        self._follow((), list(arcs(level, radius, bearing, phases)))
 
     def descend(self, distance: float, end_speed: float, limits: MotionLimits) -> None:
         """Go down `distance` [m] as the limits allow, then sink at `end_speed` for ever.
@@ -90,6 +124,9 @@ class PathFollower:
         self._route = tuple(route)
         leg, ahead = self._leg, self._ahead()
         if leg is None or not ahead or len(self._pieces) <= len(leg.turn):
+            return
+        if self._joining:
+            self.fly(route, ahead[0].limits)
             return
         position, velocity, acceleration = self.state
         speed = norm(velocity)
@@ -119,11 +156,12 @@ class PathFollower:
             self._time -= piece.duration
             self.state = piece.end()
             self._pieces.pop(0)
+            self._joining = False
             if not self._pieces and self._leg is not None:
                 self._end_leg()
 
-    def _follow(self, route: tuple[Waypoint, ...], pieces: list[Piece]) -> None:
-        self._route, self._pieces, self._leg = route, pieces, None
+    def _follow(self, route: tuple[Waypoint, ...], pieces: list[Stretch]) -> None:
+        self._route, self._pieces, self._leg, self._joining = route, pieces, None, False
         self._leg_index, self.passed, self._time = 0, 0, 0.0
 
     def _ahead(self) -> tuple[Waypoint, ...]:
@@ -157,7 +195,7 @@ class PathFollower:
         self._leg_index += 1
         self.passed = self._leg_index
 
-    def _note_passing(self, piece: Piece) -> None:
+    def _note_passing(self, piece: Stretch) -> None:
         """A waypoint is passed in the middle of its turn."""
         leg = self._leg
         if leg is None or not leg.turn or len(self._pieces) > len(leg.turn):

@@ -94,3 +94,50 @@ def test_sinking_goes_on_for_ever_at_its_speed() -> None:
     advance(path, 3000)
     assert path.sinking
     assert math.isclose(path.state.velocity[2], 0.7, abs_tol=1e-9)
+
+
+def time_to_rest(path: PathFollower, goal: Vector3) -> float:
+    steps = 0
+    while not path.resting:
+        advance(path, 1)
+        steps += 1
+    assert norm(subtract(path.state.position, goal)) < 0.01
+    return steps * DT
+
+
+def test_a_new_order_in_flight_bends_instead_of_stopping() -> None:
+    goal = (40.0, 25.0, 0.0)
+    times = []
+    for stopping in (False, True):
+        path = PathFollower()
+        path.fly([Waypoint((60.0, 0.0, 0.0), 0.0, FAST)], FAST)
+        advance(path, 150)
+        waited = 0.0
+        if stopping:
+            path.stop(FAST)
+            waited = time_to_rest(path, path.rest_point(FAST))
+        path.fly([Waypoint(goal, 0.0, FAST)], FAST)
+        times.append(waited + time_to_rest(path, goal))
+    assert times[0] < times[1] - 1.0
+
+
+def test_an_order_straight_ahead_keeps_the_speed() -> None:
+    path = PathFollower()
+    path.fly([Waypoint((60.0, 0.0, 0.0), 0.0, FAST)], FAST)
+    advance(path, 150)
+    path.fly([Waypoint((90.0, 0.0, 0.0), 0.0, FAST)], FAST)
+    for _ in range(100):
+        advance(path, 1)
+        assert path.state.velocity[0] > 4.9
+
+
+def test_limits_that_change_in_a_bend_are_taken_up() -> None:
+    path = PathFollower()
+    path.fly([Waypoint((60.0, 0.0, 0.0), 0.0, FAST)], FAST)
+    advance(path, 150)
+    path.fly([Waypoint((30.0, 60.0, 0.0), 0.0, FAST)], FAST)
+    advance(path, 5)
+    path.relimit(SLOW)
+    advance(path, 250)
+    assert norm(path.state.velocity) <= 2.0 + 1e-6
+    time_to_rest(path, (30.0, 60.0, 0.0))
