@@ -24,7 +24,7 @@ from edge_server.services import telemetry
 from edge_server.services.context import Caller, Context
 from edge_server.store.database import Database, open_engine, sqlite_url
 from tests.support import fake_cloud
-from tests.support.fake_cloud import FakeCloud, Fault, running_cloud
+from tests.support.fake_cloud import FakeCloud, Fault, Handler, Received, running_cloud
 from tests.unit.edge_server import documents
 
 BROKER = Caller("broker")
@@ -255,14 +255,21 @@ def test_a_slow_cloud_still_has_a_hand_free_for_an_alarm(station: Station) -> No
 
 
 def test_alarms_and_reports_overtake_a_backlog(station: Station) -> None:
+    def poses_wait_for_them(handler: Handler, received: Received) -> None:
+        if received.path == "/pose":
+            handler.store.wait_until(lambda: urgent <= {r.path for r in handler.store.kept})
+        handler.store.keep(received)
+        handler.answer(200)
+
+    urgent = {"/alarm", "/mission_report"}
+    station.cloud.store.always = poses_wait_for_them
     for vehicle_id in (1, 2, 3):
         station.ingest("pose", *range(30), vehicle_id=vehicle_id)
     station.ingest("mission_report", 0)
     station.ingest("alarm", 0)
     station.relay()
     station.wait_empty()
-    first = {received.path for received in station.cloud.store.kept[:6]}
-    assert {"/alarm", "/mission_report"} <= first
+    assert {received.path for received in station.cloud.store.kept[:2]} == urgent
     for vehicle_id in (1, 2, 3):
         assert station.cloud.store.stream(vehicle_id, "pose") == list(range(30))
 
