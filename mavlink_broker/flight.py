@@ -52,6 +52,7 @@ class Flight:
         self._reporter = reporter
         self._hovering = False
         self._told_to_start = False
+        self._flies_another = False  # Somebody else's mission; ours waits for the landing
         self._activity: Activity | None = None
         self._plan = FlightPlan.empty()
         self._follower: Follower | None = None
@@ -72,8 +73,8 @@ class Flight:
         """Whether it may not be begun any more."""
         return self.work.expires_at is not None and now >= self.work.expires_at
 
-    def begin(self, now: float, effects: Effects, *, hovering: bool) -> None:
-        """Take up the mission, from its start or from where an earlier run left it.
+    def begin(self, now: float, effects: Effects, *, hovering: bool, resumed: bool) -> None:
+        """Take up the mission: from its start, or (`resumed`) from where an earlier run left it.
 
         `hovering` if the vehicle holds in the air where a mission of ours left it.
         """
@@ -81,7 +82,6 @@ class Flight:
         self._began_at = now
         if self.work.report is not None:
             self.ledger.restore(self.work.report)
-        resumed = self.work.was_accepted
         self._move(Event.MISSION_RESUMED if resumed else Event.MISSION_TAKEN, now, effects)
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
@@ -160,8 +160,16 @@ class Flight:
             case NotStored(reason, item):
                 command = None if item is None else self._plan.command_of_item[item]
                 self._fail(reason, now, effects, command)
+            case Different() if self.state is State.ATTACHING and not self._has_flown:
+                self._activity = None
+                self._flies_another = True
             case Different(reason) | Refused(reason):
                 self._fail(reason, now, effects)
+
+    @property
+    def _has_flown(self) -> bool:
+        """Whether the mission has been reported to run."""
+        return self.ledger.status != Status.NOT_STARTED
 
     def _translate(self) -> None:
         home = self._vehicle.snapshot.home or Home(0.0, 0.0, 0.0)
@@ -214,12 +222,11 @@ class Flight:
     def _step_attaching(self, now: float, effects: Effects) -> None:
         if self._activity is not None:
             return
-        started = self.ledger.status != Status.NOT_STARTED
         waited_s = now - self._entered_at
-        match readiness.attachment(self._vehicle, now, started=started, waited_s=waited_s):
+        match readiness.attachment(self._vehicle, now, started=self._has_flown, waited_s=waited_s):
             case Attachment.BEGIN:
                 self._move(Event.NOT_STARTED, now, effects)
-            case Attachment.COMPARE:
+            case Attachment.COMPARE if not self._flies_another:
                 self._translate()
                 self._start(activities.recognition(self._plan, self._vehicle), now, effects)
 

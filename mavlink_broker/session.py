@@ -50,6 +50,7 @@ class Session:
         self._waiting: deque[Flight] = deque()
         self._flight: Flight | None = None
         self._hovering = False
+        self._has_flown = False  # Only the first mission can be one that an earlier run began
         self._state_vector_at = 0.0
         self._updated_at: float | None = None
         self._last_update: tuple[Any, ...] = ()
@@ -120,10 +121,12 @@ class Session:
         if self._flight is not None or not self._waiting:
             return
         flight = self._waiting[0]
+        resumed = flight.work.was_accepted and not self._has_flown
         free = self.vehicle.snapshot.is_on_ground or self._hovering
-        if flight.work.was_accepted or free or not self.vehicle.is_heard(now):
+        if resumed or free or not self.vehicle.is_heard(now):
+            self._has_flown = True
             self._flight = self._waiting.popleft()
-            self._flight.begin(now, effects, hovering=self._hovering)
+            self._flight.begin(now, effects, hovering=self._hovering, resumed=resumed)
         elif flight.is_expired(now):
             self._waiting.popleft().abort("expired before take-off", effects)
 

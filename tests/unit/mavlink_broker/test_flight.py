@@ -239,6 +239,34 @@ class TestARestartedBroker:
         assert vehicle.uploads == 1
         assert len(world.edge.acknowledgements(work)) == 1
 
+    def test_flies_what_waited_behind_the_mission_in_flight(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=dataclasses.replace(PX4, item_time_s=4.0))
+        world.edge.plan(mission(takeoff(), go_home(landing=False), mission_id=1))
+        world.edge.plan(first_flight(mission_id=2))
+        world.run_until(lambda: vehicle.airborne)
+        world.restart_broker()
+        world.run_until_over(2)
+        assert world.edge.status(1) == Status.FINISHED
+        assert world.edge.statuses(2) == FINISHED
+        assert vehicle.uploads == 2
+
+    def test_lets_a_pilot_land_before_a_mission_that_never_started(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle()
+        vehicle.armed = vehicle.airborne = True
+        vehicle.set_mode(PX4_POSITION)
+        world.run(5.0)
+        world.edge.plan(first_flight())
+        world.run(5.0)
+        world.restart_broker()
+        world.run(120.0)
+        assert world.edge.status(1201) is None
+        vehicle.armed = vehicle.airborne = False
+        vehicle.set_mode(PX4_HOLD)
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+
     def test_does_not_take_another_mission_for_its_own(self) -> None:
         world = flying_world(dataclasses.replace(PX4, item_time_s=30.0))
         vehicle = world.only_vehicle
