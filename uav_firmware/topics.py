@@ -4,6 +4,11 @@ from dataclasses import dataclass, field
 
 from uav_firmware.bus import Fork, Queue, Topic
 from uav_firmware.msg.actuators import ActuatorMotors
+from uav_firmware.msg.control_mode import (
+    ManualControlSetpoint,
+    OffboardSetpoint,
+    VehicleControlMode,
+)
 from uav_firmware.msg.estimate import (
     EstimatorStatus,
     VehicleAttitude,
@@ -57,6 +62,9 @@ class Topics:
     mission_progress: Topic[MissionProgress] = field(default_factory=Topic)
     navigator_request: Queue[NavigatorRequest] = field(default_factory=Queue)
     navigator_status: Topic[NavigatorStatus] = field(default_factory=Topic)
+    vehicle_control_mode: Topic[VehicleControlMode] = field(default_factory=Topic)
+    manual_control_setpoint: Topic[ManualControlSetpoint] = field(default_factory=Topic)
+    offboard_setpoint: Topic[OffboardSetpoint] = field(default_factory=Topic)
     trajectory_setpoint: Topic[TrajectorySetpoint] = field(default_factory=Topic)
     vehicle_attitude_setpoint: Topic[VehicleAttitudeSetpoint] = field(default_factory=Topic)
     vehicle_rates_setpoint: Topic[VehicleRatesSetpoint] = field(default_factory=Topic)

@@ -5,6 +5,7 @@ import math
 from uav_firmware.bus import Topic
 from uav_firmware.modules.attitude_control.controller import AttitudeGains, rate_setpoint
 from uav_firmware.modules.attitude_control.params import AttitudeControlParams
+from uav_firmware.msg.control_mode import ControlLevel, VehicleControlMode
 from uav_firmware.msg.estimate import VehicleAttitude
 from uav_firmware.msg.setpoints import VehicleAttitudeSetpoint, VehicleRatesSetpoint
 from uav_firmware.parameters import Registry
@@ -22,16 +23,24 @@ class AttitudeControlModule:
         attitude_setpoint: Topic[VehicleAttitudeSetpoint],
         rates_setpoint: Topic[VehicleRatesSetpoint],
         registry: Registry,
+        vehicle_control_mode: Topic[VehicleControlMode] | None = None,
     ) -> None:
         self._attitude = attitude
         self._attitude_setpoint = attitude_setpoint
         self._rates_setpoint = rates_setpoint
+        self._control_mode = vehicle_control_mode
         self._registry = registry
         self._seen_version = registry.version
         self._gains = _gains(registry.read(AttitudeControlParams))
 
     def update(self) -> None:
-        """Run the law once; without thrust no rate is asked for."""
+        """Run the law once; without thrust no rate is asked for.
+
+        Where sticks or a stream ask for body rates themselves, the loop stays open.
+        """
+        control = None if self._control_mode is None else self._control_mode.value
+        if control is not None and control.level is ControlLevel.RATES:
+            return
         attitude = self._attitude.value
         setpoint = self._attitude_setpoint.value
         if attitude is None or setpoint is None:

@@ -13,6 +13,7 @@ from uav_firmware.modules.navigator.mission import MissionMode
 from uav_firmware.modules.navigator.mode import NavigatorMode
 from uav_firmware.modules.navigator.params import NavigatorParams
 from uav_firmware.modules.navigator.simple_modes import LandMode, ReturnMode, TakeoffMode
+from uav_firmware.msg.control_mode import ControlSource, VehicleControlMode
 from uav_firmware.msg.estimate import VehicleLocalPosition
 from uav_firmware.msg.mission import (
     Mission,
@@ -54,6 +55,7 @@ class NavigatorModule:
         trajectory_setpoint: Topic[TrajectorySetpoint],
         mission_progress: Topic[MissionProgress],
         navigator_status: Topic[NavigatorStatus],
+        vehicle_control_mode: Topic[VehicleControlMode] | None = None,
     ) -> None:
         registry.add(NavigatorParams)
         self._registry = registry
@@ -66,6 +68,7 @@ class NavigatorModule:
         self._setpoint = trajectory_setpoint
         self._progress = mission_progress
         self._status = navigator_status
+        self._control_mode = vehicle_control_mode
         self._params_version: int | None = None
         self._flight = Flight(registry.read(NavigatorParams))
         self._mission = MissionMode()
@@ -150,7 +153,8 @@ class NavigatorModule:
     def _choose_mode(self) -> None:
         """Leave and enter modes; a target that came with none of them is forgotten."""
         status = self._vehicle_status.value
-        if status is None or not status.armed or self._flight.estimate is None:
+        armed = status is not None and status.armed and self._leads
+        if status is None or not armed or self._flight.estimate is None:
             self._enter(None)
             return
         mode = self._modes.get(status.navigation_state, self._hold)
@@ -161,6 +165,12 @@ class NavigatorModule:
             self._target = None
             self._enter(mode)
             mode.on_activation(self._flight, own)
+
+    @property
+    def _leads(self) -> bool:
+        """Whether the navigator writes the set-point, not sticks or a stream from outside."""
+        control = None if self._control_mode is None else self._control_mode.value
+        return control is None or control.source is ControlSource.NAVIGATOR
 
     def _enter(self, mode: NavigatorMode | None) -> None:
         if self._active is not None and mode is not self._active:
@@ -174,6 +184,9 @@ class NavigatorModule:
         if mode is not None:
             mode.on_active(flight)
         if flight.estimate is None:
+            return
+        if not self._leads:
+            flight.restart()  # so that the next mode begins from the motion it takes over
             return
         sits = mode is None or mode.sits(flight)
         self._setpoint.publish(flight.idle() if sits else flight.advance(dt))

@@ -24,6 +24,7 @@ from uav_firmware.modules.position_control.wanted_motion import (
     observable,
     wants_climb,
 )
+from uav_firmware.msg.control_mode import ControlLevel, VehicleControlMode
 from uav_firmware.msg.estimate import VehicleLocalPosition
 from uav_firmware.msg.setpoints import TrajectorySetpoint, VehicleAttitudeSetpoint
 from uav_firmware.msg.status import LandDetected, LandedState, VehicleStatus
@@ -50,12 +51,14 @@ class PositionControlModule:
         land_detected: Topic[LandDetected],
         attitude_setpoint: Topic[VehicleAttitudeSetpoint],
         registry: Registry,
+        vehicle_control_mode: Topic[VehicleControlMode] | None = None,
     ) -> None:
         self._trajectory = trajectory
         self._local_position = local_position
         self._vehicle_status = vehicle_status
         self._land_detected = land_detected
         self._attitude_setpoint = attitude_setpoint
+        self._control_mode = vehicle_control_mode
         self._registry = registry
         self._ramp = TakeoffRamp()
         self._yaw = 0.0
@@ -79,10 +82,19 @@ class PositionControlModule:
         self._last_us = position.time_us
         wanted = self._wanted(position)
         thrust_max = self._thrust_limit(position, status, wanted)
-        if thrust_max <= 0.0:
+        if not self._leads:
+            self._law.reset()
+            self._yaw = position.heading
+        elif thrust_max <= 0.0:
             self._idle(position)
         elif dt > 0.0:
             self._fly(position, wanted, thrust_max, min(dt, _LONGEST_STEP_S))
+
+    @property
+    def _leads(self) -> bool:
+        """Whether the position loop is closed; else sticks or a stream lead the attitude."""
+        control = None if self._control_mode is None else self._control_mode.value
+        return control is None or control.level is ControlLevel.POSITION
 
     def _thrust_limit(
         self, position: VehicleLocalPosition, status: VehicleStatus, wanted: Motion
@@ -95,7 +107,7 @@ class PositionControlModule:
             now_s=now_s,
             armed=status.armed,
             landed=land is None or land.landed,
-            wants_climb=wants_climb(wanted, position),
+            wants_climb=self._leads and wants_climb(wanted, position),
             spool_up_time_s=params.spool_up_time_s,
             ramp_time_s=params.takeoff_ramp_time_s,
         )

@@ -23,7 +23,7 @@ def observable(wanted: Motion, estimate: VehicleLocalPosition) -> Motion:
     """Unset what the estimate cannot observe.
 
     Without horizontal position the velocity is controlled; without velocity the vehicle stays
-    level; without height it sinks softly.
+    level, unless acceleration alone was asked for; without height it sinks softly.
     """
     if estimate.position_valid and estimate.velocity_valid and estimate.altitude_valid:
         return wanted
@@ -31,8 +31,9 @@ def observable(wanted: Motion, estimate: VehicleLocalPosition) -> Motion:
     if not (estimate.position_valid and estimate.velocity_valid):
         position = (_NAN, _NAN, position[2])
     if not estimate.velocity_valid:
+        if not math.isnan(velocity[0]):
+            acceleration = (0.0, 0.0, acceleration[2])  # it belonged to the motion now lost
         velocity = (_NAN, _NAN, velocity[2])
-        acceleration = (0.0, 0.0, acceleration[2])
     if not estimate.altitude_valid:
         position = (position[0], position[1], _NAN)
         velocity = (velocity[0], velocity[1], _NAN)

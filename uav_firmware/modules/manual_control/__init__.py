@@ -1,0 +1,1 @@
+"""Manual control: what sticks mean in each of the piloted modes."""

@@ -1,0 +1,216 @@
+"""Reads sticks and estimate, publishes the set-point of the mode that is flown by them."""
+
+import math
+from typing import Final
+
+from uav_firmware.bus import Topic
+from uav_firmware.lib.guide import Guide
+from uav_firmware.lib.rotation import wrap_pi
+from uav_firmware.modules.manual_control import laws
+from uav_firmware.modules.manual_control.sticks import curved, shaped, turned
+from uav_firmware.modules.manual_control.tuning import Tuning, tuning_from
+from uav_firmware.msg.control_mode import (
+    ControlSource,
+    ManualControlSetpoint,
+    VehicleControlMode,
+)
+from uav_firmware.msg.estimate import VehicleLocalPosition
+from uav_firmware.msg.setpoints import (
+    TrajectorySetpoint,
+    VehicleAttitudeSetpoint,
+    VehicleRatesSetpoint,
+)
+from uav_firmware.msg.status import HomePosition, LandDetected, NavigationState, VehicleStatus
+from uav_firmware.msg.vectors import Vector3
+from uav_firmware.parameters import Registry
+
+_NAN: Final = math.nan
+_LONGEST_STEP_S: Final = 0.1  # after a longer pause nothing jumps
+_YAW_LEASH: Final = math.radians(30.0)  # [rad] The wanted heading waits for the vehicle
+_GROUND_SINK_SPEED: Final = 0.7  # [m/s] Asked for on the ground, so that the thrust stays down
+_CENTRED: Final = ManualControlSetpoint(0, 0.0, 0.0, 0.0, 0.0)
+
+
+class ManualControlModule:
+    """Shell of the stick laws."""
+
+    def __init__(
+        self,
+        registry: Registry,
+        *,
+        manual_control_setpoint: Topic[ManualControlSetpoint],
+        vehicle_control_mode: Topic[VehicleControlMode],
+        vehicle_status: Topic[VehicleStatus],
+        vehicle_local_position: Topic[VehicleLocalPosition],
+        land_detected: Topic[LandDetected],
+        home_position: Topic[HomePosition],
+        trajectory_setpoint: Topic[TrajectorySetpoint],
+        vehicle_attitude_setpoint: Topic[VehicleAttitudeSetpoint],
+        vehicle_rates_setpoint: Topic[VehicleRatesSetpoint],
+    ) -> None:
+        self._registry = registry
+        self._sticks = manual_control_setpoint
+        self._control_mode = vehicle_control_mode
+        self._status = vehicle_status
+        self._local_position = vehicle_local_position
+        self._land = land_detected
+        self._home = home_position
+        self._trajectory = trajectory_setpoint
+        self._attitude = vehicle_attitude_setpoint
+        self._rates = vehicle_rates_setpoint
+        self._guide = Guide()
+        self._yaw = 0.0
+        self._led = False  # whether the last step was flown by the sticks
+        self._last_us = 0
+        self._retune()
+
+    def update(self) -> None:
+        """Publish the set-point of this moment, if the sticks lead."""
+        estimate, status = self._local_position.value, self._status.value
+        control = self._control_mode.value
+        if (
+            estimate is None
+            or status is None
+            or control is None
+            or control.source is not ControlSource.MANUAL
+        ):
+            self._led = False
+            return
+        if self._seen_version != self._registry.version:
+            self._retune()
+        dt = min((estimate.time_us - self._last_us) * 1e-6, _LONGEST_STEP_S)
+        self._last_us = estimate.time_us
+        if not self._led or self._landed:
+            self._restart(estimate)
+        self._led = True
+        if dt > 0.0:
+            self._fly(estimate, status, dt)
+
+    @property
+    def _landed(self) -> bool:
+        return self._land.value is None or self._land.value.landed
+
+    def _restart(self, estimate: VehicleLocalPosition) -> None:
+        """Begin where the vehicle is, as fast as it is; on the ground at rest."""
+        velocity = estimate.velocity_ned
+        known = estimate.velocity_valid and not self._landed
+        self._guide.restart(estimate.position_ned, velocity if known else (0.0, 0.0, 0.0))
+        self._yaw = estimate.heading
+
+    def _fly(self, estimate: VehicleLocalPosition, status: VehicleStatus, dt: float) -> None:
+        match status.navigation_state:
+            case NavigationState.POSCTL:
+                self._fly_position(estimate, dt)
+            case NavigationState.ALTCTL:
+                self._fly_altitude(estimate, dt)
+            case NavigationState.ACRO:
+                self._fly_rates(estimate, status)
+            case _:  # MANUAL and STAB are one: a multirotor cannot be flown without attitude
+                self._fly_attitude(estimate, status, dt)
+
+    def _raw(self, now_us: int) -> ManualControlSetpoint:
+        """The sticks as they are; those not heard of any more count as centred."""
+        sticks = self._sticks.value
+        if sticks is None or now_us - sticks.time_us > self._tuning.stale_us:
+            return _CENTRED
+        return sticks
+
+    def _fly_position(self, estimate: VehicleLocalPosition, dt: float) -> None:
+        tuning = self._tuning
+        sticks = shaped(self._raw(estimate.time_us), tuning.curves)
+        yaw_rate = self._turn(sticks.yaw, estimate, dt)
+        north, east = turned(sticks.forward, sticks.right, self._yaw)
+        down = self._vertical(sticks.up, estimate)
+        wanted = (north * tuning.speed_max, east * tuning.speed_max, down)
+        if self._landed:
+            self._wait(estimate, down)
+            return
+        guide = self._guide
+        guide.advance(wanted, estimate.position_ned, tuning.guide, dt)
+        self._trajectory.publish(
+            TrajectorySetpoint(
+                estimate.time_us,
+                guide.position,
+                guide.velocity,
+                guide.acceleration,
+                self._yaw,
+                yaw_rate,
+            )
+        )
+
+    def _fly_altitude(self, estimate: VehicleLocalPosition, dt: float) -> None:
+        tuning = self._tuning
+        sticks = shaped(self._raw(estimate.time_us), tuning.curves)
+        yaw_rate = self._turn(sticks.yaw, estimate, dt)
+        down = self._vertical(sticks.up, estimate)
+        if self._landed:
+            self._wait(estimate, down)
+            return
+        guide = self._guide
+        guide.advance((0.0, 0.0, down), estimate.position_ned, tuning.guide, dt)
+        tilt = laws.tilt_acceleration(sticks.forward, sticks.right, self._yaw, tuning.tilt_max)
+        self._trajectory.publish(
+            TrajectorySetpoint(
+                estimate.time_us,
+                (_NAN, _NAN, guide.position[2]),
+                (_NAN, _NAN, guide.velocity[2]),
+                (tilt[0], tilt[1], guide.acceleration[2]),
+                self._yaw,
+                yaw_rate,
+            )
+        )
+
+    def _wait(self, estimate: VehicleLocalPosition, down: float) -> None:
+        """On the ground: lift off when the stick is up, else stay."""
+        velocity = (0.0, 0.0, down if down < 0.0 else _GROUND_SINK_SPEED)
+        unset: Vector3 = (_NAN, _NAN, _NAN)
+        self._trajectory.publish(
+            TrajectorySetpoint(
+                estimate.time_us, unset, velocity, (0.0, 0.0, 0.0), estimate.heading, 0.0
+            )
+        )
+
+    def _fly_attitude(
+        self, estimate: VehicleLocalPosition, status: VehicleStatus, dt: float
+    ) -> None:
+        raw, tuning = self._raw(estimate.time_us), self._tuning
+        sticks = shaped(raw, tuning.curves)
+        yaw_rate = self._turn(sticks.yaw, estimate, dt)
+        q = laws.attitude(sticks.forward, sticks.right, self._yaw, tuning.tilt_max)
+        thrust = self._thrust(raw, status, estimate.time_us)
+        self._attitude.publish(VehicleAttitudeSetpoint(estimate.time_us, q, yaw_rate, thrust))
+
+    def _fly_rates(self, estimate: VehicleLocalPosition, status: VehicleStatus) -> None:
+        raw, tuning = self._raw(estimate.time_us), self._tuning
+        bent = raw._replace(
+            forward=curved(raw.forward, tuning.acro_expo),
+            right=curved(raw.right, tuning.acro_expo),
+            yaw=curved(raw.yaw, tuning.acro_yaw_expo),
+        )
+        thrust = self._thrust(raw, status, estimate.time_us)
+        rates = laws.body_rates(bent, tuning.acro_rates_frd)
+        self._rates.publish(VehicleRatesSetpoint(estimate.time_us, rates, thrust))
+
+    def _thrust(self, raw: ManualControlSetpoint, status: VehicleStatus, now_us: int) -> float:
+        """Thrust of the throttle stick; none while the motors spool up."""
+        if not status.armed or now_us - status.armed_since_us < self._tuning.spool_up_us:
+            return 0.0
+        return laws.thrust(raw.up, self._tuning.throttle, landed=self._landed)
+
+    def _vertical(self, up: float, estimate: VehicleLocalPosition) -> float:
+        """Vertical velocity [m/s, down] of the stick, slow near the ground."""
+        home = self._home.value
+        ground = home.position_ned[2] if home is not None else 0.0
+        sink = self._tuning.descent.limit(ground - estimate.position_ned[2])
+        return laws.climb_velocity(up, self._tuning.speed_up, sink)
+
+    def _turn(self, stick: float, estimate: VehicleLocalPosition, dt: float) -> float:
+        """Move the wanted heading on; gives its rate [rad/s]."""
+        rate = 0.0 if self._landed else stick * self._tuning.yaw_rate_max
+        ahead = wrap_pi(self._yaw + rate * dt - estimate.heading)
+        self._yaw = wrap_pi(estimate.heading + min(max(ahead, -_YAW_LEASH), _YAW_LEASH))
+        return rate
+
+    def _retune(self) -> None:
+        self._seen_version = self._registry.version
+        self._tuning: Tuning = tuning_from(self._registry)

@@ -1,0 +1,1 @@
+"""Offboard: set-points that a companion or ground station streams."""

@@ -1,0 +1,154 @@
+"""Reads streamed set-points, publishes the set-point of the loop that they are meant for."""
+
+import math
+from typing import Final
+
+from uav_firmware.bus import Topic
+from uav_firmware.lib.guide import Guide, GuideLimits
+from uav_firmware.lib.rotation import wrap_pi
+from uav_firmware.modules.offboard.motion import SpeedLimits, follow, wants_to_rise
+from uav_firmware.msg.control_mode import ControlSource, OffboardSetpoint, VehicleControlMode
+from uav_firmware.msg.estimate import VehicleLocalPosition
+from uav_firmware.msg.setpoints import (
+    TrajectorySetpoint,
+    VehicleAttitudeSetpoint,
+    VehicleRatesSetpoint,
+)
+from uav_firmware.msg.status import LandDetected, VehicleStatus
+from uav_firmware.msg.vectors import Vector3
+from uav_firmware.parameters import Registry
+
+_LONGEST_STEP_S: Final = 0.1  # after a longer pause nothing jumps
+_YAW_LEASH: Final = math.radians(30.0)  # [rad] The wanted heading waits for the vehicle
+_LIFT_OFF_SPEED: Final = 1.0  # [m/s] Asked for on the ground
+_GROUND_SINK_SPEED: Final = 0.7  # [m/s] Asked for on the ground, so that the thrust stays down
+_VERTICAL_LEASH_M: Final = 1.0
+_ZERO: Final[Vector3] = (0.0, 0.0, 0.0)
+_UNSET: Final[Vector3] = (math.nan, math.nan, math.nan)
+
+
+class OffboardModule:
+    """Shell of the offboard laws."""
+
+    def __init__(
+        self,
+        registry: Registry,
+        *,
+        offboard_setpoint: Topic[OffboardSetpoint],
+        vehicle_control_mode: Topic[VehicleControlMode],
+        vehicle_status: Topic[VehicleStatus],
+        vehicle_local_position: Topic[VehicleLocalPosition],
+        land_detected: Topic[LandDetected],
+        trajectory_setpoint: Topic[TrajectorySetpoint],
+        vehicle_attitude_setpoint: Topic[VehicleAttitudeSetpoint],
+        vehicle_rates_setpoint: Topic[VehicleRatesSetpoint],
+    ) -> None:
+        self._registry = registry
+        self._setpoint = offboard_setpoint
+        self._control_mode = vehicle_control_mode
+        self._status = vehicle_status
+        self._local_position = vehicle_local_position
+        self._land = land_detected
+        self._trajectory = trajectory_setpoint
+        self._attitude = vehicle_attitude_setpoint
+        self._rates = vehicle_rates_setpoint
+        self._guide = Guide()
+        self._yaw = 0.0
+        self._led = False  # whether the last step was flown by a streamed motion
+        self._last_us = 0
+        self._retune()
+
+    def update(self) -> None:
+        """Publish the set-point of this moment, if the stream leads."""
+        estimate, status = self._local_position.value, self._status.value
+        control, setpoint = self._control_mode.value, self._setpoint.value
+        if (
+            estimate is None
+            or status is None
+            or control is None
+            or control.source is not ControlSource.OFFBOARD
+            or setpoint is None
+        ):
+            self._led = False
+            return
+        if self._seen_version != self._registry.version:
+            self._retune()
+        now_us = estimate.time_us
+        dt = min((now_us - self._last_us) * 1e-6, _LONGEST_STEP_S)
+        self._last_us = now_us
+        match setpoint:
+            case TrajectorySetpoint():
+                self._fly(setpoint, estimate, dt)
+            case VehicleAttitudeSetpoint():
+                thrust = self._thrust(setpoint.thrust, status, now_us)
+                self._attitude.publish(setpoint._replace(time_us=now_us, thrust=thrust))
+            case VehicleRatesSetpoint():
+                thrust = self._thrust(setpoint.thrust, status, now_us)
+                self._rates.publish(setpoint._replace(time_us=now_us, thrust=thrust))
+        self._led = isinstance(setpoint, TrajectorySetpoint)
+
+    @property
+    def _landed(self) -> bool:
+        return self._land.value is None or self._land.value.landed
+
+    def _fly(self, setpoint: TrajectorySetpoint, estimate: VehicleLocalPosition, dt: float) -> None:
+        if not self._led or self._landed:
+            self._restart(estimate)
+        yaw_rate = self._turn(setpoint, estimate, dt)
+        if self._landed:
+            self._wait(setpoint, estimate)
+        elif dt > 0.0:
+            wanted = follow(
+                setpoint, self._guide, estimate.position_ned, self._limits, self._speeds, dt
+            )
+            self._trajectory.publish(
+                TrajectorySetpoint(estimate.time_us, *wanted, self._yaw, yaw_rate)
+            )
+
+    def _restart(self, estimate: VehicleLocalPosition) -> None:
+        """Begin where the vehicle is, as fast as it is; on the ground at rest."""
+        known = estimate.velocity_valid and not self._landed
+        self._guide.restart(estimate.position_ned, estimate.velocity_ned if known else _ZERO)
+        self._yaw = estimate.heading
+
+    def _wait(self, setpoint: TrajectorySetpoint, estimate: VehicleLocalPosition) -> None:
+        """On the ground: lift off when the motion leads up, else stay."""
+        rises = wants_to_rise(setpoint, estimate.position_ned)
+        velocity = (0.0, 0.0, -_LIFT_OFF_SPEED if rises else _GROUND_SINK_SPEED)
+        self._trajectory.publish(
+            TrajectorySetpoint(estimate.time_us, _UNSET, velocity, _ZERO, estimate.heading, 0.0)
+        )
+
+    def _turn(
+        self, setpoint: TrajectorySetpoint, estimate: VehicleLocalPosition, dt: float
+    ) -> float:
+        """Take over the heading, or move it on by the rate; gives the rate [rad/s]."""
+        rate = 0.0 if math.isnan(setpoint.yaw_rate) else setpoint.yaw_rate
+        if not math.isnan(setpoint.yaw):
+            self._yaw = setpoint.yaw
+        elif rate != 0.0:
+            ahead = wrap_pi(self._yaw + rate * dt - estimate.heading)
+            self._yaw = wrap_pi(estimate.heading + min(max(ahead, -_YAW_LEASH), _YAW_LEASH))
+        return rate
+
+    def _thrust(self, thrust: float, status: VehicleStatus, now_us: int) -> float:
+        """Thrust as asked for; none while the motors spool up."""
+        if not status.armed or now_us - status.armed_since_us < self._spool_up_us:
+            return 0.0
+        return thrust
+
+    def _retune(self) -> None:
+        get = self._registry.get
+        self._seen_version = self._registry.version
+        self._limits = GuideLimits(
+            acceleration_horizontal=get("MPC_ACC_HOR"),
+            acceleration_up=get("MPC_ACC_UP_MAX"),
+            acceleration_down=get("MPC_ACC_DOWN_MAX"),
+            jerk=get("MPC_JERK_AUTO"),
+            leash_horizontal=get("MPC_XY_ERR_MAX"),
+            leash_vertical=_VERTICAL_LEASH_M,
+        )
+        self._speeds = SpeedLimits(
+            get("MPC_XY_CRUISE"), get("MPC_Z_V_AUTO_UP"), get("MPC_Z_V_AUTO_DN")
+        )
+        self._spool_up_us = get("COM_SPOOLUP_TIME") * 1e6
