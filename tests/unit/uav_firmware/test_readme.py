@@ -6,13 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from sim.config import SimulationConfig
-from sim.simulation import Simulation
-from tests.support.ground_station import MemoryLink
+from tests.support import parameter_table
 from uav_firmware.bus import Queue
 from uav_firmware.config import read_config
-from uav_firmware.drivers.file_storage import FileStorage
-from uav_firmware.drivers.jsbsim import JsbsimVehicle
 from uav_firmware.modules.land_detector import states
 from uav_firmware.modules.position_control import takeoff_ramp
 from uav_firmware.topics import Topics
@@ -31,25 +27,11 @@ def rows(heading: str) -> list[list[str]]:
 
 @pytest.fixture(scope="module")
 def autopilot(tmp_path_factory: pytest.TempPathFactory) -> Autopilot:
-    return Autopilot(
-        JsbsimVehicle(Simulation(SimulationConfig())),
-        MemoryLink(),
-        FileStorage(tmp_path_factory.mktemp("vehicle")),
-        system_id=1,
-        peers=(),
-        boot_time_utc_us=0,
-        write_line=lambda _time_us, _text: None,
-    )
+    return parameter_table.autopilot(tmp_path_factory.mktemp("vehicle"))
 
 
-def test_every_parameter_stands_there_as_it_is_declared(autopilot: Autopilot) -> None:
-    registry = autopilot.registry
-    declared = []
-    for name in registry.names():
-        entry = registry.declaration(name)
-        span = f"{entry.minimum:g} to {entry.maximum:g}"
-        declared.append([f"`{name}`", f"{entry.default:g}", entry.unit, span, entry.short])
-    assert rows("Parameters") == declared
+def test_every_parameter_stands_there_as_it_is_declared() -> None:
+    assert README.endswith(parameter_table.table()), "run python -m tests.support.parameter_table"
 
 
 def test_every_topic_stands_there() -> None:
