@@ -153,8 +153,10 @@ class EdgeClient:
         door, cursor = _Door(self._url, self._key_file), 0
         while not self._stopping.is_set():
             try:
-                path = f"/broker/commands?after={cursor}&wait={LONG_POLL_S:.0f}"
-                response = door.request("GET", path, LONG_POLL_S + TIMEOUT_S)
+                # The first question after a silence is answered at once, to see who is there.
+                wait_s = LONG_POLL_S if self._reachable else 0.0
+                path = f"/broker/commands?after={cursor}&wait={wait_s:.0f}"
+                response = door.request("GET", path, wait_s + TIMEOUT_S)
                 answer = response.json() if response.status_code == HTTPStatus.OK else None
                 if answer is None:
                     self._note(reachable=True)
