@@ -5,6 +5,8 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Final
 
+from sim.faults import Fault
+
 VEHICLE_SPACING_M: Final = 3.0
 """Distance [m] to the east between one vehicle's place and the next one's."""
 
@@ -38,6 +40,8 @@ class SimulationConfig:
     battery_capacity_ah: float = 5.2  # [Ah] Of a four-cell lithium polymer pack
     battery_initial_charge: float = 1.0  # [-] 0 empty to 1 full
     start_time_utc_us: int = 1_780_300_800_000_000  # [us] UTC at time zero: 2026-06-01 08:00
+    ground_effect: bool = False  # More thrust near the ground, after Cheeseman and Bennett
+    faults: tuple[Fault, ...] = ()  # What breaks, and when
     truth_log_path: Path | None = None  # CSV of the true state, none when None
 
     def __post_init__(self) -> None:

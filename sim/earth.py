@@ -1,4 +1,4 @@
-"""The Earth that the simulator believes in: WGS-84's curvature and its magnetic field.
+"""The Earth that the simulator believes in: WGS-84's curvature.
 
 Shared with no other program on purpose: were the autopilot's geodesy used here, a sign
 error would cancel.
@@ -35,11 +35,8 @@ def degrees_per_metre(latitude_deg: float, altitude_amsl_m: float) -> DegreesPer
     )
 
 
-MAGNETIC_FIELD_NED_GAUSS: Final = (0.257578, 0.002731, 0.370230)
-"""Earth's field at the default home: the World Magnetic Model 2025 (NOAA NCEI and BGS) at
-40.4434 N, 3.7382 W, 650 m, 2026.5 gives 25757.8, 273.1 and 37023.0 nT north, east and down,
-that is 45102.6 nT in all, declination +0.61 degrees, inclination 55.17 degrees.
-
-Taken as the same over the farm: a kilometre changes the model by 0.003 degrees of declination
-and 0.011 degrees of inclination.
-"""
+def wrapped_longitude_deg(longitude_deg: float) -> float:
+    """The same longitude, -180 to 180: a step over the date line ends on its other side."""
+    if -180.0 <= longitude_deg <= 180.0:
+        return longitude_deg
+    return (longitude_deg + 180.0) % 360.0 - 180.0

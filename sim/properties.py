@@ -29,6 +29,8 @@ WIND_NED_FPS: Final = (
     "atmosphere/wind-east-fps",
     "atmosphere/wind-down-fps",
 )
+ROTOR_DRAG_LBFFT: Final = "external_reactions/rotor-drag/magnitude-lbsft"
+GROUND_EFFECT_LBS: Final = "external_reactions/ground-effect/magnitude"
 ROLLING_FRICTION: Final = "gear/unit[{}]/rolling_friction_coeff"
 STATIC_FRICTION: Final = "gear/unit[{}]/static_friction_coeff"
 GEAR_UNITS: Final = "gear/num-units"

@@ -22,18 +22,20 @@ Errors:
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Final
 
 import jsbsim
 
 from sim import properties
+from sim.airframe import AIRFRAME, extended_airframe
 from sim.config import SimulationConfig
-from sim.earth import degrees_per_metre
+from sim.earth import degrees_per_metre, wrapped_longitude_deg
+from sim.rotor_effects import ground_effect_factor, yaw_brake_nm
 from sim.state_reader import StateReader
 from sim.truth import Motors, Quaternion, Truth, Vector3, body_from_ned
-from sim.units import METRES_PER_FOOT
+from sim.units import METRES_PER_FOOT, NEWTONS_PER_POUND
 
-AIRFRAME: Final = "F450"
 RATED_VOLTAGE_V: Final = 14.63
 """Voltage [V] at the motors at full command: `maxvolts` of the airframe's DJI E305."""
 
@@ -100,6 +102,10 @@ class Quadrotor:
         self._set_wind = _setters(fdm, properties.WIND_NED_FPS)
         self._motors: Motors = (0.0, 0.0, 0.0, 0.0)
         self._wreck: Truth | None = None
+        (self._set_yaw_brake, self._set_ground_lift) = _setters(
+            fdm, (properties.ROTOR_DRAG_LBFFT, properties.GROUND_EFFECT_LBS)
+        )
+        self._ground_effect = config.ground_effect
         self.advance(round(_SETTLING_TIME_S * config.physics_rate_hz))
 
     def command(self, motors: Motors) -> None:
@@ -118,6 +124,17 @@ class Quadrotor:
         """Velocity [m/s, NED] of the air that the vehicle flies in."""
         for setter, component in zip(self._set_wind, wind_ned, strict=True):
             setter(component / METRES_PER_FOOT)
+
+    def set_rotor_effects(self, truth: Truth) -> None:
+        """Let the rotors brake the vehicle's turning and feel the ground, as the truth is.
+
+        They are held for a control step; the slowest takes seconds to act.
+        """
+        brake_nm = yaw_brake_nm(truth.rotor_rpm, truth.rate_frd[2])
+        self._set_yaw_brake(brake_nm / (NEWTONS_PER_POUND * METRES_PER_FOOT))
+        if self._ground_effect:
+            more = ground_effect_factor(self._state.height_above_ground_m()) - 1.0
+            self._set_ground_lift(more * self._state.thrust_lbs())
 
     def advance(self, steps: int) -> None:
         """Let `steps` physics steps pass.
@@ -157,10 +174,20 @@ class Quadrotor:
         """Electrical power [W] that the four motors draw: each its voltage times its current."""
         if self._wreck is not None:
             return 0.0
-        power_w = 0.0
-        for motor, current_a in zip(self._motors, self._state.motor_currents_a(), strict=True):
-            power_w += min(max(motor, 0.0), 1.0) * RATED_VOLTAGE_V * current_a
-        return power_w
+        return RATED_VOLTAGE_V * sum(self.motor_currents_a())
+
+    def motor_currents_a(self) -> Motors:
+        """Current [A] that each motor draws at the rated voltage: its share of on-time."""
+        if self._wreck is not None:
+            return (0.0, 0.0, 0.0, 0.0)
+        one, two, three, four = self._state.motor_currents_a()
+        duty_1, duty_2, duty_3, duty_4 = self._motors
+        return (
+            min(max(duty_1, 0.0), 1.0) * one,
+            min(max(duty_2, 0.0), 1.0) * two,
+            min(max(duty_3, 0.0), 1.0) * three,
+            min(max(duty_4, 0.0), 1.0) * four,
+        )
 
     def _lying_still(self) -> Truth:
         """The state of a wreck: where and how it hit the ground, at rest, rotors stopped."""
@@ -184,7 +211,13 @@ def _load_airframe(step_s: float) -> jsbsim.FGFDMExec:
     fdm = jsbsim.FGFDMExec(jsbsim.get_default_root_dir())
     fdm.set_debug_level(0)
     fdm.set_dt(step_s)
-    if not fdm.load_model(AIRFRAME):
+    try:
+        with extended_airframe(Path(fdm.get_root_dir()) / "aircraft") as folder:
+            fdm.set_aircraft_path(str(folder))
+            loaded = fdm.load_model(AIRFRAME)
+    except OSError as error:
+        raise AirframeError(f"{AIRFRAME} cannot be read: {error}") from error
+    if not loaded:
         raise AirframeError(f"the installed jsbsim {jsbsim.__version__} has no usable {AIRFRAME}")
     return fdm
 
@@ -193,7 +226,9 @@ def _initialise(fdm: jsbsim.FGFDMExec, config: SimulationConfig) -> None:
     """Stand on the ground at the start place, nose to the heading, engines able to run."""
     east_deg = degrees_per_metre(config.home_latitude_deg, config.home_altitude_amsl_m).east
     fdm[properties.IC_LATITUDE_GEODETIC_DEG] = config.home_latitude_deg
-    fdm[properties.IC_LONGITUDE_DEG] = config.home_longitude_deg + config.start_east_m * east_deg
+    fdm[properties.IC_LONGITUDE_DEG] = wrapped_longitude_deg(
+        config.home_longitude_deg + config.start_east_m * east_deg
+    )
     fdm[properties.IC_TERRAIN_ELEVATION_FT] = config.home_altitude_amsl_m / METRES_PER_FOOT
     fdm[properties.IC_HEIGHT_ABOVE_GROUND_FT] = _STANDING_HEIGHT_M / METRES_PER_FOOT
     fdm[properties.IC_HEADING_TRUE_DEG] = config.heading_deg

@@ -5,12 +5,14 @@ how fast.
 """
 
 from sim.config import SimulationConfig
+from sim.fault_effects import HEALTHY, FaultEffects
+from sim.faults import LASTING, Fault, FaultSchedule, Kind
 from sim.quadrotor import RATED_VOLTAGE_V, Quadrotor
 from sim.sensors.battery import DRAW_RATE_HZ
 from sim.sensors.noise import generators
 from sim.sensors.readings import Readings
 from sim.sensors.suite import Schedule, SensorSuite
-from sim.truth import Motors, Truth
+from sim.truth import Motors, Truth, Vector3
 from sim.truth_log import TruthLog
 from sim.wind import Wind
 
@@ -32,6 +34,11 @@ class Simulation:
         self._draw_schedule = Schedule(DRAW_RATE_HZ, first_us=1_000_000 // DRAW_RATE_HZ)
         self._quadrotor = Quadrotor(config)
         self._suite = SensorSuite(config)
+        self._faults = FaultSchedule(config.faults)
+        self._effects = FaultEffects()
+        self._next_fault_us = 0
+        self._motors_weak = False
+        self._begun: list[Fault] = []
         self._wind = Wind(
             generators(config.seed)["wind"],
             speed_m_s=config.wind_speed_m_s,
@@ -39,7 +46,8 @@ class Simulation:
             gusts=config.gusts,
             step_s=1.0 / config.control_rate_hz,
         )
-        self._quadrotor.set_wind(self._wind.mean_ned)
+        self._update_faults(0)
+        self._set_wind(self._wind.mean_ned)
         self._log = None if config.truth_log_path is None else TruthLog(config.truth_log_path)
         self.truth: Truth = self._quadrotor.truth(0)
         self.readings: Readings = self._observe()
@@ -62,17 +70,39 @@ class Simulation:
                 passes then.
             OSError: if the truth log cannot be written.
         """
-        self._quadrotor.command(self._within_supply(motors))
+        if self.truth.time_us >= self._next_fault_us:
+            self._update_faults(self.truth.time_us)
+        motors = self._within_supply(motors)
+        self._quadrotor.command(self._effects.motors(motors) if self._motors_weak else motors)
+        self._quadrotor.set_rotor_effects(self.truth)
         if not self._wind.steady:
-            self._quadrotor.set_wind(
-                self._wind.step(self.truth.height_above_home_m, self.truth.airspeed_m_s)
-            )
+            self._set_wind(self._wind.step(self.truth.height_above_home_m, self.truth.airspeed_m_s))
         self._quadrotor.advance(self._substeps)
         self.truth = self._quadrotor.truth(self.truth.time_us + self.config.step_us)
         if self._draw_schedule.due(self.truth.time_us):
             self._suite.battery.draw(self._quadrotor.motor_power_w(), 1.0 / DRAW_RATE_HZ)
         self.readings = self._observe()
         return self.readings
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """Faults that act now."""
+        return self._faults.active(self.truth.time_us)
+
+    @property
+    def link_lost(self) -> bool:
+        """Whether a fault cuts the vehicle off from its peers."""
+        return self._effects.link_lost
+
+    def add_fault(self, fault: Fault) -> None:
+        """Let something break, now or later."""
+        self._faults.add(fault)
+        self._update_faults(self.truth.time_us)
+
+    def clear_faults(self, kind: Kind | None = None, motor: int | None = None) -> None:
+        """Mend what is broken, and what would break: of a kind, of a motor, or all."""
+        self._faults.clear(self.truth.time_us, kind, motor)
+        self._update_faults(self.truth.time_us)
 
     def close(self) -> None:
         """Close the truth log; a second call does nothing."""
@@ -94,4 +124,32 @@ class Simulation:
     def _observe(self) -> Readings:
         if self._log is not None:
             self._log.record(self.truth)
-        return self._suite.read(self.truth)
+        readings = self._suite.read(self.truth, self._quadrotor.motor_currents_a)
+        return self._effects.readings(readings) if self._effects.touches_readings else readings
+
+    def _set_wind(self, wind_ned: Vector3) -> None:
+        gust = self._effects.gust_ned
+        self._quadrotor.set_wind(
+            (wind_ned[0] + gust[0], wind_ned[1] + gust[1], wind_ned[2] + gust[2])
+        )
+
+    def _update_faults(self, now_us: int) -> None:
+        """Let the faults of this instant act."""
+        active = self._faults.active(now_us)
+        self._next_fault_us = self._faults.next_change_us(now_us)
+        self._effects.take(active)
+        self._motors_weak = self._effects.efficiencies != HEALTHY
+        if self._wind.steady:
+            self._set_wind(self._wind.mean_ned)
+        for fault in active:
+            if fault.kind in LASTING and fault not in self._begun:
+                self._begun.append(fault)
+                self._strike_battery(fault)
+
+    def _strike_battery(self, fault: Fault) -> None:
+        if fault.kind is Kind.BATTERY_LOW:
+            self._suite.battery.set_charge(fault.values["charge"])
+        else:
+            self._suite.battery.fail_cells(
+                round(fault.values["cells"]), fault.values["charge_lost"]
+            )

@@ -49,6 +49,7 @@ class StateReader:
                 *properties.AERODYNAMIC_FORCE_FRD_LBS,
                 *properties.PROPULSIVE_FORCE_FRD_LBS,
                 *properties.GEAR_FORCE_FRD_LBS,
+                properties.GROUND_EFFECT_LBS,
             )
         ]
         self._rpm = [find(properties.ROTOR_SPEED_RPM.format(engine)) for engine in _ENGINES]
@@ -68,6 +69,10 @@ class StateReader:
         """Cosine of the angle between the body's down axis and the world's."""
         roll, pitch, _ = self._attitude
         return math.cos(roll()) * math.cos(pitch())
+
+    def thrust_lbs(self) -> float:
+        """Thrust of all rotors [lbf] along the body's up axis."""
+        return -self._force_lbs[5]()
 
     def motor_currents_a(self) -> Motors:
         """Current [A] through the windings of each motor."""
@@ -109,10 +114,10 @@ class StateReader:
         JSBSim's own accelerometer component lags this by one physics step, because it runs
         before the forces of its step are known.
         """
-        ax, ay, az, px, py, pz, gx, gy, gz = self._force_lbs
+        ax, ay, az, px, py, pz, gx, gy, gz, lift = self._force_lbs
         scale = self._acceleration_per_pound
         return (
             (ax() + px() + gx()) * scale,
             (ay() + py() + gy()) * scale,
-            (az() + pz() + gz()) * scale,
+            (az() + pz() + gz() - lift()) * scale,
         )

@@ -80,6 +80,8 @@ class Battery:
         self._capacity_ah = capacity_ah
         self._initial_charge = initial_charge
         self._consumed_ah = 0.0
+        self._lost_charge = 0.0
+        self._live_share = 1.0  # [-] Cells that give voltage, of all
         self._current_a = 0.0
         self.voltage_v = 0.0  # [V] At the terminals
         self.draw(0.0, 0.0)
@@ -87,14 +89,25 @@ class Battery:
     @property
     def charge(self) -> float:
         """What is left, 0 empty to 1 full."""
-        return max(0.0, self._initial_charge - self._consumed_ah / self._capacity_ah)
+        return max(
+            0.0, self._initial_charge - self._lost_charge - self._consumed_ah / self._capacity_ah
+        )
+
+    def set_charge(self, charge: float) -> None:
+        """Have `charge` left, 0 empty to 1 full, from now on."""
+        self._lost_charge += self.charge - charge
+
+    def fail_cells(self, cells: int, charge_lost: float) -> None:
+        """Lose the voltage of `cells` short-circuited cells, and a share of the full charge."""
+        self._live_share = max(0.0, self._live_share - cells / CELLS)
+        self._lost_charge += charge_lost
 
     def draw(self, motor_power_w: float, duration_s: float) -> None:
         """Feed the motors and the avionics for `duration_s`."""
-        if self.charge <= 0.0:
+        if self.charge <= 0.0 or self._live_share <= 0.0:
             self._current_a, self.voltage_v = 0.0, 0.0
             return
-        open_circuit_v = open_circuit_voltage_v(self.charge)
+        open_circuit_v = self._live_share * open_circuit_voltage_v(self.charge)
         self._current_a = current_for_power_a(motor_power_w + AVIONICS_POWER_W, open_circuit_v)
         self.voltage_v = open_circuit_v - self._current_a * INTERNAL_RESISTANCE_OHM
         self._consumed_ah += self._current_a * duration_s / _SECONDS_PER_HOUR

@@ -17,7 +17,7 @@ from typing import Final
 
 import numpy as np
 
-from sim.earth import degrees_per_metre
+from sim.earth import degrees_per_metre, wrapped_longitude_deg
 from sim.sensors.noise import GaussMarkov, standard_normals
 from sim.sensors.readings import GpsReading
 from sim.truth import Truth
@@ -70,7 +70,7 @@ class Gps:
     def measure(self, truth: Truth) -> None:
         """Take a solution for this instant; `deliver` hands it over later."""
         if truth.time_us < FIRST_FIX_US:
-            self._on_its_way.append(self._searching(truth.time_us))
+            self._on_its_way.append(without_fix(truth.time_us))
         else:
             self._on_its_way.append(self._solution(truth))
 
@@ -95,7 +95,7 @@ class Gps:
             time_us=truth.time_us,
             time_utc_us=self._start_time_utc_us + truth.time_us,
             latitude_deg=truth.latitude_deg + north * metre.north,
-            longitude_deg=truth.longitude_deg + east * metre.east,
+            longitude_deg=wrapped_longitude_deg(truth.longitude_deg + east * metre.east),
             altitude_amsl_m=truth.altitude_amsl_m - down,
             velocity_ned=(velocity_north, velocity_east, velocity_down),
             horizontal_accuracy_m=horizontal_m,
@@ -107,23 +107,24 @@ class Gps:
             vdop=_VDOP,
         )
 
-    @staticmethod
-    def _searching(time_us: int) -> GpsReading:
-        return GpsReading(
-            time_us=time_us,
-            time_utc_us=0,
-            latitude_deg=0.0,
-            longitude_deg=0.0,
-            altitude_amsl_m=0.0,
-            velocity_ned=(0.0, 0.0, 0.0),
-            horizontal_accuracy_m=_DOP_UNKNOWN,
-            vertical_accuracy_m=_DOP_UNKNOWN,
-            speed_accuracy_m_s=_DOP_UNKNOWN,
-            fix_type=_FIX_NONE,
-            satellites_used=0,
-            hdop=_DOP_UNKNOWN,
-            vdop=_DOP_UNKNOWN,
-        )
+
+def without_fix(time_us: int) -> GpsReading:
+    """What a receiver says that sees no satellites."""
+    return GpsReading(
+        time_us=time_us,
+        time_utc_us=0,
+        latitude_deg=0.0,
+        longitude_deg=0.0,
+        altitude_amsl_m=0.0,
+        velocity_ned=(0.0, 0.0, 0.0),
+        horizontal_accuracy_m=_DOP_UNKNOWN,
+        vertical_accuracy_m=_DOP_UNKNOWN,
+        speed_accuracy_m_s=_DOP_UNKNOWN,
+        fix_type=_FIX_NONE,
+        satellites_used=0,
+        hdop=_DOP_UNKNOWN,
+        vdop=_DOP_UNKNOWN,
+    )
 
 
 def _reported_accuracies(factor: float) -> tuple[float, float, float]:

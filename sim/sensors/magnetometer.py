@@ -9,10 +9,9 @@ from typing import Final
 
 import numpy as np
 
-from sim.earth import MAGNETIC_FIELD_NED_GAUSS
 from sim.sensors.noise import normal_vector, standard_normals
 from sim.sensors.readings import MagReading
-from sim.truth import Truth, body_from_ned
+from sim.truth import Truth, Vector3, body_from_ned
 
 RATE_HZ: Final = 50
 WHITE_SIGMA_GAUSS: Final = 3e-3
@@ -20,16 +19,23 @@ HARD_IRON_SIGMA_GAUSS: Final = 3e-3
 
 
 class Magnetometer:
-    """`factor` scales every error alike."""
+    """`factor` scales every error alike.
 
-    def __init__(self, generator: np.random.Generator, *, factor: float) -> None:
+    The Earth's field is taken as the same over the farm: a kilometre changes it by some
+    thousandths of a degree of declination and hundredths of inclination.
+    """
+
+    def __init__(
+        self, generator: np.random.Generator, *, factor: float, field_ned_gauss: Vector3
+    ) -> None:
+        self._field_ned_gauss = field_ned_gauss
         self._normals = standard_normals(generator)
         self._hard_iron_gauss = normal_vector(self._normals, HARD_IRON_SIGMA_GAUSS * factor)
         self._white_gauss = WHITE_SIGMA_GAUSS * factor
 
     def read(self, truth: Truth) -> MagReading:
         """One sample."""
-        x, y, z = body_from_ned(truth.q_ned_frd, MAGNETIC_FIELD_NED_GAUSS)
+        x, y, z = body_from_ned(truth.q_ned_frd, self._field_ned_gauss)
         iron_x, iron_y, iron_z = self._hard_iron_gauss
         noise_x, noise_y, noise_z = normal_vector(self._normals, self._white_gauss)
         return MagReading(

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from sim.truth import Vector3
+from sim.truth import Motors, Vector3
 
 
 class ImuReading(NamedTuple):
@@ -57,6 +57,14 @@ class BatteryReading(NamedTuple):
     remaining: float  # [-] 0 empty to 1 full, by coulomb count
 
 
+class EscReading(NamedTuple):
+    """Telemetry of the four speed controllers."""
+
+    time_us: int  # [us]
+    rotor_rpm: Motors  # [1/min] Never negative, whatever the sense of rotation
+    current_a: Motors  # [A] Drawn from the pack by each
+
+
 class Readings(NamedTuple):
     """All that the instruments say after one control step."""
 
@@ -65,3 +73,4 @@ class Readings(NamedTuple):
     mag: MagReading | None
     gps: GpsReading | None
     battery: BatteryReading | None
+    esc: EscReading | None

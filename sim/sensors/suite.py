@@ -1,17 +1,20 @@
 """All instruments of one vehicle, each read when it is due."""
 
+from collections.abc import Callable
 from typing import Final
 
 from sim.config import SimulationConfig
-from sim.sensors import baro, battery, gps, magnetometer
+from sim.magnetic_field import decimal_year, field_ned_gauss
+from sim.sensors import baro, battery, esc, gps, magnetometer
 from sim.sensors.baro import Barometer
 from sim.sensors.battery import Battery
+from sim.sensors.esc import EscTelemetry
 from sim.sensors.gps import Gps
 from sim.sensors.imu import Imu
 from sim.sensors.magnetometer import Magnetometer
 from sim.sensors.noise import generators
 from sim.sensors.readings import Readings
-from sim.truth import Truth
+from sim.truth import Motors, Truth, Vector3
 
 _MICROSECONDS: Final = 1_000_000
 
@@ -45,7 +48,9 @@ class SensorSuite:
         factor = config.sensor_noise_factor
         self.imu = Imu(streams["imu"], rate_hz=config.control_rate_hz, factor=factor)
         self.baro = Barometer(streams["baro"], factor=factor)
-        self.magnetometer = Magnetometer(streams["magnetometer"], factor=factor)
+        self.magnetometer = Magnetometer(
+            streams["magnetometer"], factor=factor, field_ned_gauss=_field_at_home(config)
+        )
         self.gps = Gps(streams["gps"], factor=factor, start_time_utc_us=config.start_time_utc_us)
         self.battery = Battery(
             streams["battery"],
@@ -57,9 +62,14 @@ class SensorSuite:
         self._mag_schedule = Schedule(magnetometer.RATE_HZ, first_us=8_000)
         self._gps_schedule = Schedule(gps.RATE_HZ, first_us=12_000)
         self._battery_schedule = Schedule(battery.RATE_HZ, first_us=16_000)
+        self.esc = EscTelemetry(streams["esc"], factor=factor)
+        self._esc_schedule = Schedule(esc.RATE_HZ)
 
-    def read(self, truth: Truth) -> Readings:
-        """Every reading that is due at the instant of the truth."""
+    def read(self, truth: Truth, motor_currents_a: Callable[[], Motors]) -> Readings:
+        """Every reading that is due at the instant of the truth.
+
+        `motor_currents_a` gives what each motor draws from the pack; asked for when needed.
+        """
         time_us = truth.time_us
         if self._gps_schedule.due(time_us):
             self.gps.measure(truth)
@@ -69,4 +79,14 @@ class SensorSuite:
             self.magnetometer.read(truth) if self._mag_schedule.due(time_us) else None,
             self.gps.deliver(time_us),
             self.battery.read(time_us) if self._battery_schedule.due(time_us) else None,
+            self.esc.read(truth, motor_currents_a()) if self._esc_schedule.due(time_us) else None,
         )
+
+
+def _field_at_home(config: SimulationConfig) -> Vector3:
+    return field_ned_gauss(
+        config.home_latitude_deg,
+        config.home_longitude_deg,
+        config.home_altitude_amsl_m,
+        decimal_year(config.start_time_utc_us),
+    )

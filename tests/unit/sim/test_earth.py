@@ -1,10 +1,8 @@
 """The simulator's Earth against published figures."""
 
-import math
-
 import pytest
 
-from sim.earth import MAGNETIC_FIELD_NED_GAUSS, degrees_per_metre
+from sim.earth import degrees_per_metre, wrapped_longitude_deg
 
 
 @pytest.mark.parametrize(
@@ -25,10 +23,11 @@ def test_a_degree_is_longer_higher_up() -> None:
     assert degrees_per_metre(40.0, 1000.0).east < degrees_per_metre(40.0, 0.0).east
 
 
-def test_the_needle_points_north_and_dips_into_the_ground() -> None:
-    north, east, down = MAGNETIC_FIELD_NED_GAUSS
-    assert math.degrees(math.atan2(east, north)) == pytest.approx(0.607, abs=0.002)
-    assert math.degrees(math.atan2(down, math.hypot(north, east))) == pytest.approx(
-        55.171, abs=0.002
-    )
-    assert math.hypot(north, east, down) == pytest.approx(0.451026, abs=1e-5)
+@pytest.mark.parametrize(
+    ("longitude_deg", "expected_deg"),
+    [(0.0, 0.0), (180.0, 180.0), (180.001, -179.999), (-180.001, 179.999), (-3.7, -3.7)],
+)
+def test_a_step_over_the_date_line_ends_on_its_other_side(
+    longitude_deg: float, expected_deg: float
+) -> None:
+    assert wrapped_longitude_deg(longitude_deg) == pytest.approx(expected_deg, abs=1e-9)

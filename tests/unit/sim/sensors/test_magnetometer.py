@@ -13,7 +13,11 @@ DECLINATION_DEG = 0.607
 
 
 def magnetometer(*, seed: int = 1, factor: float = 1.0) -> Magnetometer:
-    return Magnetometer(generators(seed)["magnetometer"], factor=factor)
+    return Magnetometer(
+        generators(seed)["magnetometer"],
+        factor=factor,
+        field_ned_gauss=(0.257578, 0.002731, 0.370230),
+    )
 
 
 def level_heading_deg(field_frd: tuple[float, float, float]) -> float:

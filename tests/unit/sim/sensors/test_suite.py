@@ -6,9 +6,14 @@ import pytest
 
 from sim.config import SimulationConfig
 from sim.sensors.suite import Schedule, SensorSuite
+from sim.truth import Motors
 from tests.unit.sim.truths import truth
 
 SECONDS = 10
+
+
+def no_currents() -> Motors:
+    return (0.0, 0.0, 0.0, 0.0)
 
 
 @pytest.fixture(scope="module")
@@ -16,14 +21,14 @@ def counts() -> Counter[str]:
     suite = SensorSuite(SimulationConfig())
     counted: Counter[str] = Counter()
     for step in range(SECONDS * 250):
-        readings = suite.read(truth(step * 4000))
+        readings = suite.read(truth(step * 4000), no_currents)
         counted.update(name for name, value in readings._asdict().items() if value is not None)
     return counted
 
 
 @pytest.mark.parametrize(
     ("instrument", "rate_hz"),
-    [("imu", 250), ("baro", 50), ("mag", 50), ("gps", 10), ("battery", 10)],
+    [("imu", 250), ("baro", 50), ("mag", 50), ("gps", 10), ("battery", 10), ("esc", 125)],
 )
 def test_each_instrument_has_its_rate(counts: Counter[str], instrument: str, rate_hz: int) -> None:
     assert counts[instrument] == pytest.approx(SECONDS * rate_hz, abs=2)
@@ -39,7 +44,7 @@ def test_a_schedule_keeps_its_rate_between_steps_that_do_not_fit() -> None:
 def test_a_reading_bears_the_time_of_its_step() -> None:
     suite = SensorSuite(SimulationConfig())
     for step in range(10):
-        readings = suite.read(truth(step * 4000))
+        readings = suite.read(truth(step * 4000), no_currents)
         assert readings.imu.time_us == step * 4000
         if readings.baro is not None:
             assert readings.baro.time_us == step * 4000
