@@ -131,9 +131,10 @@ class App:
         self._carry_out(effects, peer)
 
     def _introduce(self, source: Source, address: Address) -> None:
-        if source.system in {0, self._config.system_id}:
+        vehicle_id = self._config.vehicle_id(source.system)
+        if vehicle_id is None or source.system in {0, self._config.system_id}:
             return
-        peer = self._peer(source.system)
+        peer = self._peer(source.system, vehicle_id)
         if peer.address is None:
             _LOG.info("vehicle %d is heard from %s:%d", source.system, *address)
             peer.component = source.component
@@ -142,12 +143,12 @@ class App:
         if source.component == peer.component:
             peer.address = address
 
-    def _peer(self, system: int) -> _Peer:
+    def _peer(self, system: int, vehicle_id: int) -> _Peer:
         """Give the peer of a system, a new one if need be."""
         if system not in self._peers:
             config = self._config
             vehicle = Vehicle(
-                config.vehicle_id(system),
+                vehicle_id,
                 Route(config.system_id, config.component_id, system, AUTOPILOT),
             )
             session = Session(
@@ -170,12 +171,20 @@ class App:
             return
         match work:
             case MissionWork():
-                peer = self._peer(self._config.system_of(work.vehicle_id))
-                effects = Effects()
-                peer.session.take_mission(work, effects)
-                self._carry_out(effects, peer)
+                self._take_mission(work)
             case StateVectorWork():
                 self._answer_state_vector(work, now)
+
+    def _take_mission(self, work: MissionWork) -> None:
+        system = self._config.system_of(work.vehicle_id)
+        if system is None:
+            reason = f"no system is vehicle {work.vehicle_id}"
+            self._tell(Acknowledgement(work.work_id, "refused", reason), work.vehicle_id)
+            return
+        peer = self._peer(system, work.vehicle_id)
+        effects = Effects()
+        peer.session.take_mission(work, effects)
+        self._carry_out(effects, peer)
 
     def _answer_state_vector(self, work: StateVectorWork, now: float) -> None:
         """Have one vehicle or all report; done if any of them could."""

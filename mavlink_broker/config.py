@@ -32,14 +32,18 @@ class Config:
     battery_capacity_ah: float = DEFAULT_BATTERY_CAPACITY_AH
     log_level: str = "INFO"
 
-    def vehicle_id(self, system_id: int) -> int:
-        """AFarCloud's number of the vehicle with a MAVLink system id."""
-        return self.vehicle_of_system.get(system_id, system_id)
+    def vehicle_id(self, system_id: int) -> int | None:
+        """AFarCloud's number of a MAVLink system; None where another system has that number."""
+        if system_id in self.vehicle_of_system:
+            return self.vehicle_of_system[system_id]
+        return None if system_id in self.vehicle_of_system.values() else system_id
 
-    def system_of(self, vehicle_id: int) -> int:
-        """MAVLink system id of a vehicle; the other way round."""
+    def system_of(self, vehicle_id: int) -> int | None:
+        """MAVLink system id of a vehicle; None where that system is another vehicle."""
         reverse = {vehicle: system for system, vehicle in self.vehicle_of_system.items()}
-        return reverse.get(vehicle_id, vehicle_id)
+        if vehicle_id in reverse:
+            return reverse[vehicle_id]
+        return None if vehicle_id in self.vehicle_of_system else vehicle_id
 
 
 def parse_vehicle_ids(text: str) -> dict[int, int]:

@@ -42,6 +42,14 @@ class TestSeveralVehicles:
         assert vehicle.uploads == 1
         assert {b["vehicle_id"] for b in world.edge.bodies("/state_vector/")} == {70}
 
+    def test_the_mission_of_another_vehicle_is_not_flown_by_a_renumbered_one(self) -> None:
+        world = World(config=Config(vehicle_of_system={1: 70}))
+        vehicle = world.add_vehicle(1)
+        work = world.edge.plan(first_flight(vehicle_id=1))
+        world.run(30.0)
+        assert vehicle.uploads == 0
+        assert world.edge.acknowledgements(work)[0]["status"] == "refused"
+
 
 class TestTelling:
     def test_a_vehicle_is_introduced_at_first_sight_with_what_is_known(self) -> None:

@@ -30,6 +30,12 @@ def test_vehicles_may_have_other_numbers_than_their_systems() -> None:
     assert [settings.system_of(vehicle) for vehicle in (7, 8, 3)] == [1, 2, 3]
 
 
+def test_a_number_that_was_given_away_means_nobody_else() -> None:
+    settings = load(["--vehicle-ids", "7:1"], {})
+    assert settings.system_of(1) is None
+    assert settings.vehicle_id(7) is None
+
+
 @pytest.mark.parametrize("text", ["7", "7:x", "7:1,7:2", "7:1,8:1"])
 def test_numbers_that_make_no_sense_are_refused(text: str) -> None:
     with pytest.raises(ValueError, match=text):
