@@ -2,6 +2,7 @@
 
 import json
 import os
+import random
 import signal
 import socket
 import subprocess
@@ -26,18 +27,28 @@ TERMINAL = 3
 FINISHED = 3
 
 
+FIRST_PORT = 20_000
+LAST_PORT = 32_000
+"""Below the range from which the kernel takes ports for outgoing connections."""
+
+
 def free_ports(count: int) -> list[int]:
-    """Find ports that are free for TCP and UDP alike."""
-    found: list[int] = []
-    holders = []
-    while len(found) < count:
-        holder = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        holder.bind(("127.0.0.1", 0))
-        holders.append(holder)
-        found.append(holder.getsockname()[1])
-    for holder in holders:
-        holder.close()
-    return found
+    """Find neighbouring ports that are free for TCP and UDP alike."""
+    while True:
+        first = random.randrange(FIRST_PORT, LAST_PORT - count)
+        ports = list(range(first, first + count))
+        if all(_is_free(port) for port in ports):
+            return ports
+
+
+def _is_free(port: int) -> bool:
+    for kind in (socket.SOCK_STREAM, socket.SOCK_DGRAM):
+        with socket.socket(socket.AF_INET, kind) as probe:
+            try:
+                probe.bind(("127.0.0.1", port))
+            except OSError:
+                return False
+    return True
 
 
 def wait_for(condition: Callable[[], Any], what: str, patience_s: float = PATIENCE_S) -> Any:
@@ -58,8 +69,7 @@ class FarmSystem:
     """Cloud, edge server, broker and vehicles; each can be started and killed by name."""
 
     def __init__(self, state_dir: Path, *, vehicles: int = 1, speed: float = 5.0) -> None:
-        ports = free_ports(4)
-        base = free_ports(1)[0] % 20_000 + 30_000
+        ports = free_ports(5 + vehicles)
         self.environment = {
             **os.environ,
             "VEHICLES": str(vehicles),
@@ -71,7 +81,7 @@ class FarmSystem:
             "CLOUD_PORT": str(ports[1]),
             "MAVLINK_PORT": str(ports[2]),
             "GCS_PORT": str(ports[3]),
-            "VEHICLE_PORT_BASE": str(base),
+            "VEHICLE_PORT_BASE": str(ports[4]),
             "STATE_DIR": str(state_dir),
             "EDGE_URL": f"http://127.0.0.1:{ports[0]}",
             "CLOUD_URL": f"http://127.0.0.1:{ports[1]}",
