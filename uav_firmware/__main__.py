@@ -50,6 +50,7 @@ def main() -> int:
             peers=peers,
             boot_time_utc_us=boot_time_utc_us,
             write_line=_line_writer(config.system_id),
+            log_store=hardware.log_store,
         )
         _run(config, hardware, autopilot, stop)
     finally:
@@ -89,6 +90,7 @@ def _run(config: VehicleConfig, hardware: Hardware, autopilot: Autopilot, stop: 
         step()
         pacer.pace(vehicle.time_us)
     autopilot.parameter_storage.update()
+    autopilot.logger.close()
     write(
         vehicle.time_us,
         f"stopped after {pacer.steps} steps, {pacer.overruns} of them late, "

@@ -51,15 +51,17 @@ class Queue(Generic[T]):
 
 
 class Fork(Queue[T]):
-    """A queue whose items also reach a second reader."""
+    """A queue whose items also reach a second and a third reader."""
 
-    __slots__ = ("second",)
+    __slots__ = ("second", "third")
 
     def __init__(self, limit: int = 256) -> None:
         super().__init__(limit)
         self.second: Queue[T] = Queue(limit)
+        self.third: Queue[T] = Queue(limit)
 
     def publish(self, item: T) -> None:
-        """Append an item for both readers."""
+        """Append an item for each reader."""
         super().publish(item)
         self.second.publish(item)
+        self.third.publish(item)

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 from uav_firmware.cal.link import Link
+from uav_firmware.cal.log_store import LogStore
 from uav_firmware.cal.storage import Storage
 from uav_firmware.cal.vehicle import Vehicle
 from uav_firmware.modules.attitude_control.module import AttitudeControlModule
@@ -16,6 +17,11 @@ from uav_firmware.modules.estimator.module import EstimatorModule
 from uav_firmware.modules.estimator.params import EstimatorParams
 from uav_firmware.modules.land_detector.module import LandDetectorModule
 from uav_firmware.modules.land_detector.params import LandDetectorParams
+from uav_firmware.modules.logger.definitions import Identity
+from uav_firmware.modules.logger.module import LoggerModule
+from uav_firmware.modules.logger.params import LoggerParams
+from uav_firmware.modules.logger.streams import LoggerTopics
+from uav_firmware.modules.mavlink.builders.identity import FLIGHT_SW_VERSION
 from uav_firmware.modules.mavlink.module import MavlinkModule
 from uav_firmware.modules.mavlink.peers import Peer
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
@@ -43,6 +49,7 @@ _PARAMETER_GROUPS: Final = (
     AttitudeControlParams,
     RateControlParams,
     ControlAllocatorParams,
+    LoggerParams,
 )
 
 
@@ -59,6 +66,7 @@ class Autopilot:
         peers: Sequence[Peer],
         boot_time_utc_us: int,
         write_line: Callable[[int, str], None],
+        log_store: LogStore | None = None,
     ) -> None:
         self.vehicle = vehicle
         self.topics = topics = Topics()
@@ -183,6 +191,17 @@ class Autopilot:
             mission_progress=topics.mission_progress,
             time_us=self._time_us,
         )
+        self.logger = LoggerModule(
+            log_store,
+            topics=_logger_topics(topics),
+            texts=topics.status_text.third,
+            status_text=topics.status_text,
+            registry=registry,
+            identity=Identity(system_id, FLIGHT_SW_VERSION),
+            boot_time_utc_us=boot_time_utc_us,
+            step_us=vehicle.step_us,
+            time_us=self._time_us,
+        )
         self.scheduler = Scheduler(vehicle.step_us, self._rate_groups(vehicle.step_us))
 
     def serve_link(self) -> None:
@@ -215,6 +234,7 @@ class Autopilot:
             RateGroup("mavlink", _LINK_PERIOD_US, lambda: self.mavlink.update(vehicle.time_us), 1),
             RateGroup("console", _CONSOLE_PERIOD_US, self.console.update, 3),
             RateGroup("parameter_storage", _STORAGE_PERIOD_US, self.parameter_storage.update, 4),
+            RateGroup("logger", step_us, self.logger.update),
         )
 
 
@@ -241,4 +261,29 @@ def _mavlink_topics(topics: Topics) -> MavlinkTopics:
         vehicle_command=topics.vehicle_command,
         mission=topics.mission,
         ground_station_heartbeat=topics.ground_station_heartbeat,
+    )
+
+
+def _logger_topics(topics: Topics) -> LoggerTopics:
+    """What the logger reads."""
+    return LoggerTopics(
+        attitude=topics.vehicle_attitude,
+        local_position=topics.vehicle_local_position,
+        global_position=topics.vehicle_global_position,
+        estimator_status=topics.estimator_status,
+        imu=topics.sensor_imu,
+        baro=topics.sensor_baro,
+        mag=topics.sensor_mag,
+        gps=topics.sensor_gps,
+        battery=topics.sensor_battery,
+        trajectory_setpoint=topics.trajectory_setpoint,
+        attitude_setpoint=topics.vehicle_attitude_setpoint,
+        rates_setpoint=topics.vehicle_rates_setpoint,
+        torque_thrust=topics.vehicle_torque_thrust_setpoint,
+        allocator_status=topics.control_allocator_status,
+        motors=topics.actuator_motors,
+        vehicle_status=topics.vehicle_status,
+        land_detected=topics.land_detected,
+        home=topics.home_position,
+        mission_progress=topics.mission_progress,
     )

@@ -7,10 +7,12 @@ import socket
 from dataclasses import dataclass
 
 from uav_firmware.cal.link import Address
+from uav_firmware.cal.log_store import LogStore
 from uav_firmware.cal.storage import Storage
 from uav_firmware.cal.vehicle import Vehicle
 from uav_firmware.config import ConfigError, Endpoint, VehicleConfig
 from uav_firmware.drivers.file_storage import FileStorage
+from uav_firmware.drivers.log_folder import LogFolder
 from uav_firmware.drivers.udp_link import UdpLink
 
 _VEHICLES_PER_SEED = 256  # vehicles of one seed must not share their noise
@@ -23,6 +25,7 @@ class Hardware:
     vehicle: Vehicle
     link: UdpLink
     storage: Storage
+    log_store: LogStore
 
     def close(self) -> None:
         """Release files and sockets."""
@@ -45,6 +48,7 @@ def build_hardware(config: VehicleConfig, start_time_utc_us: int) -> Hardware:
             vehicle=build_vehicle(config, start_time_utc_us),
             link=link,
             storage=FileStorage(config.folder),
+            log_store=LogFolder(config.folder / "log"),
         )
     except BaseException:
         link.close()
