@@ -15,6 +15,7 @@ from uav_firmware.msg.estimate import (
     VehicleGlobalPosition,
     VehicleLocalPosition,
 )
+from uav_firmware.msg.guidance import OrbitStatus
 from uav_firmware.msg.mission import Mission, MissionProgress, NavigatorRequest, NavigatorStatus
 from uav_firmware.msg.sensors import (
     SensorBaro,
@@ -65,6 +66,7 @@ class Topics:
     vehicle_control_mode: Topic[VehicleControlMode] = field(default_factory=Topic)
     manual_control_setpoint: Topic[ManualControlSetpoint] = field(default_factory=Topic)
     offboard_setpoint: Topic[OffboardSetpoint] = field(default_factory=Topic)
+    orbit_status: Topic[OrbitStatus] = field(default_factory=Topic)
     trajectory_setpoint: Topic[TrajectorySetpoint] = field(default_factory=Topic)
     vehicle_attitude_setpoint: Topic[VehicleAttitudeSetpoint] = field(default_factory=Topic)
     vehicle_rates_setpoint: Topic[VehicleRatesSetpoint] = field(default_factory=Topic)

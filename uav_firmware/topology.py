@@ -106,6 +106,8 @@ class Autopilot:
             trajectory_setpoint=topics.trajectory_setpoint,
             mission_progress=topics.mission_progress,
             navigator_status=topics.navigator_status,
+            orbit_status=topics.orbit_status,
+            status_text=topics.status_text,
         )
         self.commander = CommanderModule(
             registry,

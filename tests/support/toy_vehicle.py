@@ -15,6 +15,7 @@ from uav_firmware.modules.commander.module import CommanderModule
 from uav_firmware.modules.navigator.module import NavigatorModule
 from uav_firmware.modules.position_control.params import PositionControlParams
 from uav_firmware.msg.estimate import EstimatorStatus, VehicleAttitude, VehicleLocalPosition
+from uav_firmware.msg.guidance import OrbitStatus
 from uav_firmware.msg.mission import (
     Mission,
     MissionItem,
@@ -115,6 +116,7 @@ class ToyVehicle:
         self.requests: Queue[NavigatorRequest] = Queue()
         self.status_text: Queue[StatusText] = Queue()
         self.mission: Topic[Mission] = Topic()
+        self.orbit_status: Topic[OrbitStatus] = Topic()
         self.setpoint: Topic[TrajectorySetpoint] = Topic()
         self.registry.add(PositionControlParams)
         self.navigator = NavigatorModule(
@@ -128,6 +130,8 @@ class ToyVehicle:
             trajectory_setpoint=self.setpoint,
             mission_progress=self.progress,
             navigator_status=self.navigator_status,
+            orbit_status=self.orbit_status,
+            status_text=self.status_text,
         )
         self.commander = CommanderModule(
             self.registry,

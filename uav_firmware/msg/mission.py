@@ -3,6 +3,12 @@
 from enum import IntEnum
 from typing import NamedTuple, TypeAlias
 
+from uav_firmware.msg.guidance import (
+    FollowOrder,
+    HeadingRequest,
+    OrbitTarget,
+    RegionOfInterest,
+)
 from uav_firmware.msg.status import NavigationState
 
 
@@ -11,13 +17,23 @@ class MissionCommand(IntEnum):
 
     NAV_WAYPOINT = 16
     NAV_LOITER_UNLIM = 17
+    NAV_LOITER_TURNS = 18
     NAV_LOITER_TIME = 19
     NAV_RETURN_TO_LAUNCH = 20
     NAV_LAND = 21
     NAV_TAKEOFF = 22
+    NAV_LOITER_TO_ALT = 31
+    NAV_SPLINE_WAYPOINT = 82
     NAV_DELAY = 93
+    CONDITION_DELAY = 112
+    CONDITION_DISTANCE = 114
+    CONDITION_YAW = 115
     DO_JUMP = 177
     DO_CHANGE_SPEED = 178
+    DO_SET_HOME = 179
+    DO_SET_ROI_LOCATION = 195
+    DO_SET_ROI_NONE = 197
+    DO_SET_ROI = 201
 
 
 class MissionResult(IntEnum):
@@ -125,7 +141,12 @@ class MissionCurrentRequest(NamedTuple):
     reset: bool  # Forget completion and jump counters
 
 
-NavigatorRequest: TypeAlias = NavigatorTarget | SpeedRequest | MissionCurrentRequest
+ModeTarget: TypeAlias = NavigatorTarget | OrbitTarget | FollowOrder
+"""An order that belongs to one mode and comes just before it."""
+
+NavigatorRequest: TypeAlias = (
+    ModeTarget | SpeedRequest | MissionCurrentRequest | RegionOfInterest | HeadingRequest
+)
 """What the navigator's request queue carries."""
 
 

@@ -8,7 +8,12 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from uav_firmware.modules.commander import flight_commands, health_checks, mode_requirements
+from uav_firmware.modules.commander import (
+    flight_commands,
+    guided_commands,
+    health_checks,
+    mode_requirements,
+)
 from uav_firmware.modules.commander.command_parameters import (
     NAN,
     BadParameterError,
@@ -38,14 +43,16 @@ from uav_firmware.msg.status import Command, CommandResult, NavigationState, Veh
 FORCE: Final = 21196.0
 """Parameter 2 of COMPONENT_ARM_DISARM that overrules the checks."""
 
-_AUTO_MODES: Final[Mapping[float, NavigationState]] = {
-    2.0: NavigationState.AUTO_TAKEOFF,
-    3.0: NavigationState.AUTO_LOITER,
-    4.0: NavigationState.AUTO_MISSION,
-    5.0: NavigationState.AUTO_RTL,
-    6.0: NavigationState.AUTO_LAND,
-}
 _MAIN_AUTO: Final = 4.0
+_MAIN_POSITION: Final = 3.0
+_MODES: Final[Mapping[tuple[float, float], NavigationState]] = {
+    (_MAIN_AUTO, 2.0): NavigationState.AUTO_TAKEOFF,
+    (_MAIN_AUTO, 3.0): NavigationState.AUTO_LOITER,
+    (_MAIN_AUTO, 4.0): NavigationState.AUTO_MISSION,
+    (_MAIN_AUTO, 5.0): NavigationState.AUTO_RTL,
+    (_MAIN_AUTO, 6.0): NavigationState.AUTO_LAND,
+    (_MAIN_POSITION, 1.0): NavigationState.ORBIT,
+}
 _MODE_CUSTOM: Final = 1.0
 
 
@@ -101,9 +108,10 @@ def _set_mode(command: VehicleCommand, situation: Situation) -> Decision:
         return denied("parameter 1 has no custom mode")
     refuse_set(command, 4, 5, 6, 7)
     main, sub = command.param2, command.param3
-    if main != _MAIN_AUTO or sub not in _AUTO_MODES:
+    state = _MODES.get((main, sub))
+    if state is None:
         return denied(f"mode {main:g}/{sub:g} is not available")
-    return flight_commands.change_mode(_AUTO_MODES[sub], situation)
+    return flight_commands.change_mode(state, situation)
 
 
 def _mission_start(command: VehicleCommand, situation: Situation) -> Decision:
@@ -187,6 +195,7 @@ HANDLERS: Final[Mapping[int, Handler]] = {
     Command.NAV_RETURN_TO_LAUNCH: flight_commands.return_home,
     Command.NAV_LAND: flight_commands.land,
     Command.NAV_TAKEOFF: flight_commands.take_off,
+    Command.DO_ORBIT: guided_commands.orbit,
     Command.DO_SET_MODE: _set_mode,
     Command.DO_CHANGE_SPEED: flight_commands.change_speed,
     Command.DO_SET_HOME: _set_home,

@@ -27,6 +27,7 @@ from uav_firmware.modules.commander.vehicle_view import VehicleView
 from uav_firmware.msg.mission import (
     MissionCurrentRequest,
     MissionState,
+    ModeTarget,
     NavigatorTarget,
     SpeedRequest,
 )
@@ -34,7 +35,6 @@ from uav_firmware.msg.status import NavigationState, VehicleCommand
 
 LOWEST_TAKEOFF_M: Final = 1.0  # [m] above home; lower becomes MIS_TAKEOFF_ALT
 _HERE: Final = Place(NAN, NAN, NAN)
-_AIRBORNE_ONLY: Final = frozenset({NavigationState.AUTO_RTL, NavigationState.AUTO_LAND})
 
 
 class Situation(NamedTuple):
@@ -55,7 +55,7 @@ def change_mode(state: NavigationState, situation: Situation) -> Decision:
     reason = mode_requirements.missing(state, view)
     if reason is not None:
         return not_now(reason)
-    if state in _AIRBORNE_ONLY and (view.landed or not situation.armed):
+    if state in mode_requirements.AIRBORNE_ONLY and (view.landed or not situation.armed):
         return not_now("the vehicle is on the ground")
     complete = view.progress is not None and view.progress.state == MissionState.COMPLETE
     if state is NavigationState.AUTO_MISSION and complete:
@@ -76,10 +76,16 @@ def _change_mode_to(
     speed: float = NAN,
     note: str = "",
 ) -> Decision:
+    target = NavigatorTarget(situation.view.now_us, state, *spot, yaw, speed)
+    return change_mode_for(target, situation, note=note)
+
+
+def change_mode_for(target: ModeTarget, situation: Situation, *, note: str = "") -> Decision:
+    """Enter the mode of a target, if that can be flown."""
+    state = target.navigation_state
     decision = change_mode(state, situation)
     if not decision.effects:
         return decision
-    target = NavigatorTarget(situation.view.now_us, state, *spot, yaw, speed)
     return accepted(Tell(target), SetMode(state), note=note)
 
 
@@ -163,6 +169,8 @@ def change_speed(command: VehicleCommand, situation: Situation) -> Decision:
         return denied("parameter 3: a multirotor has no throttle to set")
     if not situation.armed:
         return not_now("the vehicle is disarmed")
+    if situation.mode is NavigationState.ORBIT:
+        return not_now("the speed of an orbit comes with its order")
     if speed == -1.0:
         return accepted()
     wanted = NAN if speed == -2.0 else speed

@@ -31,6 +31,7 @@ REQUIREMENTS: Final[Mapping[NavigationState, frozenset[Need]]] = {
     NavigationState.AUTO_MISSION: _FLY | {Need.HOME, Need.MISSION},
     NavigationState.AUTO_RTL: _FLY | {Need.HOME},
     NavigationState.AUTO_LAND: frozenset({Need.ATTITUDE}),
+    NavigationState.ORBIT: _FLY | {Need.HOME},
 }
 
 STARTABLE: Final = frozenset(
@@ -41,6 +42,18 @@ STARTABLE: Final = frozenset(
     }
 )
 """Modes in which the vehicle may be armed."""
+
+AIRBORNE_ONLY: Final = frozenset(
+    {
+        NavigationState.AUTO_RTL,
+        NavigationState.AUTO_LAND,
+        NavigationState.ORBIT,
+    }
+)
+"""Modes that can only be entered in the air."""
+
+ENDING_IN_HOLD: Final = frozenset({NavigationState.AUTO_TAKEOFF, NavigationState.ORBIT})
+"""Modes that give way to AUTO_LOITER when their work is done."""
 
 
 def missing(state: NavigationState, view: VehicleView) -> str | None:

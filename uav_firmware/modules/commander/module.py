@@ -3,6 +3,7 @@
 from typing import Any, Final
 
 from uav_firmware.bus import Queue, Topic
+from uav_firmware.modules.commander import mode_requirements
 from uav_firmware.modules.commander.arming_states import Arming, ArmingEvent, after
 from uav_firmware.modules.commander.commands import arming_refusal, decide
 from uav_firmware.modules.commander.decision import (
@@ -31,9 +32,9 @@ from uav_firmware.msg.estimate import EstimatorStatus, VehicleAttitude, VehicleL
 from uav_firmware.msg.mission import (
     Mission,
     MissionProgress,
+    ModeTarget,
     NavigatorRequest,
     NavigatorStatus,
-    NavigatorTarget,
 )
 from uav_firmware.msg.sensors import SensorBaro, SensorBattery, SensorGps, SensorImu, SensorMag
 from uav_firmware.msg.status import (
@@ -205,7 +206,7 @@ class CommanderModule:
 
     def _tell(self, request: NavigatorRequest) -> None:
         """Hand a request on; a repeated target of the same mode is not flown twice."""
-        if isinstance(request, NavigatorTarget):
+        if isinstance(request, ModeTarget):
             # As text, since NaN equals nothing.
             target = str(request[1:])
             if target == self._last_target and request.navigation_state is self._mode:
@@ -242,7 +243,7 @@ class CommanderModule:
             and navigator.finished
             and navigator.navigation_state is self._mode
         )
-        if done and self._mode is NavigationState.AUTO_TAKEOFF:
+        if done and self._mode in mode_requirements.ENDING_IN_HOLD:
             self._mode = NavigationState.AUTO_LOITER
         mission_state = view.progress.state if view.progress is not None else 0
         event = self._disarm_timer.due(

@@ -45,3 +45,7 @@ class CommanderParams:
         "COM_DL_LOSS_T", 10.0, unit="s", minimum=1.0, maximum=300.0,
         short="Time without a heartbeat of any ground station until the link counts as lost",
     )  # fmt: skip
+    orbit_radius_max: float = param(
+        "MC_ORBIT_RAD_MAX", 1000.0, unit="m", minimum=1.0, maximum=10000.0,
+        short="Largest radius of an orbit",
+    )  # fmt: skip

@@ -50,6 +50,7 @@ POSITIONAL: Final = frozenset(
         status.Command.NAV_LOITER_UNLIM,
         status.Command.NAV_LAND,
         status.Command.NAV_TAKEOFF,
+        status.Command.DO_ORBIT,
         status.Command.DO_SET_HOME,
         status.Command.DO_REPOSITION,
     }

@@ -68,7 +68,9 @@ MODES: Final[Mapping[NavigationState, Mode]] = {
     ),
     _STATE.AUTO_FOLLOW_TARGET: Mode(_AUTO, 8, _AUTONOMOUS, _NON_STANDARD, "Follow me"),
     _STATE.AUTO_PRECLAND: Mode(_AUTO, 9, _AUTONOMOUS, _NON_STANDARD, "Precision land"),
-    _STATE.ORBIT: Mode(_POSCTL, 1, _AUTONOMOUS, mavlink.MAV_STANDARD_MODE_ORBIT, "Orbit"),
+    _STATE.ORBIT: Mode(
+        _POSCTL, 1, _AUTONOMOUS, mavlink.MAV_STANDARD_MODE_ORBIT, "Orbit", offered=True
+    ),
 }
 
 OFFERED: Final[tuple[NavigationState, ...]] = tuple(

@@ -5,12 +5,14 @@ from dataclasses import dataclass, field
 
 from uav_firmware.lib.geo import LocalFrame
 from uav_firmware.lib.motion import MotionLimits
+from uav_firmware.lib.rotation import wrap_pi
 from uav_firmware.lib.smoothing import Waypoint
 from uav_firmware.lib.vector import ZERO, subtract
 from uav_firmware.modules.navigator.params import NavigatorParams
 from uav_firmware.modules.navigator.path_follower import PathFollower
 from uav_firmware.modules.navigator.yaw import YawSlew
 from uav_firmware.msg.estimate import VehicleLocalPosition
+from uav_firmware.msg.guidance import OrbitStatus
 from uav_firmware.msg.setpoints import TrajectorySetpoint
 from uav_firmware.msg.status import HomePosition
 from uav_firmware.msg.vectors import Vector3
@@ -20,6 +22,7 @@ UNSET: Vector3 = (NAN, NAN, NAN)
 IDLE_SINK_SPEED_M_S = 0.7  # [m/s] asked for on the ground, so that the thrust stays down
 
 _FACING_SPEED = 0.3  # [m/s] horizontal set-point speed above which the nose follows it
+_NEAREST_LOOK_M = 1.0  # [m] a place nearer than this has no direction worth turning to
 
 
 @dataclass(slots=True)
@@ -68,6 +71,13 @@ class Flight:
     yaw_target: float = NAN  # [rad] NaN: the nose follows the path
     course: float = 0.0  # [rad] Direction that the nose follows
     abort_down: float = NAN  # [m] Down coordinate to climb back to when a landing is broken off
+    tilt_max: float = 0.5 * math.pi  # [rad] Of the position controller
+    roi: Vector3 | None = None  # [m, NED] Place that the nose points at
+    turn_left: float = NAN  # [rad] Of a turn that was ordered; NaN when there is none
+    turn_rate: float = NAN  # [rad/s] Of that turn
+    orbit_status: OrbitStatus | None = None  # Of the circle flown in this step
+    texts: list[tuple[int, str]] = field(default_factory=list)  # Severity, for the operator
+    _aim: tuple[float, float] | None = None  # [rad, rad/s] Heading of this step alone
 
     def limits(self) -> MotionLimits:
         """Limits of the trajectory with the commanded speeds."""
@@ -127,6 +137,31 @@ class Flight:
         if not math.isnan(self.yaw_target):
             self.course = self.yaw_target
         self.yaw_target = math.radians(yaw_deg)
+        self.turn_left = NAN
+
+    def aim(self, yaw: float, rate: float = 0.0) -> None:
+        """Point the nose to `yaw` [rad], which turns at `rate` [rad/s], in this step."""
+        self._aim = (yaw, rate)
+
+    def turn_by(self, angle: float, rate: float = NAN) -> None:
+        """Turn through `angle` [rad], the way of its sign, at `rate` [rad/s] at most."""
+        self.turn_left, self.turn_rate = angle, rate
+
+    def turn_to(self, angle: float, direction: int, rate: float = NAN) -> None:
+        """Turn to a heading [rad]: clockwise with direction 1, the other way with -1."""
+        turn = wrap_pi(angle - self.yaw.yaw)
+        if direction * turn < 0.0:
+            turn += math.copysign(math.tau, direction)
+        self.turn_by(turn, rate)
+
+    @property
+    def turned(self) -> bool:
+        """Whether the nose points where it shall, or need not point anywhere."""
+        return math.isnan(self.turn_left) and (math.isnan(self.yaw_target) or self.yaw.settled)
+
+    def say(self, severity: int, text: str) -> None:
+        """Tell the operator something."""
+        self.texts.append((severity, text))
 
     def arrived(self, point: Vector3, radius: float) -> bool:
         """Whether the vehicle is within `radius` [m] of a point, as far as it knows."""
@@ -147,7 +182,7 @@ class Flight:
             self.path.reset(estimate.position_ned, velocity)
             self.yaw.reset(estimate.heading)
             self.course = self.yaw.yaw
-        self.yaw_target = NAN
+        self.yaw_target = self.turn_left = NAN
 
     def advance(self, dt: float) -> TrajectorySetpoint:
         """Move the set-point on by `dt` [s], more slowly when the vehicle is left behind."""
@@ -189,14 +224,32 @@ class Flight:
         return max(0.0, min(1.0, 2.0 - 2.0 * error / self.params.tracking_error_max))
 
     def _turn(self, velocity: Vector3, dt: float) -> None:
-        target = self.yaw_target
-        if math.isnan(target):
-            if math.hypot(velocity[0], velocity[1]) > _FACING_SPEED:
-                self.course = math.atan2(velocity[1], velocity[0])
-            target = self.course
-        self.yaw.advance(
-            target,
-            dt,
-            math.radians(self.params.yaw_rate_max_deg),
-            math.radians(self.params.yaw_acceleration_max_deg),
-        )
+        rate_max = math.radians(self.params.yaw_rate_max_deg)
+        acceleration_max = math.radians(self.params.yaw_acceleration_max_deg)
+        aim, self._aim = self._aim, None
+        if not math.isnan(self.turn_left):
+            limit = min(_or(self.turn_rate, rate_max), rate_max)
+            self.turn_left = self.yaw.turn_by(self.turn_left, dt, limit, acceleration_max)
+            if self.yaw.settled:
+                self.turn_left, self.yaw_target = NAN, self.yaw.yaw
+            return
+        target, rate = aim or self._look(velocity)
+        self.yaw.advance(target, dt, rate_max, acceleration_max, rate)
+
+    def _look(self, velocity: Vector3) -> tuple[float, float]:
+        """Heading [rad] and its rate [rad/s]: at the region of interest, as told, or ahead."""
+        if self.roi is not None:
+            return self._look_at(self.roi, velocity)
+        if not math.isnan(self.yaw_target):
+            return self.yaw_target, 0.0
+        if math.hypot(velocity[0], velocity[1]) > _FACING_SPEED:
+            self.course = math.atan2(velocity[1], velocity[0])
+        return self.course, 0.0
+
+    def _look_at(self, place: Vector3, velocity: Vector3) -> tuple[float, float]:
+        north, east, _ = subtract(place, self.path.state.position)
+        distance = math.hypot(north, east)
+        if distance < _NEAREST_LOOK_M:
+            return self.yaw.yaw, 0.0
+        rate = (east * velocity[0] - north * velocity[1]) / distance**2
+        return math.atan2(east, north), rate

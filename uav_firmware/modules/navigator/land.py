@@ -58,8 +58,7 @@ class Land:
             return False
         horizontal, _ = flight.error_to(self._over)
         blind = flight.estimate is None or not flight.estimate.position_valid
-        turned = math.isnan(flight.yaw_target) or flight.yaw.settled
-        return blind or (turned and horizontal < _OVER_THE_POINT_M)
+        return blind or (flight.turned and horizontal < _OVER_THE_POINT_M)
 
 
 def land_here(flight: Flight, yaw_deg: float = math.nan) -> Land:

@@ -3,17 +3,17 @@
 from uav_firmware.modules.navigator.flight import Flight
 from uav_firmware.modules.navigator.mode import NavigatorMode
 from uav_firmware.modules.navigator.reposition import climb_back, reposition
-from uav_firmware.msg.mission import NavigatorTarget
+from uav_firmware.msg.mission import ModeTarget, NavigatorTarget
 
 
 class LoiterMode(NavigatorMode):
     """AUTO_LOITER; finished when it stands still."""
 
-    def on_activation(self, flight: Flight, target: NavigatorTarget | None) -> None:
+    def on_activation(self, flight: Flight, target: ModeTarget | None) -> None:
         """Stop, or begin the way to the target."""
         self.finished = False
         flight.yaw_target = flight.yaw.yaw
-        if target is not None:
+        if isinstance(target, NavigatorTarget):
             reposition(flight, target)
         else:
             flight.hold()

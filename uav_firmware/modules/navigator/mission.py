@@ -23,7 +23,7 @@ from uav_firmware.msg.mission import (
     Mission,
     MissionCommand,
     MissionItem,
-    NavigatorTarget,
+    ModeTarget,
 )
 
 _NO_ROUTE = Route((), ())
@@ -55,7 +55,7 @@ class MissionMode(NavigatorMode):
         self._held = False
         return True
 
-    def on_activation(self, flight: Flight, target: NavigatorTarget | None) -> None:
+    def on_activation(self, flight: Flight, target: ModeTarget | None) -> None:
         """Go on at the current item; after one that waited, at the next."""
         del target  # a mission brings its own
         self.finished = False

@@ -48,7 +48,7 @@ class WaypointTask:
     def _arrived(self, flight: Flight) -> bool:
         if flight.path.passed <= self._index:
             return False
-        turned = not self._stops or math.isnan(flight.yaw_target) or flight.yaw.settled
+        turned = not self._stops or flight.turned
         return turned and flight.arrived(self._position, radius_of(self._item, flight))
 
 

@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 
 from uav_firmware.modules.navigator.flight import Flight
-from uav_firmware.msg.mission import NavigatorTarget
+from uav_firmware.msg.mission import ModeTarget
 
 
 class NavigatorMode(ABC):
@@ -12,7 +12,7 @@ class NavigatorMode(ABC):
     finished: bool = False
 
     @abstractmethod
-    def on_activation(self, flight: Flight, target: NavigatorTarget | None) -> None:
+    def on_activation(self, flight: Flight, target: ModeTarget | None) -> None:
         """The mode begins, with the target that came with it."""
 
     @abstractmethod

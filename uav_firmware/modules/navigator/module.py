@@ -8,6 +8,7 @@ from uav_firmware.bus import Queue, Topic
 from uav_firmware.lib.geo import LocalFrame
 from uav_firmware.modules.navigator import feasibility
 from uav_firmware.modules.navigator.flight import Flight, Speeds
+from uav_firmware.modules.navigator.guided_modes import OrbitMode
 from uav_firmware.modules.navigator.loiter import LoiterMode
 from uav_firmware.modules.navigator.mission import MissionMode
 from uav_firmware.modules.navigator.mode import NavigatorMode
@@ -15,24 +16,33 @@ from uav_firmware.modules.navigator.params import NavigatorParams
 from uav_firmware.modules.navigator.simple_modes import LandMode, ReturnMode, TakeoffMode
 from uav_firmware.msg.control_mode import ControlSource, VehicleControlMode
 from uav_firmware.msg.estimate import VehicleLocalPosition
+from uav_firmware.msg.guidance import OrbitStatus, OrbitTarget
 from uav_firmware.msg.mission import (
     Mission,
     MissionCurrentRequest,
     MissionItem,
     MissionProgress,
     MissionRejection,
+    ModeTarget,
     NavigatorRequest,
     NavigatorStatus,
     NavigatorTarget,
     SpeedRequest,
 )
 from uav_firmware.msg.setpoints import TrajectorySetpoint
-from uav_firmware.msg.status import HomePosition, LandDetected, NavigationState, VehicleStatus
+from uav_firmware.msg.status import (
+    HomePosition,
+    LandDetected,
+    NavigationState,
+    StatusText,
+    VehicleStatus,
+)
 from uav_firmware.msg.vectors import Vector3
 from uav_firmware.parameters import Registry
 
 PERIOD_US: Final = 8_000  # [us] 125 Hz: at 12 m/s the set-point moves 0.1 m a step
 _CEILING_PARAMETERS: Final = ("MPC_XY_VEL_MAX", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN")
+_TILT_PARAMETER: Final = "MPC_TILTMAX_AIR"
 _LONGEST_STEP_S: Final = 0.1  # [s] a longer gap does not make the set-point jump
 
 
@@ -55,6 +65,8 @@ class NavigatorModule:
         trajectory_setpoint: Topic[TrajectorySetpoint],
         mission_progress: Topic[MissionProgress],
         navigator_status: Topic[NavigatorStatus],
+        orbit_status: Topic[OrbitStatus],
+        status_text: Queue[StatusText],
         vehicle_control_mode: Topic[VehicleControlMode] | None = None,
     ) -> None:
         registry.add(NavigatorParams)
@@ -68,6 +80,8 @@ class NavigatorModule:
         self._setpoint = trajectory_setpoint
         self._progress = mission_progress
         self._status = navigator_status
+        self._orbit = orbit_status
+        self._texts = status_text
         self._control_mode = vehicle_control_mode
         self._params_version: int | None = None
         self._flight = Flight(registry.read(NavigatorParams))
@@ -79,9 +93,10 @@ class NavigatorModule:
             NavigationState.AUTO_TAKEOFF: TakeoffMode(),
             NavigationState.AUTO_LAND: LandMode(),
             NavigationState.AUTO_RTL: ReturnMode(),
+            NavigationState.ORBIT: OrbitMode(),
         }
         self._active: NavigatorMode | None = None  # None while disarmed
-        self._target: NavigatorTarget | None = None
+        self._target: ModeTarget | None = None
         self._rejection: MissionRejection | None = None
         self._mission_count = 0
         self._home_count = 0
@@ -113,6 +128,7 @@ class NavigatorModule:
             self._params_version = self._registry.version
             flight.params = self._registry.read(NavigatorParams)
             flight.ceiling = _ceiling(self._registry)
+            flight.tilt_max = _tilt_max(self._registry)
         estimate = self._local_position.value
         flight.estimate = estimate
         flight.home = self._home_position.value
@@ -139,7 +155,7 @@ class NavigatorModule:
     def _take_requests(self) -> None:
         for request in self._requests.drain():
             match request:
-                case NavigatorTarget():
+                case NavigatorTarget() | OrbitTarget():
                     self._target = request
                 case SpeedRequest():
                     flight = self._flight
@@ -181,6 +197,7 @@ class NavigatorModule:
 
     def _fly(self, dt: float) -> None:
         flight, mode = self._flight, self._active
+        flight.orbit_status = None
         if mode is not None:
             mode.on_active(flight)
         if flight.estimate is None:
@@ -192,6 +209,10 @@ class NavigatorModule:
         self._setpoint.publish(flight.idle() if sits else flight.advance(dt))
 
     def _report(self, now_us: int) -> None:
+        for severity, text in self._flight.texts:
+            self._texts.publish(StatusText(now_us, severity, text))
+        self._flight.texts.clear()
+        self._report_orbit(now_us)
         progress = self._mission.cursor.progress(now_us, active=self._active is self._mission)
         if _differ(progress, self._progress.value):
             self._progress.publish(progress)
@@ -202,6 +223,20 @@ class NavigatorModule:
         status = NavigatorStatus(now_us, vehicle.navigation_state, finished, self._rejection)
         if _differ(status, self._status.value):
             self._status.publish(status)
+
+    def _report_orbit(self, now_us: int) -> None:
+        status, old = self._flight.orbit_status, self._orbit.value
+        if status is not None:
+            self._orbit.publish(status)
+        elif old is not None and old.active:
+            self._orbit.publish(old._replace(time_us=now_us, active=False))
+
+
+def _tilt_max(registry: Registry) -> float:
+    """Largest tilt [rad] that the position controller allows."""
+    if _TILT_PARAMETER not in registry.names():
+        return 0.5 * math.pi
+    return math.radians(float(registry.get(_TILT_PARAMETER)))
 
 
 def _ceiling(registry: Registry) -> Vector3:

@@ -95,6 +95,11 @@ class NavigatorParams:
         short="Distance from home within which a return does not climb first",
     )  # fmt: skip
 
+    orbit_radius: float = param(
+        "NAV_LOITER_RAD", 10.0, unit="m", minimum=1.0, maximum=1000.0,
+        short="Radius of a circle that is ordered without one",
+    )  # fmt: skip
+
     def limits(self) -> MotionLimits:
         """Limits of the trajectory with nothing commanded."""
         return MotionLimits(

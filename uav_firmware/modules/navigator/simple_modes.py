@@ -7,7 +7,7 @@ from uav_firmware.modules.navigator.land import Land, land_here
 from uav_firmware.modules.navigator.mode import NavigatorMode
 from uav_firmware.modules.navigator.return_home import ReturnHome
 from uav_firmware.modules.navigator.takeoff import Takeoff
-from uav_firmware.msg.mission import NavigatorTarget
+from uav_firmware.msg.mission import ModeTarget, NavigatorTarget
 
 
 class TakeoffMode(NavigatorMode):
@@ -16,13 +16,13 @@ class TakeoffMode(NavigatorMode):
     def __init__(self) -> None:
         self._takeoff: Takeoff | None = None
 
-    def on_activation(self, flight: Flight, target: NavigatorTarget | None) -> None:
+    def on_activation(self, flight: Flight, target: ModeTarget | None) -> None:
         """Begin the climb."""
         self.finished = False
         down = flight.home_down(flight.params.takeoff_height)
         here = flight.rest_point()
         goal, yaw = (here[0], here[1], down), math.nan
-        if target is not None:
+        if isinstance(target, NavigatorTarget):
             goal = flight.to_ned(target.latitude_deg, target.longitude_deg, target.altitude_amsl_m)
             yaw = math.degrees(target.yaw)
             if math.isnan(target.altitude_amsl_m):
@@ -45,10 +45,10 @@ class LandMode(NavigatorMode):
     def __init__(self) -> None:
         self._land: Land | None = None
 
-    def on_activation(self, flight: Flight, target: NavigatorTarget | None) -> None:
+    def on_activation(self, flight: Flight, target: ModeTarget | None) -> None:
         """Begin the way to the landing point."""
         self.finished = False
-        if target is None:
+        if not isinstance(target, NavigatorTarget):
             self._land = land_here(flight)
             return
         goal = flight.to_ned(target.latitude_deg, target.longitude_deg, target.altitude_amsl_m)
@@ -68,7 +68,7 @@ class ReturnMode(NavigatorMode):
     def __init__(self) -> None:
         self._return: ReturnHome | None = None
 
-    def on_activation(self, flight: Flight, target: NavigatorTarget | None) -> None:
+    def on_activation(self, flight: Flight, target: ModeTarget | None) -> None:
         """Begin the way home."""
         del target  # home is the target
         self.finished = False

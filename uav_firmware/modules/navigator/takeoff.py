@@ -24,5 +24,4 @@ class Takeoff:
 
     def step(self, flight: Flight) -> bool:
         """Whether the vehicle has arrived, and turned where a yaw was given."""
-        turned = math.isnan(flight.yaw_target) or flight.yaw.settled
-        return flight.path.resting and turned and flight.arrived(self._goal, self._radius)
+        return flight.path.resting and flight.turned and flight.arrived(self._goal, self._radius)

@@ -1,0 +1,52 @@
+"""Decisions on the commands of the guided modes."""
+
+import math
+from typing import Final
+
+from uav_firmware.modules.commander.command_parameters import (
+    BadParameterError,
+    place,
+    refuse_below_home,
+    unset,
+)
+from uav_firmware.modules.commander.decision import Decision
+from uav_firmware.modules.commander.flight_commands import Situation, change_mode_for
+from uav_firmware.msg.guidance import OrbitHeading, OrbitTarget
+from uav_firmware.msg.status import NavigationState, VehicleCommand
+
+ORBIT_RADIUS_MIN_M: Final = 1.0
+ORBIT_SPEED_MAX_M_S: Final = 10.0
+
+
+def orbit(command: VehicleCommand, situation: Situation) -> Decision:
+    """DO_ORBIT: to the nearest point of the circle, then round it; 0 or NaN radians for ever."""
+    radius, speed, angle = command.param1, command.param2, command.param4
+    largest = situation.params.orbit_radius_max
+    if not (math.isnan(radius) or ORBIT_RADIUS_MIN_M <= abs(radius) <= largest):
+        limits = f"{ORBIT_RADIUS_MIN_M:g} to {largest:g} m"
+        raise BadParameterError(f"parameter 1: a radius of {radius:g} m is not within {limits}")
+    if not (math.isnan(speed) or 0.0 < speed <= ORBIT_SPEED_MAX_M_S):
+        limits = f"0 to {ORBIT_SPEED_MAX_M_S:g} m/s"
+        raise BadParameterError(f"parameter 2: a speed of {speed:g} m/s is not within {limits}")
+    if angle < 0.0:
+        raise BadParameterError(f"parameter 4: {angle:g} rad; the radius's sign gives the sense")
+    spot = place(command, situation.view, zero_is_unset=False)
+    refuse_below_home(spot.altitude_amsl_m, situation.view)
+    target = OrbitTarget(
+        situation.view.now_us,
+        NavigationState.ORBIT,
+        *spot,
+        radius_m=radius,
+        speed_m_s=speed,
+        heading=_orbit_heading(command.param3),
+        angle=math.inf if unset(angle) else angle,
+    )
+    return change_mode_for(target, situation)
+
+
+def _orbit_heading(value: float) -> OrbitHeading:
+    if math.isnan(value):
+        return OrbitHeading.TOWARDS_CENTRE
+    if value not in {float(heading) for heading in OrbitHeading}:
+        raise BadParameterError(f"parameter 3 is {value:g}, no yaw behaviour")
+    return OrbitHeading(int(value))

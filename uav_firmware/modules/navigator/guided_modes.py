@@ -1,0 +1,49 @@
+"""ORBIT."""
+
+import math
+
+from uav_firmware.modules.navigator.flight import Flight
+from uav_firmware.modules.navigator.mode import NavigatorMode
+from uav_firmware.modules.navigator.orbit import Circle, Orbit
+from uav_firmware.msg.guidance import OrbitHeading, OrbitTarget
+from uav_firmware.msg.mission import ModeTarget
+from uav_firmware.msg.vectors import Vector3
+
+
+def circle_of(target: OrbitTarget, flight: Flight) -> Circle:
+    """Circle of an order; what it leaves open is the present place and the default radius."""
+    radius = flight.params.orbit_radius if math.isnan(target.radius_m) else target.radius_m
+    centre = flight.to_ned(target.latitude_deg, target.longitude_deg, target.altitude_amsl_m)
+    return Circle(centre, radius)
+
+
+class OrbitMode(NavigatorMode):
+    """ORBIT; without an order it circles the place where it is. Finished when the turns are."""
+
+    def __init__(self) -> None:
+        self._orbit: Orbit | None = None
+
+    def on_activation(self, flight: Flight, target: ModeTarget | None) -> None:
+        """Begin the way to the circle."""
+        self.finished = False
+        order = target if isinstance(target, OrbitTarget) else None
+        if order is None:
+            here: Vector3 = flight.rest_point()
+            circle = Circle(here, flight.params.orbit_radius)
+        else:
+            circle = circle_of(order, flight)
+        self._orbit = Orbit(
+            flight,
+            circle,
+            speed=math.nan if order is None else order.speed_m_s,
+            angle=math.inf if order is None else order.angle,
+            heading=OrbitHeading.TOWARDS_CENTRE if order is None else order.heading,
+        )
+
+    def on_active(self, flight: Flight) -> None:
+        """Watch for the end of the turns."""
+        if self._orbit is not None:
+            self.finished = self._orbit.step(flight)
+
+    def on_speeds(self, flight: Flight) -> None:
+        """An orbit's speed comes with its order."""
