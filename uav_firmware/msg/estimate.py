@@ -56,3 +56,11 @@ class EstimatorStatus(NamedTuple):
     vertical_accuracy_m: float  # [m] One sigma
     gyro_bias_frd: Vector3  # [rad/s]
     aligned: bool  # Tilt and heading are initialised
+
+
+class WindEstimate(NamedTuple):
+    """Horizontal wind. Written by commander in the air; read by mavlink (WIND_COV)."""
+
+    time_us: int  # [us]
+    velocity_north_m_s: float  # [m/s] Where the air goes to
+    velocity_east_m_s: float  # [m/s]

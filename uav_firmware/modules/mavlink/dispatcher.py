@@ -8,10 +8,12 @@ from uav_firmware.modules.mavlink.addressing import Outgoing, Sender, is_for_us
 from uav_firmware.modules.mavlink.builders.context import Context
 from uav_firmware.modules.mavlink.command_server import CommandServer
 from uav_firmware.modules.mavlink.dialect import Message, mavlink
+from uav_firmware.modules.mavlink.manual_input import ManualInput
 from uav_firmware.modules.mavlink.mission_server import MissionServer
 from uav_firmware.modules.mavlink.parameter_server import ParameterServer
 from uav_firmware.modules.mavlink.peers import PeerTable
 from uav_firmware.modules.mavlink.requests import RequestServer
+from uav_firmware.modules.mavlink.setpoint_input import SetpointInput
 from uav_firmware.modules.mavlink.status_text import StatusTexts
 from uav_firmware.modules.mavlink.timesync import answer_ping, answer_timesync
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
@@ -58,9 +60,13 @@ class Dispatcher:
         self._parameters = ParameterServer(
             system_id=system_id, registry=registry, save=save_parameters, texts=texts
         )
+        manual = ManualInput(system_id, topics.manual_control_setpoint)
+        setpoints = SetpointInput(system_id, topics, texts)
         self._handlers: Mapping[str, Handler] = {
             "HEARTBEAT": self._heartbeat,
             **dict.fromkeys(self._missions.message_types, self._missions.handle),
+            **dict.fromkeys(setpoints.message_types, setpoints.handle),
+            "MANUAL_CONTROL": manual.handle,
             "COMMAND_LONG": self._commands.handle,
             "COMMAND_INT": self._commands.handle,
             "SET_MODE": self._commands.set_mode,

@@ -45,9 +45,16 @@ _NON_STANDARD: Final = mavlink.MAV_STANDARD_MODE_NON_STANDARD
 
 MODES: Final[Mapping[NavigationState, Mode]] = {
     _STATE.MANUAL: Mode(1, 0, _PILOTED, _NON_STANDARD, "Manual"),
-    _STATE.ALTCTL: Mode(2, 0, _PILOTED, mavlink.MAV_STANDARD_MODE_ALTITUDE_HOLD, "Altitude"),
+    _STATE.ALTCTL: Mode(
+        2, 0, _PILOTED, mavlink.MAV_STANDARD_MODE_ALTITUDE_HOLD, "Altitude", offered=True
+    ),
     _STATE.POSCTL: Mode(
-        _POSCTL, 0, _PILOTED | _GUIDED, mavlink.MAV_STANDARD_MODE_POSITION_HOLD, "Position"
+        _POSCTL,
+        0,
+        _PILOTED | _GUIDED,
+        mavlink.MAV_STANDARD_MODE_POSITION_HOLD,
+        "Position",
+        offered=True,
     ),
     _STATE.AUTO_MISSION: Mode(
         _AUTO, 4, _AUTONOMOUS, mavlink.MAV_STANDARD_MODE_MISSION, "Mission", offered=True
@@ -56,10 +63,12 @@ MODES: Final[Mapping[NavigationState, Mode]] = {
     _STATE.AUTO_RTL: Mode(
         _AUTO, 5, _AUTONOMOUS, mavlink.MAV_STANDARD_MODE_SAFE_RECOVERY, "Return", offered=True
     ),
-    _STATE.ACRO: Mode(5, 0, mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED, _NON_STANDARD, "Acro"),
+    _STATE.ACRO: Mode(
+        5, 0, mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED, _NON_STANDARD, "Acro", offered=True
+    ),
     _STATE.TERMINATION: Mode(10, 0, 0, _NON_STANDARD, "Termination"),
-    _STATE.OFFBOARD: Mode(6, 0, _GUIDED, _NON_STANDARD, "Offboard"),
-    _STATE.STAB: Mode(7, 0, _PILOTED, _NON_STANDARD, "Stabilized"),
+    _STATE.OFFBOARD: Mode(6, 0, _GUIDED, _NON_STANDARD, "Offboard", offered=True),
+    _STATE.STAB: Mode(7, 0, _PILOTED, _NON_STANDARD, "Stabilized", offered=True),
     _STATE.AUTO_TAKEOFF: Mode(
         _AUTO, 2, _AUTONOMOUS, mavlink.MAV_STANDARD_MODE_TAKEOFF, "Takeoff", offered=True
     ),

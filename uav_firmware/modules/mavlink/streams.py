@@ -8,7 +8,7 @@ a broker that reports once a second, and SET_MESSAGE_INTERVAL raises them.
 from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple, TypeAlias
 
-from uav_firmware.modules.mavlink.builders import guidance, pose, sensors, status
+from uav_firmware.modules.mavlink.builders import guidance, pose, sensors, status, targets
 from uav_firmware.modules.mavlink.builders.context import Context
 from uav_firmware.modules.mavlink.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.peers import Profile
@@ -52,8 +52,16 @@ STREAMS: Final[tuple[Stream, ...]] = (
         mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED,
         1.5,
         0,
-        guidance.position_target_local_ned,
+        targets.position_target_local_ned,
     ),
+    Stream(
+        mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
+        1,
+        0,
+        targets.position_target_global_int,
+    ),
+    Stream(mavlink.MAVLINK_MSG_ID_ATTITUDE_TARGET, 2, 0, targets.attitude_target),
+    Stream(mavlink.MAVLINK_MSG_ID_WIND_COV, 0.5, 0, targets.wind_cov),
     Stream(mavlink.MAVLINK_MSG_ID_HIGHRES_IMU, 0, 0, sensors.highres_imu),
     Stream(mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION, 0, 0, sensors.hil_state_quaternion),
     Stream(mavlink.MAVLINK_MSG_ID_ALTITUDE, 1, 1, pose.altitude),

@@ -4,15 +4,21 @@ from dataclasses import dataclass, field
 
 from uav_firmware.bus import Queue, Topic
 from uav_firmware.msg.actuators import ActuatorMotors
+from uav_firmware.msg.control_mode import ManualControlSetpoint, OffboardSetpoint
 from uav_firmware.msg.estimate import (
     EstimatorStatus,
     VehicleAttitude,
     VehicleGlobalPosition,
     VehicleLocalPosition,
+    WindEstimate,
 )
 from uav_firmware.msg.mission import Mission, MissionProgress
 from uav_firmware.msg.sensors import SensorBaro, SensorBattery, SensorGps, SensorImu, SensorTruth
-from uav_firmware.msg.setpoints import TrajectorySetpoint
+from uav_firmware.msg.setpoints import (
+    TrajectorySetpoint,
+    VehicleAttitudeSetpoint,
+    VehicleRatesSetpoint,
+)
 from uav_firmware.msg.status import (
     HomePosition,
     LandDetected,
@@ -47,3 +53,8 @@ class MavlinkTopics:
     vehicle_command: Queue[VehicleCommand]
     mission: Topic[Mission]
     ground_station_heartbeat: Topic[int] = field(default_factory=Topic)  # [us] When heard
+    manual_control_setpoint: Topic[ManualControlSetpoint] = field(default_factory=Topic)
+    offboard_setpoint: Topic[OffboardSetpoint] = field(default_factory=Topic)
+    attitude_setpoint: Topic[VehicleAttitudeSetpoint] = field(default_factory=Topic)
+    rates_setpoint: Topic[VehicleRatesSetpoint] = field(default_factory=Topic)
+    wind: Topic[WindEstimate] = field(default_factory=Topic)

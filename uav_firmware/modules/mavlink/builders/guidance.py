@@ -8,7 +8,6 @@ from uav_firmware.modules.mavlink.builders.conversion import (
     NAN,
     UINT16_MAX,
     UINT32_MAX,
-    boot_ms,
     int16,
     saturated,
     uint16,
@@ -46,41 +45,6 @@ def mission_current(context: Context) -> Message:
         mission_state=state,
         mission_mode=_MISSION_MODE_ACTIVE if flown else _MISSION_MODE_SUSPENDED,
         mission_id=mission.mission_id,
-    )
-
-
-def _unset_bits(values: tuple[float, ...], first_bit: int) -> int:
-    """POSITION_TARGET_TYPEMASK bits of the values that are not set."""
-    return sum(1 << first_bit + i for i, value in enumerate(values) if math.isnan(value))
-
-
-def _zero_if_unset(value: float) -> float:
-    return 0.0 if math.isnan(value) else value
-
-
-def position_target_local_ned(context: Context) -> Message | None:
-    """POSITION_TARGET_LOCAL_NED: the navigator's set-point; the mask names what is not set."""
-    target = context.topics.trajectory_setpoint.value
-    if target is None:
-        return None
-    numbers = (*target.position_ned, *target.velocity_ned, *target.acceleration_ned)
-    mask = _unset_bits(numbers, 0) | _unset_bits((target.yaw, target.yaw_rate), 10)
-    x, y, z, vx, vy, vz, afx, afy, afz = (_zero_if_unset(number) for number in numbers)
-    return mavlink.MAVLink_position_target_local_ned_message(
-        time_boot_ms=boot_ms(target.time_us),
-        coordinate_frame=mavlink.MAV_FRAME_LOCAL_NED,
-        type_mask=mask,
-        x=x,
-        y=y,
-        z=z,
-        vx=vx,
-        vy=vy,
-        vz=vz,
-        afx=afx,
-        afy=afy,
-        afz=afz,
-        yaw=_zero_if_unset(target.yaw),
-        yaw_rate=_zero_if_unset(target.yaw_rate),
     )
 
 

@@ -15,12 +15,18 @@ CAPABILITIES: Final[int] = (
     | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
     | mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
     | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
+    | mavlink.MAV_PROTOCOL_CAPABILITY_SET_ATTITUDE_TARGET
+    | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
+    | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
+    | mavlink.MAV_PROTOCOL_CAPABILITY_FLIGHT_TERMINATION
     | mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
 )
 """Only what is true; a bit is added with the service that it promises."""
 
 FLIGHT_SW_VERSION: Final = 1 << 24 | 16 << 16 | 0 << 8 | mavlink.FIRMWARE_VERSION_TYPE_DEV
 """1.16.0 of type DEV: ground stations choose PX4's parameter metadata by it."""
+
+_AUTO: Final[int] = mavlink.MAV_MODE_FLAG_AUTO_ENABLED
 
 VENDOR_ID: Final = 0x1209
 """pid.codes, the vendor id that open hardware shares."""
@@ -59,6 +65,6 @@ def _available_mode(index: int) -> Message:
         mode_index=index,
         standard_mode=mode.standard,
         custom_mode=mode.custom_mode,
-        properties=PROPERTY_AUTO_MODE,
+        properties=PROPERTY_AUTO_MODE if mode.base_flags & _AUTO else 0,
         mode_name=mode.name.encode(),
     )

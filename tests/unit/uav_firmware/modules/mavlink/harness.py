@@ -16,10 +16,15 @@ from uav_firmware.msg.estimate import (
     VehicleAttitude,
     VehicleGlobalPosition,
     VehicleLocalPosition,
+    WindEstimate,
 )
 from uav_firmware.msg.mission import MissionItem, MissionRejection
 from uav_firmware.msg.sensors import SensorBaro, SensorBattery, SensorGps, SensorImu, SensorTruth
-from uav_firmware.msg.setpoints import TrajectorySetpoint
+from uav_firmware.msg.setpoints import (
+    TrajectorySetpoint,
+    VehicleAttitudeSetpoint,
+    VehicleRatesSetpoint,
+)
 from uav_firmware.msg.status import (
     HomePosition,
     LandDetected,
@@ -146,6 +151,9 @@ def flying_topics() -> MavlinkTopics:
     topics.trajectory_setpoint.publish(
         TrajectorySetpoint(0, (3.0, 8.0, -10.0), (math.nan,) * 3, (math.nan,) * 3, 0.0, math.nan)
     )
+    topics.attitude_setpoint.publish(VehicleAttitudeSetpoint(0, (1.0, 0.0, 0.0, 0.0), 0.0, 0.3))
+    topics.rates_setpoint.publish(VehicleRatesSetpoint(0, (0.1, -0.2, 0.3), 0.3))
+    topics.wind.publish(WindEstimate(0, 3.0, -4.0))
     topics.actuator_motors.publish(ActuatorMotors(0, (0.5, 0.5, 0.5, 0.5)))
     topics.truth.publish(
         SensorTruth(

@@ -56,5 +56,5 @@ def test_a_mode_without_a_sub_mode_may_leave_it_unset() -> None:
 
 def test_standard_modes_are_those_that_the_vehicle_flies() -> None:
     assert from_standard_mode(written(6.0, number=262)) == command_for(NavigationState.AUTO_MISSION)
-    for parameter in (0.0, 3.0, 1.0, 99.0, -1.0, 6.5, math.nan):
+    for parameter in (0.0, 3.0, 9.0, 99.0, -1.0, 6.5, math.nan):
         assert from_standard_mode(written(parameter, number=262)) is None

@@ -55,6 +55,9 @@ def test_a_number_that_is_no_mode_gives_none(custom_mode: int) -> None:
 def test_standard_modes_give_only_what_the_vehicle_flies() -> None:
     flown = {standard: from_standard_mode(standard) for standard in range(12)}
     assert {s: state for s, state in flown.items() if state is not None} == {
+        1: NavigationState.POSCTL,
+        2: NavigationState.ORBIT,
+        4: NavigationState.ALTCTL,
         5: NavigationState.AUTO_RTL,
         6: NavigationState.AUTO_MISSION,
         7: NavigationState.AUTO_LAND,
