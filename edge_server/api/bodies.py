@@ -32,12 +32,21 @@ def json_body(limit: int = MAXIMUM_BODY_BYTES) -> Any:
     """Read and parse the body; raises 413 or 415, or SyntaxFaultError."""
     if not request.is_json:
         raise RequestError(415, "the body must be application/json")
-    # A body in chunks has no length to refuse it by: it is cut one byte after the limit.
+    return wire.parse_json(_bounded(limit))
+
+
+def _bounded(limit: int) -> bytes:
+    """Read the body; one in chunks has no length to refuse it by and is cut after the limit."""
     request.max_content_length = limit + 1
-    raw = request.get_data(cache=False)
+    too_long = Fault("", f"must be at most {limit} bytes")
+    refusal = RequestError(413, "the body is too large", (too_long,), where="json")
+    try:
+        raw = request.get_data(cache=False)
+    except RequestEntityTooLarge:
+        raise refusal from None
     if len(raw) > limit:
-        raise RequestEntityTooLarge
-    return wire.parse_json(raw)
+        raise refusal
+    return raw
 
 
 def discard_rest(response: Response) -> Response:

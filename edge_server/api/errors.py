@@ -38,12 +38,18 @@ RETRY_SOON: Final = {"Retry-After": "1"}
 
 
 class RequestError(Exception):
-    """A request that is refused before any service sees it; `status` is the HTTP status."""
+    """A request that is refused before any service sees it.
 
-    def __init__(self, status: int, message: str, faults: tuple[Fault, ...] = ()) -> None:
+    `status` is the HTTP status; `where` says whether the faults are in the query or the body.
+    """
+
+    def __init__(
+        self, status: int, message: str, faults: tuple[Fault, ...] = (), where: str = "query"
+    ) -> None:
         super().__init__(message)
         self.status = status
         self.faults = faults
+        self.where = where
 
 
 def body(message: str, faults: Iterable[Fault] = (), where: str = "json") -> dict[str, Any]:
@@ -107,7 +113,7 @@ def _service(error: ServiceError) -> ResponseReturnValue:
 
 
 def _request(error: RequestError) -> ResponseReturnValue:
-    return body(str(error), error.faults, where="query"), error.status
+    return body(str(error), error.faults, where=error.where), error.status
 
 
 def _database(error: OperationalError) -> ResponseReturnValue:

@@ -61,7 +61,7 @@ def test_a_body_of_another_type_is_a_415(edge: Edge, content_type: str) -> None:
 def test_a_body_that_is_too_large_is_a_413(edge: Edge) -> None:
     answer = edge.post_plan(plan(name="x" * 2_000_000))
     assert answer.status_code == 413
-    shape_of(answer)
+    assert shape_of(answer)["detail"] == {"json": {"": ["must be at most 1048576 bytes"]}}
     assert edge.count("plan") == 0
 
 
