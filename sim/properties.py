@@ -13,15 +13,13 @@ IC_TERRAIN_ELEVATION_FT: Final = "ic/terrain-elevation-ft"
 IC_HEIGHT_ABOVE_GROUND_FT: Final = "ic/h-agl-ft"
 IC_HEADING_TRUE_DEG: Final = "ic/psi-true-deg"
 
-# Inputs. The external ESC inputs are added to the airframe file's own mixer, which stays at
-# zero while fcs/ScasEngage is zero.
+# Inputs. The external ESC inputs drive the motors alone: see sim/airframe.py.
 ESC_COMMANDS_NORM: Final = (
     "fcs/cmdFR_ext_nd",
     "fcs/cmdAL_ext_nd",
     "fcs/cmdFL_ext_nd",
     "fcs/cmdAR_ext_nd",
 )
-SCAS_ENGAGE: Final = "fcs/ScasEngage"
 ROTATION_INTEGRATOR: Final = "simulation/integrator/position/rotational"
 SET_RUNNING: Final = "propulsion/set-running"
 WIND_NED_FPS: Final = (

@@ -1,7 +1,7 @@
 """JSBSim's bundled F450 quadrotor behind SI units; the only file that imports jsbsim.
 
-The airframe comes out of the installed jsbsim package unchanged. What its files leave to be
-wished is put right here by properties at run time:
+The airframe comes out of the installed jsbsim package (`sim.airframe`). What its files leave to
+be wished is put right here by properties at run time:
 
 * Its gear units are wheels (`BOGEY`) that roll with a coefficient of 0.02, so that a 6 m/s
   breeze pushes the vehicle away. A skid does not roll: rolling friction is set to the
@@ -234,7 +234,6 @@ def _initialise(fdm: jsbsim.FGFDMExec, config: SimulationConfig) -> None:
     fdm[properties.IC_HEADING_TRUE_DEG] = config.heading_deg
     if not fdm.run_ic():
         raise AirframeError(f"JSBSim refused the initial conditions of {config}")
-    fdm[properties.SCAS_ENGAGE] = 0.0
     fdm[properties.ROTATION_INTEGRATOR] = _BUSS_SECOND_ORDER
     fdm[properties.SET_RUNNING] = _ALL_ENGINES
     for unit in range(round(fdm[properties.GEAR_UNITS])):
