@@ -14,8 +14,10 @@ from sim.config import SimulationConfig
 from sim.simulation import Simulation
 from sim.truth import Truth
 from tests.support.ground_station import GroundStation, MemoryLink
+from uav_firmware.cal.log_store import LogStore
 from uav_firmware.drivers.file_storage import FileStorage
 from uav_firmware.drivers.jsbsim import JsbsimVehicle
+from uav_firmware.modules.mavlink.peers import Peer
 from uav_firmware.msg.estimate import VehicleLocalPosition
 from uav_firmware.msg.status import LandDetected, NavigationState, VehicleStatus
 from uav_firmware.topology import Autopilot
@@ -34,18 +36,27 @@ class TimeoutInVehicleTimeError(AssertionError):
 class AutopilotTester:
     """One vehicle and its operator."""
 
-    def __init__(self, config: SimulationConfig, folder: Path) -> None:
+    def __init__(
+        self,
+        config: SimulationConfig,
+        folder: Path,
+        *,
+        link: MemoryLink | None = None,
+        peers: Sequence[Peer] = (),
+        log_store: LogStore | None = None,
+    ) -> None:
         self.simulation = Simulation(config)
-        self._link = MemoryLink()
+        self._link = MemoryLink() if link is None else link
         self.lines: list[str] = []
         self.autopilot = Autopilot(
             JsbsimVehicle(self.simulation),
             self._link,
             FileStorage(folder),
             system_id=SYSTEM_ID,
-            peers=(),
+            peers=peers,
             boot_time_utc_us=0,
             write_line=lambda time_us, text: self.lines.append(f"{time_us * 1e-6:.2f} {text}"),
+            log_store=log_store,
         )
         self.ground_station = GroundStation(self._link, SYSTEM_ID)
         self.start = self.simulation.truth
