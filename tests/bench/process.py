@@ -23,12 +23,15 @@ def _own_cpu_seconds(process_id: int) -> float:
 
 
 def resident_mb(process_id: int) -> float:
-    """Give the resident memory [MB] of a process and its descendants."""
+    """Give the memory [MB] of a process and its descendants.
+
+    Proportional set size: a page that several of them share is counted once in all.
+    """
     return sum(_own_resident_mb(pid) for pid in family(process_id))
 
 
 def _own_resident_mb(process_id: int) -> float:
-    for line in Path(f"/proc/{process_id}/status").read_text().splitlines():
-        if line.startswith("VmRSS:"):
+    for line in Path(f"/proc/{process_id}/smaps_rollup").read_text().splitlines():
+        if line.startswith("Pss:"):
             return int(line.split()[1]) / 1024.0
     return 0.0
