@@ -77,8 +77,10 @@ class _Door:
         if self._key is None:
             try:
                 self._key = self._key_file.read_text(encoding="ascii").strip()
-            except (OSError, UnicodeDecodeError) as error:
-                raise NoKeyError(f"{self._key_file}: {error}") from error
+            except OSError as error:
+                raise NoKeyError(f"no key in {self._key_file}: {error.strerror}") from error
+            except UnicodeDecodeError as error:
+                raise NoKeyError(f"no key in {self._key_file}: {error}") from error
         return self._key
 
 
@@ -223,8 +225,10 @@ class EdgeClient:
     def _note(self, *, reachable: bool, why: Exception | None = None) -> None:
         if reachable == self._reachable:
             return
-        self._reachable = reachable
+        at_start, self._reachable = self._reachable is None, reachable
         if reachable:
             _LOG.info("the edge server answers")
+        elif at_start:  # Programs start in any order: to wait is nothing to warn of.
+            _LOG.info("waiting for the edge server: %s", why)
         else:
             _LOG.warning("the edge server does not answer: %s", why)
