@@ -18,7 +18,8 @@ VEHICLE_PORT_BASE ?= 14580
 STATE_DIR ?= var
 TRUTH ?= 0
 PLAN ?=
-export VEHICLES SPEED WIND SEED EDGE_PORT CLOUD_PORT MAVLINK_PORT GCS_PORT VEHICLE_PORT_BASE STATE_DIR TRUTH PLAN
+OUT ?=
+export VEHICLES SPEED WIND SEED EDGE_PORT CLOUD_PORT MAVLINK_PORT GCS_PORT VEHICLE_PORT_BASE STATE_DIR TRUTH PLAN OUT
 
 RUNTIME := $(VENV)/.runtime
 DEV := $(VENV)/.dev
@@ -57,6 +58,11 @@ sim: $(RUNTIME) ## run the whole system: edge server, relay, broker, vehicles, m
 .PHONY: demo
 demo: $(RUNTIME) ## run the system, fly an example plan, end when the cloud holds every result
 	@exec $(RUN) -m sim demo
+
+.PHONY: fly
+fly: SPEED = 0
+fly: $(DEV) ## fly PLAN as fast as it goes; write logs, true track and a report to OUT
+	@exec $(RUN) -m sim fly
 
 .PHONY: edge
 edge: $(RUNTIME) ## run the edge server alone
