@@ -13,6 +13,8 @@ from uav_firmware.msg.estimate import (
 )
 from uav_firmware.msg.sensors import SensorBaro, SensorBattery, SensorGps, SensorImu, SensorMag
 
+_CAPACITY_MAX_MAH: Final = 65_535  # the field has two bytes
+
 
 def _vehicle_attitude(attitude: VehicleAttitude) -> Values:
     return (attitude.time_us, *attitude.q_ned_frd)
@@ -102,7 +104,7 @@ def _battery(battery: SensorBattery) -> Values:
         battery.current_a,
         battery.consumed_ah * 1e3,
         battery.remaining,
-        round(battery.capacity_ah * 1e3),
+        min(round(battery.capacity_ah * 1e3), _CAPACITY_MAX_MAH),
     )
 
 

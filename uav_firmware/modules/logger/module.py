@@ -60,7 +60,7 @@ class LoggerModule:
         self._flown = False
         self._said_unfit: set[str] = set()
         self._logged_parameters = snapshot(registry)
-        self._parameters_version = registry.version
+        self._logged_version = registry.version
         self._retune()
 
     def update(self) -> None:
@@ -77,12 +77,12 @@ class LoggerModule:
     def close(self) -> None:
         """Write what is left: the vehicle is being switched off."""
         if self._writer is not None:
-            self._warn(self._writer.finish(self._take_chunk()))
+            self._warn(self._writer.finish(self._take_chunk(self._writer)))
 
     def _turn(self, writer: LogWriter) -> None:
-        if self._registry.version != self._parameters_version:
+        if self._registry.version != self._read_version:
             self._retune()
-        began_us, chunk = self._began_us, self._take_chunk()
+        began_us, chunk = self._began_us, self._take_chunk(writer)
         self._warn(
             writer.turn(
                 chunk,
@@ -96,23 +96,28 @@ class LoggerModule:
             self._said_unfit.add(name)
             self._warn(f"Not logged: {name} holds a value that does not fit")
 
-    def _take_chunk(self) -> bytes:
-        """Records, sentences and changed parameters since the former chunk."""
+    def _take_chunk(self, writer: LogWriter) -> bytes:
+        """Records, sentences and changed parameters since the former chunk.
+
+        A file that is yet to begin will hold the present parameters anyway.
+        """
         now_us = self._time_us()
         self._began_us = now_us
         texts = [ulog.text(t.severity, t.time_us, t.text) for t in self._texts.drain()]
-        return b"".join((self._collector.take(now_us), *texts, self._changed_parameters()))
+        parameters = self._changed_parameters() if writer.writing else b""
+        return b"".join((self._collector.take(now_us), *texts, parameters))
 
     def _changed_parameters(self) -> bytes:
         """Parameters changed since the former chunk; looked through only if there is one."""
-        if self._registry.version == self._parameters_version:
+        if self._registry.version == self._logged_version:
             return b""
-        self._parameters_version = self._registry.version
+        self._logged_version = self._registry.version
         return changed_parameters(self._registry, self._logged_parameters)
 
     def _describe(self, began_us: int) -> bytes:
         """First part of a file; what it tells of the parameters need not be told again."""
         self._logged_parameters = snapshot(self._registry)
+        self._logged_version = self._registry.version
         messages = [stream.message for stream in STREAMS]
         return definitions(began_us, self._identity, self._registry, messages)
 
@@ -124,6 +129,7 @@ class LoggerModule:
         return wanted(self._params.mode, armed=armed, flown=self._flown)
 
     def _retune(self) -> None:
+        self._read_version = self._registry.version
         self._params = self._registry.read(LoggerParams)
         self._collecting = self._params.mode >= 0
         self._collector.use_rates(high=bool(self._params.profile & HIGH_RATE_BIT))

@@ -22,6 +22,11 @@ class LogWriter:
         self._size = 0
         self.state = Logging.IDLE
 
+    @property
+    def writing(self) -> bool:
+        """Whether there is a file."""
+        return self._file is not None
+
     def turn(
         self,
         chunk: bytes,
