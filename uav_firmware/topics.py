@@ -15,6 +15,7 @@ from uav_firmware.msg.estimate import (
     VehicleGlobalPosition,
     VehicleLocalPosition,
 )
+from uav_firmware.msg.geofence import Fence, GeofenceStatus, RallyPoints
 from uav_firmware.msg.guidance import OrbitStatus
 from uav_firmware.msg.mission import Mission, MissionProgress, NavigatorRequest, NavigatorStatus
 from uav_firmware.msg.sensors import (
@@ -66,6 +67,9 @@ class Topics:
     vehicle_control_mode: Topic[VehicleControlMode] = field(default_factory=Topic)
     manual_control_setpoint: Topic[ManualControlSetpoint] = field(default_factory=Topic)
     offboard_setpoint: Topic[OffboardSetpoint] = field(default_factory=Topic)
+    fence: Topic[Fence] = field(default_factory=Topic)
+    rally_points: Topic[RallyPoints] = field(default_factory=Topic)
+    geofence_status: Topic[GeofenceStatus] = field(default_factory=Topic)
     orbit_status: Topic[OrbitStatus] = field(default_factory=Topic)
     trajectory_setpoint: Topic[TrajectorySetpoint] = field(default_factory=Topic)
     vehicle_attitude_setpoint: Topic[VehicleAttitudeSetpoint] = field(default_factory=Topic)

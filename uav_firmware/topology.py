@@ -107,6 +107,9 @@ class Autopilot:
             mission_progress=topics.mission_progress,
             navigator_status=topics.navigator_status,
             orbit_status=topics.orbit_status,
+            fence=topics.fence,
+            rally_points=topics.rally_points,
+            geofence_status=topics.geofence_status,
             status_text=topics.status_text,
         )
         self.commander = CommanderModule(
@@ -130,6 +133,7 @@ class Autopilot:
             home_position=topics.home_position,
             navigator_request=topics.navigator_request,
             status_text=topics.status_text,
+            refusal_of=self.navigator.refusal_of,
         )
         self.land_detector = LandDetectorModule(
             attitude=topics.vehicle_attitude,

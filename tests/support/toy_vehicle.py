@@ -15,6 +15,7 @@ from uav_firmware.modules.commander.module import CommanderModule
 from uav_firmware.modules.navigator.module import NavigatorModule
 from uav_firmware.modules.position_control.params import PositionControlParams
 from uav_firmware.msg.estimate import EstimatorStatus, VehicleAttitude, VehicleLocalPosition
+from uav_firmware.msg.geofence import Fence, GeofenceStatus, RallyPoints
 from uav_firmware.msg.guidance import OrbitStatus
 from uav_firmware.msg.mission import (
     Mission,
@@ -116,6 +117,9 @@ class ToyVehicle:
         self.requests: Queue[NavigatorRequest] = Queue()
         self.status_text: Queue[StatusText] = Queue()
         self.mission: Topic[Mission] = Topic()
+        self.fence: Topic[Fence] = Topic()
+        self.rally_points: Topic[RallyPoints] = Topic()
+        self.geofence_status: Topic[GeofenceStatus] = Topic()
         self.orbit_status: Topic[OrbitStatus] = Topic()
         self.setpoint: Topic[TrajectorySetpoint] = Topic()
         self.registry.add(PositionControlParams)
@@ -131,6 +135,9 @@ class ToyVehicle:
             mission_progress=self.progress,
             navigator_status=self.navigator_status,
             orbit_status=self.orbit_status,
+            fence=self.fence,
+            rally_points=self.rally_points,
+            geofence_status=self.geofence_status,
             status_text=self.status_text,
         )
         self.commander = CommanderModule(
@@ -154,6 +161,7 @@ class ToyVehicle:
             home_position=self.home,
             navigator_request=self.requests,
             status_text=self.status_text,
+            refusal_of=self.navigator.refusal_of,
         )
         self._grounded_us = 10_000_000  # [us] Time on the ground with nothing pulling up
 

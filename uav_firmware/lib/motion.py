@@ -190,12 +190,20 @@ def bend_piece(state: MotionState, velocity: Vector3, limits: MotionLimits) -> P
     """
     change, acceleration = subtract(state.velocity, velocity), state.acceleration
     speed, pull = norm(change), norm(acceleration)
-    ceiling = min(limits.acceleration_horizontal, limits.acceleration_up, limits.acceleration_down)
     # With x = t / T the acceleration is dv / T (6 x^2 - 6 x) + a (3 x^2 - 4 x + 1), of which the
     # first is at most 3/2 dv / T and the second at most a / 3 where it adds to it; the jerk is
     # greatest at the beginning, 6 dv / T^2 + 4 a / T.
     duration = max(
-        1.5 * speed / max(ceiling - pull / 3.0, 0.5 * ceiling),
+        _bend_time(
+            math.hypot(change[0], change[1]),
+            math.hypot(acceleration[0], acceleration[1]),
+            limits.acceleration_horizontal,
+        ),
+        _bend_time(
+            abs(change[2]),
+            abs(acceleration[2]),
+            min(limits.acceleration_up, limits.acceleration_down),
+        ),
         (4.0 * pull + math.sqrt(16.0 * pull * pull + 24.0 * limits.jerk * speed))
         / (2.0 * limits.jerk),
         _SHORTEST_BEND_S,
@@ -206,3 +214,8 @@ def bend_piece(state: MotionState, velocity: Vector3, limits: MotionLimits) -> P
         add(scale(change, -6.0 / duration**2), scale(acceleration, -4.0 / duration)),
         add(scale(change, 12.0 / duration**3), scale(acceleration, 6.0 / duration**2)),
     )
+
+
+def _bend_time(change: float, pull: float, ceiling: float) -> float:
+    """Time [s] for a change of velocity [m/s] against a present acceleration [m/s^2]."""
+    return 1.5 * change / max(ceiling - pull / 3.0, 0.5 * ceiling)

@@ -1,6 +1,7 @@
 """Decisions on the commands that move the vehicle."""
 
 import math
+from collections.abc import Callable
 from typing import Final, NamedTuple
 
 from uav_firmware.modules.commander import mode_requirements
@@ -44,6 +45,7 @@ class Situation(NamedTuple):
     armed: bool
     mode: NavigationState
     params: CommanderParams
+    refusal_of: Callable[[ModeTarget], str | None]  # Why the geofence forbids an order
 
 
 def change_mode(state: NavigationState, situation: Situation) -> Decision:
@@ -86,6 +88,9 @@ def change_mode_for(target: ModeTarget, situation: Situation, *, note: str = "")
     decision = change_mode(state, situation)
     if not decision.effects:
         return decision
+    reason = situation.refusal_of(target)
+    if reason is not None:
+        return denied(reason)
     return accepted(Tell(target), SetMode(state), note=note)
 
 

@@ -1,5 +1,6 @@
 """Shell of the commander: commands in, answers, state, home and sentences out."""
 
+from collections.abc import Callable
 from typing import Any, Final
 
 from uav_firmware.bus import Queue, Topic
@@ -82,6 +83,7 @@ class CommanderModule:
         home_position: Topic[HomePosition],
         navigator_request: Queue[NavigatorRequest],
         status_text: Queue[StatusText],
+        refusal_of: Callable[[ModeTarget], str | None],
     ) -> None:
         registry.add(CommanderParams)
         self._registry = registry
@@ -100,6 +102,7 @@ class CommanderModule:
         self._home = home_position
         self._requests = navigator_request
         self._texts = status_text
+        self._refusal_of = refusal_of
         heard: tuple[Topic[Any], ...] = (
             sensor_imu,
             sensor_baro,
@@ -174,7 +177,7 @@ class CommanderModule:
         )
 
     def _situation(self, view: VehicleView) -> Situation:
-        return Situation(view, self._armed, self._mode, self._params)
+        return Situation(view, self._armed, self._mode, self._params, self._refusal_of)
 
     def _answer(self, command: VehicleCommand, view: VehicleView) -> None:
         decision = decide(command, self._situation(view))

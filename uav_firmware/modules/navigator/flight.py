@@ -8,6 +8,7 @@ from uav_firmware.lib.motion import MotionLimits
 from uav_firmware.lib.rotation import wrap_pi
 from uav_firmware.lib.smoothing import Waypoint
 from uav_firmware.lib.vector import ZERO, subtract
+from uav_firmware.modules.navigator.geofence import Geofence
 from uav_firmware.modules.navigator.params import NavigatorParams
 from uav_firmware.modules.navigator.path_follower import PathFollower
 from uav_firmware.modules.navigator.yaw import YawSlew
@@ -72,6 +73,10 @@ class Flight:
     course: float = 0.0  # [rad] Direction that the nose follows
     abort_down: float = NAN  # [m] Down coordinate to climb back to when a landing is broken off
     tilt_max: float = 0.5 * math.pi  # [rad] Of the position controller
+    fence: Geofence = field(default_factory=Geofence)
+    rally_points: tuple[Vector3, ...] = ()  # [m, NED]
+    fence_return: Vector3 | None = None  # [m, NED] Where a return from a breach leads
+    breached: bool = False  # The vehicle is where it may not be
     roi: Vector3 | None = None  # [m, NED] Place that the nose points at
     turn_left: float = NAN  # [rad] Of a turn that was ordered; NaN when there is none
     turn_rate: float = NAN  # [rad/s] Of that turn
@@ -119,6 +124,10 @@ class Flight:
     def home_down(self, height_m: float) -> float:
         """Down coordinate [m] of a height above home."""
         return (self.home.position_ned[2] if self.home is not None else 0.0) - height_m
+
+    def height_of(self, down: float) -> float:
+        """Height above home [m] of a down coordinate."""
+        return (self.home.position_ned[2] if self.home is not None else 0.0) - down
 
     def stop_at(self, position: Vector3) -> Waypoint:
         """Waypoint to stop at, flown with the present limits."""

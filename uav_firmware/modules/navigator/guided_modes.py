@@ -4,17 +4,10 @@ import math
 
 from uav_firmware.modules.navigator.flight import Flight
 from uav_firmware.modules.navigator.mode import NavigatorMode
-from uav_firmware.modules.navigator.orbit import Circle, Orbit
+from uav_firmware.modules.navigator.orbit import Circle, Orbit, circle_of
 from uav_firmware.msg.guidance import OrbitHeading, OrbitTarget
 from uav_firmware.msg.mission import ModeTarget
 from uav_firmware.msg.vectors import Vector3
-
-
-def circle_of(target: OrbitTarget, flight: Flight) -> Circle:
-    """Circle of an order; what it leaves open is the present place and the default radius."""
-    radius = flight.params.orbit_radius if math.isnan(target.radius_m) else target.radius_m
-    centre = flight.to_ned(target.latitude_deg, target.longitude_deg, target.altitude_amsl_m)
-    return Circle(centre, radius)
 
 
 class OrbitMode(NavigatorMode):

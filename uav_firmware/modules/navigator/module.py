@@ -1,21 +1,23 @@
 """Shell of the navigator: topics in, one mode at a time, set-point and progress out."""
 
-import math
 from collections.abc import Sequence
 from typing import Final
 
 from uav_firmware.bus import Queue, Topic
-from uav_firmware.lib.geo import LocalFrame
-from uav_firmware.modules.navigator import feasibility
+from uav_firmware.modules.navigator import area, feasibility, geofence_plan
+from uav_firmware.modules.navigator.area import AreaKeeper
 from uav_firmware.modules.navigator.flight import Flight, Speeds
+from uav_firmware.modules.navigator.geofence_watch import GeofenceWatch
 from uav_firmware.modules.navigator.guided_modes import OrbitMode
 from uav_firmware.modules.navigator.loiter import LoiterMode
 from uav_firmware.modules.navigator.mission import MissionMode
 from uav_firmware.modules.navigator.mode import NavigatorMode
 from uav_firmware.modules.navigator.params import NavigatorParams
 from uav_firmware.modules.navigator.simple_modes import LandMode, ReturnMode, TakeoffMode
+from uav_firmware.modules.navigator.surroundings import ceiling, frame_of, tilt_max
 from uav_firmware.msg.control_mode import ControlSource, VehicleControlMode
 from uav_firmware.msg.estimate import VehicleLocalPosition
+from uav_firmware.msg.geofence import Fence, FenceBreach, GeofenceStatus, RallyPoints
 from uav_firmware.msg.guidance import OrbitStatus, OrbitTarget
 from uav_firmware.msg.mission import (
     Mission,
@@ -37,12 +39,9 @@ from uav_firmware.msg.status import (
     StatusText,
     VehicleStatus,
 )
-from uav_firmware.msg.vectors import Vector3
 from uav_firmware.parameters import Registry
 
 PERIOD_US: Final = 8_000  # [us] 125 Hz: at 12 m/s the set-point moves 0.1 m a step
-_CEILING_PARAMETERS: Final = ("MPC_XY_VEL_MAX", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN")
-_TILT_PARAMETER: Final = "MPC_TILTMAX_AIR"
 _LONGEST_STEP_S: Final = 0.1  # [s] a longer gap does not make the set-point jump
 
 
@@ -66,6 +65,9 @@ class NavigatorModule:
         mission_progress: Topic[MissionProgress],
         navigator_status: Topic[NavigatorStatus],
         orbit_status: Topic[OrbitStatus],
+        fence: Topic[Fence],
+        rally_points: Topic[RallyPoints],
+        geofence_status: Topic[GeofenceStatus],
         status_text: Queue[StatusText],
         vehicle_control_mode: Topic[VehicleControlMode] | None = None,
     ) -> None:
@@ -81,6 +83,10 @@ class NavigatorModule:
         self._progress = mission_progress
         self._status = navigator_status
         self._orbit = orbit_status
+        self._area = AreaKeeper(fence, rally_points)
+        self._fence_watch = GeofenceWatch()
+        self._fence_status = geofence_status
+        self._judged_by = 0  # Version of the area by which the present mode was let in
         self._texts = status_text
         self._control_mode = vehicle_control_mode
         self._params_version: int | None = None
@@ -104,7 +110,21 @@ class NavigatorModule:
 
     def check_mission(self, items: Sequence[MissionItem]) -> MissionRejection | None:
         """Whether items could be flown from the present home; for the mission upload."""
-        return feasibility.check(items, self._flight.home, self._flight.params)
+        flight = self._flight
+        rejection = feasibility.check(items, flight.home, flight.params)
+        return rejection or area.check_mission(items, flight)
+
+    def check_fence(self, items: Sequence[MissionItem]) -> MissionRejection | None:
+        """Whether items are a geofence; for its upload."""
+        return geofence_plan.check_fence(items)
+
+    def check_rally_points(self, items: Sequence[MissionItem]) -> MissionRejection | None:
+        """Whether items are rally points that a return may lead to; for their upload."""
+        return area.check_rally_points(items, self._flight)
+
+    def refusal_of(self, target: ModeTarget) -> str | None:
+        """Why the geofence forbids an order; None when it does not. For the commander."""
+        return area.refusal_of(target, self._flight)
 
     def update(self, now_us: int) -> None:
         """Run a step if one is due."""
@@ -118,6 +138,7 @@ class NavigatorModule:
         self._take_mission()
         self._take_requests()
         self._choose_mode()
+        self._watch_fence()
         self._fly(min(elapsed_us * 1e-6, _LONGEST_STEP_S))
         self._report(now_us)
 
@@ -127,22 +148,23 @@ class NavigatorModule:
         if self._params_version != self._registry.version:
             self._params_version = self._registry.version
             flight.params = self._registry.read(NavigatorParams)
-            flight.ceiling = _ceiling(self._registry)
-            flight.tilt_max = _tilt_max(self._registry)
+            flight.ceiling = ceiling(self._registry)
+            flight.tilt_max = tilt_max(self._registry)
         estimate = self._local_position.value
         flight.estimate = estimate
         flight.home = self._home_position.value
         land = self._land_detected.value
         flight.landed = land is None or land.landed
         if estimate is not None:
-            flight.frame = _frame_of(estimate, flight.frame)
+            flight.frame = frame_of(estimate, flight.frame)
+        self._area.update(flight)
 
     def _take_mission(self) -> None:
         mission = self._mission_topic.value
         if mission is not None and self._mission_count != self._mission_topic.count:
             self._mission.load(mission)
             self._restart_mission()
-        elif self._home_count == self._home_position.count:
+        elif self._home_count == self._home_position.count and not self._area.changed:
             return
         self._mission_count = self._mission_topic.count
         self._home_count = self._home_position.count
@@ -180,6 +202,7 @@ class NavigatorModule:
         if mode is not self._active or own is not None:
             self._target = None
             self._enter(mode)
+            self._judged_by = self._area.version
             mode.on_activation(self._flight, own)
 
     @property
@@ -194,6 +217,19 @@ class NavigatorModule:
         if mode is not self._active:
             self._flight.speeds = Speeds()
         self._active = mode
+
+    def _on_judged_route(self) -> bool:
+        """Whether the way flown has been held against the present fence."""
+        if self._active is self._mission:
+            return self._rejection is None
+        return self._active is not None and self._judged_by == self._area.version
+
+    def _watch_fence(self) -> None:
+        flight = self._flight
+        status = self._fence_watch.update(flight, on_route=self._on_judged_route())
+        if status is not None:
+            flight.breached = status.breach is not FenceBreach.NONE
+            self._fence_status.publish(status)
 
     def _fly(self, dt: float) -> None:
         flight, mode = self._flight, self._active
@@ -232,40 +268,8 @@ class NavigatorModule:
             self._orbit.publish(old._replace(time_us=now_us, active=False))
 
 
-def _tilt_max(registry: Registry) -> float:
-    """Largest tilt [rad] that the position controller allows."""
-    if _TILT_PARAMETER not in registry.names():
-        return 0.5 * math.pi
-    return math.radians(float(registry.get(_TILT_PARAMETER)))
-
-
-def _ceiling(registry: Registry) -> Vector3:
-    """Speeds that the position controller allows: horizontal, up, down [m/s]."""
-    declared = set(registry.names())
-    horizontal, up, down = (
-        float(registry.get(name)) if name in declared else math.inf for name in _CEILING_PARAMETERS
-    )
-    return (horizontal, up, down)
-
-
 def _differ(
     new: MissionProgress | NavigatorStatus, old: MissionProgress | NavigatorStatus | None
 ) -> bool:
     """Whether anything but the time has changed."""
     return old is None or new[1:] != old[1:]
-
-
-def _frame_of(estimate: VehicleLocalPosition, frame: LocalFrame | None) -> LocalFrame | None:
-    """Local frame of the estimate's origin; a new one only when the origin has moved."""
-    origin = (
-        estimate.origin_latitude_deg,
-        estimate.origin_longitude_deg,
-        estimate.origin_altitude_amsl_m,
-    )
-    if frame is not None and origin == (
-        frame.latitude_deg,
-        frame.longitude_deg,
-        frame.altitude_amsl_m,
-    ):
-        return frame
-    return LocalFrame(*origin) if all(map(math.isfinite, origin)) else None

@@ -14,7 +14,7 @@ from uav_firmware.modules.navigator.orbit_law import (
     speed_on,
     turns_with_the_circle,
 )
-from uav_firmware.msg.guidance import OrbitHeading, OrbitStatus
+from uav_firmware.msg.guidance import OrbitHeading, OrbitStatus, OrbitTarget
 from uav_firmware.msg.vectors import Vector3
 
 _NO_BEARING_M = 0.5  # [m] nearer to the centre than this, the circle is entered straight ahead
@@ -46,6 +46,13 @@ class Circle:
             self.centre[1] + size * math.sin(bearing),
             self.centre[2],
         ), bearing
+
+
+def circle_of(target: OrbitTarget, flight: Flight) -> Circle:
+    """Circle of an order; what it leaves open is the present place and the default radius."""
+    radius = flight.params.orbit_radius if math.isnan(target.radius_m) else target.radius_m
+    centre = flight.to_ned(target.latitude_deg, target.longitude_deg, target.altitude_amsl_m)
+    return Circle(centre, radius)
 
 
 class Orbit:

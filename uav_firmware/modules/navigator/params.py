@@ -100,6 +100,23 @@ class NavigatorParams:
         short="Radius of a circle that is ordered without one",
     )  # fmt: skip
 
+    fence_action: int = param(
+        "GF_ACTION", 2, unit="1", minimum=0, maximum=5,
+        short="At a fence breach: 0 nothing, 1 warn, 2 hold, 3 return, 4 terminate, 5 land",
+    )  # fmt: skip
+    fence_prediction: int = param(
+        "GF_PREDICT", 1, unit="1", minimum=0, maximum=1,
+        short="Act on a breach before it happens, where the vehicle could no longer stop",
+    )  # fmt: skip
+    fence_distance: float = param(
+        "GF_MAX_HOR_DIST", 0.0, unit="m", minimum=0.0, maximum=100000.0,
+        short="Farthest that the vehicle may be from home; 0 no limit",
+    )  # fmt: skip
+    fence_height: float = param(
+        "GF_MAX_VER_DIST", 0.0, unit="m", minimum=0.0, maximum=100000.0,
+        short="Highest that the vehicle may be above home; 0 no limit",
+    )  # fmt: skip
+
     def limits(self) -> MotionLimits:
         """Limits of the trajectory with nothing commanded."""
         return MotionLimits(

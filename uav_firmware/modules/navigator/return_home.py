@@ -1,10 +1,12 @@
-"""Return: climb, fly home, wait if asked to, land.
+"""Return: climb, fly home or to the nearest rally point, wait if asked to, land.
 
     TRAVEL --over home, RTL_LAND_DELAY = 0------------------------> LAND --landed--> done
     TRAVEL --over home, otherwise--> WAIT --RTL_LAND_DELAY passed--> LAND
                                      WAIT --RTL_LAND_DELAY < 0--> done, stays there
 
-From within RTL_MIN_DIST of home it does not climb first.
+From within RTL_MIN_DIST of where it lands it does not climb first. "Home" stands for the place
+chosen: the return point of a fence that was breached, else the nearest of home and the rally
+points, of those that can be reached within the fence if there are any.
 """
 
 import math
@@ -32,10 +34,11 @@ class ReturnHome:
         self._waiting_since_us = 0
         self._over_home: Vector3 = flight.rest_point()
         flight.face(math.nan)
-        if flight.home is None:
+        self._goal = choose_goal(flight)
+        if self._goal is None:
             self._begin_landing(flight)
         else:
-            self._travel(flight, flight.home.position_ned)
+            self._travel(flight, self._goal)
 
     def step(self, flight: Flight) -> bool:
         """Whether the vehicle has landed, or waits for ever above home."""
@@ -51,13 +54,14 @@ class ReturnHome:
         landed = self._land is not None and self._land.step(flight)
         return landed or (self.phase is ReturnPhase.WAIT and delay < 0.0 and flight.path.resting)
 
-    def _travel(self, flight: Flight, home: Vector3) -> None:
+    def _travel(self, flight: Flight, goal: Vector3) -> None:
         here = flight.rest_point()
-        distance = math.hypot(home[0] - here[0], home[1] - here[1])
+        distance = math.hypot(goal[0] - here[0], goal[1] - here[1])
         down = here[2]
         if distance > flight.params.return_close_radius:
-            down = min(down, flight.home_down(flight.params.return_height))
-        self._over_home = (home[0], home[1], down)
+            height = max(flight.params.return_height, flight.height_of(goal[2]))
+            down = min(down, flight.home_down(min(height, flight.fence.height_max)))
+        self._over_home = (goal[0], goal[1], down)
         climb = flight.stop_at((here[0], here[1], down))
         flight.fly(climb, flight.stop_at(self._over_home))
 
@@ -73,7 +77,20 @@ class ReturnHome:
 
     def _begin_landing(self, flight: Flight) -> None:
         self.phase = ReturnPhase.LAND
-        if flight.home is None:
+        if self._goal is None:
             self._land = land_here(flight)
         else:
-            self._land = Land(flight, flight.home.position_ned, math.nan)
+            ground = (self._goal[0], self._goal[1], flight.home_down(0.0))
+            self._land = Land(flight, ground, math.nan)
+
+
+def choose_goal(flight: Flight) -> Vector3 | None:
+    """Where a return leads [m, NED]; a rally point's height is the least that it is flown to at."""
+    if flight.breached and flight.fence_return is not None:
+        return flight.fence_return
+    here = flight.rest_point()[:2]
+    home = () if flight.home is None else (flight.home.position_ned,)
+    allowed = tuple(point for point in flight.rally_points if flight.fence.allows(point[:2]))
+    places = (*home, *allowed)
+    within = [point for point in places if flight.fence.line_allowed(here, point[:2])]
+    return min(within or places, key=lambda point: math.dist(here, point[:2]), default=None)

@@ -115,7 +115,9 @@ def test_braking_ends_at_rest_within_acceleration_and_jerk(
         assert norm(velocity) < 1e-5
         return
     for state in samples(piece):
-        assert norm(state.acceleration) <= max(3.0, norm(acceleration)) * SLACK
+        level, upright = math.hypot(*state.acceleration[:2]), abs(state.acceleration[2])
+        assert level <= max(3.0, math.hypot(*acceleration[:2])) * SLACK
+        assert upright <= max(3.0, abs(acceleration[2])) * SLACK
         rise = 4.0 / 27.0 * norm(acceleration) * piece.duration  # of t (1 - t)^2 at t = 1/3
         assert norm(state.velocity) <= norm(velocity) + rise + 1e-6
     assert norm(piece.jerk) <= LIMITS.jerk * SLACK

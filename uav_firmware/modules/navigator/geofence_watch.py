@@ -1,0 +1,71 @@
+"""Whether the vehicle is, or will come to rest, where it may not be."""
+
+import math
+from typing import Final
+
+from uav_firmware.modules.navigator.flight import Flight
+from uav_firmware.msg.geofence import FenceAction, FenceBreach, GeofenceStatus
+from uav_firmware.msg.vectors import Vector3
+
+PERIOD_US: Final = 100_000  # [us] 10 Hz: at 12 m/s a metre, within the reaction foreseen
+_REACTION_S: Final = 0.3  # [s] until a failsafe's hold brakes
+_REACTION_ON_ROUTE_S: Final = 0.1  # [s] on a route that the navigator itself will brake on
+_STOP_SHARE: Final = 0.75  # of v^2 / a, what a stop from a steady speed takes
+_STOP_SHARE_ON_ROUTE: Final = 0.5
+
+
+class GeofenceWatch:
+    """Counts breaches; judges ten times a second."""
+
+    def __init__(self) -> None:
+        self.status: GeofenceStatus | None = None
+        self._count = 0
+        self._since_us = 0
+        self._due_us = 0
+
+    def update(self, flight: Flight, *, on_route: bool) -> GeofenceStatus | None:
+        """New status when one is due; None in between."""
+        if flight.now_us < self._due_us or flight.estimate is None:
+            return None
+        self._due_us = flight.now_us + PERIOD_US
+        breach = predicted = FenceBreach.NONE
+        margin = math.inf
+        if flight.estimate.position_valid and not flight.landed:
+            breach, predicted, margin = _judge(flight, on_route=on_route)
+        was = self.status.breach if self.status is not None else FenceBreach.NONE
+        if breach is not FenceBreach.NONE and was is FenceBreach.NONE:
+            self._count += 1
+            self._since_us = flight.now_us
+        action = FenceAction(flight.params.fence_action)
+        self.status = GeofenceStatus(
+            flight.now_us, breach, predicted, action, margin, self._count, self._since_us
+        )
+        return self.status
+
+
+def _judge(flight: Flight, *, on_route: bool) -> tuple[FenceBreach, FenceBreach, float]:
+    fence, position = flight.fence, flight.position
+    here = (position[0], position[1])
+    breach = fence.breach(here, flight.height_of(position[2]))
+    predicted = breach
+    if breach is FenceBreach.NONE and flight.params.fence_prediction:
+        stop = _stopping_point(flight, on_route=on_route)
+        there = (stop[0], stop[1])
+        predicted = fence.breach(there, flight.height_of(stop[2]))
+        if predicted is FenceBreach.NONE and not fence.line_allowed(here, there):
+            predicted = FenceBreach.BOUNDARY
+    return breach, predicted, fence.margin(here)
+
+
+def _stopping_point(flight: Flight, *, on_route: bool) -> Vector3:
+    """Where the vehicle would come to rest [m, NED] if it were told to stop."""
+    reaction = _REACTION_ON_ROUTE_S if on_route else _REACTION_S
+    share = _STOP_SHARE_ON_ROUTE if on_route else _STOP_SHARE
+    north, east, down = flight.position
+    if flight.estimate is None or not flight.estimate.velocity_valid:
+        return (north, east, down)
+    vn, ve, vd = flight.estimate.velocity_ned
+    params = flight.params
+    level = reaction + share * math.hypot(vn, ve) / params.acceleration_horizontal
+    upright = reaction + share * abs(vd) / params.acceleration_up
+    return (north + vn * level, east + ve * level, down + vd * upright)
