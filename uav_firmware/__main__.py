@@ -9,6 +9,7 @@ from collections.abc import Callable
 from types import FrameType
 
 from uav_firmware.config import ConfigError, VehicleConfig, read_config
+from uav_firmware.drivers.jammed_link import JammedLink
 from uav_firmware.drivers.udp_link import UdpLink
 from uav_firmware.modules.mavlink.peers import Peer, Profile
 from uav_firmware.scheduler import Pacer
@@ -98,7 +99,9 @@ def _run(config: VehicleConfig, hardware: Hardware, autopilot: Autopilot, stop: 
     )
 
 
-def _link_server(link: UdpLink, serve: Callable[[], None], stop: Stop) -> Callable[[float], None]:
+def _link_server(
+    link: UdpLink | JammedLink, serve: Callable[[], None], stop: Stop
+) -> Callable[[float], None]:
     """A wait that answers datagrams as they come, so that no peer waits for the next step."""
 
     def wait(seconds: float) -> None:

@@ -47,7 +47,9 @@ class VehicleConfig:
     wind_m_s: float  # [m/s] Mean wind of the simulation
     wind_from_deg: float  # [deg] Where it blows from
     noise: float  # [-] Factor on all sensor noise
-    home: Home | None  # None: the simulation's home, 3 m apart to the east
+    world: str  # Name of the place that the simulation flies at
+    home: Home | None  # None: the world's home, 3 m apart to the east
+    faults: Path | None  # File of faults of the simulation, none when None
     bind: str  # Own address; loopback while the link is unsigned
     port: int  # [-] Own UDP port; 0 lets the system choose
     broker: Endpoint
@@ -82,6 +84,8 @@ def read_config(arguments: Sequence[str], environment: Mapping[str, str]) -> Veh
         wind_m_s=_number("--wind", flags.wind, 0.0, 30.0),
         wind_from_deg=_number("--wind-from", flags.wind_from, 0.0, 360.0),
         noise=_number("--noise", flags.noise, 0.0, 100.0),
+        world=flags.world,
+        faults=Path(flags.faults) if flags.faults else None,
         home=None if flags.home is None else _home(flags.home),
         bind=flags.bind,
         port=_integer("--port", port, 0, 65535),
@@ -107,6 +111,8 @@ def _parser(environment: Mapping[str, str]) -> argparse.ArgumentParser:
     add("--wind", default=get("WIND", "0"), help="mean wind of the simulation [m/s]")
     add("--wind-from", default=get("WIND_FROM", "270"), help="where it blows from [deg]")
     add("--noise", default=get("NOISE", "1"), help="factor on the noise of all sensors")
+    add("--world", default=get("WORLD", "farm"), help="place that the simulation flies at")
+    add("--faults", default=get("FAULTS"), help="file of what breaks and when, in the simulation")
     add("--home", default=get("VEHICLE_HOME"), help="latitude,longitude,altitude,heading")
     add("--bind", default=get("VEHICLE_BIND", "127.0.0.1"), help="own address")
     add("--port", help="own UDP port (default VEHICLE_PORT_BASE, 14580, plus system id)")

@@ -15,12 +15,14 @@ from uav_firmware.msg.estimate import (
     VehicleGlobalPosition,
     VehicleLocalPosition,
 )
+from uav_firmware.msg.failure import FailureDetectorStatus, RotorLossThrust
 from uav_firmware.msg.geofence import Fence, GeofenceStatus, RallyPoints
 from uav_firmware.msg.guidance import OrbitStatus
 from uav_firmware.msg.mission import Mission, MissionProgress, NavigatorRequest, NavigatorStatus
 from uav_firmware.msg.sensors import (
     SensorBaro,
     SensorBattery,
+    SensorEsc,
     SensorGps,
     SensorImu,
     SensorMag,
@@ -52,6 +54,7 @@ class Topics:
     sensor_mag: Topic[SensorMag] = field(default_factory=Topic)
     sensor_gps: Topic[SensorGps] = field(default_factory=Topic)
     sensor_battery: Topic[SensorBattery] = field(default_factory=Topic)
+    sensor_esc: Topic[SensorEsc] = field(default_factory=Topic)
     sensor_truth: Topic[SensorTruth] = field(default_factory=Topic)
     vehicle_attitude: Topic[VehicleAttitude] = field(default_factory=Topic)
     vehicle_local_position: Topic[VehicleLocalPosition] = field(default_factory=Topic)
@@ -78,6 +81,8 @@ class Topics:
         default_factory=Topic
     )
     control_allocator_status: Topic[ControlAllocatorStatus] = field(default_factory=Topic)
+    failure_detector_status: Topic[FailureDetectorStatus] = field(default_factory=Topic)
+    rotor_loss_thrust: Topic[RotorLossThrust] = field(default_factory=Topic)
     actuator_motors: Topic[ActuatorMotors] = field(default_factory=Topic)
     ground_station_heartbeat: Topic[int] = field(default_factory=Topic)
     vehicle_command: Queue[VehicleCommand] = field(default_factory=Queue)

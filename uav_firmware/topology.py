@@ -15,6 +15,7 @@ from uav_firmware.modules.control_allocator.module import ControlAllocatorModule
 from uav_firmware.modules.control_allocator.params import ControlAllocatorParams
 from uav_firmware.modules.estimator.module import EstimatorModule
 from uav_firmware.modules.estimator.params import EstimatorParams
+from uav_firmware.modules.failure_detector.module import FailureDetectorModule
 from uav_firmware.modules.land_detector.module import LandDetectorModule
 from uav_firmware.modules.land_detector.params import LandDetectorParams
 from uav_firmware.modules.logger.definitions import Identity
@@ -31,6 +32,7 @@ from uav_firmware.modules.position_control.module import PositionControlModule
 from uav_firmware.modules.position_control.params import PositionControlParams
 from uav_firmware.modules.rate_control.module import RateControlModule
 from uav_firmware.modules.rate_control.params import RateControlParams
+from uav_firmware.modules.rotor_loss_control.module import RotorLossControlModule
 from uav_firmware.modules.vehicle_io.module import VehicleIoModule
 from uav_firmware.parameters import Registry
 from uav_firmware.scheduler import RateGroup, Scheduler
@@ -39,6 +41,7 @@ from uav_firmware.topics import Topics
 _POSITION_PERIOD_US: Final = 16_000  # 62.5 Hz: navigator and position control
 _SLOW_PERIOD_US: Final = 20_000  # 50 Hz: commander, land detector
 _LINK_PERIOD_US: Final = 8_000  # 125 Hz; datagrams are also answered while a paced vehicle waits
+_FAILURE_PERIOD_US: Final = 8_000  # 125 Hz, as often as the speed controllers report
 _CONSOLE_PERIOD_US: Final = 100_000  # 10 Hz
 _STORAGE_PERIOD_US: Final = 1_000_000  # 1 Hz
 
@@ -81,6 +84,7 @@ class Autopilot:
             mag=topics.sensor_mag,
             gps=topics.sensor_gps,
             battery=topics.sensor_battery,
+            esc=topics.sensor_esc,
             truth=topics.sensor_truth,
         )
         self.estimator = EstimatorModule(
@@ -165,10 +169,29 @@ class Autopilot:
             torque_thrust=topics.vehicle_torque_thrust_setpoint,
             registry=registry,
         )
+        self.failure_detector = FailureDetectorModule(
+            registry,
+            motors=topics.actuator_motors,
+            esc=topics.sensor_esc,
+            attitude=topics.vehicle_attitude,
+            vehicle_status=topics.vehicle_status,
+            failure_status=topics.failure_detector_status,
+            status_text=topics.status_text,
+        )
+        self.rotor_loss_control = RotorLossControlModule(
+            registry,
+            attitude=topics.vehicle_attitude,
+            attitude_setpoint=topics.vehicle_attitude_setpoint,
+            local_position=topics.vehicle_local_position,
+            trajectory=topics.trajectory_setpoint,
+            failure_status=topics.failure_detector_status,
+            rotor_loss_thrust=topics.rotor_loss_thrust,
+        )
         self.control_allocator = ControlAllocatorModule(
             torque_thrust=topics.vehicle_torque_thrust_setpoint,
             vehicle_status=topics.vehicle_status,
             motors=topics.actuator_motors,
+            rotor_loss_thrust=topics.rotor_loss_thrust,
             allocator_status=topics.control_allocator_status,
             status_text=topics.status_text,
             registry=registry,
@@ -232,6 +255,12 @@ class Autopilot:
             RateGroup("position_control", _POSITION_PERIOD_US, self.position_control.update),
             RateGroup("attitude_control", step_us, self.attitude_control.update),
             RateGroup("rate_control", step_us, self.rate_control.update),
+            RateGroup(
+                "failure_detector",
+                _FAILURE_PERIOD_US,
+                lambda: self.failure_detector.update(vehicle.time_us),
+            ),
+            RateGroup("rotor_loss_control", step_us, self.rotor_loss_control.update),
             RateGroup(
                 "control_allocator",
                 step_us,

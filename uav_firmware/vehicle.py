@@ -6,12 +6,14 @@ Each driver is imported only when it is named, so that a vehicle without a simul
 import socket
 from dataclasses import dataclass
 
+from uav_firmware.cal.faults import FaultInjector
 from uav_firmware.cal.link import Address
 from uav_firmware.cal.log_store import LogStore
 from uav_firmware.cal.storage import Storage
 from uav_firmware.cal.vehicle import Vehicle
 from uav_firmware.config import ConfigError, Endpoint, VehicleConfig
 from uav_firmware.drivers.file_storage import FileStorage
+from uav_firmware.drivers.jammed_link import JammedLink
 from uav_firmware.drivers.log_folder import LogFolder
 from uav_firmware.drivers.udp_link import UdpLink
 
@@ -23,7 +25,7 @@ class Hardware:
     """What the flight stack runs on."""
 
     vehicle: Vehicle
-    link: UdpLink
+    link: UdpLink | JammedLink
     storage: Storage
     log_store: LogStore
 
@@ -44,9 +46,10 @@ def build_hardware(config: VehicleConfig, start_time_utc_us: int) -> Hardware:
     """
     link = bind_link(config)
     try:
+        vehicle = build_vehicle(config, start_time_utc_us)
         return Hardware(
-            vehicle=build_vehicle(config, start_time_utc_us),
-            link=link,
+            vehicle=vehicle,
+            link=JammedLink(link, vehicle) if isinstance(vehicle, FaultInjector) else link,
             storage=FileStorage(config.folder),
             log_store=LogFolder(config.folder / "log"),
         )
@@ -88,10 +91,13 @@ def build_vehicle(config: VehicleConfig, start_time_utc_us: int) -> Vehicle:
             home=None
             if home is None
             else (home.latitude_deg, home.longitude_deg, home.altitude_amsl_m, home.heading_deg),
+            world=config.world,
             wind_m_s=config.wind_m_s,
             wind_from_deg=config.wind_from_deg,
             noise_factor=config.noise,
             start_time_utc_us=start_time_utc_us,
+            faults_path=config.faults,
+            console_folder=config.folder,
             truth_path=config.folder / "truth.csv" if config.truth else None,
         )
     except ValueError as error:

@@ -164,6 +164,7 @@ def test_the_simulated_vehicle_hands_every_reading_over_under_its_own_name() -> 
             "mag": vehicle.read_mag(),
             "gps": vehicle.read_gps(),
             "battery": vehicle.read_battery(),
+            "esc": vehicle.read_esc(),
         }
         for name, reading in simulation.readings._asdict().items():
             sample = handed_over[name]

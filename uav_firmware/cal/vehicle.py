@@ -9,6 +9,7 @@ from typing import Protocol
 from uav_firmware.msg.sensors import (
     SensorBaro,
     SensorBattery,
+    SensorEsc,
     SensorGps,
     SensorImu,
     SensorMag,
@@ -41,6 +42,9 @@ class Sensors(Protocol):
 
     def read_battery(self) -> SensorBattery | None:
         """Battery sample if one is due."""
+
+    def read_esc(self) -> SensorEsc | None:
+        """Report of the motors' speed controllers if one is due."""
 
     def read_truth(self) -> SensorTruth | None:
         """True state where the vehicle is simulated, else None."""

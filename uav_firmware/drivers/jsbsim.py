@@ -6,13 +6,20 @@ sides (NED, FRD, SI); what changes here is the type.
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Final
 
 from sim.config import SimulationConfig, start_east_m
+from sim.fault_console import FaultConsole
+from sim.fault_injection import Failure, Unit, faults_of, kinds_of
+from sim.fault_notation import Clear, read_faults, read_order
+from sim.faults import FaultError
 from sim.sensors.readings import Readings
 from sim.simulation import Simulation
+from sim.worlds import world as world_named
 from uav_firmware.msg.sensors import (
     SensorBaro,
     SensorBattery,
+    SensorEsc,
     SensorGps,
     SensorImu,
     SensorMag,
@@ -21,13 +28,19 @@ from uav_firmware.msg.sensors import (
 from uav_firmware.msg.vectors import Motors
 
 _STOPPED: Motors = (0.0, 0.0, 0.0, 0.0)
+_CONSOLE_PERIOD_US: Final = 100_000
 
 
 class JsbsimVehicle:
-    """Implements `uav_firmware.cal.vehicle.Vehicle`."""
+    """Implements `uav_firmware.cal.vehicle.Vehicle` and `uav_firmware.cal.faults.FaultInjector`.
 
-    def __init__(self, simulation: Simulation) -> None:
+    With a console it also takes orders to break and to mend parts from a file.
+    """
+
+    def __init__(self, simulation: Simulation, console: FaultConsole | None = None) -> None:
         self._simulation = simulation
+        self._console = console
+        self._console_us = 0
         self._motors = _STOPPED
         self._readings: Readings = simulation.readings
 
@@ -50,8 +63,12 @@ class JsbsimVehicle:
 
         Raises:
             ValueError: when a motor command is no finite number; no time passes then.
+            OSError: if the file of orders cannot be read any more.
         """
         self._readings = self._simulation.step(self._motors)
+        if self._console is not None and self.time_us >= self._console_us:
+            self._console_us = self.time_us + _CONSOLE_PERIOD_US
+            self._obey(self._console)
 
     def read_imu(self) -> SensorImu:
         """Inertial sample of this step."""
@@ -105,6 +122,11 @@ class JsbsimVehicle:
             remaining=battery.remaining,
         )
 
+    def read_esc(self) -> SensorEsc | None:
+        """Report of the speed controllers if one is due."""
+        esc = self._readings.esc
+        return None if esc is None else SensorEsc(esc.time_us, esc.rotor_rpm, esc.current_a)
+
     def read_truth(self) -> SensorTruth:
         """True state, for display and never for control."""
         truth = self._simulation.truth
@@ -120,38 +142,89 @@ class JsbsimVehicle:
             airspeed_m_s=truth.airspeed_m_s,
         )
 
+    @property
+    def link_lost(self) -> bool:
+        """Whether a fault cuts the vehicle off from its peers."""
+        return self._simulation.link_lost
+
+    def inject(self, unit: int, failure_type: int, instance: int) -> bool:
+        """Let a part fail from now on, or mend it; false where there is no such thing."""
+        simulation = self._simulation
+        if failure_type == Failure.OK:
+            return self._mend(unit, instance)
+        faults = faults_of(unit, failure_type, instance, simulation.time_us)
+        if faults is None:
+            return False
+        for fault in faults:
+            simulation.add_fault(fault)
+        return True
+
+    def _mend(self, unit: int, instance: int) -> bool:
+        kinds = kinds_of(unit)
+        motor = instance if unit == Unit.MOTOR and instance != 0 else None
+        for kind in kinds:
+            self._simulation.clear_faults(kind, motor)
+        return bool(kinds)
+
+    def _obey(self, console: FaultConsole) -> None:
+        """Carry out the lines that have come, and tell what became of them."""
+        simulation = self._simulation
+        for line in console.poll():
+            try:
+                order = read_order(line, simulation.time_us)
+            except FaultError as error:
+                console.note(simulation.time_us, f"refused: {line}: {error}")
+                continue
+            if isinstance(order, Clear):
+                simulation.clear_faults(order.kind, order.motor)
+            else:
+                simulation.add_fault(order)
+            console.note(simulation.time_us, f"accepted: {line}")
+        console.note_active(simulation.time_us, simulation.faults)
+
     def close(self) -> None:
-        """Close the truth log."""
+        """Close the truth log and the console."""
         self._simulation.close()
+        if self._console is not None:
+            self._console.close()
 
 
 def simulated_vehicle(
     *,
     number: int,
     seed: int,
+    world: str,
     home: tuple[float, float, float, float] | None,
     wind_m_s: float,
     wind_from_deg: float,
     noise_factor: float,
     start_time_utc_us: int,
+    faults_path: Path | None,
+    console_folder: Path | None,
     truth_path: Path | None,
 ) -> JsbsimVehicle:
     """Make vehicle 1, 2, 3, ... of a farm.
 
     `home` is latitude [deg], longitude [deg], altitude above mean sea level [m] and heading
-    [deg]; None is the simulation's home, where the vehicles stand side by side. The GNSS receiver
-    tells `start_time_utc_us` [us since 1970] at time zero.
+    [deg]; None is the home of `world`, where the vehicles stand side by side. The GNSS receiver
+    tells `start_time_utc_us` [us since 1970] at time zero. `faults_path` is a file of faults to
+    come; in `console_folder` more can be ordered while it flies.
 
     Raises:
-        ValueError: if a value is out of range.
-        OSError: if the truth log cannot be created.
+        ValueError: if a value is out of range, or the file of faults cannot be used.
+        OSError: if a file cannot be read or created.
     """
+    place = world_named(world)
     config = SimulationConfig(
         seed=seed,
+        home_latitude_deg=place.latitude_deg,
+        home_longitude_deg=place.longitude_deg,
+        home_altitude_amsl_m=place.altitude_amsl_m,
         wind_speed_m_s=wind_m_s,
         wind_from_deg=wind_from_deg,
         sensor_noise_factor=noise_factor,
         start_time_utc_us=start_time_utc_us,
+        faults=() if faults_path is None else read_faults(faults_path),
         truth_log_path=truth_path,
     )
     if home is None:
@@ -165,4 +238,5 @@ def simulated_vehicle(
             home_altitude_amsl_m=altitude,
             heading_deg=heading,
         )
-    return JsbsimVehicle(Simulation(config))
+    console = None if console_folder is None else FaultConsole(console_folder)
+    return JsbsimVehicle(Simulation(config), console)

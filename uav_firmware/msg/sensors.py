@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from uav_firmware.msg.vectors import Vector3
+from uav_firmware.msg.vectors import Motors, Vector3
 
 
 class SensorImu(NamedTuple):
@@ -55,6 +55,14 @@ class SensorBattery(NamedTuple):
     consumed_ah: float  # [Ah] Since boot
     capacity_ah: float  # [Ah] Of the full pack
     remaining: float  # [-] 0 empty to 1 full
+
+
+class SensorEsc(NamedTuple):
+    """Telemetry of the speed controllers at 50 Hz or more; read by failure_detector."""
+
+    time_us: int  # [us]
+    rotor_rpm: Motors  # [1/min] Never negative
+    current_a: Motors  # [A] Drawn by each
 
 
 class SensorTruth(NamedTuple):

@@ -8,6 +8,7 @@ from uav_firmware.modules.control_allocator.allocation import allocate, motor_co
 from uav_firmware.modules.control_allocator.geometry import GeometryError, Mix, Rotor, mix_of
 from uav_firmware.modules.control_allocator.params import ControlAllocatorParams
 from uav_firmware.msg.actuators import ActuatorMotors
+from uav_firmware.msg.failure import RotorLossThrust
 from uav_firmware.msg.setpoints import ControlAllocatorStatus, VehicleTorqueThrustSetpoint
 from uav_firmware.msg.status import StatusText, VehicleStatus
 from uav_firmware.msg.vectors import Motors
@@ -15,6 +16,7 @@ from uav_firmware.parameters import Registry
 
 _CRITICAL: Final = 2  # MAV_SEVERITY
 _ERROR: Final = 3
+_FRESH_US: Final = 20_000  # Older thrusts of the law of three rotors are not flown
 _STOPPED: Motors = (0.0, 0.0, 0.0, 0.0)
 
 
@@ -30,6 +32,7 @@ class ControlAllocatorModule:
         allocator_status: Topic[ControlAllocatorStatus],
         status_text: Queue[StatusText],
         registry: Registry,
+        rotor_loss_thrust: Topic[RotorLossThrust] | None = None,
     ) -> None:
         """Read the geometry.
 
@@ -38,6 +41,7 @@ class ControlAllocatorModule:
         """
         self._torque_thrust = torque_thrust
         self._vehicle_status = vehicle_status
+        self._rotor_loss_thrust = Topic() if rotor_loss_thrust is None else rotor_loss_thrust
         self._motors = motors
         self._allocator_status = allocator_status
         self._status_text = status_text
@@ -58,6 +62,10 @@ class ControlAllocatorModule:
         if setpoint is None or setpoint.thrust <= 0.0:
             self._motors.publish(ActuatorMotors(now_us, self._idling))
             return
+        flown = self._rotor_loss_thrust.value
+        if flown is not None and 0 <= now_us - flown.time_us <= _FRESH_US:
+            self._fly_on_three(now_us, flown, setpoint)
+            return
         result = allocate(setpoint.torque_frd, setpoint.thrust, self._mix)
         factor, idle = self._model_factor, self._idle
         one, two, three, four = result.thrust
@@ -74,6 +82,18 @@ class ControlAllocatorModule:
         self._allocator_status.publish(
             ControlAllocatorStatus(now_us, result.unallocated_torque_frd, result.unallocated_thrust)
         )
+
+    def _fly_on_three(
+        self, now_us: int, flown: RotorLossThrust, setpoint: VehicleTorqueThrustSetpoint
+    ) -> None:
+        """Carry out the thrusts of the law of three rotors; the lost one stands.
+
+        Nothing of the torque asked for is produced: so the rate loop's integrators wait.
+        """
+        control = [motor_command(thrust, self._model_factor) for thrust in flown.thrust]
+        one, two, three, four = control
+        self._motors.publish(ActuatorMotors(now_us, (one, two, three, four)))
+        self._allocator_status.publish(ControlAllocatorStatus(now_us, setpoint.torque_frd, 0.0))
 
     def _hold_motors(self, now_us: int) -> None:
         """Safety: a command that is no number changes nothing; the former one stays."""

@@ -6,6 +6,7 @@ from uav_firmware.msg.actuators import ActuatorMotors
 from uav_firmware.msg.sensors import (
     SensorBaro,
     SensorBattery,
+    SensorEsc,
     SensorGps,
     SensorImu,
     SensorMag,
@@ -26,6 +27,7 @@ class VehicleIoModule:
         mag: Topic[SensorMag],
         gps: Topic[SensorGps],
         battery: Topic[SensorBattery],
+        esc: Topic[SensorEsc],
         truth: Topic[SensorTruth],
     ) -> None:
         self._vehicle = vehicle
@@ -35,6 +37,7 @@ class VehicleIoModule:
         self._mag = mag
         self._gps = gps
         self._battery = battery
+        self._esc = esc
         self._truth = truth
 
     def update(self) -> None:
@@ -53,6 +56,8 @@ class VehicleIoModule:
             self._gps.publish(gps)
         if (battery := vehicle.read_battery()) is not None:
             self._battery.publish(battery)
+        if (esc := vehicle.read_esc()) is not None:
+            self._esc.publish(esc)
 
     def update_truth(self) -> None:
         """Publish the true state of a simulated vehicle, for display only."""

@@ -4,6 +4,7 @@ from uav_firmware.msg.actuators import ActuatorMotors
 from uav_firmware.msg.sensors import (
     SensorBaro,
     SensorBattery,
+    SensorEsc,
     SensorGps,
     SensorImu,
     SensorMag,
@@ -46,6 +47,9 @@ class Hardware:
     def read_battery(self) -> SensorBattery | None:
         return None
 
+    def read_esc(self) -> SensorEsc | None:
+        return None
+
     def read_truth(self) -> SensorTruth | None:
         return None
 
@@ -70,6 +74,7 @@ class Vehicle:
             mag=Topic(),
             gps=Topic(),
             battery=Topic(),
+            esc=Topic(),
             truth=self.truth,
         )
 

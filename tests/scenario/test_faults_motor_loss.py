@@ -1,0 +1,146 @@
+"""One motor stops in the air: alarm, spinning flight at the place, controlled landing."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from sim.config import SimulationConfig
+from sim.faults import Fault, Kind
+from tests.support.autopilot_tester import AutopilotTester
+
+pytestmark = pytest.mark.scenario
+
+HEIGHT_M = 10.0
+
+
+def hovering(folder: Path, **config: float) -> AutopilotTester:
+    seed = int(config.pop("seed"))
+    tester = AutopilotTester(SimulationConfig(seed=seed, **config), folder)  # type: ignore[arg-type]
+    tester.wait_until_ready()
+    tester.take_off(HEIGHT_M)
+    tester.run_for(12.0)
+    return tester
+
+
+def lose(tester: AutopilotTester, motor: int, efficiency: float = 0.0) -> None:
+    tester.simulation.add_fault(
+        Fault(
+            kind=Kind.MOTOR_LOSS,
+            start_us=tester.truth.time_us,
+            values={"motor": motor, "efficiency": efficiency},
+        )
+    )
+
+
+def failed_motors(tester: AutopilotTester) -> int:
+    status = tester.autopilot.topics.failure_detector_status.value
+    return 0 if status is None else status.failed_motors
+
+
+class Watch:
+    """Farthest from where it began, hardest sink near the ground, numbers that are none."""
+
+    def __init__(self, tester: AutopilotTester) -> None:
+        self.origin = tester.true_position()
+        self.farthest_m = 0.0
+        self.touch_down_m_s: float | None = None
+        self.all_finite = True
+        self._tester = tester
+        tester.watch(self._note)
+
+    def off_m(self) -> float:
+        north, east, _ = self._tester.true_position()
+        return math.hypot(north - self.origin[0], east - self.origin[1])
+
+    def _note(self) -> None:
+        tester = self._tester
+        self.farthest_m = max(self.farthest_m, self.off_m())
+        if self.touch_down_m_s is None and tester.truth.height_above_home_m < 0.25:
+            self.touch_down_m_s = tester.truth.velocity_ned[2]
+        topics = tester.autopilot.topics
+        motors, estimate = topics.actuator_motors.value, topics.vehicle_local_position.value
+        attitude = topics.vehicle_attitude.value
+        assert motors is not None
+        assert estimate is not None
+        assert attitude is not None
+        numbers = (*motors.control, *estimate.position_ned, *estimate.velocity_ned)
+        self.all_finite &= math.isfinite(sum(numbers) + sum(attitude.q_ned_frd))
+
+
+@pytest.mark.parametrize(("seed", "motor"), [(1, 1), (2, 2), (3, 3), (4, 4)])
+def test_with_a_motor_lost_it_lands_at_its_place_upright(
+    tmp_path: Path, seed: int, motor: int
+) -> None:
+    tester = hovering(tmp_path, seed=seed)
+    watch = Watch(tester)
+    lose(tester, motor)
+    tester.run_for(0.1)
+    assert failed_motors(tester) == 1 << (motor - 1)
+    tester.run_for(0.4)
+    tester.land()
+    tester.wait_until_landed(60.0)
+    assert any(f"Motor {motor} failed" in line for line in tester.lines)
+    assert watch.all_finite
+    assert watch.farthest_m < 4.0
+    assert watch.off_m() < 1.0
+    assert watch.touch_down_m_s is not None
+    assert watch.touch_down_m_s < 1.0
+    assert not tester.simulation.wrecked
+    assert abs(tester.truth.roll_deg) < 5.0
+
+
+def test_it_holds_place_and_height_spinning_the_way_that_the_two_rotors_push(
+    tmp_path: Path,
+) -> None:
+    tester = hovering(tmp_path, seed=5)
+    lose(tester, 1)
+    tester.run_for(10.0)
+    watch = Watch(tester)
+    tester.run_for(10.0)
+    # Rotors 3 and 4 turn clockwise, their reaction turns the nose to the left
+    assert -25.0 < tester.truth.rate_frd[2] < -10.0
+    assert watch.farthest_m < 1.0
+    assert tester.truth.height_above_home_m == pytest.approx(HEIGHT_M, abs=1.0)
+    heading = math.degrees(tester.estimate.heading) - tester.truth.yaw_deg
+    assert abs((heading + 180.0) % 360.0 - 180.0) < 10.0
+
+
+def test_a_motor_that_gives_less_is_borne_without_spinning(tmp_path: Path) -> None:
+    tester = hovering(tmp_path, seed=6)
+    watch = Watch(tester)
+    lose(tester, 3, efficiency=0.7)
+    tester.run_for(8.0)
+    assert failed_motors(tester) == 0
+    assert abs(tester.truth.rate_frd[2]) < 0.3
+    assert watch.farthest_m < 1.5
+    assert tester.truth.height_above_home_m == pytest.approx(HEIGHT_M, abs=0.7)
+
+
+@pytest.mark.parametrize("seed", range(1, 11))
+def test_no_alarm_in_wind_and_abrupt_flight(tmp_path: Path, seed: int) -> None:
+    tester = AutopilotTester(SimulationConfig(seed=seed, wind_speed_m_s=12.0), tmp_path)
+    for name in ("MPC_ACC_HOR", "MPC_ACC_UP_MAX", "MPC_ACC_DOWN_MAX"):
+        tester.autopilot.registry.set(name, 8.0)
+    tester.autopilot.registry.set("MPC_JERK_AUTO", 60.0)
+    tester.autopilot.registry.set("MPC_XY_CRUISE", 12.0)
+    tester.wait_until_ready()
+    alarms = 0
+
+    def note() -> None:
+        nonlocal alarms
+        alarms += failed_motors(tester) != 0
+
+    tester.watch(note)
+    station = tester.ground_station
+    corners = ((40.0, 0.0, 15.0), (40.0, 40.0, 5.0), (0.0, 40.0, 15.0))
+    items = [station.mission_item(0, 22, tester.place(0.0, 0.0, 5.0), 0.0)]
+    items += [
+        station.mission_item(seq, 16, tester.place(*corner), 0.0, 2.0, 0.0)
+        for seq, corner in enumerate(corners, start=1)
+    ]
+    items.append(station.return_item(len(items)))
+    tester.upload(items)
+    tester.start_mission()
+    tester.wait_until_landed(180.0)
+    assert alarms == 0

@@ -1,0 +1,1 @@
+"""Watches rotors and attitude; PX4's failure_detector."""

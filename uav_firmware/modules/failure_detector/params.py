@@ -1,0 +1,50 @@
+"""Thresholds of the failure detector: PX4's names where PX4 has them.
+
+Names that PX4 does not have: FD_ACT_RPM_FULL, FD_ACT_RPM_SHR.
+"""
+
+from dataclasses import dataclass
+
+from uav_firmware.parameters import param
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FailureDetectorParams:
+    """When a motor counts as failed, and an attitude as lost."""
+
+    motors_enabled: int = param(
+        "FD_ACT_EN", 1, unit="1", minimum=0, maximum=1,
+        short="Watch the motors by the telemetry of their speed controllers: 1",
+    )  # fmt: skip
+    least_command: float = param(
+        "FD_ACT_MOT_THR", 0.2, unit="1", minimum=0.05, maximum=1.0,
+        short="Motor command below which a motor is not judged",
+    )  # fmt: skip
+    time_ms: float = param(
+        "FD_ACT_MOT_TOUT", 24.0, unit="ms", minimum=8.0, maximum=10000.0,
+        short="Time that a motor must be too slow to count as failed",
+    )  # fmt: skip
+    full_speed_rpm: float = param(
+        "FD_ACT_RPM_FULL", 10650.0, unit="rpm", minimum=100.0, maximum=100000.0,
+        short="Rotor speed at full command",
+    )  # fmt: skip
+    least_share: float = param(
+        "FD_ACT_RPM_SHR", 0.7, unit="1", minimum=0.1, maximum=0.95,
+        short="Share of the expected rotor speed below which a motor is too slow",
+    )  # fmt: skip
+    roll_deg: float = param(
+        "FD_FAIL_R", 60.0, unit="deg", minimum=0.0, maximum=180.0,
+        short="Roll angle beyond which the attitude counts as lost; 0 never",
+    )  # fmt: skip
+    pitch_deg: float = param(
+        "FD_FAIL_P", 60.0, unit="deg", minimum=0.0, maximum=180.0,
+        short="Pitch angle beyond which the attitude counts as lost; 0 never",
+    )  # fmt: skip
+    roll_time_s: float = param(
+        "FD_FAIL_R_TTRI", 0.3, unit="s", minimum=0.02, maximum=5.0,
+        short="Time that the roll angle must be exceeded",
+    )  # fmt: skip
+    pitch_time_s: float = param(
+        "FD_FAIL_P_TTRI", 0.3, unit="s", minimum=0.02, maximum=5.0,
+        short="Time that the pitch angle must be exceeded",
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""Flies on three rotors, spinning."""

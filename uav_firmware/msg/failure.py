@@ -1,0 +1,25 @@
+"""What has broken on the vehicle, and what flies it then."""
+
+from typing import NamedTuple
+
+from uav_firmware.msg.vectors import Motors
+
+
+class FailureDetectorStatus(NamedTuple):
+    """Written by failure_detector on change and at 1 Hz; read by commander and control.
+
+    Everything is latched until the vehicle is disarmed, but for the attitude.
+    """
+
+    time_us: int  # [us]
+    roll_exceeded: bool  # Beyond FD_FAIL_R for FD_FAIL_R_TTRI
+    pitch_exceeded: bool  # Beyond FD_FAIL_P for FD_FAIL_P_TTRI
+    failed_motors: int  # [-] Bit 0 is motor 1
+
+
+class RotorLossThrust(NamedTuple):
+    """Thrusts that fly on three rotors. Written by rotor_loss_control while it flies."""
+
+    time_us: int  # [us]
+    lost: int  # [-] The motor that is to stand, 0 is motor 1
+    thrust: Motors  # [-] Of each motor, 0 to 1 of its own full thrust
