@@ -13,6 +13,7 @@ from pymavlink.dialects.v20 import common
 from sim.config import SimulationConfig
 from sim.simulation import Simulation
 from sim.truth import Truth
+from tests.support.geodesy import LocalGround
 from tests.support.ground_station import GroundStation, MemoryLink
 from uav_firmware.cal.log_store import LogStore
 from uav_firmware.drivers.file_storage import FileStorage
@@ -23,7 +24,6 @@ from uav_firmware.msg.status import LandDetected, NavigationState, VehicleStatus
 from uav_firmware.topology import Autopilot
 
 SYSTEM_ID: Final = 1
-_METRES_PER_DEGREE: Final = 111_195.0
 _HEARTBEAT_STEPS: Final = 250
 _PX4_AUTO: Final = 4
 _PX4_AUTO_MISSION: Final = 4
@@ -59,7 +59,8 @@ class AutopilotTester:
             log_store=log_store,
         )
         self.ground_station = GroundStation(self._link, SYSTEM_ID)
-        self.start = self.simulation.truth
+        self.start = start = self.simulation.truth
+        self._ground = LocalGround(start.latitude_deg, start.longitude_deg, start.altitude_amsl_m)
         self._steps = 0
         self._watchers: list[Callable[[], None]] = []
 
@@ -164,22 +165,17 @@ class AutopilotTester:
 
     def true_position(self) -> tuple[float, float, float]:
         """True metres north, east and up of where the vehicle stood."""
-        truth, start = self.simulation.truth, self.start
-        shrink = math.cos(math.radians(start.latitude_deg))
-        return (
-            (truth.latitude_deg - start.latitude_deg) * _METRES_PER_DEGREE,
-            (truth.longitude_deg - start.longitude_deg) * _METRES_PER_DEGREE * shrink,
-            truth.altitude_amsl_m - start.altitude_amsl_m,
-        )
+        truth = self.simulation.truth
+        north, east = self.north_east_m(truth.latitude_deg, truth.longitude_deg)
+        return north, east, truth.altitude_amsl_m - self.start.altitude_amsl_m
+
+    def north_east_m(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
+        """Metres north and east of the start."""
+        return self._ground.north_east_m(latitude_deg, longitude_deg)
 
     def place(self, north_m: float, east_m: float, height_m: float) -> tuple[float, float, float]:
         """Latitude, longitude [deg] and height [m] of a place about the start."""
-        shrink = math.cos(math.radians(self.start.latitude_deg))
-        return (
-            self.start.latitude_deg + north_m / _METRES_PER_DEGREE,
-            self.start.longitude_deg + east_m / (_METRES_PER_DEGREE * shrink),
-            height_m,
-        )
+        return (*self._ground.place(north_m, east_m), height_m)
 
     def _order(self, command: int, *parameters: float) -> None:
         station = self.ground_station

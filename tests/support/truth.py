@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-METRES_PER_DEGREE = 111_319.49
+from tests.support.geodesy import LocalGround
 
 
 class TruePosition(NamedTuple):
@@ -37,10 +37,9 @@ def _positions(rows: Iterable[dict[str, str]]) -> Iterator[TruePosition]:
 def horizontal_distance_m(
     position: TruePosition, latitude_deg: float, longitude_deg: float
 ) -> float:
-    """Distance over ground to a point, on a local plane."""
-    north = (position.latitude_deg - latitude_deg) * METRES_PER_DEGREE
-    east = (position.longitude_deg - longitude_deg) * METRES_PER_DEGREE
-    return math.hypot(north, east * math.cos(math.radians(latitude_deg)))
+    """Distance over ground to a point on the ellipsoid."""
+    ground = LocalGround(latitude_deg, longitude_deg)
+    return math.hypot(*ground.north_east_m(position.latitude_deg, position.longitude_deg))
 
 
 def closest_approach_m(
