@@ -1,20 +1,41 @@
-"""`make bench`: measure the system, print a page, write STATE_DIR/bench/results.json."""
+"""`make bench`: measure the system, print a page, write STATE_DIR/bench/results.json.
+
+`BENCH` chooses what, separated by commas: `flight` (how well it flies, some minutes on both
+cores), `speed` (how fast it is simulated), `system` (the running programs). Without it, all.
+"""
 
 import os
 import sys
 import tempfile
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import Final
 
-from tests.bench import simulation, system
-from tests.bench.results import page, write
+from tests.bench import flight_quality, simulation, system
+from tests.bench.results import Result, page, write
+
+
+def _system() -> Iterable[Result]:
+    with tempfile.TemporaryDirectory() as state_dir:
+        yield from system.measure(Path(state_dir))
+
+
+PARTS: Final[Mapping[str, Callable[[], Iterable[Result]]]] = {
+    "flight": flight_quality.measure,
+    "speed": simulation.measure,
+    "system": _system,
+}
 
 
 def main() -> int:
-    """Measure; 0 whatever the figures say: a bench measures, tests judge."""
+    """Measure; 0 whatever the figures say: a bench measures, tests judge. 2: no such part."""
+    chosen = [name for name in os.environ.get("BENCH", "").split(",") if name] or list(PARTS)
+    unknown = [name for name in chosen if name not in PARTS]
+    if unknown:
+        print(f"BENCH: there is no {', '.join(unknown)}; there are {', '.join(PARTS)}")
+        return 2
+    results = [result for name in chosen for result in PARTS[name]()]
     folder = Path(os.environ.get("STATE_DIR") or "var") / "bench"
-    results = list(simulation.measure())
-    with tempfile.TemporaryDirectory() as state_dir:
-        results += system.measure(Path(state_dir))
     write(results, folder)
     print(page(results))
     print(f"written to {folder}/results.json and {folder}/results.md")
