@@ -14,7 +14,9 @@ from uav_firmware.msg.estimate import (
     VehicleAttitude,
     VehicleGlobalPosition,
     VehicleLocalPosition,
+    WindEstimate,
 )
+from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.failure import FailureDetectorStatus, RotorLossThrust
 from uav_firmware.msg.geofence import Fence, GeofenceStatus, RallyPoints
 from uav_firmware.msg.guidance import OrbitStatus
@@ -60,6 +62,8 @@ class Topics:
     vehicle_local_position: Topic[VehicleLocalPosition] = field(default_factory=Topic)
     vehicle_global_position: Topic[VehicleGlobalPosition] = field(default_factory=Topic)
     estimator_status: Topic[EstimatorStatus] = field(default_factory=Topic)
+    wind: Topic[WindEstimate] = field(default_factory=Topic)
+    failure_detector_status: Topic[FailureDetectorStatus] = field(default_factory=Topic)
     vehicle_status: Topic[VehicleStatus] = field(default_factory=Topic)
     land_detected: Topic[LandDetected] = field(default_factory=Topic)
     home_position: Topic[HomePosition] = field(default_factory=Topic)

@@ -10,6 +10,7 @@ from uav_firmware.cal.vehicle import Vehicle
 from uav_firmware.modules.attitude_control.module import AttitudeControlModule
 from uav_firmware.modules.attitude_control.params import AttitudeControlParams
 from uav_firmware.modules.commander.module import CommanderModule
+from uav_firmware.modules.commander.topics import CommanderTopics
 from uav_firmware.modules.console.module import ConsoleModule
 from uav_firmware.modules.control_allocator.module import ControlAllocatorModule
 from uav_firmware.modules.control_allocator.params import ControlAllocatorParams
@@ -22,11 +23,14 @@ from uav_firmware.modules.logger.definitions import Identity
 from uav_firmware.modules.logger.module import LoggerModule
 from uav_firmware.modules.logger.params import LoggerParams
 from uav_firmware.modules.logger.streams import LoggerTopics
+from uav_firmware.modules.manual_control.module import ManualControlModule
+from uav_firmware.modules.manual_control.params import ManualControlParams
 from uav_firmware.modules.mavlink.builders.identity import FLIGHT_SW_VERSION
 from uav_firmware.modules.mavlink.module import MavlinkModule
 from uav_firmware.modules.mavlink.peers import Peer
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
 from uav_firmware.modules.navigator.module import NavigatorModule
+from uav_firmware.modules.offboard.module import OffboardModule
 from uav_firmware.modules.parameter_storage.module import ParameterStorageModule
 from uav_firmware.modules.position_control.module import PositionControlModule
 from uav_firmware.modules.position_control.params import PositionControlParams
@@ -53,6 +57,7 @@ _PARAMETER_GROUPS: Final = (
     RateControlParams,
     ControlAllocatorParams,
     LoggerParams,
+    ManualControlParams,
 )
 
 
@@ -109,6 +114,7 @@ class Autopilot:
             navigator_request=topics.navigator_request,
             trajectory_setpoint=topics.trajectory_setpoint,
             mission_progress=topics.mission_progress,
+            vehicle_control_mode=topics.vehicle_control_mode,
             navigator_status=topics.navigator_status,
             orbit_status=topics.orbit_status,
             fence=topics.fence,
@@ -117,27 +123,30 @@ class Autopilot:
             status_text=topics.status_text,
         )
         self.commander = CommanderModule(
+            registry, _commander_topics(topics), refusal_of=self.navigator.refusal_of
+        )
+        self.manual_control = ManualControlModule(
             registry,
-            vehicle_command=topics.vehicle_command,
-            vehicle_command_ack=topics.vehicle_command_ack,
-            vehicle_attitude=topics.vehicle_attitude,
-            vehicle_local_position=topics.vehicle_local_position,
-            estimator_status=topics.estimator_status,
-            land_detected=topics.land_detected,
-            mission=topics.mission,
-            mission_progress=topics.mission_progress,
-            navigator_status=topics.navigator_status,
-            sensor_imu=topics.sensor_imu,
-            sensor_baro=topics.sensor_baro,
-            sensor_mag=topics.sensor_mag,
-            sensor_gps=topics.sensor_gps,
-            sensor_battery=topics.sensor_battery,
-            ground_station_heartbeat=topics.ground_station_heartbeat,
+            manual_control_setpoint=topics.manual_control_setpoint,
+            vehicle_control_mode=topics.vehicle_control_mode,
             vehicle_status=topics.vehicle_status,
+            vehicle_local_position=topics.vehicle_local_position,
+            land_detected=topics.land_detected,
             home_position=topics.home_position,
-            navigator_request=topics.navigator_request,
-            status_text=topics.status_text,
-            refusal_of=self.navigator.refusal_of,
+            trajectory_setpoint=topics.trajectory_setpoint,
+            vehicle_attitude_setpoint=topics.vehicle_attitude_setpoint,
+            vehicle_rates_setpoint=topics.vehicle_rates_setpoint,
+        )
+        self.offboard = OffboardModule(
+            registry,
+            offboard_setpoint=topics.offboard_setpoint,
+            vehicle_control_mode=topics.vehicle_control_mode,
+            vehicle_status=topics.vehicle_status,
+            vehicle_local_position=topics.vehicle_local_position,
+            land_detected=topics.land_detected,
+            trajectory_setpoint=topics.trajectory_setpoint,
+            vehicle_attitude_setpoint=topics.vehicle_attitude_setpoint,
+            vehicle_rates_setpoint=topics.vehicle_rates_setpoint,
         )
         self.land_detector = LandDetectorModule(
             attitude=topics.vehicle_attitude,
@@ -154,12 +163,14 @@ class Autopilot:
             vehicle_status=topics.vehicle_status,
             land_detected=topics.land_detected,
             attitude_setpoint=topics.vehicle_attitude_setpoint,
+            vehicle_control_mode=topics.vehicle_control_mode,
             registry=registry,
         )
         self.attitude_control = AttitudeControlModule(
             attitude=topics.vehicle_attitude,
             attitude_setpoint=topics.vehicle_attitude_setpoint,
             rates_setpoint=topics.vehicle_rates_setpoint,
+            vehicle_control_mode=topics.vehicle_control_mode,
             registry=registry,
         )
         self.rate_control = RateControlModule(
@@ -252,6 +263,8 @@ class Autopilot:
             RateGroup(
                 "navigator", _POSITION_PERIOD_US, lambda: self.navigator.update(vehicle.time_us)
             ),
+            RateGroup("manual_control", _POSITION_PERIOD_US, self.manual_control.update),
+            RateGroup("offboard", _POSITION_PERIOD_US, self.offboard.update),
             RateGroup("position_control", _POSITION_PERIOD_US, self.position_control.update),
             RateGroup("attitude_control", step_us, self.attitude_control.update),
             RateGroup("rate_control", step_us, self.rate_control.update),
@@ -271,6 +284,37 @@ class Autopilot:
             RateGroup("parameter_storage", _STORAGE_PERIOD_US, self.parameter_storage.update, 4),
             RateGroup("logger", step_us, self.logger.update),
         )
+
+
+def _commander_topics(topics: Topics) -> CommanderTopics:
+    """What the commander reads and writes."""
+    return CommanderTopics(
+        vehicle_command=topics.vehicle_command,
+        vehicle_attitude=topics.vehicle_attitude,
+        vehicle_local_position=topics.vehicle_local_position,
+        estimator_status=topics.estimator_status,
+        land_detected=topics.land_detected,
+        mission=topics.mission,
+        mission_progress=topics.mission_progress,
+        navigator_status=topics.navigator_status,
+        geofence_status=topics.geofence_status,
+        failure_detector_status=topics.failure_detector_status,
+        sensor_imu=topics.sensor_imu,
+        sensor_baro=topics.sensor_baro,
+        sensor_mag=topics.sensor_mag,
+        sensor_gps=topics.sensor_gps,
+        sensor_battery=topics.sensor_battery,
+        ground_station_heartbeat=topics.ground_station_heartbeat,
+        manual_control_setpoint=topics.manual_control_setpoint,
+        offboard_setpoint=topics.offboard_setpoint,
+        vehicle_command_ack=topics.vehicle_command_ack,
+        vehicle_status=topics.vehicle_status,
+        vehicle_control_mode=topics.vehicle_control_mode,
+        home_position=topics.home_position,
+        wind=topics.wind,
+        navigator_request=topics.navigator_request,
+        status_text=topics.status_text,
+    )
 
 
 def _mavlink_topics(topics: Topics) -> MavlinkTopics:
@@ -296,6 +340,11 @@ def _mavlink_topics(topics: Topics) -> MavlinkTopics:
         vehicle_command=topics.vehicle_command,
         mission=topics.mission,
         ground_station_heartbeat=topics.ground_station_heartbeat,
+        manual_control_setpoint=topics.manual_control_setpoint,
+        offboard_setpoint=topics.offboard_setpoint,
+        attitude_setpoint=topics.vehicle_attitude_setpoint,
+        rates_setpoint=topics.vehicle_rates_setpoint,
+        wind=topics.wind,
     )
 
 

@@ -82,6 +82,10 @@ class GroundStation:
         padded = [*parameters, *[NAN] * (7 - len(parameters))]
         self._send(common.MAVLink_command_long_message(self._target, 1, command, 0, *padded))
 
+    def say(self, message: Any) -> None:
+        """Send any message."""
+        self._send(message)
+
     def upload(self, items: Sequence[Any]) -> None:
         """Offer a mission; `hear` answers the vehicle's requests."""
         self._upload = list(items)

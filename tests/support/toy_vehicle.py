@@ -12,9 +12,21 @@ from uav_firmware.bus import Queue, Topic
 from uav_firmware.lib.geo import LocalFrame
 from uav_firmware.lib.rotation import from_euler
 from uav_firmware.modules.commander.module import CommanderModule
+from uav_firmware.modules.commander.topics import CommanderTopics
 from uav_firmware.modules.navigator.module import NavigatorModule
 from uav_firmware.modules.position_control.params import PositionControlParams
-from uav_firmware.msg.estimate import EstimatorStatus, VehicleAttitude, VehicleLocalPosition
+from uav_firmware.msg.control_mode import (
+    ManualControlSetpoint,
+    OffboardSetpoint,
+    VehicleControlMode,
+)
+from uav_firmware.msg.estimate import (
+    EstimatorStatus,
+    VehicleAttitude,
+    VehicleLocalPosition,
+    WindEstimate,
+)
+from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.geofence import Fence, GeofenceStatus, RallyPoints
 from uav_firmware.msg.guidance import OrbitStatus
 from uav_firmware.msg.mission import (
@@ -140,27 +152,40 @@ class ToyVehicle:
             geofence_status=self.geofence_status,
             status_text=self.status_text,
         )
+        self.sticks: Topic[ManualControlSetpoint] = Topic()
+        self.stream: Topic[OffboardSetpoint] = Topic()
+        self.control: Topic[VehicleControlMode] = Topic()
+        self.failure: Topic[FailureDetectorStatus] = Topic()
+        self.wind_estimate: Topic[WindEstimate] = Topic()
         self.commander = CommanderModule(
             self.registry,
-            vehicle_command=self.commands,
-            vehicle_command_ack=self.answers,
-            vehicle_attitude=self.attitude,
-            vehicle_local_position=self.local_position,
-            estimator_status=self.estimator,
-            land_detected=self.land,
-            mission=self.mission,
-            mission_progress=self.progress,
-            navigator_status=self.navigator_status,
-            sensor_imu=self.imu,
-            sensor_baro=self.baro,
-            sensor_mag=self.mag,
-            sensor_gps=self.gps,
-            sensor_battery=self.battery_topic,
-            ground_station_heartbeat=self.heartbeat,
-            vehicle_status=self.status,
-            home_position=self.home,
-            navigator_request=self.requests,
-            status_text=self.status_text,
+            CommanderTopics(
+                vehicle_command=self.commands,
+                vehicle_command_ack=self.answers,
+                vehicle_attitude=self.attitude,
+                vehicle_local_position=self.local_position,
+                estimator_status=self.estimator,
+                land_detected=self.land,
+                mission=self.mission,
+                mission_progress=self.progress,
+                navigator_status=self.navigator_status,
+                geofence_status=self.geofence_status,
+                failure_detector_status=self.failure,
+                sensor_imu=self.imu,
+                sensor_baro=self.baro,
+                sensor_mag=self.mag,
+                sensor_gps=self.gps,
+                sensor_battery=self.battery_topic,
+                ground_station_heartbeat=self.heartbeat,
+                manual_control_setpoint=self.sticks,
+                offboard_setpoint=self.stream,
+                vehicle_status=self.status,
+                vehicle_control_mode=self.control,
+                home_position=self.home,
+                wind=self.wind_estimate,
+                navigator_request=self.requests,
+                status_text=self.status_text,
+            ),
             refusal_of=self.navigator.refusal_of,
         )
         self._grounded_us = 10_000_000  # [us] Time on the ground with nothing pulling up

@@ -1,7 +1,7 @@
 """Armed or not: the whole table. A pair that is not in it changes nothing and raises.
 
 DISARMED --ARM_ACCEPTED--> ARMED
-ARMED --DISARM_ACCEPTED | LANDED_TIMEOUT | PREFLIGHT_TIMEOUT | TERMINATED--> DISARMED
+ARMED --DISARM_ACCEPTED | LANDED_TIMEOUT | PREFLIGHT_TIMEOUT | FAILSAFE | TERMINATED--> DISARMED
 """
 
 from collections.abc import Mapping
@@ -23,6 +23,7 @@ class ArmingEvent(Enum):
     DISARM_ACCEPTED = auto()  # a command, on the ground or by force
     LANDED_TIMEOUT = auto()  # COM_DISARM_LAND after landing
     PREFLIGHT_TIMEOUT = auto()  # COM_DISARM_PRFLT without take-off
+    FAILSAFE = auto()  # a failsafe whose parameter says so
     TERMINATED = auto()  # flight termination
 
 
@@ -35,6 +36,7 @@ TRANSITIONS: Final[Mapping[tuple[Arming, ArmingEvent], Arming]] = {
     (Arming.ARMED, ArmingEvent.DISARM_ACCEPTED): Arming.DISARMED,
     (Arming.ARMED, ArmingEvent.LANDED_TIMEOUT): Arming.DISARMED,
     (Arming.ARMED, ArmingEvent.PREFLIGHT_TIMEOUT): Arming.DISARMED,
+    (Arming.ARMED, ArmingEvent.FAILSAFE): Arming.DISARMED,
     (Arming.ARMED, ArmingEvent.TERMINATED): Arming.DISARMED,
 }
 

@@ -37,6 +37,8 @@ from uav_firmware.modules.commander.decision import (
     not_now,
 )
 from uav_firmware.modules.commander.flight_commands import Situation
+from uav_firmware.modules.commander.mode_requirements import Need
+from uav_firmware.modules.commander.pilot import unsafe_throttle
 from uav_firmware.msg.mission import MissionCurrentRequest, MissionState
 from uav_firmware.msg.status import Command, CommandResult, NavigationState, VehicleCommand
 
@@ -52,6 +54,12 @@ _MODES: Final[Mapping[tuple[float, float], NavigationState]] = {
     (_MAIN_AUTO, 5.0): NavigationState.AUTO_RTL,
     (_MAIN_AUTO, 6.0): NavigationState.AUTO_LAND,
     (_MAIN_POSITION, 1.0): NavigationState.ORBIT,
+    (1.0, 0.0): NavigationState.MANUAL,
+    (2.0, 0.0): NavigationState.ALTCTL,
+    (_MAIN_POSITION, 0.0): NavigationState.POSCTL,
+    (5.0, 0.0): NavigationState.ACRO,
+    (6.0, 0.0): NavigationState.OFFBOARD,
+    (7.0, 0.0): NavigationState.STAB,
 }
 _MODE_CUSTOM: Final = 1.0
 
@@ -95,12 +103,14 @@ def _arm_disarm(command: VehicleCommand, situation: Situation) -> Decision:
 
 def arming_refusal(situation: Situation) -> str | None:
     """First reason not to arm; None when the vehicle may be armed."""
-    failures = health_checks.failures(situation.view, situation.params)
+    mode, view = situation.mode, situation.view
+    positioned = Need.POSITION in mode_requirements.needs_of(mode, view)
+    failures = health_checks.failures(view, situation.params, positioned=positioned)
     if failures:
         return failures[0]
-    if situation.mode not in mode_requirements.STARTABLE:
-        return f"Mode {situation.mode.name} cannot be started from"
-    return mode_requirements.missing(situation.mode, situation.view)
+    if mode not in mode_requirements.STARTABLE:
+        return f"Mode {mode.name} cannot be started from"
+    return mode_requirements.missing(mode, view) or unsafe_throttle(mode, view.sticks)
 
 
 def _set_mode(command: VehicleCommand, situation: Situation) -> Decision:

@@ -7,12 +7,17 @@ from typing import Final
 from uav_firmware.lib.rotation import tilt_of
 from uav_firmware.modules.commander.params import CommanderParams
 from uav_firmware.modules.commander.vehicle_view import VehicleView
+from uav_firmware.msg.geofence import FenceAction
 
 IMU_STALE_S: Final = 0.1
 SENSOR_STALE_S: Final = 1.0
 GPS_STALE_S: Final = 2.0
-_FIX_3D: Final = 3
+FIX_3D: Final = 3
+SATELLITES_MIN: Final = 6
 _TILT_MAX: Final = math.radians(45.0)
+_TURN_MAX: Final = math.radians(30.0)  # [rad/s]
+_SPEED_MAX: Final = 1.0  # [m/s] More than the estimate drifts at rest
+_WIND_REMEMBERED_US: Final = 60_000_000
 
 Check = Callable[[VehicleView, CommanderParams], str | None]
 
@@ -36,7 +41,7 @@ def gps_fix(view: VehicleView, _params: CommanderParams) -> str | None:
     """The receiver has a 3D fix."""
     if view.gps is None or view.ages.gps > GPS_STALE_S:
         return "GPS does not deliver"
-    return None if view.gps.fix_type >= _FIX_3D else "GPS has no 3D fix"
+    return None if view.gps.fix_type >= FIX_3D else "GPS has no 3D fix"
 
 
 def estimator_aligned(view: VehicleView, _params: CommanderParams) -> str | None:
@@ -72,22 +77,94 @@ def upright(view: VehicleView, _params: CommanderParams) -> str | None:
     return None if tilt < _TILT_MAX else f"Tilted by {math.degrees(tilt):.0f} degrees"
 
 
+def estimate_consistent(view: VehicleView, _params: CommanderParams) -> str | None:
+    """What the sensors say agrees with the estimate: no innovation is beyond its gate."""
+    status = view.estimator
+    if status is None:
+        return "Attitude and heading not yet estimated"
+    for name, ratio in (
+        ("GPS velocity", status.velocity_ratio),
+        ("GPS position", status.horizontal_position_ratio),
+        ("height", status.vertical_position_ratio),
+        ("compass", status.mag_ratio),
+    ):
+        if ratio >= 1.0:
+            return f"Estimate and {name} disagree"
+    return None
+
+
+def gps_good(view: VehicleView, params: CommanderParams) -> str | None:
+    """Enough satellites, and a position that is accurate enough."""
+    if view.gps is not None and view.gps.satellites_used < SATELLITES_MIN:
+        return f"GPS uses only {view.gps.satellites_used} satellites"
+    accuracy = view.position.horizontal_accuracy_m if view.position is not None else math.nan
+    limit = params.position_accuracy_max
+    return None if not accuracy > limit else f"Position accurate to {accuracy:.0f} m only"
+
+
+def at_rest(view: VehicleView, _params: CommanderParams) -> str | None:
+    """The vehicle neither moves nor turns."""
+    estimate, attitude = view.position, view.attitude
+    if estimate is not None and estimate.velocity_valid:
+        speed = math.hypot(*estimate.velocity_ned)
+        if speed > _SPEED_MAX:
+            return f"Vehicle moves at {speed:.1f} m/s"
+    if attitude is not None and math.hypot(*attitude.rate_frd) > _TURN_MAX:
+        return "Vehicle turns"
+    return None
+
+
+def inside_fence(view: VehicleView, _params: CommanderParams) -> str | None:
+    """The vehicle stands where it may fly."""
+    fence = view.fence
+    outside = fence is not None and fence.action is not FenceAction.NONE and fence.margin_m < 0.0
+    return "Outside the geofence" if outside else None
+
+
+def calm_enough(view: VehicleView, _params: CommanderParams) -> str | None:
+    """The wind of a flight that has just ended was not too strong; older ones tell nothing."""
+    wind = view.wind
+    if wind is None or view.now_us - wind.time_us > _WIND_REMEMBERED_US:
+        return None
+    speed = math.hypot(wind.velocity_north_m_s, wind.velocity_east_m_s)
+    limit = view.wind_limit_m_s
+    return None if limit < 0.0 or speed <= limit else f"Wind {speed:.0f} m/s, above {limit:.0f}"
+
+
+def not_broken(view: VehicleView, _params: CommanderParams) -> str | None:
+    """No motor is known to have failed."""
+    failed = view.failure is not None and view.failure.failed_motors != 0
+    return "Motor failure detected" if failed else None
+
+
 ARMING_CHECKS: Final[tuple[Check, ...]] = (
     imu_fresh,
     baro_fresh,
     mag_fresh,
-    gps_fix,
     estimator_aligned,
-    position_valid,
-    home_set,
+    estimate_consistent,
     battery_charged,
     upright,
+    at_rest,
+    not_broken,
+    calm_enough,
 )
+"""Whatever the mode."""
+
+POSITION_CHECKS: Final[tuple[Check, ...]] = (
+    gps_fix,
+    position_valid,
+    gps_good,
+    home_set,
+    inside_fence,
+)
+"""For modes that need a position."""
 
 
-def failures(view: VehicleView, params: CommanderParams) -> list[str]:
-    """Sentences of all checks that fail, in the order of the table."""
-    return [text for check in ARMING_CHECKS if (text := check(view, params)) is not None]
+def failures(view: VehicleView, params: CommanderParams, *, positioned: bool) -> list[str]:
+    """Sentences of all checks that fail, in the order of the tables."""
+    checks = ARMING_CHECKS + (POSITION_CHECKS if positioned else ())
+    return [text for check in checks if (text := check(view, params)) is not None]
 
 
 def mission_ready(view: VehicleView) -> str | None:

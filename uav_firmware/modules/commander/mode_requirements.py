@@ -1,15 +1,12 @@
-"""What each mode needs, as one table. Modes that are not in it cannot be chosen.
+"""What each mode needs, as one table. Modes that are not in it cannot be chosen."""
 
-The manual modes need a stick input and OFFBOARD a stream of set-points; neither exists here
-yet, so asking for them is refused.
-"""
-
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import Enum, auto
 from typing import Final
 
 from uav_firmware.modules.commander import health_checks
 from uav_firmware.modules.commander.vehicle_view import VehicleView
+from uav_firmware.msg.setpoints import TrajectorySetpoint
 from uav_firmware.msg.status import NavigationState
 
 
@@ -21,6 +18,8 @@ class Need(Enum):
     POSITION = auto()
     HOME = auto()
     MISSION = auto()
+    STICKS = auto()  # MANUAL_CONTROL is heard
+    SETPOINTS = auto()  # Set-points are streamed; by their kind also POSITION and ALTITUDE
 
 
 _FLY: Final = frozenset({Need.ATTITUDE, Need.ALTITUDE, Need.POSITION})
@@ -32,6 +31,12 @@ REQUIREMENTS: Final[Mapping[NavigationState, frozenset[Need]]] = {
     NavigationState.AUTO_RTL: _FLY | {Need.HOME},
     NavigationState.AUTO_LAND: frozenset({Need.ATTITUDE}),
     NavigationState.ORBIT: _FLY | {Need.HOME},
+    NavigationState.POSCTL: _FLY | {Need.STICKS},
+    NavigationState.ALTCTL: frozenset({Need.ATTITUDE, Need.ALTITUDE, Need.STICKS}),
+    NavigationState.STAB: frozenset({Need.ATTITUDE, Need.STICKS}),
+    NavigationState.MANUAL: frozenset({Need.ATTITUDE, Need.STICKS}),
+    NavigationState.ACRO: frozenset({Need.ATTITUDE, Need.STICKS}),
+    NavigationState.OFFBOARD: frozenset({Need.ATTITUDE, Need.SETPOINTS}),
 }
 
 STARTABLE: Final = frozenset(
@@ -39,6 +44,12 @@ STARTABLE: Final = frozenset(
         NavigationState.AUTO_LOITER,
         NavigationState.AUTO_TAKEOFF,
         NavigationState.AUTO_MISSION,
+        NavigationState.POSCTL,
+        NavigationState.ALTCTL,
+        NavigationState.STAB,
+        NavigationState.MANUAL,
+        NavigationState.ACRO,
+        NavigationState.OFFBOARD,
     }
 )
 """Modes in which the vehicle may be armed."""
@@ -56,15 +67,57 @@ ENDING_IN_HOLD: Final = frozenset({NavigationState.AUTO_TAKEOFF, NavigationState
 """Modes that give way to AUTO_LOITER when their work is done."""
 
 
+_ALL: Final = tuple(Need)
+
+
+def needs_of(state: NavigationState, view: VehicleView) -> frozenset[Need]:
+    """What a mode needs; of OFFBOARD, by the set-point that is streamed. Empty if not flown."""
+    needs = REQUIREMENTS.get(state, frozenset())
+    if Need.SETPOINTS in needs and isinstance(view.offboard, TrajectorySetpoint):
+        return needs | _FLY
+    return needs
+
+
 def missing(state: NavigationState, view: VehicleView) -> str | None:
     """Why a mode of the table cannot be flown now; None when it can."""
-    needs = REQUIREMENTS[state]
-    if Need.ATTITUDE in needs and not view.aligned:
-        return "Attitude and heading not yet estimated"
-    if Need.ALTITUDE in needs and (view.position is None or not view.position.altitude_valid):
-        return "Altitude not estimated"
-    if Need.POSITION in needs and not view.position_valid:
-        return "Position not estimated"
-    if Need.HOME in needs and view.home is None:
-        return "Home position not set"
-    return health_checks.mission_ready(view) if Need.MISSION in needs else None
+    needs = needs_of(state, view)
+    for need in _ALL:
+        if need in needs and (reason := _CHECKS[need](view)) is not None:
+            return reason
+    return None
+
+
+def _attitude(view: VehicleView) -> str | None:
+    return None if view.aligned else "Attitude and heading not yet estimated"
+
+
+def _altitude(view: VehicleView) -> str | None:
+    known = view.position is not None and view.position.altitude_valid
+    return None if known else "Altitude not estimated"
+
+
+def _position(view: VehicleView) -> str | None:
+    return None if view.position_valid else "Position not estimated"
+
+
+def _home(view: VehicleView) -> str | None:
+    return None if view.home is not None else "Home position not set"
+
+
+def _sticks(view: VehicleView) -> str | None:
+    return None if view.sticks_fresh else "No manual control input"
+
+
+def _setpoints(view: VehicleView) -> str | None:
+    return None if view.offboard_fresh else "No stream of offboard set-points"
+
+
+_CHECKS: Final[Mapping[Need, Callable[[VehicleView], str | None]]] = {
+    Need.ATTITUDE: _attitude,
+    Need.ALTITUDE: _altitude,
+    Need.POSITION: _position,
+    Need.HOME: _home,
+    Need.MISSION: health_checks.mission_ready,
+    Need.STICKS: _sticks,
+    Need.SETPOINTS: _setpoints,
+}

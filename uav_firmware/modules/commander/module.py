@@ -1,12 +1,12 @@
 """Shell of the commander: commands in, answers, state, home and sentences out."""
 
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
-from uav_firmware.bus import Queue, Topic
 from uav_firmware.modules.commander import mode_requirements
 from uav_firmware.modules.commander.arming_states import Arming, ArmingEvent, after
 from uav_firmware.modules.commander.commands import arming_refusal, decide
+from uav_firmware.modules.commander.control_mode import control_of
 from uav_firmware.modules.commander.decision import (
     Arm,
     Disarm,
@@ -17,31 +17,23 @@ from uav_firmware.modules.commander.decision import (
     Terminate,
 )
 from uav_firmware.modules.commander.disarming import DisarmTimer
-from uav_firmware.modules.commander.failsafe import (
-    TEXT_OF,
-    Action,
-    FailsafeMonitor,
-    mode_against,
-)
+from uav_firmware.modules.commander.failsafe import Failsafe, FailsafeMachine
+from uav_firmware.modules.commander.failsafe_actions import PILOTED, Action
+from uav_firmware.modules.commander.failsafe_causes import ROWS
+from uav_firmware.modules.commander.failsafe_params import FailsafeParams
 from uav_firmware.modules.commander.flight_commands import Situation
 from uav_firmware.modules.commander.home import HomeKeeper
+from uav_firmware.modules.commander.observer import Observer
 from uav_firmware.modules.commander.params import CommanderParams
-from uav_firmware.modules.commander.sensor_watch import Freshness, healthy_bits, present_bits
+from uav_firmware.modules.commander.pilot import TakeOver
+from uav_firmware.modules.commander.sensor_watch import healthy_bits, present_bits
 from uav_firmware.modules.commander.texts import DISARM_TEXTS, Severity
-from uav_firmware.modules.commander.vehicle_view import SensorAges, VehicleView
-from uav_firmware.msg.estimate import EstimatorStatus, VehicleAttitude, VehicleLocalPosition
-from uav_firmware.msg.mission import (
-    Mission,
-    MissionProgress,
-    ModeTarget,
-    NavigatorRequest,
-    NavigatorStatus,
-)
-from uav_firmware.msg.sensors import SensorBaro, SensorBattery, SensorGps, SensorImu, SensorMag
+from uav_firmware.modules.commander.topics import CommanderTopics
+from uav_firmware.modules.commander.vehicle_view import VehicleView
+from uav_firmware.msg.control_mode import VehicleControlMode
+from uav_firmware.msg.mission import ModeTarget, NavigatorRequest
 from uav_firmware.msg.status import (
     CommandResult,
-    HomePosition,
-    LandDetected,
     NavigationState,
     StatusText,
     VehicleCommand,
@@ -57,70 +49,33 @@ STATUS_PERIOD_US: Final = 500_000  # [us] 2 Hz at least
 class CommanderModule:
     """Holds the vehicle's arming state and mode.
 
-    Declares `CommanderParams` in the registry. Starts disarmed in AUTO_LOITER.
+    Declares `CommanderParams` and `FailsafeParams` in the registry. Starts disarmed in AUTO_LOITER.
     """
 
     def __init__(
         self,
         registry: Registry,
+        topics: CommanderTopics,
         *,
-        vehicle_command: Queue[VehicleCommand],
-        vehicle_command_ack: Queue[VehicleCommandAck],
-        vehicle_attitude: Topic[VehicleAttitude],
-        vehicle_local_position: Topic[VehicleLocalPosition],
-        estimator_status: Topic[EstimatorStatus],
-        land_detected: Topic[LandDetected],
-        mission: Topic[Mission],
-        mission_progress: Topic[MissionProgress],
-        navigator_status: Topic[NavigatorStatus],
-        sensor_imu: Topic[SensorImu],
-        sensor_baro: Topic[SensorBaro],
-        sensor_mag: Topic[SensorMag],
-        sensor_gps: Topic[SensorGps],
-        sensor_battery: Topic[SensorBattery],
-        ground_station_heartbeat: Topic[Any],
-        vehicle_status: Topic[VehicleStatus],
-        home_position: Topic[HomePosition],
-        navigator_request: Queue[NavigatorRequest],
-        status_text: Queue[StatusText],
-        refusal_of: Callable[[ModeTarget], str | None],
+        refusal_of: Callable[[ModeTarget], str | None] = lambda _target: None,
     ) -> None:
         registry.add(CommanderParams)
+        registry.add(FailsafeParams)
         self._registry = registry
-        self._commands = vehicle_command
-        self._answers = vehicle_command_ack
-        self._attitude = vehicle_attitude
-        self._position = vehicle_local_position
-        self._estimator = estimator_status
-        self._land = land_detected
-        self._mission = mission
-        self._progress = mission_progress
-        self._navigator = navigator_status
-        self._gps = sensor_gps
-        self._battery = sensor_battery
-        self._status = vehicle_status
-        self._home = home_position
-        self._requests = navigator_request
-        self._texts = status_text
+        self._topics = topics
         self._refusal_of = refusal_of
-        heard: tuple[Topic[Any], ...] = (
-            sensor_imu,
-            sensor_baro,
-            sensor_mag,
-            sensor_gps,
-            sensor_battery,
-            ground_station_heartbeat,
-        )
-        self._heard = [Freshness(topic) for topic in heard]
+        self._observer = Observer(topics)
         self._params_version = registry.version
         self._params = registry.read(CommanderParams)
+        self._failsafe_params = registry.read(FailsafeParams)
         self._arming = Arming.DISARMED
         self._mode = NavigationState.AUTO_LOITER
         self._armed_since_us = 0
-        self._failsafe = False
-        self._monitor = FailsafeMonitor()
+        self._airborne_since_us: int | None = None
+        self._failsafe = FailsafeMachine()
+        self._take_over = TakeOver()
         self._disarm_timer = DisarmTimer()
-        self._home_keeper = HomeKeeper(home_position)
+        self._home_keeper = HomeKeeper(topics.home_position)
         self._last_target = ""
         self._waited = False
         self._last_us: int | None = None
@@ -133,14 +88,16 @@ class CommanderModule:
         if self._params_version != self._registry.version:
             self._params_version = self._registry.version
             self._params = self._registry.read(CommanderParams)
-        view = self._view(now_us)
+            self._failsafe_params = self._registry.read(FailsafeParams)
+        view = self._observer.look(now_us, self._failsafe_params)
         if view.position is not None and view.position_valid:
             self._home_keeper.keep(now_us, view.position)
-            view = view._replace(home=self._home.value)
+            view = view._replace(home=self._topics.home_position.value)
         self._waited = self._mission_is_new() and not self._waited
-        for command in [] if self._waited else self._commands.drain():
+        for command in [] if self._waited else self._topics.vehicle_command.drain():
             self._answer(command, view)
-            view = view._replace(home=self._home.value)
+            view = view._replace(home=self._topics.home_position.value)
+        self._observer.observe_wind(view, self._params.ballistic_coefficient)
         self._supervise(view)
         self._publish(view)
 
@@ -154,27 +111,11 @@ class CommanderModule:
         Commands then wait for one step, so that a start sent right after the upload is judged
         by the mission that it means.
         """
-        mission, progress = self._mission.value, self._progress.value
+        mission, progress = self._topics.mission.value, self._topics.mission_progress.value
         if mission is None:
             return False
         wanted = (mission.mission_id, len(mission.items))
         return progress is None or (progress.mission_id, progress.seq_total) != wanted
-
-    def _view(self, now_us: int) -> VehicleView:
-        estimator = self._estimator.value
-        return VehicleView(
-            now_us,
-            self._attitude.value,
-            self._position.value,
-            estimator is not None and estimator.aligned,
-            self._gps.value,
-            self._battery.value,
-            self._land.value,
-            self._home.value,
-            self._progress.value,
-            self._navigator.value,
-            SensorAges(*(heard.age(now_us) for heard in self._heard)),
-        )
 
     def _situation(self, view: VehicleView) -> Situation:
         return Situation(view, self._armed, self._mode, self._params, self._refusal_of)
@@ -186,14 +127,14 @@ class CommanderModule:
         if decision.reason:
             accepted = decision.result is CommandResult.ACCEPTED
             self._say(view.now_us, Severity.INFO if accepted else Severity.WARNING, decision.reason)
-        self._answers.publish(
+        self._topics.vehicle_command_ack.publish(
             VehicleCommandAck(view.now_us, command.command, decision.result, 255, command.token)
         )
 
     def _carry_out(self, effect: Effect, view: VehicleView) -> None:
         match effect:
             case SetMode(state):
-                self._failsafe = False
+                self._failsafe.overrule()
                 self._mode = state
             case Arm():
                 self._arm(view)
@@ -215,13 +156,13 @@ class CommanderModule:
             if target == self._last_target and request.navigation_state is self._mode:
                 return
             self._last_target = target
-        self._requests.publish(request)
+        self._topics.navigator_request.publish(request)
 
     def _arm(self, view: VehicleView) -> None:
         self._arming = after(self._arming, ArmingEvent.ARM_ACCEPTED)
         self._armed_since_us = view.now_us
         self._disarm_timer.start(view.now_us)
-        self._monitor.clear()
+        self._failsafe.clear()
         if view.position is not None and view.position_valid:
             self._home_keeper.arm(view.now_us, view.position)
         self._say(view.now_us, Severity.INFO, "Armed")
@@ -230,8 +171,10 @@ class CommanderModule:
         """Stop the motors; the next flight begins in hold."""
         self._arming = after(self._arming, event)
         self._armed_since_us = 0
-        self._mode = NavigationState.AUTO_LOITER
-        self._failsafe = False
+        if self._mode not in PILOTED:
+            self._mode = NavigationState.AUTO_LOITER
+        self._failsafe.clear()
+        self._airborne_since_us = None
         self._home_keeper.disarm()
         self._last_target = ""
         self._say(now_us, *DISARM_TEXTS[event])
@@ -258,23 +201,46 @@ class CommanderModule:
             self._watch(view)
 
     def _watch(self, view: VehicleView) -> None:
-        """Take the worst action that a new threat asks for.
+        """Failsafes and the pilot's taking over.
 
         Not on the ground: what is found there would no longer be new after the take-off.
         """
         if view.landed:
+            self._airborne_since_us = None
             return
-        threats = self._monitor.update(view, self._params)
-        for cause, action in reversed(threats):
+        if self._airborne_since_us is None:
+            self._airborne_since_us = view.now_us
+        self._observe_pilot(view)
+        airborne_s = (view.now_us - self._airborne_since_us) * 1e-6
+        reaction = self._failsafe.update(view, self._failsafe_params, self._mode, airborne_s)
+        for cause, action in reversed(reaction.threats):
             severity = Severity.WARNING if action is Action.WARN else Severity.CRITICAL
-            self._say(view.now_us, severity, f"{TEXT_OF[cause]}: {action.name}")
-        mode = mode_against(threats, self._mode, view)
-        if mode is not None:
-            self._mode = mode
-            self._failsafe = True
+            self._say(view.now_us, severity, f"{ROWS[cause].text}: {action.name}")
+        for cause in reaction.cleared:
+            self._say(view.now_us, Severity.INFO, f"{ROWS[cause].text}: over")
+        if reaction.event is not None:
+            self._disarm(reaction.event, view.now_us)
+        elif reaction.mode is not None:
+            self._mode = reaction.mode
+
+    def _observe_pilot(self, view: VehicleView) -> None:
+        """Let a pilot who moves a stick fly on in position mode."""
+        params = self._params
+        sticks = view.sticks if view.sticks_fresh else None
+        moved = self._take_over.moved(sticks, params.stick_override_percent * 0.01)
+        bit = 2 if self._mode is NavigationState.OFFBOARD else 1
+        waiting = self._failsafe.state is Failsafe.WAITING
+        if not moved or waiting or self._mode in PILOTED or not params.stick_override & bit:
+            return
+        for mode in (NavigationState.POSCTL, NavigationState.ALTCTL):
+            if mode_requirements.missing(mode, view) is None:
+                self._failsafe.overrule()
+                self._mode = mode
+                self._say(view.now_us, Severity.INFO, f"Pilot took over: {mode.name}")
+                return
 
     def _say(self, now_us: int, severity: Severity, text: str) -> None:
-        self._texts.publish(StatusText(now_us, severity, text))
+        self._topics.status_text.publish(StatusText(now_us, severity, text))
 
     def _publish(self, view: VehicleView) -> None:
         ready = arming_refusal(self._situation(view)) is None
@@ -283,14 +249,20 @@ class CommanderModule:
             view.now_us,
             self._armed,
             self._mode,
-            self._failsafe,
+            self._failsafe.state is not Failsafe.CLEAR,
             ready,
             self._armed_since_us,
             present,
             present,
             healthy_bits(view, ready=ready),
         )
-        old = self._status.value
+        old = self._topics.vehicle_status.value
         stale = old is None or view.now_us - old.time_us >= STATUS_PERIOD_US
         if old is None or stale or status[1:] != old[1:]:
-            self._status.publish(status)
+            self._topics.vehicle_status.publish(status)
+        source, level = control_of(
+            self._mode if self._armed else NavigationState.AUTO_LOITER, view.offboard
+        )
+        control = self._topics.vehicle_control_mode
+        if control.value is None or control.value[1:] != (source, level):
+            control.publish(VehicleControlMode(view.now_us, source, level))

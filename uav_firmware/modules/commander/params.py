@@ -1,4 +1,4 @@
-"""Parameters of the commander: battery thresholds, disarming, what a lost link does."""
+"""Parameters of the commander: arming, disarming, taking over by the sticks."""
 
 from dataclasses import dataclass
 
@@ -7,20 +7,8 @@ from uav_firmware.parameters import param
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommanderParams:
-    """When to warn, when to come home, when to switch the motors off."""
+    """When the motors may start, and when they stop by themselves."""
 
-    battery_low: float = param(
-        "BAT_LOW_THR", 0.15, unit="1", minimum=0.12, maximum=0.5,
-        short="Remaining charge, of a full battery, below which the operator is warned",
-    )  # fmt: skip
-    battery_critical: float = param(
-        "BAT_CRIT_THR", 0.07, unit="1", minimum=0.05, maximum=0.5,
-        short="Remaining charge, of a full battery, below which the vehicle returns",
-    )  # fmt: skip
-    battery_emergency: float = param(
-        "BAT_EMERGEN_THR", 0.05, unit="1", minimum=0.03, maximum=0.5,
-        short="Remaining charge, of a full battery, below which the vehicle lands",
-    )  # fmt: skip
     disarm_landed_s: float = param(
         "COM_DISARM_LAND", 2.0, unit="s", minimum=-1.0, maximum=20.0,
         short="Time from landing to disarming; negative never",
@@ -33,19 +21,23 @@ class CommanderParams:
         "COM_ARM_BAT_MIN", 0.15, unit="1", minimum=0.0, maximum=0.9,
         short="Remaining charge, of a full battery, needed to arm",
     )  # fmt: skip
-    position_loss_s: float = param(
-        "COM_POS_FS_DELAY", 1.0, unit="s", minimum=0.1, maximum=100.0,
-        short="Time without a valid position until the vehicle lands where it is",
-    )  # fmt: skip
-    link_loss_action: int = param(
-        "NAV_DLL_ACT", 0, unit="1", minimum=0, maximum=3,
-        short="What a lost ground-station link does: 0 nothing, 1 hold, 2 return, 3 land",
-    )  # fmt: skip
-    link_loss_s: float = param(
-        "COM_DL_LOSS_T", 10.0, unit="s", minimum=1.0, maximum=300.0,
-        short="Time without a heartbeat of any ground station until the link counts as lost",
-    )  # fmt: skip
     orbit_radius_max: float = param(
         "MC_ORBIT_RAD_MAX", 1000.0, unit="m", minimum=1.0, maximum=10000.0,
         short="Largest radius of an orbit",
+    )  # fmt: skip
+    position_accuracy_max: float = param(
+        "COM_POS_FS_EPH", 5.0, unit="m", minimum=0.5, maximum=400.0,
+        short="Horizontal accuracy of the position, one sigma, needed to arm",
+    )  # fmt: skip
+    stick_override: int = param(
+        "COM_RC_OVERRIDE", 1, unit="1", minimum=0, maximum=3,
+        short="Moving a stick changes to position mode: bit 0 in automatic modes, 1 in offboard",
+    )  # fmt: skip
+    stick_override_percent: float = param(
+        "COM_RC_STICK_OV", 30.0, unit="%", minimum=5.0, maximum=80.0,
+        short="Deflection of roll, pitch or yaw stick that takes over, of full deflection",
+    )  # fmt: skip
+    ballistic_coefficient: float = param(
+        "EKF2_BCOEF_X", 87.0, unit="kg/m^2", minimum=1.0, maximum=200.0,
+        short="Ballistic coefficient of the body, by which tilt tells the wind",
     )  # fmt: skip

@@ -20,5 +20,6 @@ DISARM_TEXTS: Final[Mapping[ArmingEvent, tuple[Severity, str]]] = {
     ArmingEvent.DISARM_ACCEPTED: (Severity.INFO, "Disarmed by command"),
     ArmingEvent.LANDED_TIMEOUT: (Severity.INFO, "Disarmed after landing"),
     ArmingEvent.PREFLIGHT_TIMEOUT: (Severity.INFO, "Disarmed: no take-off"),
-    ArmingEvent.TERMINATED: (Severity.EMERGENCY, "Flight terminated by command"),
+    ArmingEvent.FAILSAFE: (Severity.EMERGENCY, "Disarmed by failsafe"),
+    ArmingEvent.TERMINATED: (Severity.EMERGENCY, "Flight terminated"),
 }

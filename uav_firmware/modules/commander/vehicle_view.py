@@ -1,8 +1,16 @@
-"""What the commander sees of the vehicle at one moment; made by the module, read by the rest."""
+"""What the commander sees of the vehicle at one moment; made by the observer, read by the rest."""
 
 from typing import NamedTuple
 
-from uav_firmware.msg.estimate import VehicleAttitude, VehicleLocalPosition
+from uav_firmware.msg.control_mode import ManualControlSetpoint, OffboardSetpoint
+from uav_firmware.msg.estimate import (
+    EstimatorStatus,
+    VehicleAttitude,
+    VehicleLocalPosition,
+    WindEstimate,
+)
+from uav_firmware.msg.failure import FailureDetectorStatus
+from uav_firmware.msg.geofence import GeofenceStatus
 from uav_firmware.msg.mission import MissionProgress, NavigatorStatus
 from uav_firmware.msg.sensors import SensorBattery, SensorGps
 from uav_firmware.msg.status import HomePosition, LandDetected
@@ -17,6 +25,8 @@ class SensorAges(NamedTuple):
     gps: float
     battery: float
     link: float  # Heartbeat of a ground station
+    sticks: float  # MANUAL_CONTROL
+    offboard: float  # Streamed set-point
 
 
 class VehicleView(NamedTuple):
@@ -25,14 +35,27 @@ class VehicleView(NamedTuple):
     now_us: int  # [us]
     attitude: VehicleAttitude | None
     position: VehicleLocalPosition | None
-    aligned: bool  # The estimator knows tilt and heading
+    estimator: EstimatorStatus | None
     gps: SensorGps | None
     battery: SensorBattery | None
     land: LandDetected | None
     home: HomePosition | None
     progress: MissionProgress | None
     navigator: NavigatorStatus | None
+    fence: GeofenceStatus | None
+    failure: FailureDetectorStatus | None
+    wind: WindEstimate | None
+    wind_limit_m_s: float  # [m/s] COM_WIND_MAX; negative: none
+    sticks: ManualControlSetpoint | None
+    sticks_fresh: bool  # Heard of within COM_RC_LOSS_T
+    offboard: OffboardSetpoint | None
+    offboard_fresh: bool  # Streamed faster than 2 Hz
     ages: SensorAges
+
+    @property
+    def aligned(self) -> bool:
+        """Whether the estimator knows tilt and heading."""
+        return self.estimator is not None and self.estimator.aligned
 
     @property
     def landed(self) -> bool:

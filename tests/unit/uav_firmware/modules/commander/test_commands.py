@@ -106,7 +106,7 @@ WRONG = [
     (Command.COMPONENT_ARM_DISARM, (1.0, 5.0)),
     (Command.COMPONENT_ARM_DISARM, (1.0, 0.0, 1.0)),
     (Command.DO_SET_MODE, (1.0, 4.0, 99.0)),
-    (Command.DO_SET_MODE, (1.0, 6.0, 0.0)),
+    (Command.DO_SET_MODE, (1.0, 6.0, 5.0)),
     (Command.DO_SET_MODE, (1.0, NAN, NAN)),
     (Command.DO_SET_MODE, (0.0, 4.0, 3.0)),
     (Command.NAV_TAKEOFF, (0.0, 1.0)),

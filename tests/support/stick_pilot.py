@@ -1,0 +1,52 @@
+"""A pilot at the sticks of a simulated vehicle: MANUAL_CONTROL at 50 Hz of vehicle time."""
+
+from typing import Final
+
+from pymavlink.dialects.v20 import common
+
+from tests.support.autopilot_tester import SYSTEM_ID, AutopilotTester
+
+_PERIOD_STEPS: Final = 5  # 50 Hz
+
+
+class StickPilot:
+    """Holds the sticks from the start on, centred until told otherwise."""
+
+    def __init__(self, tester: AutopilotTester) -> None:
+        self._tester = tester
+        self._steps = 0
+        self.sending = True
+        self.move()
+        tester.watch(self._say)
+
+    def move(
+        self, *, forward: float = 0.0, right: float = 0.0, up: float = 0.0, yaw: float = 0.0
+    ) -> None:
+        """Hold the sticks like this, each -1..1; those not named are centred."""
+        self._message = common.MAVLink_manual_control_message(
+            SYSTEM_ID,
+            round(1000 * forward),
+            round(1000 * right),
+            round(500 + 500 * up),
+            round(1000 * yaw),
+            0,
+        )
+
+    def _say(self) -> None:
+        self._steps += 1
+        if self.sending and self._steps % _PERIOD_STEPS == 0:
+            self._tester.ground_station.say(self._message)
+
+
+def change_mode(tester: AutopilotTester, main: int, sub: int = 0) -> None:
+    """Ask for one of PX4's modes; the vehicle must accept."""
+    order(tester, common.MAV_CMD_DO_SET_MODE, 1.0, float(main), float(sub))
+
+
+def order(tester: AutopilotTester, command: int, *parameters: float) -> None:
+    """Send a command; the vehicle must accept."""
+    station = tester.ground_station
+    before = len(station.acks)
+    station.command(command, *parameters)
+    tester.wait_until(lambda: len(station.acks) > before, 2.0, f"answered command {command}")
+    assert station.acks[-1] == (command, common.MAV_RESULT_ACCEPTED), station.texts[-3:]

@@ -1,0 +1,92 @@
+"""Reads the topics into one view of the vehicle, and estimates the wind on the way."""
+
+import math
+from typing import Any, Final
+
+from uav_firmware.bus import Topic
+from uav_firmware.lib.atmosphere import air_density, pressure_from_altitude
+from uav_firmware.modules.commander.failsafe_params import FailsafeParams
+from uav_firmware.modules.commander.sensor_watch import Freshness
+from uav_firmware.modules.commander.topics import CommanderTopics
+from uav_firmware.modules.commander.vehicle_view import SensorAges, VehicleView
+from uav_firmware.modules.commander.wind import WindEstimator
+from uav_firmware.msg.estimate import WindEstimate
+
+OFFBOARD_FRESH_S: Final = 0.5  # 2 Hz
+_WIND_PERIOD_US: Final = 100_000  # 10 Hz
+_AIR_TEMPERATURE_C: Final = 15.0  # 10 degrees off change the wind by less than 2 %
+
+
+class Observer:
+    """Ages of what is heard, and the wind of this flight."""
+
+    def __init__(self, topics: CommanderTopics) -> None:
+        self._topics = topics
+        heard: tuple[Topic[Any], ...] = (
+            topics.sensor_imu,
+            topics.sensor_baro,
+            topics.sensor_mag,
+            topics.sensor_gps,
+            topics.sensor_battery,
+            topics.ground_station_heartbeat,
+            topics.manual_control_setpoint,
+            topics.offboard_setpoint,
+        )
+        self._heard = [Freshness(topic) for topic in heard]
+        self._wind = WindEstimator()
+        self._wind_us = 0
+
+    def look(self, now_us: int, params: FailsafeParams) -> VehicleView:
+        """The vehicle at this moment."""
+        topics = self._topics
+        ages = SensorAges(*(heard.age(now_us) for heard in self._heard))
+        return VehicleView(
+            now_us=now_us,
+            attitude=topics.vehicle_attitude.value,
+            position=topics.vehicle_local_position.value,
+            estimator=topics.estimator_status.value,
+            gps=topics.sensor_gps.value,
+            battery=topics.sensor_battery.value,
+            land=topics.land_detected.value,
+            home=topics.home_position.value,
+            progress=topics.mission_progress.value,
+            navigator=topics.navigator_status.value,
+            fence=topics.geofence_status.value,
+            failure=topics.failure_detector_status.value,
+            wind=topics.wind.value,
+            wind_limit_m_s=params.wind_max_m_s,
+            sticks=topics.manual_control_setpoint.value,
+            sticks_fresh=ages.sticks <= params.sticks_loss_s,
+            offboard=topics.offboard_setpoint.value,
+            offboard_fresh=ages.offboard <= OFFBOARD_FRESH_S,
+            ages=ages,
+        )
+
+    def observe_wind(self, view: VehicleView, ballistic_coefficient: float) -> None:
+        """Ten times a second in the air: learn the wind and publish it."""
+        if view.landed:
+            self._wind.restart()
+            return
+        elapsed_us = view.now_us - self._wind_us
+        if elapsed_us < _WIND_PERIOD_US:
+            return
+        self._wind_us = view.now_us
+        estimate, attitude = view.position, view.attitude
+        if estimate is None or attitude is None or not estimate.velocity_valid:
+            return
+        self._wind.update(
+            attitude.q_ned_frd,
+            estimate.acceleration_ned,
+            estimate.velocity_ned,
+            min(elapsed_us * 1e-6, 1.0),
+        )
+        altitude = estimate.origin_altitude_amsl_m - estimate.position_ned[2]
+        wind = self._wind.wind(ballistic_coefficient, _density(altitude))
+        if wind is not None:
+            self._topics.wind.publish(WindEstimate(view.now_us, *wind))
+
+
+def _density(altitude_amsl_m: float) -> float:
+    """Density [kg/m^3] of the standard atmosphere; at sea level when the altitude is unknown."""
+    altitude = altitude_amsl_m if math.isfinite(altitude_amsl_m) else 0.0
+    return air_density(pressure_from_altitude(altitude), _AIR_TEMPERATURE_C)

@@ -1,0 +1,77 @@
+"""Wind from the tilt: what holds a hovering vehicle against the air tells how fast the air is.
+
+The rotors push along the body's axis; the acceleration that this does not explain is drag:
+
+    drag = a + (g - a_down) (b_north, b_east) / b_down        b: body down axis in NED
+    |drag| = k v_air^2,  k = rho / (2 B)
+    wind = v + drag / |drag| * v_air
+
+B is the ballistic coefficient m / (c_d A) [kg/m^2], EKF2_BCOEF_X; air density is that of the
+standard atmosphere at the vehicle's altitude. Velocity and drag are low-passed, since the
+equations hold at steady state; a tilt error of half a degree hides 3.5 m/s of wind.
+"""
+
+import math
+from typing import Final
+
+from uav_firmware.lib.rotation import rotate
+from uav_firmware.msg.vectors import Quaternion, Vector3
+
+GRAVITY: Final = 9.80665  # [m/s^2]
+TIME_CONSTANT_S: Final = 4.0
+_SETTLED: Final = 3.0  # time constants until the filter has forgotten its beginning
+_UPRIGHT: Final = 0.3  # cosine of a tilt beyond which thrust explains nothing
+_DOWN: Final[Vector3] = (0.0, 0.0, 1.0)
+
+
+def drag_acceleration(q_ned_frd: Quaternion, acceleration_ned: Vector3) -> tuple[float, float]:
+    """North and east acceleration [m/s^2] that the thrust does not explain."""
+    north, east, down = rotate(q_ned_frd, _DOWN)
+    lift = (GRAVITY - acceleration_ned[2]) / max(down, _UPRIGHT)
+    return (acceleration_ned[0] + north * lift, acceleration_ned[1] + east * lift)
+
+
+def wind_of(
+    drag: tuple[float, float],
+    velocity: tuple[float, float],
+    ballistic_coefficient: float,
+    density: float,
+) -> tuple[float, float]:
+    """Wind [m/s, north and east: where the air goes to] of a steady drag and velocity."""
+    size = math.hypot(*drag)
+    if size == 0.0:
+        return velocity
+    airspeed = math.sqrt(2.0 * ballistic_coefficient * size / density)
+    return (
+        velocity[0] + drag[0] / size * airspeed,
+        velocity[1] + drag[1] / size * airspeed,
+    )
+
+
+class WindEstimator:
+    """Low-passed drag and velocity of one flight."""
+
+    def __init__(self) -> None:
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin a flight."""
+        self._mean = (0.0, 0.0, 0.0, 0.0)  # drag north, east; velocity north, east
+        self._age_s = 0.0
+
+    def update(
+        self, q_ned_frd: Quaternion, acceleration_ned: Vector3, velocity_ned: Vector3, dt: float
+    ) -> None:
+        """Take in one moment of flight."""
+        seen = (*drag_acceleration(q_ned_frd, acceleration_ned), velocity_ned[0], velocity_ned[1])
+        share = dt / (dt + min(self._age_s, TIME_CONSTANT_S)) if self._age_s > 0.0 else 1.0
+        a, b, c, d = (old + share * (new - old) for old, new in zip(self._mean, seen, strict=True))
+        self._mean = (a, b, c, d)
+        self._age_s += dt
+
+    def wind(self, ballistic_coefficient: float, density: float) -> tuple[float, float] | None:
+        """Wind [m/s, north and east]; None until the filter has settled."""
+        if self._age_s < _SETTLED * TIME_CONSTANT_S:
+            return None
+        north, east, v_north, v_east = self._mean
+        return wind_of((north, east), (v_north, v_east), ballistic_coefficient, density)
