@@ -16,7 +16,6 @@ from uav_firmware.msg.estimate import (
     VehicleLocalPosition,
     WindEstimate,
 )
-from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.failure import FailureDetectorStatus, RotorLossThrust
 from uav_firmware.msg.geofence import Fence, GeofenceStatus, RallyPoints
 from uav_firmware.msg.guidance import OrbitStatus
@@ -63,7 +62,6 @@ class Topics:
     vehicle_global_position: Topic[VehicleGlobalPosition] = field(default_factory=Topic)
     estimator_status: Topic[EstimatorStatus] = field(default_factory=Topic)
     wind: Topic[WindEstimate] = field(default_factory=Topic)
-    failure_detector_status: Topic[FailureDetectorStatus] = field(default_factory=Topic)
     vehicle_status: Topic[VehicleStatus] = field(default_factory=Topic)
     land_detected: Topic[LandDetected] = field(default_factory=Topic)
     home_position: Topic[HomePosition] = field(default_factory=Topic)
