@@ -66,6 +66,10 @@ class PositionController:
         """Forget the integral: on the ground."""
         self.integral_ned = (0.0, 0.0, 0.0)
 
+    def forget_horizontal(self) -> None:
+        """Forget what held against the wind: the ground does from now on."""
+        self.integral_ned = (0.0, 0.0, self.integral_ned[2])
+
     def follow_hover(self, former: float, present: float) -> None:
         """Take a new hover thrust without a jump of the thrust: the integral gives way."""
         north, east, down = self.integral_ned

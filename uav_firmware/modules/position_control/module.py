@@ -18,6 +18,7 @@ from uav_firmware.modules.position_control.hover_thrust import (
 )
 from uav_firmware.modules.position_control.params import PositionControlParams
 from uav_firmware.modules.position_control.takeoff_ramp import Takeoff, TakeoffRamp
+from uav_firmware.modules.position_control.touchdown import TouchDown, settle
 from uav_firmware.modules.position_control.wanted_motion import (
     BLIND,
     LEVEL,
@@ -61,6 +62,7 @@ class PositionControlModule:
         self._control_mode = vehicle_control_mode
         self._registry = registry
         self._ramp = TakeoffRamp()
+        self._touchdown = TouchDown()
         self._yaw = 0.0
         self._last_us = 0
         self._last_thrust_up = 0.0  # [-] What the rotors were last asked for
@@ -144,6 +146,7 @@ class PositionControlModule:
         )
         measured = Motion(position.position_ned, position.velocity_ned, position.acceleration_ned)
         self._learn_hover(position, wanted, dt)
+        wanted = self._settled(position, wanted)
         thrust = self._law.update(wanted, measured, limits, self._hover.hover, dt)
         self._last_thrust_up = -thrust[2]
         yaw_rate = self._follow_yaw(position)
@@ -156,6 +159,15 @@ class PositionControlModule:
                 math.sqrt(north * north + east * east + down * down),
             )
         )
+
+    def _settled(self, position: VehicleLocalPosition, wanted: Motion) -> Motion:
+        """What is wanted, or, once the ground carries the vehicle, to stand on it."""
+        share = self._last_thrust_up / self._hover.hover
+        now_s, sink_speed = position.time_us * 1e-6, position.velocity_ned[2]
+        if not self._touchdown.update(now_s, wanted, sink_speed, share):
+            return wanted
+        self._law.forget_horizontal()
+        return settle(self._params.z_velocity_max_down)
 
     def _learn_hover(self, position: VehicleLocalPosition, wanted: Motion, dt: float) -> None:
         """Improve the hover thrust in level flight: while it sinks, the ground may carry it."""

@@ -103,6 +103,13 @@ def test_reset_forgets_the_integral() -> None:
     assert controller.integral_ned == ZERO
 
 
+def test_on_the_ground_only_the_horizontal_part_is_forgotten() -> None:
+    controller = law()
+    controller.integral_ned = (1.0, -2.0, 3.0)
+    controller.forget_horizontal()
+    assert controller.integral_ned == (0.0, 0.0, 3.0)
+
+
 def test_a_new_hover_thrust_does_not_move_the_thrust() -> None:
     controller = law()
     for _ in range(50):
