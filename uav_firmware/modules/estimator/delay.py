@@ -16,7 +16,8 @@ predictor in front of it (PX4's EKF2), this needs one integration instead of two
 
 from bisect import bisect_left
 from collections import deque
-from typing import NamedTuple
+from operator import attrgetter
+from typing import Final, NamedTuple
 
 from uav_firmware.modules.estimator.state import NominalState
 from uav_firmware.msg.vectors import Quaternion, Vector3
@@ -26,6 +27,9 @@ class _Entry(NamedTuple):
     time_us: int
     w: Vector3  # [m/s] Sum of velocity changes
     s: Vector3  # [m] Its integral
+
+
+_time_of: Final = attrgetter("time_us")
 
 
 class Past(NamedTuple):
@@ -66,28 +70,28 @@ class InertialHistory:
         now = self._entries[-1]
         if not self._entries[0].time_us <= time_us <= now.time_us:
             return None
-        w, s = self._at(time_us)
+        (wx, wy, wz), (sx, sy, sz) = self._at(time_us)
         tau = (now.time_us - time_us) * 1e-6
-        change = tuple(a - b for a, b in zip(now.w, w, strict=True))
-        velocity = tuple(v - c for v, c in zip(state.velocity_ned, change, strict=True))
-        position = tuple(
-            p - tau * v - (s_now - s_then - tau * w_then)
-            for p, v, s_now, s_then, w_then in zip(
-                state.position_ned, velocity, now.s, s, w, strict=True
-            )
-        )
+        cx, cy, cz = now.w[0] - wx, now.w[1] - wy, now.w[2] - wz
+        vx, vy, vz = state.velocity_ned
+        vx, vy, vz = vx - cx, vy - cy, vz - cz
+        px, py, pz = state.position_ned
         return Past(
             tau,
-            (position[0], position[1], position[2]),
-            (velocity[0], velocity[1], velocity[2]),
-            (change[0], change[1], change[2] - gravity * tau),
+            (
+                px - tau * vx - (now.s[0] - sx - tau * wx),
+                py - tau * vy - (now.s[1] - sy - tau * wy),
+                pz - tau * vz - (now.s[2] - sz - tau * wz),
+            ),
+            (vx, vy, vz),
+            (cx, cy, cz - gravity * tau),
             state.q_ned_frd,
         )
 
     def _at(self, time_us: int) -> tuple[Vector3, Vector3]:
         """Both sums at a time, linear between two samples."""
         entries = self._entries
-        index = bisect_left(entries, time_us, key=lambda entry: entry.time_us)
+        index = bisect_left(entries, time_us, key=_time_of)
         after = entries[index]
         if after.time_us == time_us:
             return after.w, after.s

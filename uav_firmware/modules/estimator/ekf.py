@@ -6,7 +6,8 @@ sections 5 to 7, from which the equation numbers are.
 The nominal state is integrated at the rate of the inertial sensor, in plain floats. The
 covariance follows every COVARIANCE_STEPS samples with the impulse summed up in between: its
 entries change little in 16 ms, and a 17 by 17 product is the dearest thing here. Measurements
-are scalars, fused one after the other, so that nothing is ever inverted.
+are scalars, fused one after the other, so that nothing is ever inverted. Each call of numpy costs
+more than what it computes here; so they are few, and work in place.
 
 This file knows no clock, topic or parameter.
 """
@@ -19,7 +20,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_firmware.lib.rotation import Matrix3, rotate, to_matrix
+from uav_firmware.lib.rotation import rotate, to_matrix
 from uav_firmware.modules.estimator.state import (
     ACCEL_BIAS,
     ATTITUDE,
@@ -30,6 +31,7 @@ from uav_firmware.modules.estimator.state import (
     SIZE,
     VELOCITY,
     NominalState,
+    places,
 )
 from uav_firmware.msg.vectors import Vector3
 
@@ -37,6 +39,17 @@ Array = NDArray[np.float64]
 
 COVARIANCE_STEPS: Final = 4
 _LARGEST_VARIANCE: Final = 1e8  # [SI^2] 10 km of doubt: beyond it numbers lose their meaning
+_COUPLINGS: Final = np.array(
+    [
+        *places(POSITION, VELOCITY)[::4],  # Its diagonal
+        *places(VELOCITY, ATTITUDE),
+        *places(POSITION, ATTITUDE),
+        *places(VELOCITY, ACCEL_BIAS),
+        *places(POSITION, ACCEL_BIAS),
+        *places(ATTITUDE, GYRO_BIAS),
+    ]
+)
+"""Where the transition differs from the identity."""
 
 
 class Measurement(NamedTuple):
@@ -59,12 +72,6 @@ class Noise:
     heading_bias_walk: float  # [rad/sqrt(s)]
 
 
-def skew(vector: Vector3) -> Matrix3:
-    """Matrix of the vector product from the left."""
-    x, y, z = vector
-    return ((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))
-
-
 class ErrorStateEkf:
     """State, covariance, and the two things that happen to them: prediction and fusion."""
 
@@ -75,9 +82,13 @@ class ErrorStateEkf:
         self.acceleration_ned: Vector3 = (0.0, 0.0, 0.0)  # [m/s^2] Over the last step
         self.restarts = 0  # [-] How often the covariance had to be set up anew
         self._initial = np.diag(sigmas * sigmas)
-        self.covariance = self._initial.copy()
+        self.covariance = self._initial.copy()  # Changed in place, never replaced
+        self._variances = self.covariance.reshape(-1)[:: SIZE + 1]  # Its diagonal
         self._transition = np.eye(SIZE)
+        self._product = np.empty((SIZE, SIZE))
+        self._spread = np.empty((SIZE, SIZE))
         self._added = np.zeros(SIZE)
+        self._added_for: tuple[Noise, float, float] | None = None
         self._impulse: Vector3 = (0.0, 0.0, 0.0)
         self._elapsed = 0.0
         self._steps = 0
@@ -136,45 +147,62 @@ class ErrorStateEkf:
 
     def _propagate_covariance(self) -> None:
         """Bring the covariance to the present (Sola 2017, eq. 269, Jacobian of section 7.2)."""
-        elapsed, phi = self._elapsed, self._transition
-        rotation = np.array(to_matrix(self.state.q_ned_frd))
-        lever = np.array(skew(self._impulse))
-        phi[0, 3] = phi[1, 4] = phi[2, 5] = elapsed
-        phi[VELOCITY, ATTITUDE] = -lever
-        phi[POSITION, ATTITUDE] = (-0.5 * elapsed) * lever
-        turned = rotation * -elapsed
-        phi[VELOCITY, ACCEL_BIAS] = turned
-        phi[POSITION, ACCEL_BIAS] = (0.5 * elapsed) * turned
-        phi[ATTITUDE, GYRO_BIAS] = turned
-        spread = phi @ self.covariance @ phi.T
-        covariance = 0.5 * (spread + spread.T)
-        covariance.flat[:: SIZE + 1] += self._added_variance(elapsed, elapsed / self._steps)
-        self.covariance = covariance
+        elapsed, covariance, spread = self._elapsed, self.covariance, self._spread
+        self._transition.put(_COUPLINGS, self._couplings(elapsed))
+        self._transition.dot(covariance, self._product).dot(self._transition.T, spread)
+        np.add(spread, spread.T, covariance)
+        np.multiply(covariance, 0.5, covariance)
+        self._variances += self._added_variance(elapsed, elapsed / self._steps)
         self._impulse, self._elapsed, self._steps = (0.0, 0.0, 0.0), 0.0, 0
         self._guard()
 
+    def _couplings(self, elapsed: float) -> list[float]:
+        """Entries of the transition over `elapsed` [s], in the order of `_COUPLINGS`.
+
+        A tilt turns the impulse, velocity by its vector product; biases enter in body axes.
+        """
+        ix, iy, iz = self._impulse
+        tilted = [0.0, iz, -iy, -iz, 0.0, ix, iy, -ix, 0.0]
+        turned = [-elapsed * entry for row in to_matrix(self.state.q_ned_frd) for entry in row]
+        half = 0.5 * elapsed
+        return [
+            *(elapsed, elapsed, elapsed),
+            *tilted,
+            *[half * entry for entry in tilted],
+            *turned,
+            *[half * entry for entry in turned],
+            *turned,
+        ]
+
     def _added_variance(self, elapsed: float, dt: float) -> Array:
-        """Diagonal of the process noise (Sola 2017, eq. 262 to 265) of several samples."""
+        """Diagonal of the process noise (Sola 2017, eq. 262 to 265) of several samples.
+
+        As long as samples come evenly it is the same every time.
+        """
         noise, added = self.noise, self._added
-        added[VELOCITY] = noise.accel * noise.accel * dt * elapsed
-        added[ATTITUDE] = noise.gyro * noise.gyro * dt * elapsed
-        added[ACCEL_BIAS] = noise.accel_bias_walk**2 * elapsed
-        added[GYRO_BIAS] = noise.gyro_bias_walk**2 * elapsed
-        added[BARO_BIAS] = noise.baro_bias_walk**2 * elapsed
-        added[HEADING_BIAS] = noise.heading_bias_walk**2 * elapsed
+        if self._added_for != (noise, elapsed, dt):
+            self._added_for = (noise, elapsed, dt)
+            added[VELOCITY] = noise.accel * noise.accel * dt * elapsed
+            added[ATTITUDE] = noise.gyro * noise.gyro * dt * elapsed
+            added[ACCEL_BIAS] = noise.accel_bias_walk**2 * elapsed
+            added[GYRO_BIAS] = noise.gyro_bias_walk**2 * elapsed
+            added[BARO_BIAS] = noise.baro_bias_walk**2 * elapsed
+            added[HEADING_BIAS] = noise.heading_bias_walk**2 * elapsed
         return added
 
     def _guard(self) -> None:
         """Set the covariance up anew if rounding or an overflow has broken it."""
-        variances = self.covariance.diagonal()
-        if not (variances.min() > 0.0 and variances.max() < _LARGEST_VARIANCE):
-            self.covariance = self._initial.copy()
+        variances: list[float] = self._variances.tolist()
+        # Neither min nor max is sure to find a NaN.
+        whole = math.isfinite(sum(variances))
+        if not (whole and min(variances) > 0.0 and max(variances) < _LARGEST_VARIANCE):
+            self.covariance[:] = self._initial
             self.restarts += 1
 
     def deviation(self, measurement: Measurement) -> float:
         """Expected size of an innovation, one sigma: sqrt(H P H' + V)."""
         row = measurement.jacobian
-        return math.sqrt(float(row @ self.covariance @ row) + measurement.variance)
+        return math.sqrt(float(self.covariance.dot(row).dot(row)) + measurement.variance)
 
     def fuse(self, measurements: Sequence[Measurement]) -> None:
         """Correct the estimate (Sola 2017, eq. 274 to 276), one scalar after the other.
@@ -183,22 +211,20 @@ class ErrorStateEkf:
         milliradian, its effect a thousandth of the covariance.
         """
         error = np.zeros(SIZE)
-        covariance = self.covariance
+        covariance, product = self.covariance, self._product
         for innovation, row, variance in measurements:
-            shared = covariance @ row
-            gain = shared / (float(row @ shared) + variance)
-            error += gain * (innovation - float(row @ error))
-            covariance = covariance - gain[:, None] * shared
-        self.covariance = covariance
+            shared = covariance.dot(row)
+            gain = shared / (float(row.dot(shared)) + variance)
+            error += gain * (innovation - float(row.dot(error)))
+            np.multiply(gain[:, None], shared, product)
+            np.subtract(covariance, product, covariance)
         self.state.inject(error.tolist())
 
     def forget(self, part: slice | int, sigma: float) -> None:
         """Set a part's uncertainty [SI], with no correlation to the rest: after a reset."""
         self.covariance[part, :] = 0.0
         self.covariance[:, part] = 0.0
-        diagonal = self.covariance.diagonal().copy()
-        diagonal[part] = sigma * sigma
-        np.fill_diagonal(self.covariance, diagonal)
+        self._variances[part] = sigma * sigma
 
     def sigma(self, index: int) -> float:
         """Standard deviation of one error."""

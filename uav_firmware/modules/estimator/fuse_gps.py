@@ -14,17 +14,35 @@ the filter believes to see the tilt, and claims less uncertainty than it has.
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from uav_firmware.lib.rotation import to_matrix
 from uav_firmware.modules.estimator.delay import Past
-from uav_firmware.modules.estimator.ekf import Measurement, skew
-from uav_firmware.modules.estimator.state import ACCEL_BIAS, ATTITUDE, POSITION, SIZE, VELOCITY
+from uav_firmware.modules.estimator.ekf import Measurement
+from uav_firmware.modules.estimator.state import (
+    ACCEL_BIAS,
+    ATTITUDE,
+    POSITION,
+    SIZE,
+    VELOCITY,
+    places,
+)
 from uav_firmware.msg.sensors import SensorGps
 from uav_firmware.msg.vectors import Vector3
 
 _FIX_3D = 3
+
+_THREE_ROWS: Final = slice(0, 3)
+_POSITION_TEMPLATE: Final = np.eye(3, SIZE, POSITION.start)
+_VELOCITY_TEMPLATE: Final = np.eye(3, SIZE, VELOCITY.start)
+# What depends on the delay and the motion: the skew matrix of the impulse has no diagonal.
+_SKEW_PLACES: Final = [
+    place for at, place in enumerate(places(_THREE_ROWS, ATTITUDE)) if at % 4 != 0
+]
+_VELOCITY_PLACES: Final = np.array([*_SKEW_PLACES, *places(_THREE_ROWS, ACCEL_BIAS)])
+_POSITION_PLACES: Final = np.array([*places(_THREE_ROWS, VELOCITY)[::4], *_VELOCITY_PLACES])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,17 +92,25 @@ def position_measurements(
     past: Past, position_ned: Vector3, sigma_horizontal: float, sigma_vertical: float
 ) -> tuple[Measurement, Measurement, Measurement]:
     """North, east and down [m] of a fix against the position at its time of validity."""
-    rows = np.zeros((3, SIZE))
-    rows[:, POSITION] = np.eye(3)
-    rows[:, VELOCITY] = -past.delay_s * np.eye(3)
-    rows[:, ATTITUDE] = (-0.5 * past.delay_s) * np.array(skew(past.impulse_ned))
-    rows[:, ACCEL_BIAS] = (-0.5 * past.delay_s**2) * np.array(to_matrix(past.q_ned_frd))
-    north, east, down = (m - p for m, p in zip(position_ned, past.position_ned, strict=True))
+    delay = past.delay_s
+    ix, iy, iz = past.impulse_ned
+    half, square = -0.5 * delay, -0.5 * delay**2
+    rows = _POSITION_TEMPLATE.copy()
+    rows.put(
+        _POSITION_PLACES,
+        [
+            *(-delay, -delay, -delay),
+            *(half * -iz, half * iy, half * iz, half * -ix, half * -iy, half * ix),
+            *[square * entry for row in to_matrix(past.q_ned_frd) for entry in row],
+        ],
+    )
+    north, east, down = position_ned
+    past_north, past_east, past_down = past.position_ned
     horizontal = sigma_horizontal * sigma_horizontal
     return (
-        Measurement(north, rows[0], horizontal),
-        Measurement(east, rows[1], horizontal),
-        Measurement(down, rows[2], sigma_vertical * sigma_vertical),
+        Measurement(north - past_north, rows[0], horizontal),
+        Measurement(east - past_east, rows[1], horizontal),
+        Measurement(down - past_down, rows[2], sigma_vertical * sigma_vertical),
     )
 
 
@@ -92,14 +118,21 @@ def velocity_measurements(
     past: Past, velocity_ned: Vector3, sigma: float
 ) -> tuple[Measurement, Measurement, Measurement]:
     """Velocity [m/s, NED] of a fix against the velocity at its time of validity."""
-    rows = np.zeros((3, SIZE))
-    rows[:, VELOCITY] = np.eye(3)
-    rows[:, ATTITUDE] = skew(past.impulse_ned)
-    rows[:, ACCEL_BIAS] = past.delay_s * np.array(to_matrix(past.q_ned_frd))
-    north, east, down = (m - v for m, v in zip(velocity_ned, past.velocity_ned, strict=True))
+    delay = past.delay_s
+    ix, iy, iz = past.impulse_ned
+    rows = _VELOCITY_TEMPLATE.copy()
+    rows.put(
+        _VELOCITY_PLACES,
+        [
+            *(-iz, iy, iz, -ix, -iy, ix),
+            *[delay * entry for row in to_matrix(past.q_ned_frd) for entry in row],
+        ],
+    )
+    north, east, down = velocity_ned
+    past_north, past_east, past_down = past.velocity_ned
     variance = sigma * sigma
     return (
-        Measurement(north, rows[0], variance),
-        Measurement(east, rows[1], variance),
-        Measurement(down, rows[2], variance),
+        Measurement(north - past_north, rows[0], variance),
+        Measurement(east - past_east, rows[1], variance),
+        Measurement(down - past_down, rows[2], variance),
     )
