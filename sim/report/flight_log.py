@@ -1,5 +1,6 @@
 """What the vehicle logged: one or several ULog files of one run as one log."""
 
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -76,7 +77,7 @@ def read_logs(paths: Sequence[Path]) -> FlightLog:
 
 def _open(path: Path) -> ULog:
     try:
-        return ULog(str(path))
+        return ULog(io.BytesIO(path.read_bytes()))
     except Exception as error:  # pyulog raises bare Exception subclasses and struct.error alike
         raise ReportError(f"{path} holds no flight log: {error}") from error
 

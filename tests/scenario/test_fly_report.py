@@ -1,0 +1,120 @@
+"""`make fly`: the report's figures are those of the simulator's truth and of pyulog."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+from pyulog import ULog  # type: ignore[import-untyped]  # pyulog tells no types
+
+from tests.support.system import ROOT, short_plan
+from tests.support.truth import closest_approach_m, horizontal_distance_m, read_track
+
+pytestmark = pytest.mark.scenario
+
+WAYPOINT = (40.44349, -3.73820, 4.0)
+
+
+class Run(NamedTuple):
+    out: Path
+    printed: str
+    html: str
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    folder = tmp_path_factory.mktemp("fly")
+    plan = folder / "plan.json"
+    plan.write_text(json.dumps(short_plan()))
+    environment = {
+        **os.environ,
+        "PLAN": str(plan),
+        "OUT": str(folder / "out"),
+        "SPEED": "0",
+        "SEED": "3",
+        "WIND": "0",
+        "VEHICLES": "1",
+        "STATE_DIR": str(folder / "not-used"),
+    }
+    run = subprocess.run(
+        [sys.executable, "-m", "sim", "fly"],
+        check=False,
+        cwd=ROOT,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=240,
+    )
+    assert run.returncode == 0, run.stdout[-3000:] + run.stderr[-3000:]
+    assert not (folder / "not-used").exists()
+    html = (folder / "out" / "report.html").read_text()
+    return Run(folder / "out", run.stdout, html)
+
+
+def cells(html: str, first: str, count: int = 2) -> list[str]:
+    """Cells of the table row of so many that begins with a text."""
+    for row in re.findall(r"<tr>(.*?)</tr>", html):
+        found: list[str] = re.findall(r"<td[^>]*>(.*?)</td>", row)
+        if len(found) == count and found[0] == first:
+            return found
+    raise AssertionError(f"no row {first!r}")
+
+
+def log_of(flown: Run) -> Any:
+    (path,) = (flown.out / "vehicle-1").glob("*.ulg")
+    return ULog(str(path))
+
+
+def test_everything_is_there(flown: Run) -> None:
+    assert (flown.out / "report.png").read_bytes().startswith(b"\x89PNG")
+    assert f"report: {flown.out / 'report.html'}" in flown.printed
+    assert "WARNING" not in flown.printed
+    assert flown.html.count("FINISHED") >= 4
+
+
+def test_the_distance_at_the_waypoint_is_the_true_one(flown: Run) -> None:
+    track = read_track(flown.out / "vehicle-1" / "truth.csv")
+    _, _, distance_m, _, _, inside = cells(flown.html, "2", 6)
+    assert float(distance_m) == pytest.approx(closest_approach_m(track, *WAYPOINT), abs=0.02)
+    assert float(distance_m) < 1.0
+    assert inside == "yes"
+
+
+def test_the_landing_error_is_the_true_one(flown: Run) -> None:
+    track = read_track(flown.out / "vehicle-1" / "truth.csv")
+    first, last = track[0], track[-1]
+    error_m = horizontal_distance_m(last, first.latitude_deg, first.longitude_deg)
+    told = float(cells(flown.html, "Landing point error")[1].removesuffix(" m"))
+    assert told == pytest.approx(error_m, abs=0.02)
+    assert told < 1.0
+
+
+def test_the_log_spans_the_armed_time_and_a_moment_on_each_side(flown: Run) -> None:
+    log = log_of(flown)
+    status = log.get_dataset("vehicle_status").data
+    armed = [t for t, s in zip(status["timestamp"], status["arming_state"], strict=True) if s == 2]
+    attitude = log.get_dataset("vehicle_attitude").data["timestamp"]
+    assert 1.0 <= (armed[0] - attitude[0]) * 1e-6 <= 2.6
+    assert 0.4 <= (attitude[-1] - armed[-1]) * 1e-6 <= 2.0
+    assert not log.file_corruption
+    assert log.dropouts == []
+
+
+def test_every_topic_of_the_flight_is_in_the_log(flown: Run) -> None:
+    log = log_of(flown)
+    assert set(log.message_formats) == {data.name for data in log.data_list}
+    assert "Armed" in {message.message for message in log.logged_messages}
+    assert log.initial_parameters["MPC_XY_CRUISE"] == 5.0
+
+
+def test_the_estimate_in_the_log_is_near_the_truth(flown: Run) -> None:
+    told = cells(flown.html, "Estimate error, level")[1]
+    assert 0.0 < float(told.split(" m RMS")[0]) < 0.6
+    height = cells(flown.html, "Way flown; greatest height")[1]
+    track = read_track(flown.out / "vehicle-1" / "truth.csv")
+    highest_m = max(position.height_above_home_m for position in track)
+    assert float(height.split("; ")[1].removesuffix(" m")) == pytest.approx(highest_m, abs=0.02)
