@@ -41,6 +41,7 @@ class Command(IntEnum):
     NAV_RETURN_TO_LAUNCH = 20
     NAV_LAND = 21
     NAV_TAKEOFF = 22
+    DO_FOLLOW = 32
     DO_ORBIT = 34
     DO_SET_MODE = 176
     DO_CHANGE_SPEED = 178
@@ -51,6 +52,7 @@ class Command(IntEnum):
     DO_SET_MISSION_CURRENT = 224
     MISSION_START = 300
     COMPONENT_ARM_DISARM = 400
+    INJECT_FAILURE = 420
 
 
 class CommandResult(IntEnum):

@@ -27,6 +27,7 @@ from uav_firmware.modules.commander.decision import (
     Arm,
     Decision,
     Disarm,
+    Inject,
     SetHome,
     SetMode,
     Tell,
@@ -53,6 +54,7 @@ _MODES: Final[Mapping[tuple[float, float], NavigationState]] = {
     (_MAIN_AUTO, 4.0): NavigationState.AUTO_MISSION,
     (_MAIN_AUTO, 5.0): NavigationState.AUTO_RTL,
     (_MAIN_AUTO, 6.0): NavigationState.AUTO_LAND,
+    (_MAIN_AUTO, 8.0): NavigationState.AUTO_FOLLOW_TARGET,
     (_MAIN_POSITION, 1.0): NavigationState.ORBIT,
     (1.0, 0.0): NavigationState.MANUAL,
     (2.0, 0.0): NavigationState.ALTCTL,
@@ -198,6 +200,19 @@ def _terminate(command: VehicleCommand, situation: Situation) -> Decision:
     return accepted(Terminate()) if situation.armed else not_now("the vehicle is disarmed")
 
 
+def _inject_failure(command: VehicleCommand, situation: Situation) -> Decision:
+    """A test of the vehicle, not of the flight: only with SYS_FAILURE_EN."""
+    numbers = (command.param1, command.param2, 0.0 if unset(command.param3) else command.param3)
+    refuse_set(command, 4, 5, 6, 7)
+    for number, value in enumerate(numbers, start=1):
+        if not (value >= 0.0 and value.is_integer()):
+            return denied(f"parameter {number} is {value:g}")
+    if not situation.params.failure_injection:
+        return denied("SYS_FAILURE_EN is 0")
+    unit, failure_type, instance = map(int, numbers)
+    return accepted(Inject(unit, failure_type, instance))
+
+
 Handler = Callable[[VehicleCommand, Situation], Decision]
 
 HANDLERS: Final[Mapping[int, Handler]] = {
@@ -205,6 +220,7 @@ HANDLERS: Final[Mapping[int, Handler]] = {
     Command.NAV_RETURN_TO_LAUNCH: flight_commands.return_home,
     Command.NAV_LAND: flight_commands.land,
     Command.NAV_TAKEOFF: flight_commands.take_off,
+    Command.DO_FOLLOW: guided_commands.follow,
     Command.DO_ORBIT: guided_commands.orbit,
     Command.DO_SET_MODE: _set_mode,
     Command.DO_CHANGE_SPEED: flight_commands.change_speed,
@@ -215,4 +231,5 @@ HANDLERS: Final[Mapping[int, Handler]] = {
     Command.DO_SET_MISSION_CURRENT: _set_current,
     Command.MISSION_START: _mission_start,
     Command.COMPONENT_ARM_DISARM: _arm_disarm,
+    Command.INJECT_FAILURE: _inject_failure,
 }

@@ -37,7 +37,16 @@ class Tell(NamedTuple):
     request: NavigatorRequest
 
 
-Effect: TypeAlias = SetMode | Arm | Disarm | Terminate | SetHome | Tell
+class Inject(NamedTuple):
+    """Let a part of the vehicle fail; the numbers are MAVLink's."""
+
+    unit: int  # [-] FAILURE_UNIT
+    failure_type: int  # [-] FAILURE_TYPE; 0 mends
+    instance: int  # [-] From 1; 0 all
+
+
+FlightEffect: TypeAlias = SetMode | Arm | Disarm | Terminate | SetHome | Tell
+Effect: TypeAlias = FlightEffect | Inject
 
 
 class Decision(NamedTuple):

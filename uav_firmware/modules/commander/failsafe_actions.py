@@ -92,8 +92,8 @@ FENCE_ACTIONS: Final[Mapping[int, Action]] = {
 
 
 def strength_of(mode: NavigationState) -> Action:
-    """How strong a mode already is as an action."""
-    if mode in PILOTED:
+    """How strong a mode already is as an action; a hold may still be on its way to a place."""
+    if mode in PILOTED or mode is NavigationState.AUTO_LOITER:
         return Action.NONE
     return max(
         (action for action, its in MODE_OF.items() if its is mode and action is not Action.DESCEND),

@@ -64,9 +64,13 @@ def change_mode(state: NavigationState, situation: Situation) -> Decision:
         again = MissionCurrentRequest(view.now_us, 0, reset=True)
         return accepted(Tell(again), SetMode(state))
     if state is NavigationState.AUTO_LOITER and situation.mode is state:
-        here = NavigatorTarget(view.now_us, state, *_HERE, yaw=NAN, speed_m_s=NAN)
-        return accepted(Tell(here), SetMode(state))
+        return accepted(Tell(hold_here(view.now_us)), SetMode(state))
     return accepted(SetMode(state))
+
+
+def hold_here(now_us: int) -> NavigatorTarget:
+    """Order to stop and stay."""
+    return NavigatorTarget(now_us, NavigationState.AUTO_LOITER, *_HERE, yaw=NAN, speed_m_s=NAN)
 
 
 def _change_mode_to(

@@ -4,14 +4,21 @@ import math
 from typing import Final
 
 from uav_firmware.modules.commander.command_parameters import (
+    HEIGHT_MAX_M,
     BadParameterError,
+    choice,
     place,
     refuse_below_home,
+    refuse_set,
     unset,
 )
-from uav_firmware.modules.commander.decision import Decision
-from uav_firmware.modules.commander.flight_commands import Situation, change_mode_for
-from uav_firmware.msg.guidance import OrbitHeading, OrbitTarget
+from uav_firmware.modules.commander.decision import Decision, accepted
+from uav_firmware.modules.commander.flight_commands import (
+    Situation,
+    change_mode,
+    change_mode_for,
+)
+from uav_firmware.msg.guidance import FollowHeight, FollowOrder, OrbitHeading, OrbitTarget
 from uav_firmware.msg.status import NavigationState, VehicleCommand
 
 ORBIT_RADIUS_MIN_M: Final = 1.0
@@ -50,3 +57,31 @@ def _orbit_heading(value: float) -> OrbitHeading:
     if value not in {float(heading) for heading in OrbitHeading}:
         raise BadParameterError(f"parameter 3 is {value:g}, no yaw behaviour")
     return OrbitHeading(int(value))
+
+
+def follow(command: VehicleCommand, situation: Situation) -> Decision:
+    """DO_FOLLOW: the target that a system reports; system 0 ends it with a hold."""
+    refuse_set(command, 2, 3, 6, 7)
+    system_id = command.param1
+    if not (system_id.is_integer() and 0.0 <= system_id <= 255.0):
+        raise BadParameterError(f"parameter 1 is {system_id:g}, no system")
+    if system_id == 0.0:
+        if situation.mode is not NavigationState.AUTO_FOLLOW_TARGET:
+            return accepted()
+        return change_mode(NavigationState.AUTO_LOITER, situation)
+    mode = FollowHeight.PARAMETERS
+    if not math.isnan(command.param4):
+        mode = FollowHeight(int(choice(command, 4, 0.0, 1.0, 2.0)))
+    height = command.param5
+    if mode is FollowHeight.FIXED and not 0.0 < height <= HEIGHT_MAX_M:
+        raise BadParameterError(f"parameter 5: a height of {height:g} m above home")
+    if mode is not FollowHeight.FIXED:
+        refuse_set(command, 5)
+    order = FollowOrder(
+        situation.view.now_us,
+        NavigationState.AUTO_FOLLOW_TARGET,
+        int(system_id),
+        mode,
+        height,
+    )
+    return change_mode_for(order, situation)

@@ -31,6 +31,7 @@ REQUIREMENTS: Final[Mapping[NavigationState, frozenset[Need]]] = {
     NavigationState.AUTO_RTL: _FLY | {Need.HOME},
     NavigationState.AUTO_LAND: frozenset({Need.ATTITUDE}),
     NavigationState.ORBIT: _FLY | {Need.HOME},
+    NavigationState.AUTO_FOLLOW_TARGET: _FLY | {Need.HOME},
     NavigationState.POSCTL: _FLY | {Need.STICKS},
     NavigationState.ALTCTL: frozenset({Need.ATTITUDE, Need.ALTITUDE, Need.STICKS}),
     NavigationState.STAB: frozenset({Need.ATTITUDE, Need.STICKS}),
@@ -59,6 +60,7 @@ AIRBORNE_ONLY: Final = frozenset(
         NavigationState.AUTO_RTL,
         NavigationState.AUTO_LAND,
         NavigationState.ORBIT,
+        NavigationState.AUTO_FOLLOW_TARGET,
     }
 )
 """Modes that can only be entered in the air."""

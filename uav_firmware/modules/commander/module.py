@@ -9,8 +9,10 @@ from uav_firmware.modules.commander.commands import arming_refusal, decide
 from uav_firmware.modules.commander.control_mode import control_of
 from uav_firmware.modules.commander.decision import (
     Arm,
+    Decision,
     Disarm,
-    Effect,
+    FlightEffect,
+    Inject,
     SetHome,
     SetMode,
     Tell,
@@ -21,7 +23,7 @@ from uav_firmware.modules.commander.failsafe import Failsafe, FailsafeMachine
 from uav_firmware.modules.commander.failsafe_actions import PILOTED, Action
 from uav_firmware.modules.commander.failsafe_causes import ROWS
 from uav_firmware.modules.commander.failsafe_params import FailsafeParams
-from uav_firmware.modules.commander.flight_commands import Situation
+from uav_firmware.modules.commander.flight_commands import Situation, hold_here
 from uav_firmware.modules.commander.home import HomeKeeper
 from uav_firmware.modules.commander.observer import Observer
 from uav_firmware.modules.commander.params import CommanderParams
@@ -57,6 +59,7 @@ class CommanderModule:
         registry: Registry,
         topics: CommanderTopics,
         *,
+        inject: Callable[[int, int, int], bool] = lambda _unit, _type, _instance: False,
         refusal_of: Callable[[ModeTarget], str | None] = lambda _target: None,
     ) -> None:
         registry.add(CommanderParams)
@@ -64,6 +67,7 @@ class CommanderModule:
         self._registry = registry
         self._topics = topics
         self._refusal_of = refusal_of
+        self._inject = inject
         self._observer = Observer(topics)
         self._params_version = registry.version
         self._params = registry.read(CommanderParams)
@@ -123,7 +127,11 @@ class CommanderModule:
     def _answer(self, command: VehicleCommand, view: VehicleView) -> None:
         decision = decide(command, self._situation(view))
         for effect in decision.effects:
-            self._carry_out(effect, view)
+            if isinstance(effect, Inject):
+                if not self._inject(*effect):
+                    decision = Decision(CommandResult.UNSUPPORTED, "The vehicle cannot fail so")
+            else:
+                self._carry_out(effect, view)
         if decision.reason:
             accepted = decision.result is CommandResult.ACCEPTED
             self._say(view.now_us, Severity.INFO if accepted else Severity.WARNING, decision.reason)
@@ -131,7 +139,7 @@ class CommanderModule:
             VehicleCommandAck(view.now_us, command.command, decision.result, 255, command.token)
         )
 
-    def _carry_out(self, effect: Effect, view: VehicleView) -> None:
+    def _carry_out(self, effect: FlightEffect, view: VehicleView) -> None:
         match effect:
             case SetMode(state):
                 self._failsafe.overrule()
@@ -221,6 +229,8 @@ class CommanderModule:
         if reaction.event is not None:
             self._disarm(reaction.event, view.now_us)
         elif reaction.mode is not None:
+            if reaction.mode is self._mode is NavigationState.AUTO_LOITER:
+                self._tell(hold_here(view.now_us))  # it may be on its way to a place
             self._mode = reaction.mode
 
     def _observe_pilot(self, view: VehicleView) -> None:

@@ -29,6 +29,10 @@ class CommanderParams:
         "COM_POS_FS_EPH", 5.0, unit="m", minimum=0.5, maximum=400.0,
         short="Horizontal accuracy of the position, one sigma, needed to arm",
     )  # fmt: skip
+    failure_injection: int = param(
+        "SYS_FAILURE_EN", 0, unit="1", minimum=0, maximum=1,
+        short="1 lets INJECT_FAILURE break parts of the vehicle, for tests",
+    )  # fmt: skip
     stick_override: int = param(
         "COM_RC_OVERRIDE", 1, unit="1", minimum=0, maximum=3,
         short="Moving a stick changes to position mode: bit 0 in automatic modes, 1 in offboard",

@@ -1,0 +1,241 @@
+"""What breaks in flight, and how the flight ends; the simulator breaks it and its truth judges."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import common
+
+from sim.config import SimulationConfig
+from sim.faults import Fault, Kind
+from tests.support.autopilot_tester import AutopilotTester
+from tests.support.stick_pilot import order
+from uav_firmware.msg.status import NavigationState
+
+pytestmark = pytest.mark.scenario
+
+LEGS = ((60.0, 0.0, 10.0), (60.0, 60.0, 10.0), (0.0, 60.0, 10.0))
+
+
+def vehicle(
+    folder: Path, settings: dict[str, float] | None = None, **config: Any
+) -> AutopilotTester:
+    tester = AutopilotTester(SimulationConfig(**config), folder)
+    for name, value in (settings or {}).items():
+        tester.autopilot.registry.set(name, value)
+    tester.wait_until_ready()
+    return tester
+
+
+def on_mission(
+    folder: Path,
+    legs: Sequence[tuple[float, float, float]] = LEGS,
+    settings: dict[str, float] | None = None,
+    **config: Any,
+) -> AutopilotTester:
+    """A vehicle 20 m out on its first leg, at the height of it."""
+    tester = vehicle(folder, settings, **config)
+    station = tester.ground_station
+    items = [
+        station.mission_item(
+            0, common.MAV_CMD_NAV_TAKEOFF, tester.place(0.0, 0.0, legs[0][2]), 0.0
+        ),
+        *(
+            station.mission_item(
+                seq, common.MAV_CMD_NAV_WAYPOINT, tester.place(*leg), 0.0, 2.0, 0.0
+            )
+            for seq, leg in enumerate(legs, start=1)
+        ),
+        station.return_item(len(legs) + 1),
+    ]
+    tester.upload(items)
+    tester.start_mission()
+    tester.wait_until(lambda: tester.true_position()[0] > 20.0, 60.0, "20 m out")
+    return tester
+
+
+def strike(
+    tester: AutopilotTester, kind: Kind, seconds: float | None = None, **values: float
+) -> None:
+    """Let something break now, for a while or for good."""
+    now_us = tester.simulation.time_us
+    end = {} if seconds is None else {"end_us": now_us + round(seconds * 1e6)}
+    tester.simulation.add_fault(Fault(kind=kind, start_us=now_us, values=values, **end))
+
+
+def estimate_error(tester: AutopilotTester) -> float:
+    """Horizontal distance [m] between where the vehicle is and where it believes to be."""
+    north, east, _ = tester.true_position()
+    believed = tester.estimate.position_ned
+    return math.hypot(north - believed[0], east - believed[1])
+
+
+def said(tester: AutopilotTester, sentence: str) -> bool:
+    return any(sentence in line for line in tester.lines)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_gps_lost_for_ten_seconds_does_not_end_the_mission(tmp_path: Path, seed: int) -> None:
+    tester = on_mission(tmp_path, seed=seed)
+    errors: list[float] = []
+    tester.watch(lambda: errors.append(estimate_error(tester)))
+    strike(tester, Kind.GPS_LOSS, 10.0)
+    tester.run_for(15.0)
+    assert said(tester, "GPS lost")
+    assert said(tester, "dead reckoning: over")
+    assert tester.mode is NavigationState.AUTO_MISSION
+    assert max(errors) < 5.0
+    tester.wait_until_landed(200.0)
+    assert list(dict.fromkeys(tester.ground_station.items_reached)) == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_gps_lost_for_good_lands_and_disarms(tmp_path: Path, seed: int) -> None:
+    tester = on_mission(tmp_path, seed=seed)
+    strike(tester, Kind.GPS_LOSS)
+    tester.wait_until(lambda: tester.mode is NavigationState.AUTO_LAND, 20.0, "landing")
+    tester.wait_until(lambda: not tester.status.armed, 60.0, "disarmed")
+    assert said(tester, "Position lost: DESCEND")
+    assert not tester.simulation.wrecked
+
+
+@pytest.mark.parametrize("kind", [Kind.BARO_LOSS, Kind.MAG_LOSS])
+def test_a_lost_barometer_or_compass_does_not_end_the_mission(tmp_path: Path, kind: Kind) -> None:
+    tester = on_mission(tmp_path)
+    strike(tester, kind)
+    tester.wait_until_landed(200.0)
+    assert 4 in tester.ground_station.items_reached
+    assert not tester.simulation.wrecked
+
+
+def test_a_low_battery_warns_a_critical_one_returns_an_empty_one_lands(tmp_path: Path) -> None:
+    tester = on_mission(tmp_path)
+    strike(tester, Kind.BATTERY_LOW, charge=0.14)
+    tester.run_for(3.0)
+    assert said(tester, "Battery low")
+    assert tester.mode is NavigationState.AUTO_MISSION
+    strike(tester, Kind.BATTERY_LOW, charge=0.068)
+    tester.wait_until(lambda: tester.mode is NavigationState.AUTO_RTL, 12.0, "returning")
+    strike(tester, Kind.BATTERY_LOW, charge=0.045)
+    tester.wait_until(lambda: tester.mode is NavigationState.AUTO_LAND, 5.0, "landing")
+    tester.wait_until(lambda: not tester.status.armed, 60.0, "disarmed")
+    battery = tester.autopilot.topics.sensor_battery.value
+    assert battery is not None
+    assert battery.remaining > 0.0
+    assert not tester.simulation.wrecked
+
+
+@pytest.mark.parametrize("motor", [1, 3])
+def test_a_lost_motor_raises_the_alarm_and_lands(tmp_path: Path, motor: int) -> None:
+    tester = on_mission(tmp_path)
+    heights: list[float] = []
+    tester.watch(lambda: heights.append(tester.true_position()[2]))
+    strike(tester, Kind.MOTOR_LOSS, motor=motor)
+    tester.wait_until(lambda: said(tester, "Motor failed: LAND"), 5.0, "an alarm")
+    assert tester.mode is NavigationState.AUTO_LAND
+    tester.wait_until(lambda: not tester.status.armed, 60.0, "disarmed")
+    assert all(map(math.isfinite, heights))
+
+
+def test_a_lost_link_returns_and_lands_at_home(tmp_path: Path) -> None:
+    tester = on_mission(tmp_path, settings={"NAV_DLL_ACT": 2, "COM_DL_LOSS_T": 5.0})
+    tester.heartbeats = False
+    tester.wait_until(lambda: tester.mode is NavigationState.AUTO_LOITER, 7.0, "holding")
+    tester.wait_until(lambda: tester.mode is NavigationState.AUTO_RTL, 6.0, "returning")
+    tester.wait_until_landed(200.0)
+    north, east, _ = tester.true_position()
+    assert math.hypot(north, east) < 1.0
+
+
+def test_a_link_that_comes_back_lets_the_mission_go_on(tmp_path: Path) -> None:
+    tester = on_mission(tmp_path, settings={"NAV_DLL_ACT": 2, "COM_DL_LOSS_T": 5.0})
+    tester.heartbeats = False
+    tester.wait_until(lambda: tester.mode is NavigationState.AUTO_LOITER, 7.0, "holding")
+    tester.heartbeats = True
+    tester.run_for(1.5)
+    assert tester.mode is NavigationState.AUTO_MISSION
+
+
+@pytest.mark.parametrize(
+    ("action", "mode"),
+    [
+        (2, NavigationState.AUTO_LOITER),
+        (3, NavigationState.AUTO_RTL),
+        (5, NavigationState.AUTO_LAND),
+    ],
+)
+def test_a_breach_of_the_fence_is_answered_before_it_is_far(
+    tmp_path: Path, action: int, mode: NavigationState
+) -> None:
+    tester = vehicle(tmp_path, {"GF_ACTION": action, "GF_MAX_HOR_DIST": 40.0})
+    tester.take_off(10.0)
+    tester.run_for(12.0)
+    tester.autopilot.registry.set("GF_MAX_HOR_DIST", 0.0)
+    latitude, longitude, _ = tester.place(80.0, 0.0, 10.0)
+    altitude = tester.start.altitude_amsl_m + 10.0
+    order(
+        tester,
+        common.MAV_CMD_DO_REPOSITION,
+        -1.0,
+        1.0,
+        0.0,
+        math.nan,
+        latitude,
+        longitude,
+        altitude,
+    )
+    tester.autopilot.registry.set("GF_MAX_HOR_DIST", 40.0)
+    furthest: list[float] = []
+    tester.watch(lambda: furthest.append(tester.true_position()[0]))
+    tester.wait_until(lambda: said(tester, "Geofence breached"), 30.0, "a breach")
+    tester.run_for(0.2)
+    assert tester.mode is mode
+    tester.run_for(8.0)
+    assert max(furthest) < 43.0
+
+
+def test_a_flight_that_lasts_too_long_returns(tmp_path: Path) -> None:
+    tester = on_mission(tmp_path, settings={"COM_FLT_TIME_MAX": 20})
+    tester.wait_until(lambda: tester.mode is NavigationState.AUTO_RTL, 30.0, "returning")
+    tester.wait_until_landed(200.0)
+
+
+def test_a_strong_wind_is_measured_and_sends_the_vehicle_home(tmp_path: Path) -> None:
+    tester = vehicle(tmp_path, {"COM_WIND_WARN": 6.0, "COM_WIND_MAX": 8.0}, wind_speed_m_s=3.0)
+    tester.take_off(10.0)
+    tester.run_for(25.0)
+    assert not said(tester, "Strong wind")
+    strike(tester, Kind.WIND_GUST, speed_m_s=8.0)
+    tester.wait_until(lambda: said(tester, "Strong wind: WARN"), 30.0, "a warning")
+    tester.wait_until(lambda: tester.mode is NavigationState.AUTO_RTL, 30.0, "returning")
+    wind = tester.autopilot.topics.wind.value
+    assert wind is not None
+    assert wind.velocity_east_m_s == pytest.approx(11.0, abs=4.0)
+    assert abs(wind.velocity_north_m_s) < 3.0
+
+
+def test_the_emergency_stop_stops_the_motors_in_the_air(tmp_path: Path) -> None:
+    tester = vehicle(tmp_path)
+    tester.take_off(3.0)
+    tester.run_for(8.0)
+    order(tester, common.MAV_CMD_COMPONENT_ARM_DISARM, 0.0, 21196.0)
+    assert not tester.status.armed
+    tester.run_for(0.5)
+    assert tester.truth.velocity_ned[2] > 3.0
+
+
+def test_a_vehicle_breaks_by_command_only_where_that_is_allowed(tmp_path: Path) -> None:
+    tester = vehicle(tmp_path)
+    tester.take_off(10.0)
+    tester.run_for(10.0)
+    gps, off, denied = 4.0, 1.0, common.MAV_RESULT_DENIED
+    station = tester.ground_station
+    station.command(common.MAV_CMD_INJECT_FAILURE, gps, off, 0.0)
+    tester.run_for(0.2)
+    assert station.acks[-1] == (common.MAV_CMD_INJECT_FAILURE, denied)
+    tester.autopilot.registry.set("SYS_FAILURE_EN", 1)
+    order(tester, common.MAV_CMD_INJECT_FAILURE, gps, off, 0.0)
+    tester.run_for(4.0)
+    assert said(tester, "GPS lost")
