@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
 _MAX_SLOTS: Final = 10_000  # a longer pattern means that the periods do not fit together
-_LEAD_MAX_S: Final = 0.024  # [s] Steps run ahead of the wall clock by this before they wait
-_LEAD_MIN_S: Final = 0.006  # [s] and wait until they are ahead by no more than this
+_LEAD_MAX_S: Final = 0.056  # [s] Steps run ahead of the wall clock by this before they wait
+_LEAD_MIN_S: Final = 0.016  # [s] and wait until they are ahead by no more than this
 _CATCH_UP_S: Final = 0.1  # [s] Lateness that is made up; what exceeds it is given up
 
 
@@ -76,11 +76,12 @@ def _divider(group: RateGroup, step_us: int) -> int:
 class Pacer:
     """Keeps simulated time at `speed` times the wall clock.
 
-    Steps run in small batches ahead of the clock, because the first step after a wait costs
-    three times as much as the fifth: the processor's caches have gone cold. A little lead is
-    kept, so that a slow first step is not a late one.
+    Steps run in batches of 40 ms ahead of the clock, because the first step after a wait costs
+    three times as much as the fifth: the processor's caches have gone cold. A lead of 16 ms is
+    kept, so that a slow first step is not a late one, nor one that has to queue for a processor.
 
-    A step that ends late is an overrun. Lateness up to a tenth of a second is made up by
+    A step is due when the wall clock reaches the simulated time at its end; one that ends later
+    has missed its deadline and is an overrun. Lateness up to a tenth of a second is made up by
     steps without a wait; what exceeds it is given up (the flight falls behind the clock), so
     that a suspended machine is not followed by a burst.
     """

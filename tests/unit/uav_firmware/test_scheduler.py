@@ -87,14 +87,29 @@ def test_unpaced_never_waits() -> None:
     assert clock.waits == []
 
 
+@pytest.mark.parametrize("hindered_s", [0.0, 0.01])
+def test_a_batch_that_begins_ten_milliseconds_late_misses_no_deadline(hindered_s: float) -> None:
+    clock = Clock()
+
+    def wait(seconds: float) -> None:
+        clock.wait(seconds + hindered_s)
+
+    pacer = Pacer(1.0, clock=clock, wait=wait)
+    for step in range(1, 1001):
+        clock.now_s += 0.0005
+        pacer.pace(step * 4000)
+    assert pacer.overruns == 0
+    assert 50 < len(clock.waits) < 120
+
+
 def test_a_late_step_is_counted_and_made_up() -> None:
     clock = Clock()
     pacer = Pacer(1.0, clock=clock, wait=clock.wait)
     for step in range(1, 101):
-        clock.now_s += 0.06 if step == 50 else 0.001
+        clock.now_s += 0.1 if step == 50 else 0.001
         pacer.pace(step * 4000)
-    assert 1 <= pacer.overruns < 20
-    assert clock.now_s - 100.001 == pytest.approx(99 * 0.004, abs=0.02)
+    assert 1 <= pacer.overruns < 30
+    assert clock.now_s - 100.001 == pytest.approx(99 * 0.004, abs=0.06)
     assert pacer.given_up_s == 0.0
 
 
@@ -109,7 +124,7 @@ def test_after_a_long_pause_only_a_bounded_part_is_made_up() -> None:
             waits_before = len(clock.waits)
         elif step > 500 and len(clock.waits) == waits_before:
             burst += 1
-    assert 10 < burst < 50
+    assert 10 < burst < 80
     assert pacer.given_up_s == pytest.approx(60.0, abs=0.2)
 
 
