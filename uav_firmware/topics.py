@@ -18,7 +18,7 @@ from uav_firmware.msg.estimate import (
 )
 from uav_firmware.msg.failure import FailureDetectorStatus, RotorLossThrust
 from uav_firmware.msg.geofence import Fence, GeofenceStatus, RallyPoints
-from uav_firmware.msg.guidance import OrbitStatus
+from uav_firmware.msg.guidance import FollowTarget, OrbitStatus
 from uav_firmware.msg.mission import Mission, MissionProgress, NavigatorRequest, NavigatorStatus
 from uav_firmware.msg.sensors import (
     SensorBaro,
@@ -75,6 +75,7 @@ class Topics:
     fence: Topic[Fence] = field(default_factory=Topic)
     rally_points: Topic[RallyPoints] = field(default_factory=Topic)
     geofence_status: Topic[GeofenceStatus] = field(default_factory=Topic)
+    follow_target: Topic[FollowTarget] = field(default_factory=Topic)
     orbit_status: Topic[OrbitStatus] = field(default_factory=Topic)
     trajectory_setpoint: Topic[TrajectorySetpoint] = field(default_factory=Topic)
     vehicle_attitude_setpoint: Topic[VehicleAttitudeSetpoint] = field(default_factory=Topic)

@@ -26,6 +26,7 @@ from uav_firmware.modules.logger.streams import LoggerTopics
 from uav_firmware.modules.manual_control.module import ManualControlModule
 from uav_firmware.modules.manual_control.params import ManualControlParams
 from uav_firmware.modules.mavlink.builders.identity import FLIGHT_SW_VERSION
+from uav_firmware.modules.mavlink.dispatcher import PlanChecks
 from uav_firmware.modules.mavlink.module import MavlinkModule
 from uav_firmware.modules.mavlink.peers import Peer
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
@@ -116,6 +117,7 @@ class Autopilot:
             mission_progress=topics.mission_progress,
             vehicle_control_mode=topics.vehicle_control_mode,
             navigator_status=topics.navigator_status,
+            follow_target=topics.follow_target,
             orbit_status=topics.orbit_status,
             fence=topics.fence,
             rally_points=topics.rally_points,
@@ -218,7 +220,11 @@ class Autopilot:
             system_id=system_id,
             registry=registry,
             topics=_mavlink_topics(topics),
-            check_mission=self.navigator.check_mission,
+            checks=PlanChecks(
+                self.navigator.check_mission,
+                self.navigator.check_fence,
+                self.navigator.check_rally_points,
+            ),
             peers=peers,
             boot_time_utc_us=boot_time_utc_us,
             save_parameters=self.parameter_storage.save,
@@ -339,6 +345,11 @@ def _mavlink_topics(topics: Topics) -> MavlinkTopics:
         status_text=topics.status_text,
         vehicle_command=topics.vehicle_command,
         mission=topics.mission,
+        fence=topics.fence,
+        rally_points=topics.rally_points,
+        geofence_status=topics.geofence_status,
+        orbit_status=topics.orbit_status,
+        follow_target=topics.follow_target,
         ground_station_heartbeat=topics.ground_station_heartbeat,
         manual_control_setpoint=topics.manual_control_setpoint,
         offboard_setpoint=topics.offboard_setpoint,

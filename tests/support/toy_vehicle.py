@@ -28,7 +28,7 @@ from uav_firmware.msg.estimate import (
 )
 from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.geofence import Fence, GeofenceStatus, RallyPoints
-from uav_firmware.msg.guidance import OrbitStatus
+from uav_firmware.msg.guidance import FollowTarget, OrbitStatus
 from uav_firmware.msg.mission import (
     Mission,
     MissionItem,
@@ -132,6 +132,7 @@ class ToyVehicle:
         self.fence: Topic[Fence] = Topic()
         self.rally_points: Topic[RallyPoints] = Topic()
         self.geofence_status: Topic[GeofenceStatus] = Topic()
+        self.follow_target: Topic[FollowTarget] = Topic()
         self.orbit_status: Topic[OrbitStatus] = Topic()
         self.setpoint: Topic[TrajectorySetpoint] = Topic()
         self.registry.add(PositionControlParams)
@@ -146,6 +147,7 @@ class ToyVehicle:
             trajectory_setpoint=self.setpoint,
             mission_progress=self.progress,
             navigator_status=self.navigator_status,
+            follow_target=self.follow_target,
             orbit_status=self.orbit_status,
             fence=self.fence,
             rally_points=self.rally_points,

@@ -1,15 +1,16 @@
 """Which server takes which message: one table."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Final, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 from uav_firmware.cal.link import Address
 from uav_firmware.modules.mavlink.addressing import Outgoing, Sender, is_for_us
 from uav_firmware.modules.mavlink.builders.context import Context
 from uav_firmware.modules.mavlink.command_server import CommandServer
 from uav_firmware.modules.mavlink.dialect import Message, mavlink
+from uav_firmware.modules.mavlink.follow_input import FollowInput
 from uav_firmware.modules.mavlink.manual_input import ManualInput
-from uav_firmware.modules.mavlink.mission_server import MissionServer
+from uav_firmware.modules.mavlink.mission_server import MissionServer, PlanStore
 from uav_firmware.modules.mavlink.parameter_server import ParameterServer
 from uav_firmware.modules.mavlink.peers import PeerTable
 from uav_firmware.modules.mavlink.requests import RequestServer
@@ -17,13 +18,41 @@ from uav_firmware.modules.mavlink.setpoint_input import SetpointInput
 from uav_firmware.modules.mavlink.status_text import StatusTexts
 from uav_firmware.modules.mavlink.timesync import answer_ping, answer_timesync
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
-from uav_firmware.msg.mission import MissionItem, MissionRejection
+from uav_firmware.msg.geofence import Fence, RallyPoints
+from uav_firmware.msg.mission import Mission, MissionItem, MissionRejection
 from uav_firmware.parameters import Registry
 
 Handler: TypeAlias = Callable[[Message, Sender, int], list[Outgoing]]
 """Takes a message, its sender and the time [us]; gives what is to be sent."""
 
 _COMMANDING_TYPES: Final = frozenset({mavlink.MAV_TYPE_GCS, mavlink.MAV_TYPE_ONBOARD_CONTROLLER})
+
+
+MissionCheck: TypeAlias = Callable[[Sequence[MissionItem]], MissionRejection | None]
+"""Judges a whole plan."""
+
+
+class PlanChecks(NamedTuple):
+    """Who judges the plans that are uploaded."""
+
+    mission: MissionCheck
+    fence: MissionCheck
+    rally_points: MissionCheck
+
+
+def _stores(topics: MavlinkTopics, checks: PlanChecks) -> dict[int, PlanStore]:
+    """What becomes of each kind of plan."""
+    return {
+        mavlink.MAV_MISSION_TYPE_MISSION: PlanStore(
+            checks.mission, lambda plan: topics.mission.publish(Mission(*plan))
+        ),
+        mavlink.MAV_MISSION_TYPE_FENCE: PlanStore(
+            checks.fence, lambda plan: topics.fence.publish(Fence(*plan))
+        ),
+        mavlink.MAV_MISSION_TYPE_RALLY: PlanStore(
+            checks.rally_points, lambda plan: topics.rally_points.publish(RallyPoints(*plan))
+        ),
+    }
 
 
 class Dispatcher:
@@ -36,7 +65,7 @@ class Dispatcher:
         registry: Registry,
         topics: MavlinkTopics,
         peers: PeerTable,
-        check_mission: Callable[[Sequence[MissionItem]], MissionRejection | None],
+        checks: PlanChecks,
         context: Callable[[int], Context],
         save_parameters: Callable[[], None],
         texts: StatusTexts,
@@ -46,8 +75,7 @@ class Dispatcher:
         self._texts = texts
         self._missions = MissionServer(
             system_id=system_id,
-            topic=topics.mission,
-            check=check_mission,
+            stores=_stores(topics, checks),
             current_seq=self._current_seq,
             texts=texts,
         )
@@ -67,6 +95,7 @@ class Dispatcher:
             **dict.fromkeys(self._missions.message_types, self._missions.handle),
             **dict.fromkeys(setpoints.message_types, setpoints.handle),
             "MANUAL_CONTROL": manual.handle,
+            "FOLLOW_TARGET": FollowInput(topics.follow_target).handle,
             "COMMAND_LONG": self._commands.handle,
             "COMMAND_INT": self._commands.handle,
             "SET_MODE": self._commands.set_mode,

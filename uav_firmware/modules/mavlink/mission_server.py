@@ -7,9 +7,9 @@ believes in a fence that is not there.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Final
+from functools import partial
+from typing import Final, NamedTuple, TypeAlias
 
-from uav_firmware.bus import Topic
 from uav_firmware.modules.mavlink.addressing import Outgoing, Sender
 from uav_firmware.modules.mavlink.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.dialect_extensions import MissionCount
@@ -26,7 +26,7 @@ from uav_firmware.modules.mavlink.mission_upload import (
     acknowledge,
 )
 from uav_firmware.modules.mavlink.status_text import StatusTexts
-from uav_firmware.msg.mission import Mission, MissionItem, MissionRejection
+from uav_firmware.msg.mission import MissionItem, MissionRejection
 
 MAX_ITEMS: Final = 2000
 _MISSION: Final[int] = mavlink.MAV_MISSION_TYPE_MISSION
@@ -42,6 +42,17 @@ _NAMES: Final = ("Mission", "Geofence", "Rally points")
 _COMPONENTS: Final = frozenset({0, 1, mavlink.MAV_COMP_ID_MISSIONPLANNER})
 
 
+Plan: TypeAlias = tuple[int, int, tuple[MissionItem, ...]]
+"""Time of acceptance [us], id, items."""
+
+
+class PlanStore(NamedTuple):
+    """What becomes of one kind of plan."""
+
+    check: Callable[[Sequence[MissionItem]], MissionRejection | None]  # Before it is accepted
+    publish: Callable[[Plan], None]
+
+
 class MissionServer:
     """Serves every MISSION_ message but MISSION_SET_CURRENT."""
 
@@ -49,23 +60,20 @@ class MissionServer:
         self,
         *,
         system_id: int,
-        topic: Topic[Mission],
-        check: Callable[[Sequence[MissionItem]], MissionRejection | None],
+        stores: Mapping[int, PlanStore],
         current_seq: Callable[[], int],
         texts: StatusTexts,
     ) -> None:
-        """Publish an empty mission.
+        """Publish empty plans.
 
         Args:
             system_id: System that messages must name.
-            topic: Where an accepted mission goes.
-            check: Judges a whole mission before it is accepted.
+            stores: What becomes of the plans, by MAV_MISSION_TYPE.
             current_seq: Gives the item that the navigator flies.
             texts: Where sentences for the operator go.
         """
         self._system_id = system_id
-        self._topic = topic
-        self._check = check
+        self._stores = stores
         self._current_seq = current_seq
         self._texts = texts
         self._plans: dict[int, tuple[StoredItem, ...]] = dict.fromkeys(_TYPES, ())
@@ -73,7 +81,7 @@ class MissionServer:
             mission_type: UploadReceiver(
                 mission_type,
                 limit=MAX_ITEMS,
-                accept=self._accept_mission if mission_type == _MISSION else _accept_nothing,
+                accept=partial(self._accept, mission_type),
             )
             for mission_type in _TYPES
         }
@@ -89,7 +97,8 @@ class MissionServer:
             "MISSION_REQUEST_PARTIAL_LIST": self._partial,
             "MISSION_WRITE_PARTIAL_LIST": self._partial,
         }
-        topic.publish(Mission(time_us=0, mission_id=0, items=()))
+        for store in stores.values():
+            store.publish((0, 0, ()))
 
     @property
     def message_types(self) -> frozenset[str]:
@@ -120,8 +129,6 @@ class MissionServer:
         mission_type = message.mission_type
         if mission_type not in _TYPES:
             return [acknowledge(sender, _INVALID, mission_type)]
-        if mission_type != _MISSION and message.count > 0:
-            return [acknowledge(sender, _UNSUPPORTED, mission_type)]
         upload = self._uploads[mission_type]
         return self._told(mission_type, *upload.begin(message.count, sender, now_us))
 
@@ -183,15 +190,15 @@ class MissionServer:
     def _partial(self, message: Message, sender: Sender, _now_us: int) -> list[Outgoing]:
         return [acknowledge(sender, _UNSUPPORTED, message.mission_type)]
 
-    def _accept_mission(self, items: Sequence[StoredItem], now_us: int) -> Verdict:
-        """Check a whole mission and put it in the place of the former one."""
-        for_flight = for_navigator(items)
-        rejection = self._check(for_flight) if items else None
+    def _accept(self, mission_type: int, items: Sequence[StoredItem], now_us: int) -> Verdict:
+        """Check a whole plan and put it in the place of the former one."""
+        for_flight, store = for_navigator(items), self._stores[mission_type]
+        rejection = store.check(for_flight) if items else None
         if rejection is not None:
             return Verdict(rejection.result, reason=f"item {rejection.seq}: {rejection.reason}")
         identifier = plan_id(items)
-        self._plans[_MISSION] = tuple(items)
-        self._topic.publish(Mission(time_us=now_us, mission_id=identifier, items=for_flight))
+        self._plans[mission_type] = tuple(items)
+        store.publish((now_us, identifier, for_flight))
         return Verdict(ACCEPTED, identifier)
 
     def _told(self, mission_type: int, messages: list[Outgoing], reason: str) -> list[Outgoing]:
@@ -200,8 +207,3 @@ class MissionServer:
             return messages
         text = f"{_NAMES[mission_type]} upload refused: {reason}"
         return [*messages, *self._texts.say(mavlink.MAV_SEVERITY_WARNING, text)]
-
-
-def _accept_nothing(_items: Sequence[StoredItem], _now_us: int) -> Verdict:
-    """Removal of a plan that is never there."""
-    return Verdict(ACCEPTED)

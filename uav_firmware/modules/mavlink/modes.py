@@ -75,7 +75,9 @@ MODES: Final[Mapping[NavigationState, Mode]] = {
     _STATE.AUTO_LAND: Mode(
         _AUTO, 6, _AUTONOMOUS, mavlink.MAV_STANDARD_MODE_LAND, "Land", offered=True
     ),
-    _STATE.AUTO_FOLLOW_TARGET: Mode(_AUTO, 8, _AUTONOMOUS, _NON_STANDARD, "Follow me"),
+    _STATE.AUTO_FOLLOW_TARGET: Mode(
+        _AUTO, 8, _AUTONOMOUS, _NON_STANDARD, "Follow me", offered=True
+    ),
     _STATE.AUTO_PRECLAND: Mode(_AUTO, 9, _AUTONOMOUS, _NON_STANDARD, "Precision land"),
     _STATE.ORBIT: Mode(
         _POSCTL, 1, _AUTONOMOUS, mavlink.MAV_STANDARD_MODE_ORBIT, "Orbit", offered=True

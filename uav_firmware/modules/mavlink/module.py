@@ -1,14 +1,14 @@
 """The MAVLink module: datagrams in, topics out; topics in, datagrams out."""
 
 from collections.abc import Callable, Sequence
-from typing import Final, TypeAlias
+from typing import Final
 
 from uav_firmware.cal.link import Address, Link
 from uav_firmware.modules.mavlink.addressing import AUTOPILOT_COMPONENT, Outgoing, Sender
 from uav_firmware.modules.mavlink.builders.context import BatteryThresholds, Context
 from uav_firmware.modules.mavlink.changes import ChangeDetector
 from uav_firmware.modules.mavlink.dialect import Message, parse
-from uav_firmware.modules.mavlink.dispatcher import Dispatcher
+from uav_firmware.modules.mavlink.dispatcher import Dispatcher, PlanChecks
 from uav_firmware.modules.mavlink.mission_progress import ReachedAnnouncer
 from uav_firmware.modules.mavlink.peers import Peer, PeerTable
 from uav_firmware.modules.mavlink.status_text import StatusTexts
@@ -16,11 +16,7 @@ from uav_firmware.modules.mavlink.streams import DEFAULT_INTERVALS_US
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
 from uav_firmware.modules.mavlink.transmitter import Transmitter
 from uav_firmware.modules.mavlink.vibration import VibrationMeter
-from uav_firmware.msg.mission import MissionItem, MissionRejection
 from uav_firmware.parameters import Registry, UnknownParameterError
-
-MissionCheck: TypeAlias = Callable[[Sequence[MissionItem]], MissionRejection | None]
-"""Judges whether a whole mission can be flown."""
 
 MAX_MESSAGES_PER_CALL: Final = 256
 """Some 2 ms of work; what a flood brings beyond it is dropped, as a full buffer would."""
@@ -43,7 +39,7 @@ class MavlinkModule:
         system_id: int,
         registry: Registry,
         topics: MavlinkTopics,
-        check_mission: MissionCheck,
+        checks: PlanChecks,
         peers: Sequence[Peer],
         boot_time_utc_us: int = 0,
         save_parameters: Callable[[], None] = lambda: None,
@@ -55,7 +51,7 @@ class MavlinkModule:
             system_id: MAVLink system id of the vehicle, 1 to 250.
             registry: The vehicle's parameters.
             topics: Connections to the bus.
-            check_mission: Judges an uploaded mission before it is accepted.
+            checks: Judge uploaded plans before they are accepted.
             peers: Who is sent telemetry from the start.
             boot_time_utc_us: World time at vehicle time zero [us since 1970]; 0 unknown.
             save_parameters: Called after a peer changed a parameter; may raise OSError.
@@ -82,7 +78,7 @@ class MavlinkModule:
             registry=registry,
             topics=topics,
             peers=self._peers,
-            check_mission=check_mission,
+            checks=checks,
             context=self._context,
             save_parameters=save_parameters,
             texts=self._texts,

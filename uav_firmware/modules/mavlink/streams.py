@@ -61,6 +61,8 @@ STREAMS: Final[tuple[Stream, ...]] = (
         targets.position_target_global_int,
     ),
     Stream(mavlink.MAVLINK_MSG_ID_ATTITUDE_TARGET, 2, 0, targets.attitude_target),
+    Stream(mavlink.MAVLINK_MSG_ID_ORBIT_EXECUTION_STATUS, 3, 3, guidance.orbit_execution_status),
+    Stream(mavlink.MAVLINK_MSG_ID_FENCE_STATUS, 1, 1, guidance.fence_status),
     Stream(mavlink.MAVLINK_MSG_ID_WIND_COV, 0.5, 0, targets.wind_cov),
     Stream(mavlink.MAVLINK_MSG_ID_HIGHRES_IMU, 0, 0, sensors.highres_imu),
     Stream(mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION, 0, 0, sensors.hil_state_quaternion),

@@ -12,6 +12,8 @@ from uav_firmware.msg.estimate import (
     VehicleLocalPosition,
     WindEstimate,
 )
+from uav_firmware.msg.geofence import Fence, GeofenceStatus, RallyPoints
+from uav_firmware.msg.guidance import FollowTarget, OrbitStatus
 from uav_firmware.msg.mission import Mission, MissionProgress
 from uav_firmware.msg.sensors import SensorBaro, SensorBattery, SensorGps, SensorImu, SensorTruth
 from uav_firmware.msg.setpoints import (
@@ -52,6 +54,11 @@ class MavlinkTopics:
     status_text: Queue[StatusText]
     vehicle_command: Queue[VehicleCommand]
     mission: Topic[Mission]
+    fence: Topic[Fence] = field(default_factory=Topic)
+    rally_points: Topic[RallyPoints] = field(default_factory=Topic)
+    geofence_status: Topic[GeofenceStatus] = field(default_factory=Topic)
+    orbit_status: Topic[OrbitStatus] = field(default_factory=Topic)
+    follow_target: Topic[FollowTarget] = field(default_factory=Topic)
     ground_station_heartbeat: Topic[int] = field(default_factory=Topic)  # [us] When heard
     manual_control_setpoint: Topic[ManualControlSetpoint] = field(default_factory=Topic)
     offboard_setpoint: Topic[OffboardSetpoint] = field(default_factory=Topic)

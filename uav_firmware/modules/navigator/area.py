@@ -29,7 +29,6 @@ class AreaKeeper:
         self._fence = fence
         self._rally = rally_points
         self._known: tuple[Any, ...] = ()
-        self.changed = False  # In the last update
         self.version = 0  # Grows with every change
 
     def update(self, flight: Flight) -> None:
@@ -41,8 +40,7 @@ class AreaKeeper:
             None if flight.home is None else flight.home.position_ned,
             flight.params,
         )
-        self.changed = state != self._known
-        if self.changed:
+        if state != self._known:
             self._known = state
             self.version += 1
             flight.fence = self._geofence(flight)

@@ -7,6 +7,7 @@ from uav_firmware.bus import Queue, Topic
 from uav_firmware.modules.navigator import area, feasibility, geofence_plan
 from uav_firmware.modules.navigator.area import AreaKeeper
 from uav_firmware.modules.navigator.flight import Flight, Speeds
+from uav_firmware.modules.navigator.follow import FollowMode
 from uav_firmware.modules.navigator.geofence_watch import GeofenceWatch
 from uav_firmware.modules.navigator.guided_modes import OrbitMode
 from uav_firmware.modules.navigator.loiter import LoiterMode
@@ -18,7 +19,7 @@ from uav_firmware.modules.navigator.surroundings import ceiling, frame_of, tilt_
 from uav_firmware.msg.control_mode import ControlSource, VehicleControlMode
 from uav_firmware.msg.estimate import VehicleLocalPosition
 from uav_firmware.msg.geofence import Fence, FenceBreach, GeofenceStatus, RallyPoints
-from uav_firmware.msg.guidance import OrbitStatus, OrbitTarget
+from uav_firmware.msg.guidance import FollowOrder, FollowTarget, OrbitStatus, OrbitTarget
 from uav_firmware.msg.mission import (
     Mission,
     MissionCurrentRequest,
@@ -68,6 +69,7 @@ class NavigatorModule:
         fence: Topic[Fence],
         rally_points: Topic[RallyPoints],
         geofence_status: Topic[GeofenceStatus],
+        follow_target: Topic[FollowTarget],
         status_text: Queue[StatusText],
         vehicle_control_mode: Topic[VehicleControlMode] | None = None,
     ) -> None:
@@ -86,6 +88,7 @@ class NavigatorModule:
         self._area = AreaKeeper(fence, rally_points)
         self._fence_watch = GeofenceWatch()
         self._fence_status = geofence_status
+        self._checked_by = 0  # Version of the area by which the mission was checked
         self._judged_by = 0  # Version of the area by which the present mode was let in
         self._texts = status_text
         self._control_mode = vehicle_control_mode
@@ -93,6 +96,7 @@ class NavigatorModule:
         self._flight = Flight(registry.read(NavigatorParams))
         self._mission = MissionMode()
         self._hold = LoiterMode()
+        self._follow_mode = FollowMode(follow_target)
         self._modes: dict[NavigationState, NavigatorMode] = {
             NavigationState.AUTO_MISSION: self._mission,
             NavigationState.AUTO_LOITER: self._hold,
@@ -100,6 +104,7 @@ class NavigatorModule:
             NavigationState.AUTO_LAND: LandMode(),
             NavigationState.AUTO_RTL: ReturnMode(),
             NavigationState.ORBIT: OrbitMode(),
+            NavigationState.AUTO_FOLLOW_TARGET: self._follow_mode,
         }
         self._active: NavigatorMode | None = None  # None while disarmed
         self._target: ModeTarget | None = None
@@ -111,6 +116,7 @@ class NavigatorModule:
     def check_mission(self, items: Sequence[MissionItem]) -> MissionRejection | None:
         """Whether items could be flown from the present home; for the mission upload."""
         flight = self._flight
+        self._area.update(flight)  # A fence may have come together with the mission
         rejection = feasibility.check(items, flight.home, flight.params)
         return rejection or area.check_mission(items, flight)
 
@@ -120,6 +126,7 @@ class NavigatorModule:
 
     def check_rally_points(self, items: Sequence[MissionItem]) -> MissionRejection | None:
         """Whether items are rally points that a return may lead to; for their upload."""
+        self._area.update(self._flight)
         return area.check_rally_points(items, self._flight)
 
     def refusal_of(self, target: ModeTarget) -> str | None:
@@ -164,10 +171,13 @@ class NavigatorModule:
         if mission is not None and self._mission_count != self._mission_topic.count:
             self._mission.load(mission)
             self._restart_mission()
-        elif self._home_count == self._home_position.count and not self._area.changed:
+        elif (
+            self._home_count == self._home_position.count and self._checked_by == self._area.version
+        ):
             return
         self._mission_count = self._mission_topic.count
         self._home_count = self._home_position.count
+        self._checked_by = self._area.version
         self._rejection = self.check_mission(self._mission.cursor.items)
 
     def _restart_mission(self) -> None:
@@ -177,7 +187,7 @@ class NavigatorModule:
     def _take_requests(self) -> None:
         for request in self._requests.drain():
             match request:
-                case NavigatorTarget() | OrbitTarget():
+                case NavigatorTarget() | OrbitTarget() | FollowOrder():
                     self._target = request
                 case SpeedRequest():
                     flight = self._flight
@@ -222,6 +232,8 @@ class NavigatorModule:
         """Whether the way flown has been held against the present fence."""
         if self._active is self._mission:
             return self._rejection is None
+        if self._active is self._follow_mode:
+            return False
         return self._active is not None and self._judged_by == self._area.version
 
     def _watch_fence(self) -> None:

@@ -117,6 +117,35 @@ class NavigatorParams:
         short="Highest that the vehicle may be above home; 0 no limit",
     )  # fmt: skip
 
+    follow_distance: float = param(
+        "FLW_TGT_DST", 8.0, unit="m", minimum=1.0, maximum=200.0,
+        short="Horizontal distance from a target that is followed",
+    )  # fmt: skip
+    follow_height: float = param(
+        "FLW_TGT_HT", 8.0, unit="m", minimum=1.0, maximum=200.0,
+        short="Height above home, or with FLW_TGT_ALT_M 2 above the target, of a follower",
+    )  # fmt: skip
+    follow_lowest: float = param(
+        "FLW_TGT_MIN_HT", 2.0, unit="m", minimum=0.5, maximum=200.0,
+        short="Height above home below which a follower never goes",
+    )  # fmt: skip
+    follow_angle_deg: float = param(
+        "FLW_TGT_FA", 180.0, unit="deg", minimum=-180.0, maximum=180.0,
+        short="Place of a follower, clockwise from the target's way: 0 ahead, 180 behind",
+    )  # fmt: skip
+    follow_altitude_mode: int = param(
+        "FLW_TGT_ALT_M", 0, unit="1", minimum=0, maximum=2,
+        short="Height of a follower: 0 and 1 constant, 2 with the target's own height",
+    )  # fmt: skip
+    follow_speed: float = param(
+        "FLW_TGT_MAX_VEL", 5.0, unit="m/s", minimum=0.5, maximum=20.0,
+        short="Horizontal speed of a follower",
+    )  # fmt: skip
+    follow_responsiveness: float = param(
+        "FLW_TGT_RS", 0.1, unit="1", minimum=0.0, maximum=1.0,
+        short="How a follower takes up a target's changes: 0 at once, 1 smoothly",
+    )  # fmt: skip
+
     def limits(self) -> MotionLimits:
         """Limits of the trajectory with nothing commanded."""
         return MotionLimits(

@@ -8,6 +8,7 @@ import math
 from collections.abc import Sequence
 
 from uav_firmware.lib import speed_profile
+from uav_firmware.lib.guide import Guide, GuideLimits
 from uav_firmware.lib.motion import (
     Arc,
     MotionLimits,
@@ -40,11 +41,13 @@ class PathFollower:
         self._pieces: list[Stretch] = []
         self._time = 0.0  # [s] Within the first piece
         self._joining = False  # The first piece bends to the line of the first leg
+        self._chased: tuple[Vector3, MotionLimits] | None = None  # Velocity sought [m/s]
+        self._guide = Guide()
 
     @property
     def resting(self) -> bool:
         """Whether the set-point stands still and has nowhere to go."""
-        return not self._pieces and self._leg_index >= len(self._route)
+        return not self._pieces and self._leg_index >= len(self._route) and self._chased is None
 
     @property
     def sinking(self) -> bool:
@@ -115,6 +118,11 @@ class PathFollower:
         endless = speed_profile.Phase(math.inf, 0.0)
         self._follow((), list(straight_pieces(state, _DOWN, [*phases, endless])))
 
+    def chase(self, velocity: Vector3, limits: MotionLimits) -> None:
+        """Seek a velocity [m/s], within slopes and jerk, until something else is ordered."""
+        self._follow((), [])
+        self._chased = (velocity, limits)
+
     def relimit(self, limits: MotionLimits) -> None:
         """Fly the same route with other limits."""
         self.reshape([waypoint._replace(limits=limits) for waypoint in self._route])
@@ -140,6 +148,8 @@ class PathFollower:
 
     def advance(self, dt: float) -> MotionState:
         """Let `dt` [s] pass."""
+        if self._chased is not None:
+            return self._advance_chase(*self._chased, dt)
         self._time += dt
         while True:
             if not self._pieces and not self._begin_leg():
@@ -160,9 +170,26 @@ class PathFollower:
             if not self._pieces and self._leg is not None:
                 self._end_leg()
 
+    def _advance_chase(self, velocity: Vector3, limits: MotionLimits, dt: float) -> MotionState:
+        guide = self._guide
+        guide.position, guide.velocity, guide.acceleration = self.state
+        slopes = GuideLimits(
+            limits.acceleration_horizontal,
+            limits.acceleration_up,
+            limits.acceleration_down,
+            limits.jerk,
+            math.inf,
+            math.inf,
+        )
+        if dt > 0.0:
+            guide.advance(velocity, guide.position, slopes, dt)
+        self.state = MotionState(guide.position, guide.velocity, guide.acceleration)
+        return self.state
+
     def _follow(self, route: tuple[Waypoint, ...], pieces: list[Stretch]) -> None:
         self._route, self._pieces, self._leg, self._joining = route, pieces, None, False
         self._leg_index, self.passed, self._time = 0, 0, 0.0
+        self._chased = None
 
     def _ahead(self) -> tuple[Waypoint, ...]:
         return self._route[self._leg_index : self._leg_index + _LOOK_AHEAD]

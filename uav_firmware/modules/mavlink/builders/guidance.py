@@ -8,12 +8,14 @@ from uav_firmware.modules.mavlink.builders.conversion import (
     NAN,
     UINT16_MAX,
     UINT32_MAX,
+    boot_ms,
     int16,
     saturated,
     uint16,
 )
 from uav_firmware.modules.mavlink.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.dialect_extensions import MissionCurrent
+from uav_firmware.msg.geofence import FenceBreach
 from uav_firmware.msg.status import NavigationState
 
 _MISSION_MODE_ACTIVE: Final = 1
@@ -91,4 +93,32 @@ def servo_output_raw(context: Context) -> Message | None:
         servo6_raw=0,
         servo7_raw=0,
         servo8_raw=0,
+    )
+
+
+def orbit_execution_status(context: Context) -> Message | None:
+    """ORBIT_EXECUTION_STATUS of the circle being flown; None when there is none."""
+    orbit = context.topics.orbit_status.value
+    if orbit is None or not orbit.active or math.isnan(orbit.latitude_deg):
+        return None
+    return mavlink.MAVLink_orbit_execution_status_message(
+        time_usec=orbit.time_us,
+        radius=orbit.radius_m,
+        frame=mavlink.MAV_FRAME_GLOBAL,
+        x=round(orbit.latitude_deg * 1e7),
+        y=round(orbit.longitude_deg * 1e7),
+        z=orbit.altitude_amsl_m,
+    )
+
+
+def fence_status(context: Context) -> Message | None:
+    """FENCE_STATUS; None until the navigator has judged for the first time."""
+    status = context.topics.geofence_status.value
+    if status is None:
+        return None
+    return mavlink.MAVLink_fence_status_message(
+        breach_status=int(status.breach is not FenceBreach.NONE),
+        breach_count=min(status.breach_count, UINT16_MAX),
+        breach_type=int(status.breach),
+        breach_time=boot_ms(status.breach_time_us),
     )

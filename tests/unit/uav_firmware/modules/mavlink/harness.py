@@ -7,6 +7,7 @@ from typing import Any
 from uav_firmware.bus import Queue, Topic
 from uav_firmware.cal.link import Address, Link
 from uav_firmware.modules.mavlink.dialect import frame, mavlink, pack, parse
+from uav_firmware.modules.mavlink.dispatcher import PlanChecks
 from uav_firmware.modules.mavlink.module import MavlinkModule
 from uav_firmware.modules.mavlink.peers import Peer, Profile
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
@@ -18,6 +19,8 @@ from uav_firmware.msg.estimate import (
     VehicleLocalPosition,
     WindEstimate,
 )
+from uav_firmware.msg.geofence import FenceAction, FenceBreach, GeofenceStatus
+from uav_firmware.msg.guidance import OrbitStatus
 from uav_firmware.msg.mission import MissionItem, MissionRejection
 from uav_firmware.msg.sensors import SensorBaro, SensorBattery, SensorGps, SensorImu, SensorTruth
 from uav_firmware.msg.setpoints import (
@@ -153,6 +156,21 @@ def flying_topics() -> MavlinkTopics:
     )
     topics.attitude_setpoint.publish(VehicleAttitudeSetpoint(0, (1.0, 0.0, 0.0, 0.0), 0.0, 0.3))
     topics.rates_setpoint.publish(VehicleRatesSetpoint(0, (0.1, -0.2, 0.3), 0.3))
+    topics.orbit_status.publish(
+        OrbitStatus(
+            0,
+            active=True,
+            radius_m=-10.0,
+            latitude_deg=LATITUDE_DEG,
+            longitude_deg=LONGITUDE_DEG,
+            altitude_amsl_m=ALTITUDE_M + 10.0,
+            speed_m_s=3.0,
+            turned=1.0,
+        )
+    )
+    topics.geofence_status.publish(
+        GeofenceStatus(0, FenceBreach.NONE, FenceBreach.NONE, FenceAction.HOLD, 12.0, 0, 0)
+    )
     topics.wind.publish(WindEstimate(0, 3.0, -4.0))
     topics.actuator_motors.publish(ActuatorMotors(0, (0.5, 0.5, 0.5, 0.5)))
     topics.truth.publish(
@@ -210,7 +228,7 @@ class Bench:
             system_id=SYSTEM,
             registry=self.registry,
             topics=self.topics,
-            check_mission=check,
+            checks=PlanChecks(check, check, check),
             peers=(
                 Peer(address=GROUND, profile=Profile.GROUND_STATION),
                 Peer(address=BROKER, profile=Profile.ONBOARD),

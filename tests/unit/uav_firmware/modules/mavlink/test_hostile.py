@@ -30,6 +30,7 @@ HANDLED: Final = {
         "PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET", "TIMESYNC", "PING",
         "SYSTEM_TIME", "REQUEST_DATA_STREAM", "MANUAL_CONTROL", "SET_ATTITUDE_TARGET",
         "SET_POSITION_TARGET_LOCAL_NED", "SET_POSITION_TARGET_GLOBAL_INT",
+        "FOLLOW_TARGET",
     }
 }  # fmt: skip
 SPECIAL: Final = [math.nan, math.inf, -math.inf, 0.0, -0.0, 1e38, -1e38, 1e-45]

@@ -268,15 +268,21 @@ def test_the_current_item_is_marked_in_a_download() -> None:
 
 
 @pytest.mark.parametrize("mission_type", [FENCE, RALLY])
-def test_plans_that_nobody_on_board_honours_are_refused_and_empty(mission_type: int) -> None:
+def test_fence_and_rally_points_are_plans_of_their_own(mission_type: int) -> None:
     bench = Bench()
     upload(bench, 3)
-    (ack,) = bench.ask(mission_count(4, mission_type), "MISSION_ACK")
-    assert (ack.type, ack.mission_type) == (UNSUPPORTED, mission_type)
+    (asked,) = bench.ask(mission_count(1, mission_type), "MISSION_REQUEST_INT")
+    assert (asked.seq, asked.mission_type) == (0, mission_type)
+    (ack,) = bench.ask(mission_item(0, mission_type=mission_type), "MISSION_ACK")
+    assert (ack.type, ack.mission_type) == (ACCEPTED, mission_type)
+    topic = bench.topics.fence if mission_type == FENCE else bench.topics.rally_points
+    assert topic.value is not None
+    assert len(topic.value.items) == 1
+    assert len(mission_of(bench).items) == 3
     (count,) = bench.ask(request_list(mission_type), "MISSION_COUNT")
-    assert (count.count, count.mission_type) == (0, mission_type)
+    assert (count.count, count.mission_type) == (1, mission_type)
     assert types(bench.ask(clear(mission_type), "MISSION_ACK")) == [ACCEPTED]
-    assert types(bench.ask(mission_count(0, mission_type), "MISSION_ACK")) == [ACCEPTED]
+    assert topic.value.items == ()
     assert len(mission_of(bench).items) == 3
 
 

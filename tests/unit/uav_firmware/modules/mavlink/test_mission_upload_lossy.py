@@ -14,6 +14,7 @@ from tests.unit.uav_firmware.modules.mavlink.harness import (
     mission_item,
 )
 from uav_firmware.modules.mavlink.dialect import frame, mavlink, pack, parse
+from uav_firmware.modules.mavlink.dispatcher import PlanChecks
 from uav_firmware.modules.mavlink.mission_items import StoredItem, plan_id, read_item
 from uav_firmware.modules.mavlink.module import MavlinkModule
 from uav_firmware.modules.mavlink.peers import Peer, Profile
@@ -92,7 +93,7 @@ class World:
             system_id=SYSTEM,
             registry=Registry(),
             topics=self.topics,
-            check_mission=lambda _: None,
+            checks=PlanChecks(_anything, _anything, _anything),
             peers=(Peer(address=GROUND_ADDRESS, profile=Profile.ONBOARD),),
         )
         self.now_us = 0
@@ -111,6 +112,10 @@ class World:
                 self._sequence = (self._sequence + 1) & 0xFF
                 datagram = frame(pack(message), self._sequence, 254, 190)
                 self.link.ground.send(datagram, VEHICLE_ADDRESS)
+
+
+def _anything(_items: object) -> None:
+    """Accept any plan."""
 
 
 def stored_items() -> list[StoredItem]:

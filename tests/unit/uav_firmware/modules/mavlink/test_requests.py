@@ -45,7 +45,7 @@ def test_the_version_tells_only_what_is_true(request_of: tuple[int, int]) -> Non
     result, messages = asked(Bench(), command_long(*request_of))
     (version,) = [m for m in messages if m.get_type() == "AUTOPILOT_VERSION"]
     assert result == ACCEPTED
-    assert version.capabilities == 1 | 2 | 4 | 8 | 16 | 64 | 128 | 256 | 2048 | 8192
+    assert version.capabilities == 1 | 2 | 4 | 8 | 16 | 64 | 128 | 256 | 2048 | 8192 | 16384 | 32768
     assert version.flight_sw_version == 0x01100000
     assert version.uid == SYSTEM
 
@@ -67,6 +67,7 @@ def test_the_list_of_modes_comes_whole_or_one_by_one() -> None:
         0x00060000,
         0x00070000,
         0x01030000,
+        0x08040000,
     }
     _, messages = asked(bench, command_long(REQUEST, MODES, 2))
     (one,) = [m for m in messages if m.get_type() == "AVAILABLE_MODES"]

@@ -281,3 +281,14 @@ def test_every_stream_builds_and_packs() -> None:
         payload = pack(stream.builder(context(topics)))
         assert payload.message_id == stream.message_id
         assert frame(payload, 0, 7, 1) == message.pack(mavlink.MAVLink(None, 7, 1))
+
+
+def test_an_orbit_is_told_with_its_signed_radius_and_only_while_it_lasts() -> None:
+    topics = flying_topics()
+    message = built("ORBIT_EXECUTION_STATUS", topics)
+    assert message.radius == -10.0
+    assert (message.x, message.y) == (round(LATITUDE_DEG * 1e7), round(LONGITUDE_DEG * 1e7))
+    assert message.z == ALTITUDE_M + 10.0
+    assert topics.orbit_status.value is not None
+    topics.orbit_status.publish(topics.orbit_status.value._replace(active=False))
+    assert built("ORBIT_EXECUTION_STATUS", topics) is None
