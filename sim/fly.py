@@ -1,8 +1,8 @@
 """`make fly`: fly a plan, as fast as the computer allows, and report on the flight.
 
 The real system flies it: edge server, broker, vehicles and mock cloud, on ports of their own
-and with state that is thrown away. What is kept goes to one folder: `report.html` and, for each
-vehicle, `report.png`, its flight logs and its true track.
+and with state that is thrown away. What is kept goes to one folder: `report.html`, `report.png`,
+and each vehicle's flight logs and true track.
 """
 
 import json
@@ -25,7 +25,7 @@ from sim.report.figures import Flight, examine
 from sim.report.flight_log import read_logs
 from sim.report.page import described, page
 from sim.report.plan import planned_for
-from sim.report.sheet import write_sheet
+from sim.report.sheet import write_overview, write_sheet
 from sim.report.truth_track import read_truth
 from sim.settings import Settings, from_environment
 from sim.supervisor import SupervisorError
@@ -175,6 +175,8 @@ def write_report(flown: Flown, settings: Settings, state_dir: Path, out: Path) -
         folder = out if len(flights) == 1 else _folder(out, flight.vehicle_id)
         heading = f"{title}: vehicle {flight.vehicle_id}"
         write_sheet(folder / "report.png", heading, described(facts), flight)
+    if len(flights) > 1:
+        write_overview(out / "report.png", title, described(facts), flights)
     report = out / "report.html"
     report.write_text(page(title, described(facts), flights), encoding="utf-8")
     (out / "plan.json").write_text(json.dumps(flown.plan, indent=2) + "\n", encoding="utf-8")

@@ -18,7 +18,7 @@ from sim.report.arrays import (
 from sim.report.events import Event, Span, armed_times, events, mode_spans
 from sim.report.flight_log import FlightLog
 from sim.report.plan import Planned, Point
-from sim.report.truth_track import TruthTrack
+from sim.report.truth_track import Plane, TruthTrack
 
 ON_GROUND_M: Final = 0.25  # [m] centre of gravity of a vehicle that stands, and a little
 _MARGIN_S: Final = 2.0  # shown before arming and after disarming
@@ -71,6 +71,7 @@ class Flight:
     """All that a report shows of one vehicle."""
 
     vehicle_id: int
+    plane: Plane
     planned: Planned
     log: FlightLog
     armed_at_s: float  # since boot
@@ -109,6 +110,7 @@ def examine(vehicle_id: int, planned: Planned, log: FlightLog, truth: TruthTrack
     true = Series(time_s, position)
     return Flight(
         vehicle_id=vehicle_id,
+        plane=truth.plane,
         planned=planned,
         log=log,
         armed_at_s=begin_s,

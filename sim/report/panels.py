@@ -1,130 +1,13 @@
-"""The panels of a report: each draws one picture of a flight onto axes it is given."""
+"""Panels over time: each draws one picture of a flight onto axes it is given."""
 
 from collections.abc import Sequence
-from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import Circle, Polygon
 
 from sim.report.arrays import Array, euler, largest
 from sim.report.figures import Flight, Series
-
-TRUE: Final = "#1b4f8f"
-ESTIMATED: Final = "#e07a1f"
-SETPOINT: Final = "#3a9a4b"
-PLANNED: Final = "#6b6b6b"
-FORBIDDEN: Final = "#c23b3b"
-AXES: Final = ("#1b4f8f", "#e07a1f", "#3a9a4b", "#8b4fb0")
-MODE_COLOURS: Final = ("#eef3fa", "#fdf3e7", "#edf7ee", "#f6eef9", "#f9eeee")
-_FENCE_MARGIN: Final = 0.35  # of the track's size, up to which a fence widens the view
-
-
-def plan_view(axes: Axes, flight: Flight) -> None:
-    """The track from above, against the plan and its fence."""
-    planned, true, estimated = flight.planned, flight.true.values, flight.estimated.values
-    for number, corners in enumerate(planned.inclusions):
-        label = "fence" if number == 0 else None
-        axes.add_patch(
-            Polygon(corners[:, ::-1], fill=False, ec="#7a9a7a", ls=(0, (6, 3)), lw=1.2, label=label)
-        )
-    for number, corners in enumerate(planned.exclusions):
-        label = "keep out" if number == 0 else None
-        axes.add_patch(
-            Polygon(corners[:, ::-1], fc=FORBIDDEN, alpha=0.15, ec=FORBIDDEN, lw=1.0, label=label)
-        )
-    route = _route(flight)
-    axes.plot(route[:, 1], route[:, 0], color=PLANNED, ls="--", lw=1.2, label="planned")
-    axes.plot(estimated[:, 1], estimated[:, 0], color=ESTIMATED, lw=1.0, label="estimated")
-    axes.plot(true[:, 1], true[:, 0], color=TRUE, lw=1.8, label="true", zorder=3)
-    _points(axes, flight)
-    axes.plot(*true[0, 1::-1], marker="s", ms=7, color=TRUE, ls="", label="start", zorder=4)
-    axes.plot(
-        *true[-1, 1::-1], marker="x", ms=8, mew=2, color=FORBIDDEN, ls="", label="end", zorder=5
-    )
-    _frame(axes, flight)
-    axes.grid(visible=True, color="#e6eaee", lw=0.6)
-    axes.set_axisbelow(True)
-    axes.set(title="Plan view", xlabel="east [m]", ylabel="north [m]")
-    _legend(axes)
-
-
-def _route(flight: Flight) -> Array:
-    """Points of the plan in order, home last if it ends there."""
-    places = [np.zeros(2), *(p.position[:2] for p in flight.planned.points)]
-    last = flight.planned.commands[-1].name if flight.planned.commands else ""
-    if flight.planned.landing is not None and last.endswith("HOME"):
-        places.append(flight.planned.landing)
-    return np.array(places)
-
-
-def _points(axes: Axes, flight: Flight) -> None:
-    labelled: dict[tuple[float, float], list[str]] = {}
-    for point in flight.planned.points:
-        north, east, _ = point.position
-        radius = point.orbit_radius_m or point.acceptance_m
-        if radius is not None:
-            axes.add_patch(Circle((east, north), radius, fill=False, ec=SETPOINT, lw=1.1, zorder=2))
-        axes.plot(east, north, marker="o", ms=3.5, color=SETPOINT, ls="", zorder=4)
-        labelled.setdefault((round(east, 1), round(north, 1)), []).append(point.label)
-    for (east, north), labels in labelled.items():
-        axes.annotate(
-            ", ".join(labels),
-            (east, north),
-            xytext=(7, 7),
-            textcoords="offset points",
-            fontsize=9,
-            color="#256b33",
-            weight="bold",
-            bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.8},
-            zorder=6,
-        )
-
-
-def _frame(axes: Axes, flight: Flight) -> None:
-    """Show track and points; of a fence as much as does not make them small."""
-    seen = np.concatenate((flight.true.values[:, :2], _route(flight)))
-    low, high = seen.min(axis=0), seen.max(axis=0)
-    size = max(float(np.max(high - low)), 6.0)
-    corners = flight.planned.inclusions
-    if corners:
-        fence = np.concatenate(corners)
-        low = np.maximum(np.minimum(low, fence.min(axis=0)), low - _FENCE_MARGIN * size)
-        high = np.minimum(np.maximum(high, fence.max(axis=0)), high + _FENCE_MARGIN * size)
-    _equal_scales(axes, low - 0.08 * size, high + 0.08 * size)
-
-
-def _equal_scales(axes: Axes, low: Array, high: Array) -> None:
-    """Limits (north, east) that hold the given ones and make a metre the same both ways."""
-    extent = axes.get_window_extent()
-    middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    metres_per_pixel = max(2.0 * half[0] / extent.height, 2.0 * half[1] / extent.width)
-    north, east = 0.5 * metres_per_pixel * extent.height, 0.5 * metres_per_pixel * extent.width
-    axes.set_xlim(middle[1] - east, middle[1] + east)
-    axes.set_ylim(middle[0] - north, middle[0] + north)
-    axes.set_aspect("equal", adjustable="box")
-
-
-def space_view(axes: Any, flight: Flight) -> None:
-    """The track in space, with its shadow on the ground."""
-    true, floor = flight.true.values, 0.0
-    axes.plot(true[:, 1], true[:, 0], floor, color="#b8c4d6", lw=1.2, label="on the ground")
-    axes.plot(true[:, 1], true[:, 0], true[:, 2], color=TRUE, lw=1.8, label="true")
-    for point in flight.planned.points:
-        north, east, up = point.position
-        axes.plot([east, east], [north, north], [floor, up], color=SETPOINT, lw=0.8, ls=":")
-        axes.scatter(east, north, up, color=SETPOINT, s=18, depthshade=False)
-        axes.text(east, north, up, f"  {point.label}", fontsize=8, color="#256b33")
-    spans = np.ptp(true, axis=0)
-    level = max(float(spans[0]), float(spans[1]), 1.0)
-    axes.set_box_aspect(
-        (max(spans[1], 0.3 * level), max(spans[0], 0.3 * level), max(spans[2], 0.45 * level))
-    )
-    axes.view_init(elev=24, azim=-60)
-    axes.tick_params(labelsize=7)
-    axes.set(xlabel="east [m]", ylabel="north [m]", zlabel="height [m]")
-    axes.set_title("In space", loc="left")
-    axes.legend(loc="upper right", fontsize=8, frameon=False)
+from sim.report.style import AXES, ESTIMATED, GRID, LABELS, MODE_COLOURS, SETPOINT, TRUE, legend
 
 
 def height(axes: Axes, flight: Flight) -> None:
@@ -155,12 +38,12 @@ def height(axes: Axes, flight: Flight) -> None:
             xytext=(3, 5),
             textcoords="offset points",
             fontsize=8,
-            color="#256b33",
+            color=LABELS,
         )
     top = float(np.max(flight.true.values[:, 2]))
     axes.set_ylim(-0.08 * top - 0.2, 1.25 * top + 0.5)
     axes.set(title="Height above the start", ylabel="height [m]")
-    _legend(axes)
+    legend(axes)
 
 
 def speed(axes: Axes, flight: Flight) -> None:
@@ -183,7 +66,7 @@ def speed(axes: Axes, flight: Flight) -> None:
     )
     axes.plot(time_s, -velocity[:, 2], color=ESTIMATED, lw=1.3, label="up, true")
     axes.set(title="Speed", ylabel="speed [m/s]")
-    _legend(axes)
+    legend(axes)
 
 
 def angle(axes: Axes, flight: Flight, index: int) -> None:
@@ -200,7 +83,7 @@ def angle(axes: Axes, flight: Flight, index: int) -> None:
             degrees = _broken_at_wraps(degrees)
         axes.plot(time_s, degrees, color=colour, lw=1.1, label=label)
     axes.set(title=name, ylabel=f"{name.lower()} [deg]")
-    _legend(axes)
+    legend(axes)
 
 
 def _broken_at_wraps(degrees: Array) -> Array:
@@ -227,7 +110,7 @@ def position_error(axes: Axes, flight: Flight) -> None:
     )
     _components(axes, flight.errors.position, ("north", "east", "up"))
     axes.set(title="Estimate minus truth: position", ylabel="error [m]")
-    _legend(axes)
+    legend(axes)
 
 
 def velocity_error(axes: Axes, flight: Flight) -> None:
@@ -235,7 +118,7 @@ def velocity_error(axes: Axes, flight: Flight) -> None:
     _time_axis(axes, flight)
     _components(axes, flight.errors.velocity, ("north", "east", "down"))
     axes.set(title="Estimate minus truth: velocity", ylabel="error [m/s]")
-    _legend(axes)
+    legend(axes)
 
 
 def attitude_error(axes: Axes, flight: Flight) -> None:
@@ -245,7 +128,7 @@ def attitude_error(axes: Axes, flight: Flight) -> None:
     axes.plot(heading.time_s, np.degrees(heading.values), color=ESTIMATED, lw=1.1, label="heading")
     axes.plot(tilt.time_s, np.degrees(tilt.values), color=TRUE, lw=1.1, label="tilt (amount)")
     axes.set(title="Estimate minus truth: attitude", ylabel="error [deg]")
-    _legend(axes)
+    legend(axes)
 
 
 def tracking(axes: Axes, flight: Flight) -> None:
@@ -266,7 +149,7 @@ def tracking(axes: Axes, flight: Flight) -> None:
     axes.set(
         title=f"Truth minus set-point, up to {largest(error.values):.2f} m", ylabel="distance [m]"
     )
-    _legend(axes)
+    legend(axes)
 
 
 def battery(axes: Axes, flight: Flight) -> None:
@@ -293,21 +176,7 @@ def motors(axes: Axes, flight: Flight) -> None:
     for output, name, colour in zip(outputs.T, names, AXES, strict=True):
         axes.plot(time_s, output, color=colour, lw=0.8, label=name)
     axes.set(title="Motor commands", ylabel="command [-]", ylim=(-0.02, 1.02))
-    _legend(axes)
-
-
-def _legend(axes: Axes) -> None:
-    """A legend beside the title, where it hides nothing."""
-    axes.legend(
-        loc="lower right",
-        bbox_to_anchor=(1.0, 0.99),
-        fontsize=8,
-        ncols=7,
-        frameon=False,
-        borderpad=0.1,
-        columnspacing=1.2,
-        handlelength=1.6,
-    )
+    legend(axes)
 
 
 def _components(axes: Axes, series: Series, names: Sequence[str]) -> None:
@@ -320,7 +189,7 @@ def _time_axis(axes: Axes, flight: Flight, *, names: bool = False) -> None:
     start_s, end_s = float(flight.true.time_s[0]), float(flight.true.time_s[-1])
     axes.set_xlim(start_s, end_s)
     axes.set_xlabel("time since arming [s]", fontsize=8)
-    axes.grid(visible=True, color="#d8dde3", lw=0.6)
+    axes.grid(visible=True, color=GRID, lw=0.6)
     axes.set_axisbelow(True)
     colours: dict[str, str] = {}
     for span in flight.modes:

@@ -1,7 +1,7 @@
 """Lays the panels out: one sheet as PNG, or one picture per panel for the page."""
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -9,7 +9,7 @@ import matplotlib as mpl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from sim.report import panels
+from sim.report import maps, panels
 from sim.report.figures import Flight, Passage
 from sim.report.summary import summary
 
@@ -58,8 +58,8 @@ def write_sheet(path: Path, title: str, subtitle: str, flight: Flight) -> None:
         )
         figure.text(0.05, 0.985, title, fontsize=15, weight="bold", va="top")
         figure.text(0.05, 0.974, subtitle, fontsize=10, color="#4a5560", va="top")
-        panels.plan_view(figure.add_subplot(grid[0, 0]), flight)
-        panels.space_view(figure.add_subplot(grid[0, 1], projection="3d"), flight)
+        maps.plan_view(figure.add_subplot(grid[0, 0]), flight)
+        maps.space_view(figure.add_subplot(grid[0, 1], projection="3d"), flight)
         for number, panel in enumerate(_TIME_PANELS):
             panel(figure.add_subplot(grid[1 + number // 2, number % 2]), flight)
         _table(figure.add_subplot(grid[6, 1]), "", _passage_rows(flight))
@@ -68,12 +68,25 @@ def write_sheet(path: Path, title: str, subtitle: str, flight: Flight) -> None:
         figure.savefig(path, dpi=_DPI)
 
 
+def write_overview(path: Path, title: str, subtitle: str, flights: Sequence[Flight]) -> None:
+    """Write the tracks and heights of several vehicles as one picture."""
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(16, 8), dpi=_DPI)
+        FigureCanvasAgg(figure)
+        grid = figure.add_gridspec(1, 2, left=0.05, right=0.975, top=0.87, bottom=0.08, wspace=0.12)
+        figure.text(0.05, 0.97, title, fontsize=15, weight="bold", va="top")
+        figure.text(0.05, 0.935, subtitle, fontsize=10, color="#4a5560", va="top")
+        maps.all_tracks(figure.add_subplot(grid[0, 0]), flights)
+        maps.all_heights(figure.add_subplot(grid[0, 1]), flights)
+        figure.savefig(path, dpi=_DPI)
+
+
 def pictures(flight: Flight) -> list[bytes]:
     """PNG pictures of the panels for a page: the two views first, then pairs of time panels."""
     with mpl.rc_context(_STYLE):
         views = Figure(figsize=(15, 6.5), dpi=_DPI)
-        panels.plan_view(views.add_subplot(1, 2, 1), flight)
-        panels.space_view(views.add_subplot(1, 2, 2, projection="3d"), flight)
+        maps.plan_view(views.add_subplot(1, 2, 1), flight)
+        maps.space_view(views.add_subplot(1, 2, 2, projection="3d"), flight)
         found = [_png(views)]
         for first in range(0, len(_TIME_PANELS), 2):
             pair = Figure(figsize=(15, 3.1), dpi=_DPI)

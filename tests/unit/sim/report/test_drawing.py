@@ -10,7 +10,7 @@ import pytest
 from sim.report.figures import Flight, examine
 from sim.report.page import page
 from sim.report.plan import COMMAND_NAMES
-from sim.report.sheet import write_sheet
+from sim.report.sheet import write_overview, write_sheet
 from tests.unit.sim.report import synthetic
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -69,3 +69,11 @@ def test_commands_are_named_as_the_vocabulary_names_them() -> None:
     from afarcloud.enumerations import CommandType  # noqa: PLC0415
 
     assert {kind.value: kind.name for kind in CommandType} == dict(COMMAND_NAMES)
+
+
+def test_several_vehicles_share_one_overview(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    write_overview(tmp_path / "report.png", "Title", "subtitle", [flight(), flight()])
+    assert (tmp_path / "report.png").read_bytes().startswith(PNG)
+    assert caplog.messages == []
