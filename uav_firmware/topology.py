@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Final
 
+from uav_firmware.cal.faults import FaultInjector
 from uav_firmware.cal.link import Link
 from uav_firmware.cal.log_store import LogStore
 from uav_firmware.cal.storage import Storage
@@ -125,7 +126,10 @@ class Autopilot:
             status_text=topics.status_text,
         )
         self.commander = CommanderModule(
-            registry, _commander_topics(topics), refusal_of=self.navigator.refusal_of
+            registry,
+            _commander_topics(topics),
+            inject=_injection_of(vehicle),
+            refusal_of=self.navigator.refusal_of,
         )
         self.manual_control = ManualControlModule(
             registry,
@@ -290,6 +294,13 @@ class Autopilot:
             RateGroup("parameter_storage", _STORAGE_PERIOD_US, self.parameter_storage.update, 4),
             RateGroup("logger", step_us, self.logger.update),
         )
+
+
+def _injection_of(vehicle: Vehicle) -> Callable[[int, int, int], bool]:
+    """Breaks parts of a vehicle that can be broken; of another one, none."""
+    if isinstance(vehicle, FaultInjector):
+        return vehicle.inject
+    return lambda _unit, _failure_type, _instance: False
 
 
 def _commander_topics(topics: Topics) -> CommanderTopics:
