@@ -175,7 +175,7 @@ def test_the_simulated_vehicle_hands_every_reading_over_under_its_own_name() -> 
                     expected["field_frd"] = expected.pop("field_frd_gauss")
                 assert sample._asdict() == expected
                 seen.add(name)
-    assert seen == {"imu", "baro", "mag", "gps", "battery"}
+    assert seen == {"imu", "baro", "mag", "gps", "battery", "esc"}
 
 
 def test_the_simulated_truth_is_handed_over_under_its_own_name() -> None:

@@ -94,6 +94,7 @@ def test_it_holds_place_and_height_spinning_the_way_that_the_two_rotors_push(
     tmp_path: Path,
 ) -> None:
     tester = hovering(tmp_path, seed=5)
+    tester.autopilot.registry.set("COM_ACT_FAIL_ACT", 0)  # A warning only
     lose(tester, 1)
     tester.run_for(10.0)
     watch = Watch(tester)

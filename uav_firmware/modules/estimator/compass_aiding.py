@@ -26,6 +26,7 @@ class CompassAiding:
         self.aligned = False
         self._params = params
         self._strength = 0.0
+        self._aligned_with = 0.0  # [rad] Declination
 
     def configure(self, params: EstimatorParams) -> None:
         """Work with changed parameters from now on."""
@@ -37,16 +38,29 @@ class CompassAiding:
         if mag.time_us < self.heading.ready_us:
             return
         self.heading.ready_us = mag.time_us + _INTERVAL_US
-        declination = math.radians(self._params.declination_deg)
+        declination = self._declination(core)
         compass = read_compass(mag.field_frd, core.state.q_ned_frd, declination)
         if compass is None:
             return
         strength = math.hypot(*mag.field_frd)
-        if not self.aligned:
-            self._strength = strength
+        if not self.aligned or (declination != self._aligned_with and core.rest.at_rest):
+            # The first fix tells the declination while the vehicle still stands
+            self._strength, self._aligned_with = strength, declination
             self._align(core, compass)
         elif abs(strength - self._strength) <= _LARGEST_CHANGE * self._strength:
             self._fuse(core, compass)
+
+    def is_current(self, core: Core) -> bool:
+        """Whether the heading has been aligned, with the declination that is known now."""
+        return self.aligned and (
+            self._aligned_with == self._declination(core) or not core.rest.at_rest
+        )
+
+    def _declination(self, core: Core) -> float:
+        """Declination [rad] of the place, as far as it is known."""
+        if self._params.declination_source == 0 or core.declination is None:
+            return math.radians(self._params.declination_deg)
+        return core.declination
 
     def _align(self, core: Core, compass: Compass) -> None:
         """Turn the estimate to the compass and forget all that was known of the heading."""

@@ -4,6 +4,7 @@ from typing import Final
 
 import numpy as np
 
+from uav_firmware.lib.declination import declination
 from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2, LocalFrame, gravity_m_s2
 from uav_firmware.modules.estimator.alignment import TiltAlignment
 from uav_firmware.modules.estimator.delay import InertialHistory, Past
@@ -42,6 +43,7 @@ class Core:
         self.params = params
         self.time_us = time_us
         self.origin: LocalFrame | None = None
+        self.declination: float | None = None  # [rad] At the origin
         self.on_ground: bool | None = None  # None while nobody has said
         self.rest = RestDetector()
         self.history = InertialHistory(time_us, _HISTORY_SAMPLES)
@@ -80,6 +82,7 @@ class Core:
     def set_origin(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> None:
         """Call the present place (0, 0, 0); the caller states its uncertainty."""
         self.origin = LocalFrame(latitude_deg, longitude_deg, altitude_m)
+        self.declination = declination(latitude_deg, longitude_deg)
         self.ekf.gravity = gravity_m_s2(latitude_deg, altitude_m)
         self.state.position_ned = (0.0, 0.0, 0.0)
 

@@ -133,7 +133,7 @@ class Navigation:
         return Validity(
             attitude=healthy and tilt < _LARGEST_TILT_SIGMA_RAD,
             heading=healthy
-            and self.compass.aligned
+            and self.compass.is_current(core)
             and core.ekf.sigma(HEADING) < _LARGEST_HEADING_SIGMA_RAD,
             velocity=located and moving <= limit_s,
             position=position,

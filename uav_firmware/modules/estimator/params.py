@@ -89,10 +89,14 @@ class EstimatorParams:
         "EKF2_HDG_B_WALK", 0.001, unit="rad/sqrt(s)", minimum=0.0, maximum=0.1,
         short="Random walk of the compass error",
     )  # fmt: skip
+    declination_source: int = param(
+        "EKF2_DECL_TYPE", 1, unit="1", minimum=0, maximum=1,
+        short="Declination: 1 looked up for the place of the first fix, 0 EKF2_MAG_DECL",
+    )  # fmt: skip
     # World Magnetic Model 2025 at 40.4434 N, 3.7382 W, 650 m, mid 2026: 0.45 degrees east.
     declination_deg: float = param(
         "EKF2_MAG_DECL", 0.45, unit="deg", minimum=-180.0, maximum=180.0,
-        short="Magnetic declination, east positive",
+        short="Magnetic declination while the place is unknown, east positive",
     )  # fmt: skip
     required_horizontal_accuracy: float = param(
         "EKF2_REQ_EPH", 3.0, unit="m", minimum=0.5, maximum=100.0,

@@ -152,7 +152,7 @@ def share(
     one, two = (motor for motor in range(4) if motor not in (lost, opposite))
     lever = arms[opposite].lever
     push = (wanted * lever.conjugate()).real
-    push = min(max(push, 0.0), 0.5 * total)
+    push = min(max(push, 0.0), 0.5 * total, 1.0)
     pair = 0.5 * min(total - push, 2.0)
     lever = arms[one].lever
     half = 0.5 * (wanted * lever.conjugate()).real

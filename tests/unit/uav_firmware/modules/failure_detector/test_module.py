@@ -1,0 +1,112 @@
+"""The failure detector on its topics."""
+
+import math
+
+from tests.support.vehicle_status import vehicle_status
+from uav_firmware.bus import Queue, Topic
+from uav_firmware.lib.rotation import from_euler
+from uav_firmware.modules.failure_detector.module import FailureDetectorModule
+from uav_firmware.msg.actuators import ActuatorMotors
+from uav_firmware.msg.estimate import VehicleAttitude
+from uav_firmware.msg.failure import FailureDetectorStatus
+from uav_firmware.msg.sensors import SensorEsc
+from uav_firmware.msg.status import StatusText, VehicleStatus
+from uav_firmware.parameters import Registry
+
+HOVER_RPM = 5000.0
+STEP_US = 8000
+
+
+class Vehicle:
+    """The module and what it hears."""
+
+    def __init__(self) -> None:
+        self.registry = Registry()
+        self.motors: Topic[ActuatorMotors] = Topic()
+        self.esc: Topic[SensorEsc] = Topic()
+        self.attitude: Topic[VehicleAttitude] = Topic()
+        self.vehicle_status: Topic[VehicleStatus] = Topic()
+        self.status: Topic[FailureDetectorStatus] = Topic()
+        self.texts: Queue[StatusText] = Queue()
+        self.module = FailureDetectorModule(
+            self.registry,
+            motors=self.motors,
+            esc=self.esc,
+            attitude=self.attitude,
+            vehicle_status=self.vehicle_status,
+            failure_status=self.status,
+            status_text=self.texts,
+        )
+        self.now_us = 0
+        self.vehicle_status.publish(vehicle_status(armed=True))
+
+    def fly(self, seconds: float, *, second_rpm: float = HOVER_RPM, roll: float = 0.0) -> None:
+        for _ in range(round(seconds * 1e6 / STEP_US)):
+            self.now_us += STEP_US
+            self.motors.publish(ActuatorMotors(self.now_us, (0.42, 0.42, 0.42, 0.42)))
+            speeds = (HOVER_RPM, second_rpm, HOVER_RPM, HOVER_RPM)
+            self.esc.publish(SensorEsc(self.now_us, speeds, (2.7, 2.7, 2.7, 2.7)))
+            q = from_euler(roll, 0.0, 0.0)
+            self.attitude.publish(VehicleAttitude(self.now_us, q, (0.0, 0.0, 0.0)))
+            self.module.update(self.now_us)
+
+    def lost(self) -> tuple[bool, bool]:
+        """Whether roll and pitch are beyond their limits."""
+        assert self.status.value is not None
+        return self.status.value.roll_exceeded, self.status.value.pitch_exceeded
+
+    @property
+    def failed(self) -> int:
+        assert self.status.value is not None
+        return self.status.value.failed_motors
+
+
+def test_a_healthy_vehicle_is_told_of_once_a_second_and_no_word_is_said() -> None:
+    vehicle = Vehicle()
+    vehicle.fly(5.0)
+    assert vehicle.failed == 0
+    assert 5 <= vehicle.status.count <= 7
+    assert vehicle.texts.drain() == []
+
+
+def test_a_slow_motor_is_told_of_at_once_and_said_once() -> None:
+    vehicle = Vehicle()
+    vehicle.fly(2.0)
+    vehicle.fly(0.1, second_rpm=500.0)
+    assert vehicle.failed == 0b10
+    vehicle.fly(2.0, second_rpm=500.0)
+    assert [text.text for text in vehicle.texts.drain()] == ["Motor 2 failed"]
+
+
+def test_a_standing_motor_of_a_disarmed_vehicle_has_not_failed() -> None:
+    vehicle = Vehicle()
+    vehicle.vehicle_status.publish(vehicle_status(armed=False))
+    vehicle.fly(2.0, second_rpm=0.0)
+    assert vehicle.failed == 0
+
+
+def test_disarming_forgets_the_failure() -> None:
+    vehicle = Vehicle()
+    vehicle.fly(1.0, second_rpm=0.0)
+    assert vehicle.failed == 0b10
+    vehicle.vehicle_status.publish(vehicle_status(armed=False))
+    vehicle.fly(0.1)
+    assert vehicle.failed == 0
+
+
+def test_the_watch_on_motors_can_be_switched_off() -> None:
+    vehicle = Vehicle()
+    vehicle.registry.set("FD_ACT_EN", 0)
+    vehicle.fly(1.0, second_rpm=0.0)
+    assert vehicle.failed == 0
+
+
+def test_a_roll_beyond_the_limit_is_told_after_its_time_and_forgotten() -> None:
+    vehicle = Vehicle()
+    vehicle.fly(0.2, roll=math.radians(70.0))
+    assert vehicle.lost() == (False, False)
+    vehicle.fly(0.2, roll=math.radians(70.0))
+    assert vehicle.lost() == (True, False)
+    assert "Attitude beyond limits" in [text.text for text in vehicle.texts.drain()]
+    vehicle.fly(0.1, roll=math.radians(10.0))
+    assert vehicle.lost() == (False, False)

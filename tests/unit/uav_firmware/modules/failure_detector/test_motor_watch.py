@@ -1,0 +1,79 @@
+"""Motors judged by their speed: quickly when they stop, never when they are only slow to rise."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from uav_firmware.modules.failure_detector.motor_watch import MotorLimits, MotorWatch
+from uav_firmware.msg.vectors import Motors
+
+DT = 0.008
+LIMITS = MotorLimits(full_speed_rpm=10650.0, least_command=0.2, least_share=0.7, time_s=0.024)
+HOVER: Motors = (0.42, 0.42, 0.42, 0.42)
+
+
+def steady_rpm(command: float) -> float:
+    return 10650.0 * command * (1.23 - 0.23 * command)
+
+
+class Rotors:
+    """Four rotors with the F450's lag, and the watch on them."""
+
+    def __init__(self) -> None:
+        self.watch = MotorWatch(LIMITS)
+        self.speeds = [0.0] * 4
+        self.dead: set[int] = set()
+
+    def run(self, seconds: float, command: Motors, lag_s: float = 0.056) -> int:
+        failed = 0
+        for _ in range(round(seconds / DT)):
+            for motor in range(4):
+                goal = 0.0 if motor in self.dead else steady_rpm(command[motor])
+                self.speeds[motor] += (goal - self.speeds[motor]) * (1.0 - math.exp(-DT / lag_s))
+            one, two, three, four = self.speeds
+            failed = self.watch.update(command, (one, two, three, four), DT)
+        return failed
+
+
+@pytest.mark.parametrize("motor", [0, 1, 2, 3])
+def test_a_stopping_motor_is_named_within_a_tenth_of_a_second(motor: int) -> None:
+    rotors = Rotors()
+    assert rotors.run(1.0, HOVER) == 0
+    rotors.dead.add(motor)
+    assert rotors.run(0.1, HOVER) == 1 << motor
+
+
+@given(
+    commands=st.lists(st.tuples(*[st.floats(0.0, 1.0)] * 4), min_size=1, max_size=40),
+    lag_s=st.floats(0.02, 0.1),
+)
+def test_no_commands_make_a_healthy_motor_fail(commands: list[Motors], lag_s: float) -> None:
+    rotors = Rotors()
+    for command in commands:
+        assert rotors.run(0.04, command, lag_s) == 0
+
+
+def test_a_motor_that_is_hardly_commanded_is_not_judged() -> None:
+    rotors = Rotors()
+    rotors.dead.add(2)
+    assert rotors.run(2.0, (0.42, 0.42, 0.1, 0.42)) == 0
+
+
+def test_a_failed_motor_stays_failed_until_the_watch_is_reset() -> None:
+    rotors = Rotors()
+    rotors.run(1.0, HOVER)
+    rotors.dead.add(0)
+    rotors.run(0.2, HOVER)
+    rotors.dead.clear()
+    assert rotors.run(2.0, HOVER) == 1
+    rotors.watch.reset()
+    assert rotors.run(0.2, HOVER) == 0
+
+
+def test_a_report_that_is_no_number_condemns_nobody() -> None:
+    watch = MotorWatch(LIMITS)
+    for _ in range(100):
+        watch.update(HOVER, (math.nan, math.nan, math.nan, math.nan), DT)
+    assert watch.failed == 0
