@@ -12,7 +12,7 @@ from uav_firmware.config import ConfigError, VehicleConfig, read_config
 from uav_firmware.drivers.jammed_link import JammedLink
 from uav_firmware.drivers.udp_link import UdpLink
 from uav_firmware.modules.mavlink.peers import Peer, Profile
-from uav_firmware.scheduler import Pacer
+from uav_firmware.scheduler import LateSteps, Pacer
 from uav_firmware.topology import Autopilot
 from uav_firmware.vehicle import Hardware, addresses, build_hardware
 
@@ -87,9 +87,12 @@ def _run(config: VehicleConfig, hardware: Hardware, autopilot: Autopilot, stop: 
     speed = "as fast as it goes" if config.speed == 0.0 else f"at {config.speed:g} times real time"
     host, port = hardware.link.address
     write(vehicle.time_us, f"flying {config.driver} {speed}, MAVLink on UDP {host}:{port}")
+    late = LateSteps(pacer, write)
     while not stop.requested:
         step()
         pacer.pace(vehicle.time_us)
+        if pacer.steps == late.due:
+            late.tell(vehicle.time_us)
     autopilot.parameter_storage.update()
     autopilot.logger.close()
     write(

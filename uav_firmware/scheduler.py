@@ -118,3 +118,22 @@ class Pacer:
             if late_s > 0.0:
                 self.given_up_s += late_s
                 self._origin_s += late_s
+
+
+class LateSteps:
+    """Says every so often how many of the latest steps missed their deadline, if any did."""
+
+    EVERY_STEPS: Final = 2500  # Ten seconds of vehicle time
+
+    def __init__(self, pacer: Pacer, write: Callable[[int, str], None]) -> None:
+        self.due = self.EVERY_STEPS
+        self._pacer = pacer
+        self._write = write
+        self._told = 0
+
+    def tell(self, time_us: int) -> None:
+        """Write the line, and be due again after as many steps."""
+        self.due += self.EVERY_STEPS
+        late, self._told = self._pacer.overruns - self._told, self._pacer.overruns
+        if late > 0:
+            self._write(time_us, f"{late} of the last {self.EVERY_STEPS} steps late")

@@ -2,7 +2,7 @@ from collections.abc import Callable
 
 import pytest
 
-from uav_firmware.scheduler import Pacer, RateGroup, ScheduleError, Scheduler
+from uav_firmware.scheduler import LateSteps, Pacer, RateGroup, ScheduleError, Scheduler
 
 
 class Clock:
@@ -133,3 +133,16 @@ def test_a_speed_that_is_no_ratio_is_refused(speed: float) -> None:
     clock = Clock()
     with pytest.raises(ScheduleError, match="speed"):
         Pacer(speed, clock=clock, wait=clock.wait)
+
+
+def test_late_steps_are_told_once_in_ten_seconds_and_only_if_there_are_any() -> None:
+    clock, told = Clock(), list[tuple[int, str]]()
+    pacer = Pacer(1.0, clock=clock, wait=clock.wait)
+    late = LateSteps(pacer, lambda time_us, text: told.append((time_us, text)))
+    for step in range(1, 3 * LateSteps.EVERY_STEPS + 1):
+        clock.now_s += 0.09 if step == LateSteps.EVERY_STEPS + 500 else 0.0001
+        pacer.pace(step * 4000)
+        if pacer.steps == late.due:
+            late.tell(step * 4000)
+    assert told == [(20_000_000, f"{pacer.overruns} of the last 2500 steps late")]
+    assert pacer.overruns > 0
