@@ -45,20 +45,25 @@ class GpsAiding:
             speed_accuracy_m_s=params.required_speed_accuracy,
         )
 
-    def take(self, core: Core, gps: SensorGps) -> None:
-        """Use a fix, if it is good, new and of a time that is remembered."""
+    def take(self, core: Core, gps: SensorGps, *, height_aided: bool = False) -> None:
+        """Use a fix, if it is good, new and of a time that is remembered.
+
+        `height_aided` says that the barometer knows the height too; then that of GPS, whose
+        error wanders, is averaged over `EKF2_GPS_ALT_T`.
+        """
         if not is_good(gps, self._required):
             self._origin.restart()
             return
         if gps.time_us <= self._last_us or core.recall(gps.time_us) is None:
             return
-        self._last_us = gps.time_us
+        interval_us, self._last_us = gps.time_us - self._last_us, gps.time_us
+        shared = 2e6 * self._params.gps_height_time / interval_us if height_aided else 1.0
         self.accuracy_m = (gps.horizontal_accuracy_m, gps.vertical_accuracy_m)
         if core.origin is None:
             self._find_origin(core, gps)
         else:
             self._fuse_velocity(core, gps)
-            self._fuse_position(core, gps)
+            self._fuse_position(core, gps, max(shared, 1.0))
 
     def _find_origin(self, core: Core, gps: SensorGps) -> None:
         """Average fixes while the vehicle stands still; then the estimate begins."""
@@ -89,7 +94,7 @@ class GpsAiding:
             core.ekf.forget(VELOCITY, sigma)
             self.velocity.accept(core.time_us)
 
-    def _fuse_position(self, core: Core, gps: SensorGps) -> None:
+    def _fuse_position(self, core: Core, gps: SensorGps, height_samples: float) -> None:
         if core.origin is None:
             return
         fix = core.origin.to_ned(gps.latitude_deg, gps.longitude_deg, gps.altitude_amsl_m)
@@ -106,7 +111,7 @@ class GpsAiding:
             self.horizontal.accept(now_us)
         group = position_measurements(_recalled(core, gps), fix, *sigmas)
         if (
-            not self.vertical.fuse(core.ekf, group[2:], now_us)
+            not self.vertical.fuse(core.ekf, group[2:], now_us, height_samples)
             and self.vertical.rejected_s(now_us) > RESET_AFTER_S
         ):
             _reset_height(core, group[2].innovation, sigmas[1])

@@ -1,7 +1,8 @@
 """Parameters of the estimator: PX4's EKF2_* names where the meaning is the same.
 
 Defaults are PX4's where the quantity is the same; the exceptions and their reasons are in the
-README. Names that PX4 does not have: EKF2_BARO_WALK, EKF2_HDG_B_INIT, EKF2_HDG_B_WALK.
+README. Names that PX4 does not have: EKF2_BARO_WALK, EKF2_GPS_ALT_T, EKF2_HDG_B_INIT,
+EKF2_HDG_B_WALK.
 """
 
 from dataclasses import dataclass
@@ -60,6 +61,10 @@ class EstimatorParams:
     gps_velocity_gate: float = param(
         "EKF2_GPS_V_GATE", 5.0, unit="SD", minimum=1.0, maximum=100.0,
         short="Gate of GPS velocity",
+    )  # fmt: skip
+    gps_height_time: float = param(
+        "EKF2_GPS_ALT_T", 12.0, unit="s", minimum=0.0, maximum=300.0,
+        short="Time over which the height of GPS is averaged while the barometer works",
     )  # fmt: skip
     baro_noise: float = param(
         "EKF2_BARO_NOISE", 0.2, unit="m", minimum=0.01, maximum=15.0,
