@@ -99,6 +99,10 @@ class ToyVehicle:
     aligned: bool = True
     battery: float = 1.0
     fix_type: int = 3
+    satellites: int = 12
+    accuracy: float = 0.1  # [m] Of the estimated position
+    innovation: float = 0.0  # Test ratio of the GPS velocity
+    drift: Vector3 = (0.0, 0.0, 0.0)  # [m/s] Of a vehicle that stands
     wind: Vector3 = (0.0, 0.0, 0.0)
     roll: float = 0.0
     silent: set[str] = field(default_factory=set)  # Sensors that have failed
@@ -152,6 +156,7 @@ class ToyVehicle:
             fence=self.fence,
             rally_points=self.rally_points,
             geofence_status=self.geofence_status,
+            vehicle_command=self.commands,
             status_text=self.status_text,
         )
         self.sticks: Topic[ManualControlSetpoint] = Topic()
@@ -262,7 +267,7 @@ class ToyVehicle:
     def _move(self, dt: float) -> None:
         setpoint = self.setpoint.value
         if setpoint is None or not self.armed:
-            self.velocity = (0.0, 0.0, 0.0)
+            self.velocity = self.drift
             self._grounded_us += STEP_US
             return
         velocity = [0.0, 0.0, 0.0]
@@ -298,7 +303,7 @@ class ToyVehicle:
                 (0.0, 0.0, 0.0),
                 self.yaw,
                 *HOME,
-                horizontal_accuracy_m=0.1,
+                horizontal_accuracy_m=self.accuracy,
                 vertical_accuracy_m=0.1,
                 position_valid=valid,
                 altitude_valid=self.altitude_valid,
@@ -307,7 +312,9 @@ class ToyVehicle:
             )
         )
         self.estimator.publish(
-            EstimatorStatus(now, 0, 0.0, 0.0, 0.0, 0.0, 0.1, 0.1, (0.0, 0.0, 0.0), self.aligned)
+            EstimatorStatus(
+                now, 0, self.innovation, 0.0, 0.0, 0.0, 0.1, 0.1, (0.0, 0.0, 0.0), self.aligned
+            )
         )
         state = LandedState.ON_GROUND if self.landed else LandedState.IN_AIR
         self.land.publish(LandDetected(now, self.landed, self.landed, state))
@@ -323,7 +330,19 @@ class ToyVehicle:
             self.mag.publish(SensorMag(now, (0.2, 0.0, 0.4)))
         if "gps" not in self.silent:
             self.gps.publish(
-                SensorGps(now, 0, *HOME, self.velocity, 1.0, 1.0, 0.1, self.fix_type, 12, 0.8, 1.0)
+                SensorGps(
+                    now,
+                    0,
+                    *HOME,
+                    self.velocity,
+                    1.0,
+                    1.0,
+                    0.1,
+                    self.fix_type,
+                    self.satellites,
+                    0.8,
+                    1.0,
+                )
             )
         if "battery" not in self.silent:
             self.battery_topic.publish(SensorBattery(now, 15.0, 5.0, 0.0, 5.0, self.battery))

@@ -30,8 +30,10 @@ class GeofenceWatch:
         self._due_us = flight.now_us + PERIOD_US
         breach = predicted = FenceBreach.NONE
         margin = math.inf
-        if flight.estimate.position_valid and not flight.landed:
-            breach, predicted, margin = _judge(flight, on_route=on_route)
+        if flight.estimate.position_valid:
+            margin = flight.fence.margin((flight.position[0], flight.position[1]))
+            if not flight.landed:
+                breach, predicted = _judge(flight, on_route=on_route)
         was = self.status.breach if self.status is not None else FenceBreach.NONE
         if breach is not FenceBreach.NONE and was is FenceBreach.NONE:
             self._count += 1
@@ -43,7 +45,7 @@ class GeofenceWatch:
         return self.status
 
 
-def _judge(flight: Flight, *, on_route: bool) -> tuple[FenceBreach, FenceBreach, float]:
+def _judge(flight: Flight, *, on_route: bool) -> tuple[FenceBreach, FenceBreach]:
     fence, position = flight.fence, flight.position
     here = (position[0], position[1])
     breach = fence.breach(here, flight.height_of(position[2]))
@@ -54,7 +56,7 @@ def _judge(flight: Flight, *, on_route: bool) -> tuple[FenceBreach, FenceBreach,
         predicted = fence.breach(there, flight.height_of(stop[2]))
         if predicted is FenceBreach.NONE and not fence.line_allowed(here, there):
             predicted = FenceBreach.BOUNDARY
-    return breach, predicted, fence.margin(here)
+    return breach, predicted
 
 
 def _stopping_point(flight: Flight, *, on_route: bool) -> Vector3:

@@ -5,7 +5,7 @@ from itertools import product
 
 import pytest
 
-from tests.support.toy_vehicle import ToyVehicle, item, takeoff, waypoint
+from tests.support.toy_vehicle import ToyVehicle, at, item, takeoff, waypoint
 from uav_firmware.modules.commander.arming_states import (
     TRANSITIONS,
     Arming,
@@ -14,6 +14,9 @@ from uav_firmware.modules.commander.arming_states import (
     after,
 )
 from uav_firmware.modules.commander.sensor_watch import SensorBit
+from uav_firmware.msg.estimate import WindEstimate
+from uav_firmware.msg.failure import FailureDetectorStatus
+from uav_firmware.msg.geofence import Fence
 from uav_firmware.msg.status import Command, CommandResult, NavigationState, VehicleStatus
 
 ACCEPTED = CommandResult.ACCEPTED
@@ -61,7 +64,45 @@ def silence(name: str) -> Callable[[ToyVehicle], None]:
     return silent
 
 
+def disagree(vehicle: ToyVehicle) -> None:
+    vehicle.innovation = 1.5
+
+
+def move_on(vehicle: ToyVehicle) -> None:
+    vehicle.drift = (2.0, 0.0, 0.0)
+
+
+def lose_satellites(vehicle: ToyVehicle) -> None:
+    vehicle.satellites = 4
+
+
+def lose_accuracy(vehicle: ToyVehicle) -> None:
+    vehicle.accuracy = 9.0
+
+
+def break_motor(vehicle: ToyVehicle) -> None:
+    vehicle.failure.publish(
+        FailureDetectorStatus(0, roll_exceeded=False, pitch_exceeded=False, failed_motors=2)
+    )
+
+
+def storm(vehicle: ToyVehicle) -> None:
+    vehicle.wind_estimate.publish(WindEstimate(vehicle.now_us, 0.0, -20.0))
+
+
+def stand_outside(vehicle: ToyVehicle) -> None:
+    forbidden = item(0, 5004, param1=5.0, frame=0, **at(0.0, 0.0))
+    vehicle.fence.publish(Fence(vehicle.now_us, 1, (forbidden,)))
+
+
 FAULTS = [
+    (disagree, "Estimate and GPS velocity disagree", SensorBit.PREARM_CHECK),
+    (move_on, "Vehicle moves at 2.0 m/s", SensorBit.PREARM_CHECK),
+    (lose_satellites, "GPS uses only 4 satellites", SensorBit.PREARM_CHECK),
+    (lose_accuracy, "Position accurate to 9 m only", SensorBit.PREARM_CHECK),
+    (break_motor, "Motor failure detected", SensorBit.PREARM_CHECK),
+    (storm, "Wind 20 m/s, above 14", SensorBit.PREARM_CHECK),
+    (stand_outside, "Outside the geofence", SensorBit.PREARM_CHECK),
     (lose_alignment, "Attitude and heading", SensorBit.AHRS),
     (lose_position, "Position", SensorBit.XY_POSITION_CONTROL),
     (lose_fix, "no 3D fix", SensorBit.GPS),
@@ -161,3 +202,18 @@ def test_state_is_published_on_change_and_twice_a_second() -> None:
     assert vehicle.status.count - before in {4, 5}
     vehicle.arm()
     assert vehicle.armed
+
+
+def test_a_mission_that_never_lifts_is_given_up_with_a_sentence() -> None:
+    vehicle = ToyVehicle()
+    vehicle.registry.set("COM_DISARM_MIS", 20.0)
+    vehicle.run(0.5)
+    vehicle.upload(item(0, 93, param1=300.0), takeoff(1))
+    vehicle.run(0.1)
+    assert vehicle.set_mode(4) == 0
+    assert vehicle.arm() == 0
+    vehicle.run(18.0)
+    assert vehicle.armed
+    vehicle.run(3.0)
+    assert not vehicle.armed
+    assert "Disarmed: no take-off" in vehicle.texts
