@@ -41,7 +41,7 @@ RATED_VOLTAGE_V: Final = 14.63
 
 _STANDING_HEIGHT_M: Final = 0.1507  # Centre of gravity above ground, gear compressed
 _SETTLING_TIME_S: Final = 2.0  # The contact springs come to rest within 1.5 s
-_REACH_M: Final = 0.21  # From the centre of gravity to a foot
+_REACH_FT: Final = 0.21 / METRES_PER_FOOT  # From the centre of gravity to a foot
 _HARDEST_LANDING_M_S: Final = 6.0  # More breaks a light airframe
 _TIPPED_OVER_COSINE: Final = 0.5  # 60 degrees, past the tipping point
 _WRECK_HEIGHT_M: Final = 0.06  # Lower than a landing that the feet bear
@@ -98,6 +98,9 @@ class Quadrotor:
             ground_amsl_m=config.home_altitude_amsl_m,
         )
         self._run = fdm.run
+        self._height_above_ground_ft = _node(
+            fdm, properties.HEIGHT_ABOVE_GROUND_FT
+        ).get_double_value
         self._set_motors = _setters(fdm, properties.ESC_COMMANDS_NORM)
         self._set_wind = _setters(fdm, properties.WIND_NED_FPS)
         self._motors: Motors = (0.0, 0.0, 0.0, 0.0)
@@ -117,13 +120,18 @@ class Quadrotor:
         if not math.isfinite(motors[0] + motors[1] + motors[2] + motors[3]):
             raise MotorCommandError(f"motor commands must be finite, not {motors}")
         self._motors = motors
-        for setter, motor in zip(self._set_motors, motors, strict=True):
-            setter(motor)  # JSBSim's actuators clip to 0 and 1
+        one, two, three, four = self._set_motors
+        one(motors[0])  # JSBSim's actuators clip to 0 and 1
+        two(motors[1])
+        three(motors[2])
+        four(motors[3])
 
     def set_wind(self, wind_ned: Vector3) -> None:
         """Velocity [m/s, NED] of the air that the vehicle flies in."""
-        for setter, component in zip(self._set_wind, wind_ned, strict=True):
-            setter(component / METRES_PER_FOOT)
+        north, east, down = self._set_wind
+        north(wind_ned[0] / METRES_PER_FOOT)
+        east(wind_ned[1] / METRES_PER_FOOT)
+        down(wind_ned[2] / METRES_PER_FOOT)
 
     def set_rotor_effects(self, truth: Truth) -> None:
         """Let the rotors brake the vehicle's turning and feel the ground, as the truth is.
@@ -142,14 +150,15 @@ class Quadrotor:
         Raises:
             AirframeError: if JSBSim ends the simulation.
         """
-        height_m = self._state.height_above_ground_m
+        if self._wreck is not None:
+            return
+        run, height_ft = self._run, self._height_above_ground_ft
         for _ in range(steps):
-            if self._wreck is not None:
-                return
-            if not self._run():
+            if not run():
                 raise AirframeError("JSBSim ended the simulation")
-            if height_m() < _REACH_M and self._hits_ground():
+            if height_ft() < _REACH_FT and self._hits_ground():
                 self._wreck = self._lying_still()
+                return
 
     def _hits_ground(self) -> bool:
         """Whether the body is down, or the feet come down too fast or too far from upright."""

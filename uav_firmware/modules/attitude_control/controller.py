@@ -82,6 +82,12 @@ def rate_setpoint(
         rate_y += down[1] * yaw_rate
         rate_z += down[2] * yaw_rate
     limit_x, limit_y, limit_z = gains.rate_limit_frd
+    if (
+        -limit_x <= rate_x <= limit_x
+        and -limit_y <= rate_y <= limit_y
+        and -limit_z <= rate_z <= limit_z
+    ):
+        return (rate_x, rate_y, rate_z)
     return (
         min(max(rate_x, -limit_x), limit_x),
         min(max(rate_y, -limit_y), limit_y),

@@ -62,8 +62,10 @@ class RateAxis:
             if -1.0 < ratio < 1.0:
                 limit = gains.integral_limit
                 integral = self.integral + gains.i * error * (1.0 - ratio * ratio) * dt
-                self.integral = min(max(integral, -limit), limit)
-        return min(max(torque, -1.0), 1.0)
+                inside = -limit <= integral <= limit
+                self.integral = integral if inside else min(max(integral, -limit), limit)
+        # The usual case first: min and max cost more than the rest of the loop.
+        return torque if -1.0 <= torque <= 1.0 else min(max(torque, -1.0), 1.0)
 
 
 class RateController:
