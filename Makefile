@@ -84,6 +84,11 @@ cloud: $(RUNTIME) ## run the mock cloud alone
 test: $(DEV) ## run all tests
 	$(RUN) -m pytest -n 2
 
+.PHONY: golden
+golden: $(DEV) ## write the golden records anew; read the difference before you commit it
+	GOLDEN=rewrite $(RUN) -m pytest -q tests/golden
+	git diff --stat -- tests/golden
+
 .PHONY: check
 check: $(DEV) ## format, lint, types, import contracts
 	$(VENV)/bin/ruff format --check .
@@ -97,7 +102,7 @@ format: $(DEV) ## format and fix what a tool can fix
 	$(VENV)/bin/ruff check --fix .
 
 .PHONY: bench
-bench: $(DEV) ## measure and write STATE_DIR/bench/results.json
+bench: $(DEV) ## measure and write STATE_DIR/bench/results.json; BENCH=flight,speed,system chooses
 	@exec $(RUN) -m tests.bench
 
 .PHONY: clean
