@@ -3,7 +3,8 @@
 Starts the whole system at SPEED=1, sends every vehicle on a mission, and counts over the time
 given what processor time each program took and how many control steps missed their deadline: a
 step is due when the wall clock reaches the simulated time at its end. Not part of `make bench`,
-because it wants the machine for itself.
+because it wants the machine for itself; on one that has other work, `nice -n -10` in front of it
+comes close.
 """
 
 import re
