@@ -123,6 +123,7 @@ class Autopilot:
             fence=topics.fence,
             rally_points=topics.rally_points,
             geofence_status=topics.geofence_status,
+            vehicle_command=topics.vehicle_command,
             status_text=topics.status_text,
         )
         self.commander = CommanderModule(

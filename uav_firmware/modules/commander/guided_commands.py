@@ -6,23 +6,43 @@ from typing import Final
 from uav_firmware.modules.commander.command_parameters import (
     HEIGHT_MAX_M,
     BadParameterError,
+    Place,
     choice,
     place,
     refuse_below_home,
     refuse_set,
     unset,
 )
-from uav_firmware.modules.commander.decision import Decision, accepted
+from uav_firmware.modules.commander.decision import Decision, Tell, accepted, not_now
 from uav_firmware.modules.commander.flight_commands import (
     Situation,
     change_mode,
     change_mode_for,
 )
-from uav_firmware.msg.guidance import FollowHeight, FollowOrder, OrbitHeading, OrbitTarget
+from uav_firmware.msg.guidance import (
+    FollowHeight,
+    FollowOrder,
+    HeadingRequest,
+    OrbitHeading,
+    OrbitTarget,
+    RegionOfInterest,
+)
 from uav_firmware.msg.status import NavigationState, VehicleCommand
 
 ORBIT_RADIUS_MIN_M: Final = 1.0
 ORBIT_SPEED_MAX_M_S: Final = 10.0
+_ROI_LOCATION: Final = 3.0
+_FULL_TURN_DEG: Final = 360.0
+_NOWHERE: Final = Place(math.nan, math.nan, math.nan)
+_TURNING: Final = frozenset(
+    {
+        NavigationState.AUTO_LOITER,
+        NavigationState.AUTO_MISSION,
+        NavigationState.AUTO_TAKEOFF,
+        NavigationState.AUTO_RTL,
+        NavigationState.AUTO_LAND,
+    }
+)
 
 
 def orbit(command: VehicleCommand, situation: Situation) -> Decision:
@@ -85,3 +105,57 @@ def follow(command: VehicleCommand, situation: Situation) -> Decision:
         height,
     )
     return change_mode_for(order, situation)
+
+
+def look_at(command: VehicleCommand, situation: Situation) -> Decision:
+    """DO_SET_ROI_LOCATION: the nose points there until told otherwise."""
+    refuse_set(command, 1, 2, 3, 4)
+    return _look_at(command, situation)
+
+
+def look_ahead(command: VehicleCommand, situation: Situation) -> Decision:
+    """DO_SET_ROI_NONE."""
+    refuse_set(command, 1, 2, 3, 4, 5, 6, 7)
+    return _tell_region(situation, _NOWHERE)
+
+
+def region_of_interest(command: VehicleCommand, situation: Situation) -> Decision:
+    """DO_SET_ROI, the deprecated form: parameter 1 is 3 for a place and 0 for none."""
+    mode = 0.0 if math.isnan(command.param1) else choice(command, 1, 0.0, _ROI_LOCATION)
+    refuse_set(command, 2, 3, 4)
+    if mode == _ROI_LOCATION:
+        return _look_at(command, situation)
+    refuse_set(command, 5, 6, 7)
+    return _tell_region(situation, _NOWHERE)
+
+
+def _look_at(command: VehicleCommand, situation: Situation) -> Decision:
+    spot = place(command, situation.view, zero_is_unset=False)
+    if math.isnan(spot.latitude_deg):
+        raise BadParameterError("parameters 5 and 6: no place")
+    return _tell_region(situation, spot)
+
+
+def _tell_region(situation: Situation, spot: Place) -> Decision:
+    if not situation.armed:
+        return not_now("the vehicle is disarmed")
+    return accepted(Tell(RegionOfInterest(situation.view.now_us, *spot)))
+
+
+def turn(command: VehicleCommand, situation: Situation) -> Decision:
+    """CONDITION_YAW: to a heading, or through an angle, at a rate and in a direction."""
+    refuse_set(command, 5, 6, 7)
+    angle, rate = command.param1, command.param2
+    direction = 0.0 if math.isnan(command.param3) else choice(command, 3, -1.0, 0.0, 1.0)
+    relative = not math.isnan(command.param4) and choice(command, 4, 0.0, 1.0) == 1.0
+    if not abs(angle) <= _FULL_TURN_DEG:
+        raise BadParameterError(f"parameter 1 is {angle:g}, no angle")
+    if rate < 0.0:
+        raise BadParameterError("parameter 2 is negative")
+    if not situation.armed or situation.view.landed:
+        return not_now("the vehicle is on the ground")
+    if situation.mode not in _TURNING:
+        return not_now(f"mode {situation.mode.name} has a heading of its own")
+    now_us = situation.view.now_us
+    request = HeadingRequest(now_us, angle, rate, int(direction), relative)
+    return accepted(Tell(request))

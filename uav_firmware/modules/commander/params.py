@@ -17,6 +17,10 @@ class CommanderParams:
         "COM_DISARM_PRFLT", 10.0, unit="s", minimum=-1.0, maximum=600.0,
         short="Time from arming to disarming when the vehicle does not take off; negative never",
     )  # fmt: skip
+    disarm_mission_s: float = param(
+        "COM_DISARM_MIS", 60.0, unit="s", minimum=-1.0, maximum=3600.0,
+        short="Time to disarming in a mission that does not take off; negative never",
+    )  # fmt: skip
     arm_battery_min: float = param(
         "COM_ARM_BAT_MIN", 0.15, unit="1", minimum=0.0, maximum=0.9,
         short="Remaining charge, of a full battery, needed to arm",

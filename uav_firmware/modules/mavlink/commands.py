@@ -51,6 +51,8 @@ POSITIONAL: Final = frozenset(
         status.Command.NAV_LAND,
         status.Command.NAV_TAKEOFF,
         status.Command.DO_ORBIT,
+        status.Command.DO_SET_ROI_LOCATION,
+        status.Command.DO_SET_ROI,
         status.Command.DO_SET_HOME,
         status.Command.DO_REPOSITION,
     }

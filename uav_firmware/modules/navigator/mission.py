@@ -10,15 +10,29 @@ from uav_firmware.modules.navigator.mission_cursor import MissionCursor
 from uav_firmware.modules.navigator.mission_route import (
     HOVERING,
     Route,
+    altitude_amsl,
+    awaited_before,
     build,
+    following,
     from_the_ground,
     speeds_after,
     target_of,
+    unset,
 )
-from uav_firmware.modules.navigator.mission_tasks import DelayTask, Task, WaypointTask
+from uav_firmware.modules.navigator.mission_tasks import (
+    DelayTask,
+    DistanceTask,
+    Task,
+    ToAltitudeTask,
+    TurnTask,
+    WaypointTask,
+)
 from uav_firmware.modules.navigator.mode import NavigatorMode
+from uav_firmware.modules.navigator.orbit import Circle, Orbit
 from uav_firmware.modules.navigator.return_home import ReturnHome
 from uav_firmware.modules.navigator.takeoff import Takeoff
+from uav_firmware.modules.navigator.turning import take_region_of_interest
+from uav_firmware.msg.guidance import RegionOfInterest
 from uav_firmware.msg.mission import (
     Mission,
     MissionCommand,
@@ -38,6 +52,7 @@ class MissionMode(NavigatorMode):
         self._route = _NO_ROUTE
         self._held = False  # The item is reached and waits to be told to go on
         self._speeds = Speeds()
+        self._keeps_yaw = False  # The next leg is flown with the heading that was turned to
 
     def load(self, mission: Mission) -> None:
         """Replace the mission; a mode that is active must be activated again."""
@@ -132,7 +147,11 @@ class MissionMode(NavigatorMode):
             self._route = from_the_ground(route, flight) if flight.landed else route
             flight.fly(*self._route.waypoints)
         flight.abort_down = math.nan
-        flight.face(item.param4 if item.command != MissionCommand.NAV_LOITER_TIME else math.nan)
+        own = item.command in {MissionCommand.NAV_WAYPOINT, MissionCommand.NAV_LOITER_UNLIM}
+        yaw = item.param4 if own else math.nan
+        if not (self._keeps_yaw and math.isnan(yaw)):
+            flight.face(yaw)
+        self._keeps_yaw = False
         return WaypointTask(item, self._route)
 
     def _take_off(self, item: MissionItem, flight: Flight) -> Task:
@@ -159,6 +178,58 @@ class MissionMode(NavigatorMode):
 
     def _change_speed(self, item: MissionItem, flight: Flight) -> None:
         flight.speeds = speeds_after(item, flight.speeds)
+        if awaited_before(self.cursor.items, item.seq):
+            flight.path.relimit(flight.limits())
+
+    def _orbit(self, item: MissionItem, flight: Flight) -> Task:
+        self._route = _NO_ROUTE
+        radius = flight.params.orbit_radius if unset(item.param3) else item.param3
+        return Orbit(
+            flight,
+            Circle(target_of(item, flight), radius),
+            speed=math.nan,
+            angle=item.param1 * math.tau,
+            heading=None,
+        )
+
+    def _to_altitude(self, item: MissionItem, flight: Flight) -> Task:
+        self._route = _NO_ROUTE
+        flight.face(math.nan)
+        return ToAltitudeTask(flight, target_of(item, flight))
+
+    def _fly_on(self, item: MissionItem, flight: Flight) -> MissionItem | None:
+        """Go on to the next position while an item waits; None where there is none to fly to."""
+        goal = following(self.cursor.items, item.seq)
+        if goal is None or goal.command not in HOVERING or flight.landed:
+            return None
+        if goal.seq not in self._route.seqs:
+            self._fly_to(goal, flight)
+        return goal
+
+    def _wait_on_the_way(self, item: MissionItem, flight: Flight) -> Task:
+        self._fly_on(item, flight)
+        return DelayTask(item, flight)
+
+    def _wait_for_distance(self, item: MissionItem, flight: Flight) -> Task | None:
+        goal = self._fly_on(item, flight)
+        return None if goal is None else DistanceTask(item, target_of(goal, flight))
+
+    def _turn(self, item: MissionItem, flight: Flight) -> Task:
+        self._route = _NO_ROUTE
+        self._keeps_yaw = True
+        return TurnTask(item, flight)
+
+    def _set_home(self, item: MissionItem, flight: Flight) -> None:
+        flight.home_orders.append(item)
+
+    def _look(self, item: MissionItem, flight: Flight) -> None:
+        none = item.command == MissionCommand.DO_SET_ROI_NONE or (
+            item.command == MissionCommand.DO_SET_ROI and unset(item.param1)
+        )
+        home = flight.home.altitude_amsl_m if flight.home is not None else 0.0
+        place = (item.x, item.y, altitude_amsl(item, home))
+        region = (math.nan, math.nan, math.nan) if none else place
+        take_region_of_interest(flight, RegionOfInterest(flight.now_us, *region))
 
     _BEGIN: ClassVar[
         Mapping[MissionCommand, Callable[["MissionMode", MissionItem, Flight], Task | None]]
@@ -166,9 +237,19 @@ class MissionMode(NavigatorMode):
         MissionCommand.NAV_WAYPOINT: _fly_to,
         MissionCommand.NAV_LOITER_UNLIM: _fly_to,
         MissionCommand.NAV_LOITER_TIME: _fly_to,
+        MissionCommand.NAV_SPLINE_WAYPOINT: _fly_to,
+        MissionCommand.NAV_LOITER_TURNS: _orbit,
+        MissionCommand.NAV_LOITER_TO_ALT: _to_altitude,
         MissionCommand.NAV_TAKEOFF: _take_off,
         MissionCommand.NAV_LAND: _land,
         MissionCommand.NAV_RETURN_TO_LAUNCH: _return,
         MissionCommand.NAV_DELAY: _delay,
+        MissionCommand.CONDITION_DELAY: _wait_on_the_way,
+        MissionCommand.CONDITION_DISTANCE: _wait_for_distance,
+        MissionCommand.CONDITION_YAW: _turn,
         MissionCommand.DO_CHANGE_SPEED: _change_speed,
+        MissionCommand.DO_SET_HOME: _set_home,
+        MissionCommand.DO_SET_ROI: _look,
+        MissionCommand.DO_SET_ROI_LOCATION: _look,
+        MissionCommand.DO_SET_ROI_NONE: _look,
     }

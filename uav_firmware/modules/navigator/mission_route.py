@@ -2,7 +2,8 @@
 
 A route begins at an item and goes on while waypoints are flown through. It ends in a stop: at
 a hold time, at an item that is no waypoint, at the last item, and where `autocontinue` is off.
-Changes of speed in between take effect on the legs after them.
+Changes of speed in between take effect on the legs after them. A position behind an item that
+waits on the way is a stop too.
 """
 
 import math
@@ -22,9 +23,28 @@ HOVERING = frozenset(
         MissionCommand.NAV_WAYPOINT,
         MissionCommand.NAV_LOITER_UNLIM,
         MissionCommand.NAV_LOITER_TIME,
+        MissionCommand.NAV_SPLINE_WAYPOINT,
     }
 )
-POSITIONAL = HOVERING | {MissionCommand.NAV_LAND, MissionCommand.NAV_TAKEOFF}
+PASSED = frozenset({MissionCommand.NAV_WAYPOINT, MissionCommand.NAV_SPLINE_WAYPOINT})
+"""Items that may be flown through."""
+POSITIONAL = HOVERING | {
+    MissionCommand.NAV_LAND,
+    MissionCommand.NAV_TAKEOFF,
+    MissionCommand.NAV_LOITER_TURNS,
+    MissionCommand.NAV_LOITER_TO_ALT,
+}
+LOOKING = frozenset(
+    {
+        MissionCommand.DO_SET_ROI,
+        MissionCommand.DO_SET_ROI_LOCATION,
+        MissionCommand.DO_SET_ROI_NONE,
+    }
+)
+INSTANT = LOOKING | {MissionCommand.DO_CHANGE_SPEED, MissionCommand.DO_SET_HOME}
+"""Items that take no time and do not interrupt a route."""
+ON_THE_WAY = frozenset({MissionCommand.CONDITION_DELAY, MissionCommand.CONDITION_DISTANCE})
+"""Items that wait while the vehicle flies on to the next position, which is then a stop."""
 
 _FRAME_RELATIVE = 3
 
@@ -71,7 +91,7 @@ def speeds_after(item: MissionItem, speeds: Speeds) -> Speeds:
 def flown_through(item: MissionItem, following: MissionItem | None) -> bool:
     """Whether the vehicle passes an item without stopping."""
     return (
-        item.command == MissionCommand.NAV_WAYPOINT
+        item.command in PASSED
         and unset(item.param1)
         and item.autocontinue
         and following is not None
@@ -79,12 +99,20 @@ def flown_through(item: MissionItem, following: MissionItem | None) -> bool:
     )
 
 
-def _following(items: Sequence[MissionItem], seq: int) -> MissionItem | None:
-    """Next item that is not a change of speed."""
+def following(items: Sequence[MissionItem], seq: int) -> MissionItem | None:
+    """Next item that is neither instant nor waits on the way."""
     for item in items[seq + 1 :]:
-        if item.command != MissionCommand.DO_CHANGE_SPEED:
+        if item.command not in INSTANT | ON_THE_WAY:
             return item
     return None
+
+
+def awaited_before(items: Sequence[MissionItem], seq: int) -> bool:
+    """Whether an item is carried out on the way, after another one has waited there."""
+    for item in reversed(items[:seq]):
+        if item.command not in INSTANT:
+            return item.command in ON_THE_WAY
+    return False
 
 
 def build(items: Sequence[MissionItem], seq: int, flight: Flight) -> Route:
@@ -92,12 +120,15 @@ def build(items: Sequence[MissionItem], seq: int, flight: Flight) -> Route:
     seqs: list[int] = []
     waypoints: list[Waypoint] = []
     speeds = flight.speeds
+    awaited = False  # An item on the way has to be over before the next position is left
     while True:
         item = items[seq]
-        if item.command == MissionCommand.DO_CHANGE_SPEED:
+        if item.command == MissionCommand.DO_CHANGE_SPEED and not awaited:
             speeds = speeds_after(item, speeds)
-        else:
-            through = flown_through(item, _following(items, seq))
+        elif item.command in ON_THE_WAY:
+            awaited = True
+        elif item.command not in INSTANT:
+            through = not awaited and flown_through(item, following(items, seq))
             tolerance = TURN_SHARE * radius_of(item, flight) if through else 0.0
             waypoints.append(
                 Waypoint(target_of(item, flight), tolerance, flight.limits_with(speeds))

@@ -5,7 +5,9 @@ from typing import Protocol
 
 from uav_firmware.modules.navigator.flight import Flight
 from uav_firmware.modules.navigator.mission_route import Route, radius_of
+from uav_firmware.modules.navigator.turning import order_turn
 from uav_firmware.msg.mission import MissionCommand, MissionItem
+from uav_firmware.msg.vectors import Vector3
 
 _MISSED_BY_M = 3.0  # [m] beyond the acceptance radius: the vehicle turns back
 
@@ -52,8 +54,51 @@ class WaypointTask:
         return turned and flight.arrived(self._position, radius_of(self._item, flight))
 
 
+class DistanceTask:
+    """CONDITION_DISTANCE: waits until the next position is near, or the vehicle rests."""
+
+    def __init__(self, item: MissionItem, goal: Vector3) -> None:
+        self._distance = item.param1
+        self._goal = goal
+
+    def step(self, flight: Flight) -> bool:
+        """Whether the vehicle is near enough."""
+        return flight.path.resting or math.dist(flight.position, self._goal) <= self._distance
+
+
+class TurnTask:
+    """CONDITION_YAW: turns on the spot."""
+
+    def __init__(self, item: MissionItem, flight: Flight) -> None:
+        order_turn(
+            flight,
+            math.radians(item.param1),
+            rate=math.radians(item.param2),
+            direction=0 if math.isnan(item.param3) else int(item.param3),
+            relative=item.param4 == 1.0,
+        )
+
+    def step(self, flight: Flight) -> bool:
+        """Whether the turn is over."""
+        return flight.landed or (flight.path.resting and flight.turned)
+
+
+class ToAltitudeTask:
+    """NAV_LOITER_TO_ALT: level to the place, then straight to the height."""
+
+    def __init__(self, flight: Flight, goal: Vector3) -> None:
+        here = flight.rest_point()
+        self._goal = goal
+        flight.fly(flight.stop_at((goal[0], goal[1], here[2])), flight.stop_at(goal))
+
+    def step(self, flight: Flight) -> bool:
+        """Whether the height is reached at the place."""
+        radius = flight.params.acceptance_radius
+        return flight.path.resting and flight.arrived(self._goal, radius)
+
+
 class DelayTask:
-    """NAV_DELAY: waits where the vehicle is, in the air or on the ground."""
+    """NAV_DELAY, CONDITION_DELAY: waits for a time, in the air or on the ground."""
 
     def __init__(self, item: MissionItem, flight: Flight) -> None:
         self._until_us = flight.now_us + round(max(item.param1, 0.0) * 1e6)

@@ -14,12 +14,21 @@ from uav_firmware.modules.navigator.loiter import LoiterMode
 from uav_firmware.modules.navigator.mission import MissionMode
 from uav_firmware.modules.navigator.mode import NavigatorMode
 from uav_firmware.modules.navigator.params import NavigatorParams
+from uav_firmware.modules.navigator.reports import Reporter, ReportTopics
 from uav_firmware.modules.navigator.simple_modes import LandMode, ReturnMode, TakeoffMode
 from uav_firmware.modules.navigator.surroundings import ceiling, frame_of, tilt_max
+from uav_firmware.modules.navigator.turning import take_heading, take_region_of_interest
 from uav_firmware.msg.control_mode import ControlSource, VehicleControlMode
 from uav_firmware.msg.estimate import VehicleLocalPosition
 from uav_firmware.msg.geofence import Fence, FenceBreach, GeofenceStatus, RallyPoints
-from uav_firmware.msg.guidance import FollowOrder, FollowTarget, OrbitStatus, OrbitTarget
+from uav_firmware.msg.guidance import (
+    FollowOrder,
+    FollowTarget,
+    HeadingRequest,
+    OrbitStatus,
+    OrbitTarget,
+    RegionOfInterest,
+)
 from uav_firmware.msg.mission import (
     Mission,
     MissionCurrentRequest,
@@ -38,6 +47,7 @@ from uav_firmware.msg.status import (
     LandDetected,
     NavigationState,
     StatusText,
+    VehicleCommand,
     VehicleStatus,
 )
 from uav_firmware.parameters import Registry
@@ -71,6 +81,7 @@ class NavigatorModule:
         geofence_status: Topic[GeofenceStatus],
         follow_target: Topic[FollowTarget],
         status_text: Queue[StatusText],
+        vehicle_command: Queue[VehicleCommand],
         vehicle_control_mode: Topic[VehicleControlMode] | None = None,
     ) -> None:
         registry.add(NavigatorParams)
@@ -82,15 +93,16 @@ class NavigatorModule:
         self._mission_topic = mission
         self._requests = navigator_request
         self._setpoint = trajectory_setpoint
-        self._progress = mission_progress
-        self._status = navigator_status
-        self._orbit = orbit_status
+        self._reporter = Reporter(
+            ReportTopics(
+                mission_progress, navigator_status, orbit_status, status_text, vehicle_command
+            )
+        )
         self._area = AreaKeeper(fence, rally_points)
         self._fence_watch = GeofenceWatch()
         self._fence_status = geofence_status
         self._checked_by = 0  # Version of the area by which the mission was checked
         self._judged_by = 0  # Version of the area by which the present mode was let in
-        self._texts = status_text
         self._control_mode = vehicle_control_mode
         self._params_version: int | None = None
         self._flight = Flight(registry.read(NavigatorParams))
@@ -194,6 +206,10 @@ class NavigatorModule:
                     flight.speeds = flight.speeds.with_change(request.speed_type, request.speed_m_s)
                     if self._active is not None:
                         self._active.on_speeds(flight)
+                case RegionOfInterest():
+                    take_region_of_interest(self._flight, request)
+                case HeadingRequest():
+                    take_heading(self._flight, request)
                 case MissionCurrentRequest():
                     if self._mission.select(request.seq, reset=request.reset):
                         self._restart_mission()
@@ -202,6 +218,8 @@ class NavigatorModule:
         """Leave and enter modes; a target that came with none of them is forgotten."""
         status = self._vehicle_status.value
         armed = status is not None and status.armed and self._leads
+        if status is not None and not status.armed:
+            self._flight.roi = None
         if status is None or not armed or self._flight.estimate is None:
             self._enter(None)
             return
@@ -257,31 +275,13 @@ class NavigatorModule:
         self._setpoint.publish(flight.idle() if sits else flight.advance(dt))
 
     def _report(self, now_us: int) -> None:
-        for severity, text in self._flight.texts:
-            self._texts.publish(StatusText(now_us, severity, text))
-        self._flight.texts.clear()
-        self._report_orbit(now_us)
-        progress = self._mission.cursor.progress(now_us, active=self._active is self._mission)
-        if _differ(progress, self._progress.value):
-            self._progress.publish(progress)
+        self._reporter.report_flight(self._flight)
+        self._reporter.report_progress(
+            self._mission.cursor.progress(now_us, active=self._active is self._mission)
+        )
         vehicle = self._vehicle_status.value
-        if vehicle is None:
-            return
-        finished = self._active is not None and self._active.finished
-        status = NavigatorStatus(now_us, vehicle.navigation_state, finished, self._rejection)
-        if _differ(status, self._status.value):
-            self._status.publish(status)
-
-    def _report_orbit(self, now_us: int) -> None:
-        status, old = self._flight.orbit_status, self._orbit.value
-        if status is not None:
-            self._orbit.publish(status)
-        elif old is not None and old.active:
-            self._orbit.publish(old._replace(time_us=now_us, active=False))
-
-
-def _differ(
-    new: MissionProgress | NavigatorStatus, old: MissionProgress | NavigatorStatus | None
-) -> bool:
-    """Whether anything but the time has changed."""
-    return old is None or new[1:] != old[1:]
+        if vehicle is not None:
+            finished = self._active is not None and self._active.finished
+            self._reporter.report_status(
+                NavigatorStatus(now_us, vehicle.navigation_state, finished, self._rejection)
+            )
