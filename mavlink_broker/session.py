@@ -140,21 +140,19 @@ class Session:
             self._hovering = False
 
     def _read_capacity(self, now: float, effects: Effects) -> None:
-        """Learn the battery's size once; a vehicle that does not tell has the configured one."""
+        """Learn the battery's size once; until a vehicle tells, it has the configured one."""
         snapshot = self.vehicle.snapshot
-        if snapshot.battery_capacity_ah is not None:
-            return
-        name = self.vehicle.family.battery_capacity_parameter
-        if name is None:
+        if snapshot.battery_capacity_ah is None:
             snapshot.battery_capacity_ah = self._battery_capacity_ah
-            return
         if self._capacity is None:
+            name = self.vehicle.family.battery_capacity_parameter
+            if name is None:
+                return
             self._capacity = ParameterRead(name, self.vehicle.route, self.vehicle.round_trip)
         effects.messages += self._capacity.tick(now)
-        if self._capacity.is_over:
-            told_ah = (self._capacity.value or 0.0) / 1e3
-            plausible = 0.0 < told_ah <= 100.0
-            snapshot.battery_capacity_ah = told_ah if plausible else self._battery_capacity_ah
+        told_ah = (self._capacity.value or 0.0) / 1e3
+        if 0.0 < told_ah <= 100.0:
+            snapshot.battery_capacity_ah = told_ah
 
     def _post_state_vector(self, now: float, effects: Effects) -> bool:
         vector = self._reporter.state_vector()

@@ -18,16 +18,19 @@ class ParameterRead:
         self._round_trip = round_trip
         self._attempts = 0
         self._deadline = 0.0
+        self._refused = False
         self.value: float | None = None
 
     @property
     def is_over(self) -> bool:
         """Whether nothing more is going to be sent."""
-        return self.value is not None or self._attempts >= ATTEMPTS
+        return self.value is not None or self._refused or self._attempts >= ATTEMPTS
 
     def receive(self, message: Message) -> None:
         """Take the value when it comes; a float parameter is one on every kind of autopilot."""
-        if (
+        if message.get_type() == "PARAM_ERROR" and message.param_id == self._name:
+            self._refused = True
+        elif (
             message.get_type() == "PARAM_VALUE"
             and message.param_id == self._name
             and message.param_type == mavlink.MAV_PARAM_TYPE_REAL32
