@@ -121,8 +121,8 @@ def limit_tilt(down_ned: Vector3, largest: float) -> Vector3:
     sine = math.hypot(north, east)
     if math.atan2(sine, down) <= largest:
         return down_ned
-    scale = math.sin(largest) / sine if sine > 0.0 else 0.0
-    return (north * scale, east * scale, math.cos(largest) if sine > 0.0 else 1.0)
+    scale = math.sin(largest) / sine if sine > 1e-9 else 0.0
+    return (north * scale, east * scale, math.cos(largest) if sine > 1e-9 else 1.0)
 
 
 def pole_placement(

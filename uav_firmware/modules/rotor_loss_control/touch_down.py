@@ -12,7 +12,8 @@ _SINK_SHARE = 0.4  # Of the wanted sink speed
 _SPIN_SHARE = 0.95  # Of what it was
 _SPIN_TIME_S = 3.0  # In which a former spin is forgotten
 _LEAST_SPIN_RAD_S = 3.0
-_TIME_S = 0.08
+_FALL_M_S = 1.0  # A tenth of a second of free fall
+_TIME_S = 0.03
 
 
 class TouchDownSign:
@@ -27,10 +28,11 @@ class TouchDownSign:
         spin = abs(yaw_rate)
         self._spin = max(spin, self._spin * (1.0 - dt / (dt + _SPIN_TIME_S)))
         if self._held_s >= _TIME_S:
-            # Standing: until it is told to rise, or falls
-            braked = True
+            # Feet that settle jerk; only a fall, or an order to rise, takes the ground away
+            stays = wanted_sink > _LEAST_WANTED_SINK_M_S and sink < _FALL_M_S
         else:
             braked = self._spin > _LEAST_SPIN_RAD_S and spin < _SPIN_SHARE * self._spin
-        stopped = wanted_sink > _LEAST_WANTED_SINK_M_S and abs(sink) < _SINK_SHARE * wanted_sink
-        self._held_s = self._held_s + dt if braked and stopped else 0.0
+            stopped = abs(sink) < _SINK_SHARE * wanted_sink
+            stays = braked and stopped and wanted_sink > _LEAST_WANTED_SINK_M_S
+        self._held_s = self._held_s + dt if stays else 0.0
         return self._held_s >= _TIME_S

@@ -29,7 +29,7 @@ def test_a_spin_that_slows_while_sinking_is_not() -> None:
 
 
 def test_a_moment_is_not_enough() -> None:
-    assert not seen(spinning(), 0.05, sink=0.0, spin=-15.0)
+    assert not seen(spinning(), 0.02, sink=0.0, spin=-15.0)
 
 
 def test_a_vehicle_that_is_not_to_sink_does_not_touch_down() -> None:
@@ -41,4 +41,4 @@ def test_the_sign_lasts_while_it_stands_and_goes_when_it_falls() -> None:
     sign = spinning()
     assert seen(sign, 0.2, sink=0.0, spin=-15.0)
     assert all(sign.update(0.4, 0.0, 0.0, DT) for _ in range(2000))
-    assert not sign.update(0.4, 0.8, 0.0, DT)
+    assert not sign.update(0.4, 1.1, 0.0, DT)
