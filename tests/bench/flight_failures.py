@@ -19,6 +19,8 @@ from tests.support.autopilot_tester import AutopilotTester
 
 _LATER_S: Final = 3.0  # Into the first leg
 _OUTAGE_S: Final = 10.0
+_MOTOR_HEIGHT_M: Final = 10.0
+_HOVERING_S: Final = 12.0
 _BATTERY_HEIGHT_M: Final = 20.0
 _BATTERY_CHARGE: Final = 0.04  # Below BAT_EMERGEN_THR
 
@@ -88,6 +90,34 @@ def battery_emergency(seed: int) -> Figures:
     battery = tester.autopilot.topics.sensor_battery.value
     assert battery is not None
     return {"charge": 100.0 * battery.remaining, **figures}
+
+
+def motor_lost(seed: int) -> Figures:
+    """One of the four motors stops for good, 10 m up, in 3 m/s of wind."""
+    tester = ready_vehicle(seed, wind=3.0)
+    tester.take_off(_MOTOR_HEIGHT_M)
+    tester.run_for(_HOVERING_S)
+    begin_s = tester.truth.time_us * 1e-6
+    alarm_s = [math.inf]
+    finite = [1.0]
+
+    def note() -> None:
+        topics = tester.autopilot.topics
+        failure = topics.failure_detector_status.value
+        if failure is not None and failure.failed_motors:
+            alarm_s[0] = min(alarm_s[0], tester.truth.time_us * 1e-6 - begin_s)
+        motors, estimate = topics.actuator_motors.value, topics.vehicle_local_position.value
+        assert motors is not None
+        assert estimate is not None
+        numbers = (*motors.control, *estimate.position_ned, *estimate.velocity_ned)
+        finite[0] *= math.isfinite(sum(numbers))
+
+    tester.watch(note)
+    track = Track(tester)
+    break_now(tester, Kind.MOTOR_LOSS, motor=1 + seed % 4)
+    figures = _coming_down(tester, track)
+    fastest = max(sample.sink_m_s for sample in track.samples)
+    return {"alarm": alarm_s[0], "fastest sink": fastest, "finite": finite[0], **figures}
 
 
 def _coming_down(tester: AutopilotTester, track: Track) -> Figures:

@@ -1,7 +1,8 @@
-"""An orbit of 10 m radius at 20 deg/s, with another heading and sense for every seed.
+"""Orbits of 10 m radius at 20 deg/s and at 45, which is too fast; each seed its heading and sense.
 
 Judged from the first turned degree, as the vehicle reports it, until it holds at the end of the
-angle. The rate is the angle over the time between 10 and 90 % of it, the slopes left out.
+angle. The rate is the angle over the time between 10 and 90 % of it, the slopes left out; it is
+held against the rate that the vehicle reports to fly.
 """
 
 import itertools
@@ -19,6 +20,7 @@ CENTRE: Final = (12.0, 8.0)
 HEIGHT_M: Final = 6.0
 TURNS: Final = 2.0
 RATE_DEG_S: Final = 20.0
+_TOO_FAST_DEG_S: Final = 45.0
 _SETTLED_S: Final = 1.5
 _HEADINGS: Final = (
     OrbitHeading.FORWARDS,
@@ -33,29 +35,43 @@ _HEADINGS: Final = (
 
 def orbit(seed: int) -> Figures:
     """Two turns; odd seeds clockwise, even ones the other way round."""
+    return _fly(seed, RATE_DEG_S)[0]
+
+
+def orbit_too_fast(seed: int) -> Figures:
+    """Faster than the limits allow: it flies what it can, and reports that."""
+    figures, reported_deg_s = _fly(seed, _TOO_FAST_DEG_S)
+    return {**figures, "clipped": float(reported_deg_s < 0.9 * _TOO_FAST_DEG_S)}
+
+
+def _fly(seed: int, rate_deg_s: float) -> tuple[Figures, float]:
+    """Figures, and the rate [deg/s] that the vehicle reports to fly."""
     heading = _HEADINGS[(seed - 1) % len(_HEADINGS)]
     sense = 1.0 if seed % 2 else -1.0
     tester = ready_vehicle(seed)
     tester.take_off(HEIGHT_M)
     tester.wait_until(lambda: tester.mode is NavigationState.AUTO_LOITER, 40.0, "up")
     initial_deg = tester.truth.yaw_deg
-    _order(tester, sense, heading)
+    _order(tester, sense, heading, rate_deg_s)
     status = tester.autopilot.topics.orbit_status
     tester.wait_until(lambda: status.value is not None and status.value.turned > 0.0, 60.0, "there")
+    assert status.value is not None
+    reported_deg_s = math.degrees(status.value.speed_m_s / RADIUS_M)
     track = Track(tester)
     tester.wait_until(lambda: tester.mode is NavigationState.AUTO_LOITER, 90.0, "round")
     tester.run_for(_SETTLED_S)
-    return _figures(track.samples, sense, heading, initial_deg)
+    figures = _figures(track.samples, sense * reported_deg_s, heading, initial_deg)
+    return figures, reported_deg_s
 
 
-def _order(tester: AutopilotTester, sense: float, heading: OrbitHeading) -> None:
+def _order(tester: AutopilotTester, sense: float, heading: OrbitHeading, rate_deg_s: float) -> None:
     latitude, longitude, _ = tester.place(*CENTRE, 0.0)
     home = tester.autopilot.topics.home_position.value
     assert home is not None
     tester.ground_station.command(
         Command.DO_ORBIT,
         sense * RADIUS_M,
-        math.radians(RATE_DEG_S) * RADIUS_M,
+        math.radians(rate_deg_s) * RADIUS_M,
         float(heading),
         TURNS * math.tau,
         latitude,
@@ -66,8 +82,9 @@ def _order(tester: AutopilotTester, sense: float, heading: OrbitHeading) -> None
 
 
 def _figures(
-    samples: list[Sample], sense: float, heading: OrbitHeading, initial_deg: float
+    samples: list[Sample], rate_deg_s: float, heading: OrbitHeading, initial_deg: float
 ) -> Figures:
+    sense = math.copysign(1.0, rate_deg_s)
     bearings = [
         math.degrees(math.atan2(s.east_m - CENTRE[1], s.north_m - CENTRE[0])) for s in samples
     ]
@@ -81,7 +98,7 @@ def _figures(
         "radius": rms(math.dist((s.north_m, s.east_m), CENTRE) - RADIUS_M for s in samples),
         "heading": max(off),
         "turns": abs(sense * turned[-1] - 360.0 * TURNS),
-        "rate": 100.0 * abs(_rate_deg_s(samples, turned) / (sense * RATE_DEG_S) - 1.0),
+        "rate": 100.0 * abs(_rate_deg_s(samples, turned) / rate_deg_s - 1.0),
     }
 
 

@@ -23,8 +23,13 @@ from tests.bench.flight_courses import (
     square_with_stops,
     two_laps,
 )
-from tests.bench.flight_failures import battery_emergency, gps_lost_for_good, gps_outage
-from tests.bench.flight_orbit import orbit
+from tests.bench.flight_failures import (
+    battery_emergency,
+    gps_lost_for_good,
+    gps_outage,
+    motor_lost,
+)
+from tests.bench.flight_orbit import orbit, orbit_too_fast
 from tests.bench.flight_repeat import same_flight_twice
 from tests.bench.flight_track import rms
 from tests.bench.results import Result, at_least, at_most
@@ -149,6 +154,26 @@ FLIGHTS: Final = (
         "battery emergency, 20 m up",
         battery_emergency,
         (Bar("charge", "% left on the ground", 0.5, lower=True), _UNHARMED),
+    ),
+    Flight(
+        "motor lost, 10 m up, wind 3 m/s",
+        motor_lost,
+        (
+            Bar("alarm", "s after the loss", 0.5),
+            Bar("fastest sink", "m/s", 4.0),
+            Bar("touch-down", "m/s", 1.5),
+            Bar("finite", "(1: no NaN)", 1.0, lower=True),
+            _UNHARMED,
+        ),
+    ),
+    Flight(
+        "orbit, 10 m, 45 deg/s asked for",
+        orbit_too_fast,
+        (
+            Bar("rate", "% off what is reported", 3.0),
+            Bar("clipped", "(1: flown slower, and said so)", 1.0, lower=True),
+            _rms_bar("radius", 0.30),
+        ),
     ),
     Flight(
         "the same seed twice",
