@@ -5,7 +5,7 @@ from typing import Final
 
 from uav_firmware.modules.commander import mode_requirements
 from uav_firmware.modules.commander.arming_states import Arming, ArmingEvent, after
-from uav_firmware.modules.commander.commands import arming_refusal, decide
+from uav_firmware.modules.commander.commands import decide
 from uav_firmware.modules.commander.control_mode import control_of
 from uav_firmware.modules.commander.decision import (
     Arm,
@@ -28,7 +28,7 @@ from uav_firmware.modules.commander.home import HomeKeeper
 from uav_firmware.modules.commander.observer import Observer
 from uav_firmware.modules.commander.params import CommanderParams
 from uav_firmware.modules.commander.pilot import TakeOver
-from uav_firmware.modules.commander.sensor_watch import healthy_bits, present_bits
+from uav_firmware.modules.commander.readiness import EXAMINE_PERIOD_US, Health, examine
 from uav_firmware.modules.commander.texts import DISARM_TEXTS, Severity
 from uav_firmware.modules.commander.topics import CommanderTopics
 from uav_firmware.modules.commander.vehicle_view import VehicleView
@@ -81,6 +81,8 @@ class CommanderModule:
         self._disarm_timer = DisarmTimer()
         self._home_keeper = HomeKeeper(topics.home_position)
         self._last_target = ""
+        self._judge_due_us = 0
+        self._health = Health(0, NavigationState.AUTO_LOITER, armed=False)
         self._waited = False
         self._last_us: int | None = None
 
@@ -219,6 +221,9 @@ class CommanderModule:
         if self._airborne_since_us is None:
             self._airborne_since_us = view.now_us
         self._observe_pilot(view)
+        if view.now_us < self._judge_due_us:
+            return
+        self._judge_due_us = view.now_us + EXAMINE_PERIOD_US
         airborne_s = (view.now_us - self._airborne_since_us) * 1e-6
         reaction = self._failsafe.update(view, self._failsafe_params, self._mode, airborne_s)
         for cause, action in reversed(reaction.threats):
@@ -253,18 +258,19 @@ class CommanderModule:
         self._topics.status_text.publish(StatusText(now_us, severity, text))
 
     def _publish(self, view: VehicleView) -> None:
-        ready = arming_refusal(self._situation(view)) is None
-        present = present_bits(view.ages)
+        health = self._health
+        if view.now_us >= health.due_us or (self._mode, self._armed) != health[1:3]:
+            health = self._health = examine(self._situation(view))
         status = VehicleStatus(
             view.now_us,
             self._armed,
             self._mode,
             self._failsafe.state is not Failsafe.CLEAR,
-            ready,
+            health.ready,
             self._armed_since_us,
-            present,
-            present,
-            healthy_bits(view, ready=ready),
+            health.present,
+            health.present,
+            health.healthy,
         )
         old = self._topics.vehicle_status.value
         stale = old is None or view.now_us - old.time_us >= STATUS_PERIOD_US

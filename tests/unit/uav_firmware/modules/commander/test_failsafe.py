@@ -347,9 +347,9 @@ def test_a_breach_of_the_fence_does_what_the_fence_says(
 ) -> None:
     vehicle = on_mission(COM_FAIL_ACT_T=5.0)
     breach(vehicle, action, FenceBreach.NONE)
-    vehicle.commander.update(vehicle.now_us + 20_000)
+    vehicle.commander.update(vehicle.now_us + 200_000)
     breach(vehicle, action, FenceBreach.BOUNDARY)
-    vehicle.commander.update(vehicle.now_us + 40_000)
+    vehicle.commander.update(vehicle.now_us + 400_000)
     assert vehicle.mode is mode
 
 
@@ -365,7 +365,7 @@ def test_the_stronger_the_wind_the_stronger_the_action(
 ) -> None:
     vehicle = on_mission(COM_WIND_MAX_ACT=setting)
     blow(vehicle, speed)
-    vehicle.commander.update(vehicle.now_us + 20_000)
+    vehicle.commander.update(vehicle.now_us + 200_000)
     vehicle.run(0.0)
     assert vehicle.mode is mode
 
