@@ -1,0 +1,125 @@
+"""MAVSDK's client flies the autopilot process by streamed set-points and by sticks."""
+
+import math
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+import pytest
+from mavsdk import ComponentType, Configuration, Mavsdk
+from mavsdk.plugins.action import Action
+from mavsdk.plugins.manual_control import ManualControl, ManualControlError
+from mavsdk.plugins.offboard import Offboard, OffboardError, PositionNedYaw, VelocityNedYaw
+from mavsdk.plugins.telemetry import FlightMode, Telemetry
+
+from tests.conformance.ground_station import vehicle_process
+from tests.support.system import free_ports, wait_for
+
+pytestmark = pytest.mark.scenario
+
+SYSTEM = 4
+SPEED = 2
+
+
+class Client(NamedTuple):
+    """MAVSDK's plugins on one vehicle."""
+
+    action: Any
+    manual: Any
+    offboard: Any
+    telemetry: Any
+
+
+@pytest.fixture(scope="module")
+def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
+    own, broker, ground = free_ports(3)
+    state = tmp_path_factory.mktemp("vehicle")
+    with vehicle_process(SYSTEM, SPEED, (own, broker, ground), state):
+        sdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
+        sdk.add_any_connection(f"udpin://127.0.0.1:{ground}")
+        system = wait_for(lambda: sdk.first_autopilot(timeout_s=5.0), "MAVSDK's discovery")
+        made = Client(Action(system), ManualControl(system), Offboard(system), Telemetry(system))
+        wait_for(made.telemetry.health_all_ok, "a vehicle that is ready")
+        made.telemetry.set_rate_position_velocity_ned(10.0)
+        wait_for(lambda: all(map(math.isfinite, place(made))), "a position")
+        yield made
+        sdk.destroy()
+
+
+def place(client: Client) -> tuple[float, float, float]:
+    position = client.telemetry.position_velocity_ned().position
+    return (position.north_m, position.east_m, position.down_m)
+
+
+def within(client: Client, wanted: tuple[float, float, float], metres: float) -> bool:
+    return math.dist(place(client), wanted) < metres
+
+
+def mode(client: Client) -> FlightMode:
+    return FlightMode(client.telemetry.flight_mode())
+
+
+@contextmanager
+def sticks(client: Client, x: float, y: float, z: float, r: float) -> Iterator[None]:
+    """Hold the sticks at about 50 Hz."""
+    done = threading.Event()
+
+    def hold() -> None:
+        while not done.wait(0.02):
+            client.manual.set_manual_control_input(x, y, z, r)
+
+    thread = threading.Thread(target=hold)
+    thread.start()
+    try:
+        yield
+    finally:
+        done.set()
+        thread.join()
+
+
+def test_offboard_without_a_set_point_is_refused(client: Client) -> None:
+    with pytest.raises(OffboardError):
+        client.offboard.start()
+
+
+def test_take_off_points_and_velocity_by_offboard(client: Client) -> None:
+    client.action.arm()
+    start = place(client)
+    client.offboard.set_position_ned(PositionNedYaw(start[0], start[1], -3.0, 0.0))
+    client.offboard.start()
+    wait_for(lambda: mode(client) is FlightMode.OFFBOARD, "offboard")
+    wait_for(lambda: within(client, (start[0], start[1], -3.0), 0.5), "the take-off")
+    client.offboard.set_position_ned(PositionNedYaw(5.0, -5.0, -4.0, 90.0))
+    wait_for(lambda: within(client, (5.0, -5.0, -4.0), 0.5), "the point")
+    client.offboard.set_velocity_ned(VelocityNedYaw(2.0, 0.0, 0.0, 90.0))
+    wait_for(lambda: place(client)[0] > 10.0, "the way north")
+    client.offboard.stop()
+    wait_for(lambda: mode(client) is FlightMode.HOLD, "hold")
+
+
+def test_the_sticks_fly_in_position_and_altitude_mode(client: Client) -> None:
+    for begin, flown in (
+        (client.manual.start_position_control, FlightMode.POSCTL),
+        (client.manual.start_altitude_control, FlightMode.ALTCTL),
+    ):
+        with sticks(client, 0.0, 0.0, 0.5, 0.0):
+            wait_for(lambda begin=begin: _started(begin), "the mode")
+            wait_for(lambda flown=flown: mode(client) is flown, "the mode's name")
+        start = place(client)
+        with sticks(client, 0.6, 0.0, 0.5, 0.0):
+            wait_for(
+                lambda start=start: math.dist(place(client)[:2], start[:2]) > 5.0, "5 m by sticks"
+            )
+        assert abs(place(client)[2] - start[2]) < 1.0
+    client.action.land()
+    wait_for(lambda: not client.telemetry.armed(), "the landing")
+
+
+def _started(begin: Any) -> bool:
+    """Whether the mode is accepted now; before the first sticks arrive it is not."""
+    try:
+        begin()
+    except ManualControlError:
+        return False
+    return True
