@@ -67,3 +67,13 @@ def hovering_vehicle(seed: int, folder: Path) -> Iterator[AutopilotTester]:
         udp.close()
         for sink in sinks:
             sink.close()
+
+
+def fly_on(tester: AutopilotTester, seconds: int) -> None:
+    """Let vehicle time pass; the operator, who is no part of the vehicle, looks once a second."""
+    step = tester.autopilot.scheduler.step
+    for _ in range(seconds):
+        tester.ground_station.heartbeat()
+        for _ in range(1_000_000 // tester.autopilot.vehicle.step_us):
+            step()
+        tester.ground_station.hear()
