@@ -15,6 +15,7 @@ from sim.supervisor import SupervisorError
 FLIGHT_TIMEOUT_S = 900.0
 DELIVERY_TIMEOUT_S = 60.0
 FINISHED = 3
+MAXIMUM_MISSIONS = 16
 KEPT_UNTIL_DELIVERED = ("pose", "battery", "image", "observation", "mission_report", "alarm")
 
 
@@ -47,8 +48,12 @@ def read_plan(settings: Settings) -> dict[str, Any]:
     """Read the plan to fly, made for as many vehicles as there are.
 
     Raises:
-        DemoError: if the file holds no plan.
+        DemoError: if the file holds no plan, or there are more vehicles than a plan may have.
     """
+    if settings.vehicles > MAXIMUM_MISSIONS:
+        raise DemoError(
+            f"VEHICLES: a plan holds at most {MAXIMUM_MISSIONS} missions, not {settings.vehicles}"
+        )
     path = settings.plan or Path(EXAMPLE_PLAN)
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
