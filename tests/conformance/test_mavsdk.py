@@ -152,11 +152,21 @@ def test_what_cannot_be_flown_is_refused_and_the_old_mission_kept(client: Client
     assert as_text(client.mission.download_mission()) == as_text(items)
 
 
-def test_a_fence_that_nobody_would_watch_is_refused(client: Client) -> None:
-    circle = item(0, FENCE_CIRCLE, param1=20.0, param4=0.0, z=0.0, mission_type=1)
-    with pytest.raises(MissionRawError) as refused:
-        client.mission.upload_geofence([circle])
-    assert refused.value.args[0] == MissionRawResult.UNSUPPORTED
+def test_a_fence_comes_back_as_it_was_sent_and_outlives_one_that_is_refused(
+    client: Client,
+) -> None:
+    circle = item(0, FENCE_CIRCLE, param1=80.0, param4=0.0, z=0.0, mission_type=1)
+    client.mission.upload_geofence([circle])
+    impossible = item(0, FENCE_CIRCLE, param1=-5.0, param4=0.0, z=0.0, mission_type=1)
+    with pytest.raises(MissionRawError):
+        client.mission.upload_geofence([impossible])
+    (kept,) = client.mission.download_geofence()
+    assert (kept.command, kept.param1, kept.x, kept.y) == (
+        FENCE_CIRCLE,
+        80.0,
+        LATITUDE_E7,
+        LONGITUDE_E7,
+    )
 
 
 def test_a_mission_can_be_cleared(client: Client) -> None:

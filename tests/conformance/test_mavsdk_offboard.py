@@ -2,7 +2,7 @@
 
 import math
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
@@ -98,20 +98,20 @@ def test_take_off_points_and_velocity_by_offboard(client: Client) -> None:
     wait_for(lambda: mode(client) is FlightMode.HOLD, "hold")
 
 
+def fly_by_sticks(client: Client, begin: Callable[[], None], flown: FlightMode) -> None:
+    """Take a mode and fly 5 m north in it without losing height."""
+    with sticks(client, 0.0, 0.0, 0.5, 0.0):
+        wait_for(lambda: _started(begin), "the mode")
+        wait_for(lambda: mode(client) is flown, "the mode's name")
+    start = place(client)
+    with sticks(client, 0.6, 0.0, 0.5, 0.0):
+        wait_for(lambda: math.dist(place(client)[:2], start[:2]) > 5.0, "5 m by sticks")
+    assert abs(place(client)[2] - start[2]) < 1.0
+
+
 def test_the_sticks_fly_in_position_and_altitude_mode(client: Client) -> None:
-    for begin, flown in (
-        (client.manual.start_position_control, FlightMode.POSCTL),
-        (client.manual.start_altitude_control, FlightMode.ALTCTL),
-    ):
-        with sticks(client, 0.0, 0.0, 0.5, 0.0):
-            wait_for(lambda begin=begin: _started(begin), "the mode")
-            wait_for(lambda flown=flown: mode(client) is flown, "the mode's name")
-        start = place(client)
-        with sticks(client, 0.6, 0.0, 0.5, 0.0):
-            wait_for(
-                lambda start=start: math.dist(place(client)[:2], start[:2]) > 5.0, "5 m by sticks"
-            )
-        assert abs(place(client)[2] - start[2]) < 1.0
+    fly_by_sticks(client, client.manual.start_position_control, FlightMode.POSCTL)
+    fly_by_sticks(client, client.manual.start_altitude_control, FlightMode.ALTCTL)
     client.action.land()
     wait_for(lambda: not client.telemetry.armed(), "the landing")
 

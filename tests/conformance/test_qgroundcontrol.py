@@ -70,9 +70,10 @@ def test_the_connection_sequence_is_answered(station: GroundStation) -> None:
 
     station.until(complete, "every parameter")
     assert set(values) == {*range(first.param_count), 0xFFFF}
-    plan = mavlink.MAVLink_mission_request_list_message(VEHICLE, 1, 0)
-    assert station.ask(plan, "MISSION_COUNT", mission_type=0).count == 0
-    assert not version.capabilities & (16384 | 32768), "fence and rally would be asked for"
+    assert version.capabilities & (16384 | 32768) == 16384 | 32768, "fence and rally"
+    for kind in (0, 1, 2):
+        plan = mavlink.MAVLink_mission_request_list_message(VEHICLE, 1, kind)
+        assert station.ask(plan, "MISSION_COUNT", mission_type=kind).count == 0
     assert time.monotonic() - began_s < 60.0
 
 

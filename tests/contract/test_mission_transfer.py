@@ -25,12 +25,13 @@ from uav_firmware.bus import Topic
 from uav_firmware.modules.mavlink import dialect as vehicle_dialect
 from uav_firmware.modules.mavlink.addressing import Outgoing, Sender
 from uav_firmware.modules.mavlink.dialect_extensions import MissionCurrent
-from uav_firmware.modules.mavlink.mission_server import MissionServer
+from uav_firmware.modules.mavlink.mission_server import MissionServer, PlanStore
 from uav_firmware.modules.mavlink.status_text import StatusTexts
 from uav_firmware.msg.mission import Mission
 
 ROUTE = Route(own_system=254, own_component=191, target_system=1, target_component=1)
 STEP_US = 5_000
+MISSION = 0
 PATIENCE_S = 300.0
 
 Activity = MissionUpload | MissionVerify | MissionDownload
@@ -69,10 +70,12 @@ class Vehicle:
 
     def __init__(self) -> None:
         self.topic: Topic[Mission] = Topic()
+        missions = PlanStore(
+            check=lambda _: None, publish=lambda plan: self.topic.publish(Mission(*plan))
+        )
         self.server = MissionServer(
             system_id=1,
-            topic=self.topic,
-            check=lambda _: None,
+            stores={MISSION: missions},
             current_seq=lambda: 0,
             texts=StatusTexts(),
         )

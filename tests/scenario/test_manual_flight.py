@@ -184,10 +184,10 @@ def test_a_pilot_who_moves_a_stick_takes_over_from_hold(tmp_path: Path) -> None:
     pilot = StickPilot(tester)
     tester.take_off(5.0)
     tester.run_for(10.0)
-    assert tester.mode is NavigationState.AUTO_LOITER
+    assert tester.is_in(NavigationState.AUTO_LOITER)
     pilot.move(right=0.5)
     tester.run_for(0.5)
-    assert tester.mode is NavigationState.POSCTL
+    assert tester.is_in(NavigationState.POSCTL)
 
 
 def test_a_throttle_that_is_up_keeps_the_vehicle_disarmed(tmp_path: Path) -> None:

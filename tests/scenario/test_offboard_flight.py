@@ -169,9 +169,9 @@ def test_a_lost_stream_ends_in_hold_within_its_time(tmp_path: Path) -> None:
     tester.run_for(4.0)
     companion.sending = False
     tester.run_for(0.8)
-    assert tester.mode is NavigationState.OFFBOARD
+    assert tester.is_in(NavigationState.OFFBOARD)
     tester.run_for(0.4)
-    assert tester.mode is NavigationState.AUTO_LOITER
+    assert tester.is_in(NavigationState.AUTO_LOITER)
     tester.run_for(8.0)
     assert math.hypot(*tester.truth.velocity_ned) < 0.3
 

@@ -146,6 +146,10 @@ class AutopilotTester:
         """Flight mode."""
         return self.status.navigation_state
 
+    def is_in(self, mode: NavigationState) -> bool:
+        """Whether it flies in a mode."""
+        return self.mode is mode
+
     @property
     def landed(self) -> bool:
         """Whether the land detector sees the ground."""

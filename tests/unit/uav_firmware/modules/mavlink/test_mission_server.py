@@ -282,7 +282,7 @@ def test_fence_and_rally_points_are_plans_of_their_own(mission_type: int) -> Non
     (count,) = bench.ask(request_list(mission_type), "MISSION_COUNT")
     assert (count.count, count.mission_type) == (1, mission_type)
     assert types(bench.ask(clear(mission_type), "MISSION_ACK")) == [ACCEPTED]
-    assert topic.value.items == ()
+    assert list(topic.value.items) == []
     assert len(mission_of(bench).items) == 3
 
 

@@ -189,7 +189,7 @@ def test_no_number_of_any_kind_gets_through_that_is_infinite(
     mask: int, frame: int, numbers: list[float]
 ) -> None:
     names = ("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate")
-    fields = dict(zip(names, numbers, strict=True))
+    fields: dict[str, Any] = dict(zip(names, numbers, strict=True))
     setpoint, _ = said(local(type_mask=mask, coordinate_frame=frame, **fields))
     if setpoint is not None:
         assert isinstance(setpoint, TrajectorySetpoint)
