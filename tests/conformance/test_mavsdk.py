@@ -95,6 +95,11 @@ def test_the_vehicle_is_a_px4_of_a_version_that_is_no_release(client: Client) ->
 
 def test_the_vehicle_on_the_ground_is_seen_unprompted(client: Client) -> None:
     telemetry = client.telemetry
+    wait_for(telemetry.health_all_ok, "a healthy vehicle")
+    wait_for(lambda: telemetry.battery().remaining_percent > 0.0, "the battery")
+    wait_for(lambda: telemetry.unix_epoch_time() > 0, "the time")
+    wait_for(lambda: telemetry.gps_info().fix_type >= 3, "the receiver")
+    wait_for(lambda: telemetry.home().absolute_altitude_m > 0.0, "home")
     position = telemetry.position()
     assert position.latitude_deg == pytest.approx(40.4434, abs=1e-4)
     assert position.longitude_deg == pytest.approx(-3.7382, abs=1e-4)
@@ -102,12 +107,9 @@ def test_the_vehicle_on_the_ground_is_seen_unprompted(client: Client) -> None:
     assert telemetry.home().absolute_altitude_m == pytest.approx(650.0, abs=10.0)
     assert abs(telemetry.attitude_euler().roll_deg) < 10.0
     assert telemetry.battery().remaining_percent == pytest.approx(100.0, abs=5.0)
-    assert telemetry.gps_info().fix_type >= 3
     assert FlightMode(telemetry.flight_mode()) is FlightMode.HOLD
     assert LandedState(telemetry.landed_state()) is LandedState.ON_GROUND
     assert not telemetry.armed()
-    assert telemetry.health_all_ok()
-    assert telemetry.unix_epoch_time() > 0
 
 
 def test_the_truth_is_streamed_when_asked_for(client: Client) -> None:
