@@ -34,7 +34,7 @@ def test_a_home_that_is_given_is_taken_as_it_is(tmp_path: Path) -> None:
 
 def test_the_true_track_is_written_only_when_asked_for(tmp_path: Path) -> None:
     truth_of(tmp_path / "without")
-    assert not (tmp_path / "without").exists()
+    assert not list(tmp_path.rglob("truth.csv"))
     truth_of(tmp_path / "with", "--truth")
     assert (tmp_path / "with" / "vehicle-1" / "truth.csv").is_file()
 
@@ -46,6 +46,7 @@ def test_two_vehicles_of_one_seed_do_not_share_their_noise(tmp_path: Path) -> No
         vehicle = build_vehicle(config, 0)
         vehicle.advance()
         forces.add(vehicle.read_imu().specific_force_frd)
+        vehicle.close()
     assert len(forces) == 2
 
 
