@@ -69,7 +69,8 @@ def thrust(up: float, curve: ThrottleCurve, *, landed: bool) -> float:
     if landed and up <= _THROTTLE_DOWN:
         return 0.0
     end = curve.most if up > 0.0 else curve.least
-    return curve.hover + abs(up) * (end - curve.hover)
+    wanted = curve.hover + abs(up) * (end - curve.hover)
+    return max(curve.least, min(curve.most, wanted))  # Rounding must not pass an end.
 
 
 def body_rates(sticks: ManualControlSetpoint, rate_max_frd: Vector3) -> Vector3:

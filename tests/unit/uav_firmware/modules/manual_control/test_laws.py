@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from uav_firmware.lib.rotation import rotate, tilt_of, to_euler
@@ -54,6 +54,8 @@ def test_up_climbs_and_down_sinks() -> None:
 
 
 @given(sticks)
+@example(-1.0)
+@example(1.0)
 def test_thrust_rises_with_the_stick_and_hovers_in_the_centre(up: float) -> None:
     assert laws.thrust(0.0, CURVE, landed=False) == CURVE.hover
     thrust = laws.thrust(up, CURVE, landed=False)
