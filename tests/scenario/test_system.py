@@ -5,6 +5,7 @@ import re
 import shlex
 import signal
 import subprocess
+import sys
 from collections import Counter
 from functools import partial
 from pathlib import Path
@@ -28,7 +29,10 @@ pytestmark = pytest.mark.scenario
 
 HOME = (40.44340, -3.73820)
 HOME_STANDING_HEIGHT_M = 0.3
-RESULTS = ("pose", "battery", "mission_report", "alarm")
+CURL_WHERE_THERE_IS_NONE = (
+    "command -v curl >/dev/null || "
+    f'curl() {{ {shlex.quote(sys.executable)} -m tests.support.curl "$@"; }}'
+)
 
 
 def mission_reports(system: FarmSystem) -> list[dict[str, Any]]:
@@ -61,7 +65,12 @@ def type_into_shell(system: FarmSystem, command: str) -> str:
         .replace("var/keys", shlex.quote(str(system.state_dir / "keys")))
     )
     run = subprocess.run(
-        ["bash", "-c", line], cwd=ROOT, capture_output=True, text=True, check=True, timeout=60
+        ["bash", "-c", f"{CURL_WHERE_THERE_IS_NONE}\n{line}"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
     )
     return run.stdout
 
