@@ -96,6 +96,12 @@ def test_the_vehicle_is_a_px4_of_a_version_that_is_no_release(client: Client) ->
 def test_the_vehicle_on_the_ground_is_seen_unprompted(client: Client) -> None:
     telemetry = client.telemetry
     wait_for(telemetry.health_all_ok, "a healthy vehicle")
+    wait_for(lambda: telemetry.position().latitude_deg > 0.0, "the position")
+    wait_for(lambda: abs(telemetry.attitude_euler().roll_deg) < 90.0, "the attitude")
+    wait_for(lambda: FlightMode(telemetry.flight_mode()) is FlightMode.HOLD, "the mode")
+    wait_for(
+        lambda: LandedState(telemetry.landed_state()) is LandedState.ON_GROUND, "the landed state"
+    )
     wait_for(lambda: telemetry.battery().remaining_percent > 0.0, "the battery")
     wait_for(lambda: telemetry.unix_epoch_time() > 0, "the time")
     wait_for(lambda: telemetry.gps_info().fix_type >= 3, "the receiver")
@@ -107,8 +113,6 @@ def test_the_vehicle_on_the_ground_is_seen_unprompted(client: Client) -> None:
     assert telemetry.home().absolute_altitude_m == pytest.approx(650.0, abs=10.0)
     assert abs(telemetry.attitude_euler().roll_deg) < 10.0
     assert telemetry.battery().remaining_percent == pytest.approx(100.0, abs=5.0)
-    assert FlightMode(telemetry.flight_mode()) is FlightMode.HOLD
-    assert LandedState(telemetry.landed_state()) is LandedState.ON_GROUND
     assert not telemetry.armed()
 
 
