@@ -38,9 +38,10 @@ $(RUNTIME): requirements.lock | $(VENV)/bin/python
 	$(RUN) -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
 	@touch $@
 
+# The lock names every package that is needed and leaves out what pyproject.toml overrides.
 $(DEV): requirements-dev.lock | $(VENV)/bin/python
 	@echo "installing the locked development packages into $(VENV)"
-	$(RUN) -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-dev.lock
+	$(RUN) -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps -r requirements-dev.lock
 	@touch $@ $(RUNTIME)
 
 .PHONY: install
