@@ -22,6 +22,7 @@ from edge_server.store import migrate
 from edge_server.store.database import Database, open_engine, sqlite_url
 
 LOG = logging.getLogger(__name__)
+LOCK_PATIENCE_S: Final = 3.0
 _LOOK_S: Final = 0.1
 
 
@@ -37,7 +38,7 @@ def run(config: Config) -> None:
         RelayError: if it cannot go on and should be started again.
     """
     config.edge_dir.mkdir(parents=True, exist_ok=True, mode=0o700)
-    lock = take_lock(config.edge_dir / "relay.lock")
+    lock = take_lock(config.edge_dir / "relay.lock", LOCK_PATIENCE_S)
     stopping = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stopping.set())
@@ -73,15 +74,28 @@ def build(config: Config, database: Database) -> Relay:
     )
 
 
-def take_lock(path: Path) -> int:
-    """Take the lock of the state folder; it goes with the process. Raises LockedError."""
+def take_lock(path: Path, patience_s: float) -> int:
+    """Take the lock of the state folder; it goes with the process.
+
+    One that our own killed predecessor still holds is free in a moment, hence the patience.
+
+    Raises:
+        LockedError: if another relay holds it for longer than `patience_s`.
+    """
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(descriptor)
-        raise LockedError(f"another relay serves this state folder ({path} is locked)") from None
-    return descriptor
+    deadline = time.monotonic() + patience_s
+    while True:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            if time.monotonic() > deadline:
+                os.close(descriptor)
+                raise LockedError(
+                    f"another relay serves this state folder ({path} is locked)"
+                ) from None
+            time.sleep(_LOOK_S)
+        else:
+            return descriptor
 
 
 def _wait_for_database(path: Path, stopping: threading.Event) -> bool:

@@ -18,6 +18,7 @@ import requests
 from sim.farm_client import rows
 from sim.processes import programs
 from sim.settings import Settings, from_environment
+from tests.support.process_tree import descendants, gone
 
 ROOT = Path(__file__).parent.parent.parent
 PATIENCE_S = 120.0
@@ -117,11 +118,16 @@ class FarmSystem:
         return self
 
     def kill(self, name: str) -> None:
-        """Kill -9 a program and all that it has started."""
+        """Kill -9 a program; all that it has started dies with it, and is waited for.
+
+        Otherwise a part of the old program could still answer what the test asks the new one.
+        """
         process = self._running.pop(name)
+        family = descendants(process.pid)
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
         process.wait()
+        assert gone(family, PATIENCE_S), f"parts of {name} live on"
 
     def process_id(self, name: str) -> int:
         """Process id of a running program."""

@@ -2,7 +2,6 @@
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -12,47 +11,9 @@ from pathlib import Path
 
 import requests
 
-START_S = 30.0
+from tests.support.system import PATIENCE_S, free_ports
 
-
-def free_port() -> int:
-    """A port that nobody uses right now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
-
-
-def descendants(pid: int) -> list[int]:
-    """Process ids below one, from /proc."""
-    parents: dict[int, int] = {}
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            fields = stat.read_text(encoding="utf-8").rpartition(")")[2].split()
-        except OSError:
-            continue
-        if fields[0] != "Z":
-            parents[int(stat.parent.name)] = int(fields[1])
-    found = [child for child, parent in parents.items() if parent == pid]
-    return found + [below for child in found for below in descendants(child)]
-
-
-def gone(pids: list[int], within_s: float = 5.0) -> bool:
-    """Whether none of these runs any more, after a moment."""
-    deadline = time.monotonic() + within_s
-    while any(_runs(pid) for pid in pids):
-        if time.monotonic() > deadline:
-            return False
-        time.sleep(0.01)
-    return True
-
-
-def _runs(pid: int) -> bool:
-    try:
-        stat = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8")
-    except OSError:
-        return False
-    return stat.rpartition(")")[2].split()[0] != "Z"
+START_S = PATIENCE_S
 
 
 class Program:
@@ -60,7 +21,7 @@ class Program:
 
     def __init__(self, state_dir: Path, cloud_url: str) -> None:
         self.state_dir = state_dir
-        self.port = free_port()
+        self.port = free_ports(1)[0]
         self.environment = os.environ | {
             "STATE_DIR": str(state_dir),
             "EDGE_PORT": str(self.port),
@@ -111,7 +72,7 @@ class Program:
 
     def wait(self) -> tuple[int, str]:
         assert self.process is not None
-        _, errors = self.process.communicate(timeout=30.0)
+        _, errors = self.process.communicate(timeout=PATIENCE_S)
         code = self.process.returncode
         self.process = None
         return code, errors

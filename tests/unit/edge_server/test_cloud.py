@@ -12,7 +12,7 @@ from edge_server.outbox.answers import Answer, Reply, Unreachable
 from edge_server.outbox.queue import Parcel, Stream
 from tests.support import fake_cloud
 from tests.support.fake_cloud import FakeCloud, Fault, Handler, Received, running_cloud
-from tests.unit.edge_server.program import free_port
+from tests.support.system import free_ports
 
 NOW = datetime(2026, 11, 21, 12, 0, 0, tzinfo=UTC)
 PAYLOAD = '{"sequence_number":0,"vehicle_id":1,"name":"Äcker"}'
@@ -68,7 +68,7 @@ def test_no_proper_answer_is_a_reason(cloud: FakeCloud, fault: Fault) -> None:
 
 
 def test_nobody_there_is_a_reason() -> None:
-    assert isinstance(deliver(f"http://127.0.0.1:{free_port()}"), Unreachable)
+    assert isinstance(deliver(f"http://127.0.0.1:{free_ports(1)[0]}"), Unreachable)
 
 
 def test_a_redirect_is_an_answer_not_a_way(cloud: FakeCloud) -> None:

@@ -16,8 +16,10 @@ import pytest
 import requests
 
 from tests.support.fake_cloud import running_cloud
+from tests.support.process_tree import descendants, gone
+from tests.support.system import PATIENCE_S
 from tests.unit.edge_server import documents
-from tests.unit.edge_server.program import Program, descendants, gone, program_in
+from tests.unit.edge_server.program import Program, program_in
 
 CYCLES = 6
 
@@ -38,7 +40,7 @@ def post(program: Program, kind: str, number: int, vehicle_id: int = 1) -> int:
             "X-API-Key": program.key("broker"),
             "Idempotency-Key": f"{kind}-{vehicle_id}-{number}",
         },
-        timeout=10.0,
+        timeout=30.0,
     )
     assert answer.status_code == 201, answer.text
     identifier: int = answer.json()["id"]
@@ -55,7 +57,7 @@ def test_it_starts_from_nothing_and_ends_with_zero(program: Program) -> None:
     code, errors = program.end()
     assert code == 0, errors
     assert "Traceback" not in errors
-    assert gone(children)
+    assert gone(children, PATIENCE_S)
 
 
 def test_ctrl_c_is_an_orderly_end_too(program: Program) -> None:
@@ -72,7 +74,7 @@ def test_a_waiting_broker_does_not_hold_up_the_end(program: Program) -> None:
         answer = requests.get(
             f"{program.url}/broker/commands?wait=25",
             headers={"X-API-Key": program.key("broker")},
-            timeout=30.0,
+            timeout=PATIENCE_S,
         )
         answers.append(answer.status_code)
 
@@ -99,7 +101,7 @@ def test_a_killed_parent_leaves_no_orphan_and_no_stale_port(program: Program) ->
     children = descendants(program.process.pid)
     assert len(children) >= 3
     program.end(signal.SIGKILL)
-    assert gone(children)
+    assert gone(children, PATIENCE_S)
     program.start()
 
 
@@ -112,7 +114,7 @@ def test_a_killed_part_is_started_again(program: Program) -> None:
             os.kill(pid, signal.SIGKILL)
         except ProcessLookupError:
             continue
-    assert gone(before)
+    assert gone(before, PATIENCE_S)
     program.wait_ready()
     assert not set(descendants(program.process.pid)) & set(before)
 
@@ -133,7 +135,7 @@ def test_a_taken_port_is_told_in_one_sentence(program: Program) -> None:
 def test_a_second_relay_is_turned_away(program: Program) -> None:
     program.start()
     second = program.spawn("relay")
-    _, errors = second.communicate(timeout=30.0)
+    _, errors = second.communicate(timeout=PATIENCE_S)
     assert second.returncode == 2
     assert "another relay" in errors
 
@@ -146,7 +148,7 @@ def test_a_relay_started_first_waits_for_the_database(program: Program) -> None:
         post(program, "pose", 0)
         cloud.store.wait_for(1)
         relay.send_signal(signal.SIGTERM)
-        relay.communicate(timeout=30.0)
+        relay.communicate(timeout=PATIENCE_S)
         assert relay.returncode == 0
         program.end()
 
@@ -182,7 +184,7 @@ def test_telegraf18528_corrupt_store_starts(program: Program) -> None:
     database.write_bytes(spoiled)
     key = program.key("operator")
     program.start()
-    answer = requests.get(f"{program.url}/plans/", headers={"X-API-Key": key}, timeout=5.0)
+    answer = requests.get(f"{program.url}/plans/", headers={"X-API-Key": key}, timeout=30.0)
     assert (answer.status_code, answer.json()) == (200, [])
     (kept,) = (program.state_dir / "edge" / "quarantine").glob("*.sqlite3")
     assert kept.read_bytes() == bytes(spoiled)
@@ -192,7 +194,7 @@ def test_telegraf18528_corrupt_store_starts(program: Program) -> None:
 
 def test_a_body_in_chunks_is_bounded_too(program: Program) -> None:
     program.start()
-    with socket.create_connection(("127.0.0.1", program.port), timeout=10.0) as connection:
+    with socket.create_connection(("127.0.0.1", program.port), timeout=30.0) as connection:
         head = (
             f"POST /pose/ HTTP/1.1\r\nHost: edge\r\nX-API-Key: {program.key('broker')}\r\n"
             "Content-Type: application/json\r\nTransfer-Encoding: chunked\r\n\r\n"
@@ -213,7 +215,7 @@ def test_a_body_in_chunks_is_bounded_too(program: Program) -> None:
             f"{program.url}/pose/",
             data=iter([body[:10], body[10:]]),
             headers={"X-API-Key": program.key("broker"), "Content-Type": "application/json"},
-            timeout=5.0,
+            timeout=30.0,
         )
     assert answered.status_code == 201
 
@@ -228,10 +230,10 @@ def test_a_refused_body_does_not_break_the_connection(program: Program) -> None:
                     f"{program.url}/plans/",
                     data=b"x" * 2_000_000,
                     headers={"Content-Type": "application/json"} | more,
-                    timeout=10.0,
+                    timeout=30.0,
                 )
                 assert answer.status_code == status
-            answer = session.get(f"{program.url}/plans/", headers=headers, timeout=10.0)
+            answer = session.get(f"{program.url}/plans/", headers=headers, timeout=30.0)
             assert (answer.status_code, answer.json()) == (200, [])
 
 
@@ -239,7 +241,7 @@ def test_a_rotated_key_replaces_the_old_one(program: Program) -> None:
     program.start()
     old = program.key("farmer")
     rotation = program.spawn("keys", "rotate", "farmer")
-    said, errors = rotation.communicate(timeout=30.0)
+    said, errors = rotation.communicate(timeout=PATIENCE_S)
     assert rotation.returncode == 0, errors
     assert program.key("farmer") != old
     assert program.key("farmer") not in said + errors
@@ -252,7 +254,7 @@ def test_a_rotated_key_replaces_the_old_one(program: Program) -> None:
 
 def _status(program: Program, key: str) -> int:
     headers = {"X-API-Key": key}
-    return requests.get(f"{program.url}/plans/", headers=headers, timeout=5.0).status_code
+    return requests.get(f"{program.url}/plans/", headers=headers, timeout=30.0).status_code
 
 
 def test_a_wrong_setting_is_told_by_name(tmp_path: Path) -> None:
@@ -262,7 +264,7 @@ def test_a_wrong_setting_is_told_by_name(tmp_path: Path) -> None:
         capture_output=True,
         text=True,
         check=False,
-        timeout=30.0,
+        timeout=PATIENCE_S,
     )
     assert ended.returncode == 2
     assert "EDGE_PORT" in ended.stderr
@@ -300,7 +302,7 @@ def kill_something(program: Program, cycle: int) -> None:
     parts = descendants(program.process.pid)
     victim = parts[cycle // 2 % len(parts)]
     os.kill(victim, signal.SIGKILL)
-    assert gone([victim])
+    assert gone([victim], PATIENCE_S)
     program.wait_ready()
 
 
