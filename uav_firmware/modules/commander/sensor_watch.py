@@ -10,6 +10,7 @@ from uav_firmware.modules.commander.health_checks import (
     SENSOR_STALE_S,
 )
 from uav_firmware.modules.commander.vehicle_view import SensorAges, VehicleView
+from uav_firmware.msg.geofence import FenceBreach, GeofenceStatus
 
 
 class SensorBit(IntEnum):
@@ -26,6 +27,7 @@ class SensorBit(IntEnum):
     Z_ALTITUDE_CONTROL = 0x2000
     XY_POSITION_CONTROL = 0x4000
     MOTOR_OUTPUTS = 0x8000
+    GEOFENCE = 0x100000
     AHRS = 0x200000
     BATTERY = 0x2000000
     PREARM_CHECK = 0x10000000
@@ -39,6 +41,7 @@ _CONTROL = (
     | SensorBit.Z_ALTITUDE_CONTROL
     | SensorBit.XY_POSITION_CONTROL
     | SensorBit.MOTOR_OUTPUTS
+    | SensorBit.GEOFENCE
     | SensorBit.AHRS
     | SensorBit.PREARM_CHECK
 )
@@ -94,8 +97,14 @@ def healthy_bits(view: VehicleView, *, ready: bool) -> int:
         (heading, SensorBit.YAW_POSITION),
         (height, SensorBit.Z_ALTITUDE_CONTROL),
         (view.position_valid, SensorBit.XY_POSITION_CONTROL),
+        (_inside_fence(view.fence), SensorBit.GEOFENCE),
         (ready, SensorBit.PREARM_CHECK),
     ):
         if healthy:
             bits |= bit
     return bits
+
+
+def _inside_fence(fence: GeofenceStatus | None) -> bool:
+    """Whether no boundary is crossed; without the bit ground stations tell of a breach."""
+    return fence is None or (fence.breach is FenceBreach.NONE and not fence.margin_m < 0.0)
