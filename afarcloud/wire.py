@@ -1,8 +1,8 @@
 """JSON to types and back; the only file that knows envelopes and spells error paths.
 
 Every kind is read in its envelope, `{"pose": {...}}`, or bare, and written bare. A bare mission
-is read as a plan of one mission. Faults carry the path in the document as it was sent, envelope
-left out.
+is read as a plan of one mission. Other systems' spellings are imported first. Faults carry the
+path in the document as it was sent, envelope left out.
 """
 
 import json
@@ -15,6 +15,9 @@ from pydantic_core import ErrorDetails
 
 from afarcloud.commands import TAG_PREFIX
 from afarcloud.faults import Fault, InvalidError, SyntaxFaultError
+from afarcloud.importers.canonical import import_event_document, import_names, import_plan
+from afarcloud.importers.document import Imported
+from afarcloud.importers.spellings import ENVELOPES, SPELLINGS
 from afarcloud.model import FIELD_RULE, Model
 from afarcloud.plan import Event, LatestStateVector, Plan
 from afarcloud.state import Alarm, Battery, Image, MissionReport, ObservationList, Pose, StateVector
@@ -61,6 +64,8 @@ TELEMETRY: Final = (
 )
 """The kinds that go up to the cloud, in no order."""
 
+_IMPORTERS: Final = {Kind.PLAN: import_plan, Kind.EVENT: import_event_document}
+
 _CODES: Final = {"mission_id": (400, "NO_MISSION_ID"), "command_array": (404, "NO_COMMANDS")}
 """AFarCloud's validation codes for a field that is missing or empty."""
 
@@ -92,25 +97,44 @@ def read(kind: Kind, document: Any) -> Model:
     if not isinstance(body, dict):
         raise InvalidError((Fault("", f"must be a JSON object with a {kind.value}"),))
     prefix = ""
-    if kind is Kind.PLAN and "missions" not in body and "vehicle_id" in body:
+    if kind is Kind.PLAN and _is_mission(body):
         body, prefix = {"missions": [body]}, "missions.0."
-    return read_as(MODELS[kind], body, prefix)
+    imported = _IMPORTERS.get(kind, import_names)(body)
+    return _typed(MODELS[kind], imported, prefix)
 
 
-def read_as(model: type[_Model], body: Any, prefix: str = "") -> _Model:
-    """Turn a parsed bare object into a type of this kind; `prefix` is left out of fault paths.
+def _is_mission(body: dict[str, Any]) -> bool:
+    names = {SPELLINGS.get(name, name) for name in body}
+    return "missions" not in names and not names.isdisjoint({"vehicle_id", "command_array"})
+
+
+def read_as(model: type[_Model], body: Any) -> _Model:
+    """Turn a parsed bare object in canonical spelling into a type.
 
     Raises:
         InvalidError: with one fault per faulty field.
     """
     if not isinstance(body, dict):
         raise InvalidError((Fault("", "must be a JSON object"),))
+    return _typed(model, Imported(body), "")
+
+
+def _typed(model: type[_Model], imported: Imported, prefix: str) -> _Model:
+    """Let the type judge an imported document; faults name the place as it was sent."""
+    faults = list(imported.faults)
     try:
-        return model.model_validate(body)
+        typed = model.model_validate(imported.document)
     except ValidationError as error:
-        raise InvalidError(tuple(_faults(error.errors(), prefix))) from None
+        faults += [
+            fault._replace(path=imported.sent_path(fault.path))
+            for fault in _faults(error.errors())
+            if not imported.is_unread(fault.path)
+        ]
     except RecursionError:
-        raise InvalidError((Fault("", "nests too deep"),)) from None
+        faults.append(Fault("", "nests too deep"))
+    if faults:
+        raise InvalidError(tuple(f._replace(path=f.path.removeprefix(prefix)) for f in faults))
+    return typed
 
 
 def read_plan(raw: bytes) -> Plan:
@@ -127,12 +151,14 @@ def write(model: Model) -> dict[str, Any]:
 
 
 def _without_envelope(kind: Kind, document: Any) -> Any:
-    if isinstance(document, dict) and document.keys() == {kind.value}:
-        return document[kind.value]
+    if isinstance(document, dict) and len(document) == 1:
+        (key, body), *_ = document.items()
+        if ENVELOPES.get(key, key) == kind.value:
+            return body
     return document
 
 
-def _faults(errors: Sequence[ErrorDetails], prefix: str) -> Iterable[Fault]:
+def _faults(errors: Sequence[ErrorDetails]) -> Iterable[Fault]:
     for error in errors:
         if error["type"] == "too_short" and _has_deeper(errors, error["loc"]):
             continue  # A list counts only its good entries; the bad one is told by itself.
@@ -142,7 +168,7 @@ def _faults(errors: Sequence[ErrorDetails], prefix: str) -> Iterable[Fault]:
             steps.append(context["field"])
         elif error["type"] in {"union_tag_invalid", "union_tag_not_found"}:
             steps.append("command_type_id")
-        path = ".".join(steps).removeprefix(prefix)
+        path = ".".join(steps)
         code, name = _code_of(error["type"], steps[-1] if steps else "")
         yield Fault(path, _message(error), code, name)
 

@@ -1,0 +1,1 @@
+"""Other spellings of the documents, brought to the canonical one before the types see them."""
