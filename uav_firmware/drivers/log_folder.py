@@ -28,6 +28,17 @@ class LogFolder:
         self._folder = folder
         self._files_max = files_max
         self._bytes_max = bytes_max
+        self._newest: GrowingFile | None = None
+
+    @property
+    def folder(self) -> Path:
+        """Where the logs lie."""
+        return self._folder
+
+    def is_being_written(self, path: Path) -> bool:
+        """Whether a log still grows."""
+        newest = self._newest
+        return newest is not None and not newest.is_closed and newest.path == path
 
     def create(self, time_utc_us: int) -> "GrowingFile":
         """Begin a file; a second one of the same second gets a number.
@@ -43,9 +54,11 @@ class LogFolder:
         while True:
             name = f"{stem}.ulg" if number == 1 else f"{stem}_{number}.ulg"
             try:
-                return GrowingFile(day / name)
+                self._newest = GrowingFile(day / name)
             except FileExistsError:
                 number += 1
+            else:
+                return self._newest
 
     def files(self) -> list[Path]:
         """All logs, oldest first."""
@@ -84,6 +97,11 @@ class GrowingFile:
         """
         self.path = path
         self._file = path.open("xb", buffering=0)
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether nothing more is written."""
+        return self._file.closed
 
     def write(self, chunk: bytes) -> None:
         """Append.

@@ -1,0 +1,1 @@
+"""Files for peers: MAVFTP, the MAVLink file transfer protocol's vehicle end."""

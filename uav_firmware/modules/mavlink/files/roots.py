@@ -1,0 +1,26 @@
+"""Where clients find what: the tree of files of the vehicle, with PX4's names."""
+
+from typing import Final
+
+from uav_firmware.cal.files import Card, FileStore, Place
+from uav_firmware.modules.mavlink.files.parameter_files import ParameterFiles
+from uav_firmware.modules.mavlink.files.tree import MountedTree
+
+CARD: Final[Place] = ("fs", "microsd")
+LOGS: Final[Place] = (*CARD, "log")
+IMAGES: Final[Place] = (*CARD, "image")
+LOGS_BY_SERVICE: Final[Place] = ("@MAV_LOG",)
+PARAMETERS: Final[Place] = ("@PARAM",)
+
+
+def vehicle_tree(card: Card | None, parameters: ParameterFiles) -> MountedTree:
+    """The whole tree; without a card there are only the parameters."""
+    mounts: dict[Place, FileStore] = {PARAMETERS: parameters}
+    if card is not None:
+        mounts |= {
+            CARD: card.files,
+            LOGS: card.logs,
+            IMAGES: card.images,
+            LOGS_BY_SERVICE: card.logs,
+        }
+    return MountedTree(mounts)
