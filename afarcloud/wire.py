@@ -150,11 +150,16 @@ def write(model: Model) -> dict[str, Any]:
     return model.model_dump(mode="json", exclude_none=True)
 
 
+def envelope_of(document: Mapping[str, Any]) -> str:
+    """The canonical key of the envelope that an object with one member is."""
+    (key,) = document
+    return ENVELOPES.get(key, key)
+
+
 def _without_envelope(kind: Kind, document: Any) -> Any:
-    if isinstance(document, dict) and len(document) == 1:
-        (key, body), *_ = document.items()
-        if ENVELOPES.get(key, key) == kind.value:
-            return body
+    if isinstance(document, dict) and len(document) == 1 and envelope_of(document) == kind.value:
+        (body,) = document.values()
+        return body
     return document
 
 

@@ -9,7 +9,18 @@ from flask import Response
 from flask.json.provider import DefaultJSONProvider
 from flask_sqlalchemy import SQLAlchemy
 
-from edge_server.api import auth, bodies, broker, errors, health, plans, telemetry, urls, vehicles
+from edge_server.api import (
+    auth,
+    bodies,
+    broker,
+    bulk,
+    errors,
+    health,
+    plans,
+    telemetry,
+    urls,
+    vehicles,
+)
 from edge_server.api.bodies import MAXIMUM_IMAGE_BODY_BYTES
 from edge_server.config import Config
 from edge_server.services.context import Context
@@ -52,7 +63,7 @@ def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> API
     app.before_request(lambda: auth.check_caller(ring))
     app.after_request(_harden)
     app.after_request(bodies.discard_rest)
-    for part in (plans, telemetry, vehicles, broker, health):
+    for part in (plans, telemetry, bulk, vehicles, broker, health):
         app.register_blueprint(part.blueprint())
     return app
 

@@ -34,6 +34,7 @@ BROKER: Final = frozenset({Role.BROKER})
 ADMIN: Final = frozenset({Role.ADMIN})
 PUBLIC: Final[frozenset[Role]] = frozenset()
 
+KEY_RULE: Final = "must be 1 to 64 visible ASCII characters"
 _KEY_SHAPE: Final = re.compile(r"[!-~]{1,64}")
 _ATTRIBUTE: Final = "edge_roles"
 _View = TypeVar("_View", bound=Callable[..., object])
@@ -101,9 +102,14 @@ def check_caller(ring: KeyRing) -> None:
 def caller() -> Caller:
     """Give who asks, and under which idempotency key; raises 422 for one that is no key."""
     key = request.headers.get("Idempotency-Key")
-    if key is not None and not _KEY_SHAPE.fullmatch(key):
-        raise RequestError(422, "Idempotency-Key must be 1 to 64 visible ASCII characters")
+    if key is not None and not is_idempotency_key(key):
+        raise RequestError(422, f"Idempotency-Key {KEY_RULE}")
     return Caller(g.role, key)
+
+
+def is_idempotency_key(key: object) -> bool:
+    """Whether a text may be an idempotency key."""
+    return isinstance(key, str) and _KEY_SHAPE.fullmatch(key) is not None
 
 
 def audit(action: str) -> None:

@@ -1,7 +1,8 @@
 """Reports of vehicles: kept until the cloud has them. One transaction, then 201."""
 
 import json
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
 from sqlalchemy import Connection
 from ulid import ULID
@@ -12,11 +13,19 @@ from edge_server.outbox import queue
 from edge_server.outbox.queue import Stream
 from edge_server.services import once, progress
 from edge_server.services.context import Caller, Context, show_time
-from edge_server.services.errors import ConflictError, NotFoundError
+from edge_server.services.errors import ConflictError, KeyReusedError, NotFoundError
 from edge_server.store import telemetry
 from edge_server.store.database import to_json
 from edge_server.store.idempotency import Answered
 from edge_server.store.telemetry import Record
+
+
+class Arrival(NamedTuple):
+    """A report that has come in, and the key under which its sender may repeat it."""
+
+    kind: Kind
+    report: Report
+    idempotency_key: str | None
 
 
 def ingest(context: Context, kind: Kind, report: Report, caller: Caller) -> dict[str, Any]:
@@ -26,20 +35,57 @@ def ingest(context: Context, kind: Kind, report: Report, caller: Caller) -> dict
         KeyReusedError: if the idempotency key belongs to another request.
     """
     body = write(report)
-    body_sha256 = once.hash_body(body)
     with context.database.write() as connection:
-        answered = once.earlier(connection, caller, kind.value, body_sha256)
-        if answered is None:
-            now = context.clock()
-            record = store(connection, kind, body, now)
-            answered = Answered(kind.value, body_sha256, record.id, record.message_id, now)
-            once.remember(connection, caller, answered)
-            if isinstance(report, MissionReport):
-                progress.apply(connection, report)
+        answered = _keep(connection, kind, report, body, caller, context.clock())
     context.wake_relay()
+    return {"id": answered.object_id, **body, **_receipt(answered)}
+
+
+def ingest_all(
+    context: Context, arrivals: Iterable[Arrival], role: str
+) -> list[dict[str, Any] | KeyReusedError]:
+    """Keep many reports in one transaction, in their order; returns a receipt or fault for each.
+
+    A key that belongs to another request spoils its own report only.
+    """
+    outcomes: list[dict[str, Any] | KeyReusedError] = []
+    with context.database.write() as connection:
+        now = context.clock()
+        for kind, report, key in arrivals:
+            caller = Caller(role, key)
+            try:
+                answered = _keep(connection, kind, report, write(report), caller, now)
+            except KeyReusedError as error:
+                outcomes.append(error)
+            else:
+                outcomes.append({"id": answered.object_id, **_receipt(answered)})
+    context.wake_relay()
+    return outcomes
+
+
+def _keep(  # a record, who sent it and when
+    connection: Connection,
+    kind: Kind,
+    report: Report,
+    body: dict[str, Any],
+    caller: Caller,
+    now: float,
+) -> Answered:
+    """Store a report unless it has been stored under this key; raises KeyReusedError."""
+    body_sha256 = once.hash_body(body)
+    answered = once.earlier(connection, caller, kind.value, body_sha256)
+    if answered is not None:
+        return answered
+    record = store(connection, kind, body, now)
+    answered = Answered(kind.value, body_sha256, record.id, record.message_id, now)
+    once.remember(connection, caller, answered)
+    if isinstance(report, MissionReport):
+        progress.apply(connection, report)
+    return answered
+
+
+def _receipt(answered: Answered) -> dict[str, Any]:
     return {
-        "id": answered.object_id,
-        **body,
         "message_id": answered.message_id,
         "received_at": show_time(answered.created_at),
     }

@@ -31,6 +31,7 @@ MATRIX: list[tuple[str, str, set[str], Any]] = [
     ("GET", "/broker/commands", {"broker"}, None),
     ("POST", "/broker/commands/1/ack", {"broker"}, {"status": "accepted"}),
     ("POST", "/latest_state_vector/", PEOPLE, {"sequence_number": 3}),
+    ("POST", "/telemetry/", {"broker"}, {"records": [{"pose": telemetry("pose")}]}),
 ]
 for _kind in TELEMETRY:
     MATRIX += [

@@ -1,0 +1,88 @@
+"""`/telemetry/`: many reports of any kind in one request and one transaction, for the broker.
+
+Each report stands or falls by itself: the answer has one entry per report, in order, with the
+status that the report would have got alone.
+"""
+
+from collections.abc import Iterator
+from typing import Any, Final
+
+from apiflask import APIBlueprint
+from flask import g
+
+from afarcloud import wire
+from afarcloud.faults import DocumentError, Fault, InvalidError
+from afarcloud.state import Report
+from afarcloud.wire import TELEMETRY, Kind
+from edge_server.api import bodies, errors, urls
+from edge_server.api.auth import BROKER, KEY_RULE, allow, is_idempotency_key
+from edge_server.services import telemetry
+from edge_server.services.errors import KeyReusedError
+from edge_server.services.telemetry import Arrival
+
+MOST_RECORDS: Final = 500
+_KEY: Final = "idempotency_key"
+_KINDS: Final = {kind.value: kind for kind in TELEMETRY}
+
+
+def blueprint() -> APIBlueprint:
+    """Make the route."""
+    routes = APIBlueprint("bulk", __name__)
+    urls.add(routes, ("telemetry",), "create", create, "POST")
+    return routes
+
+
+@allow(BROKER)
+def create() -> dict[str, Any]:
+    """Keep many reports; 200 says that each was judged, not that each was kept."""
+    read = [_read(record) for record in _records()]
+    arrivals = [one for one in read if isinstance(one, Arrival)]
+    kept = iter(telemetry.ingest_all(bodies.context(), arrivals, g.role) if arrivals else [])
+    return {"records": [_answer(one, kept) for one in read]}
+
+
+def _records() -> list[Any]:
+    """The records of the body; raises DocumentError when it holds no list of them."""
+    body = bodies.json_body(bodies.MAXIMUM_IMAGE_BODY_BYTES)
+    records = body.get("records") if isinstance(body, dict) else None
+    if not isinstance(records, list) or not body.keys() <= {"records"}:
+        raise InvalidError((Fault("records", "must be the body's one field, an array"),))
+    if not 1 <= len(records) <= MOST_RECORDS:
+        raise InvalidError((Fault("records", f"must hold 1 to {MOST_RECORDS} reports"),))
+    return records
+
+
+def _read(record: Any) -> Arrival | DocumentError:
+    """Read one report in its envelope, beside which its idempotency key may stand."""
+    if not isinstance(record, dict):
+        return InvalidError((Fault("", 'must be an object such as {"pose": {...}}'),))
+    key = record.get(_KEY)
+    if key is not None and not is_idempotency_key(key):
+        return InvalidError((Fault(_KEY, KEY_RULE),))
+    envelope = {name: body for name, body in record.items() if name != _KEY}
+    kind = _kind_of(envelope)
+    if kind is None:
+        return InvalidError((Fault("", f"must be one of {', '.join(_KINDS)} in its envelope"),))
+    try:
+        report = wire.read(kind, envelope)
+    except DocumentError as error:
+        return error
+    if not isinstance(report, Report):
+        raise TypeError(type(report))
+    return Arrival(kind, report, key)
+
+
+def _kind_of(envelope: dict[str, Any]) -> Kind | None:
+    return _KINDS.get(wire.envelope_of(envelope)) if len(envelope) == 1 else None
+
+
+def _answer(
+    read: Arrival | DocumentError, kept: Iterator[dict[str, Any] | KeyReusedError]
+) -> dict[str, Any]:
+    """What a report is answered: its receipt, or the error it would have got alone."""
+    if isinstance(read, DocumentError):
+        return {"status": 422, **errors.body("the document cannot be used", read.faults)}
+    outcome = next(kept)
+    if isinstance(outcome, KeyReusedError):
+        return {"status": errors.STATUS[KeyReusedError], **errors.body(str(outcome))}
+    return {"status": 201, **outcome}
