@@ -134,13 +134,17 @@ def home_position(context: Context) -> Message | None:
 
 
 def vfr_hud(context: Context) -> Message | None:
-    """VFR_HUD; there is no airspeed sensor, so airspeed is 0."""
+    """VFR_HUD once the altitude is known: MAVProxy does not survive a NaN here.
+
+    There is no airspeed sensor, so airspeed is 0; so is a velocity that is not known.
+    """
     local = context.topics.local_position.value
-    if local is None:
+    if local is None or not local.altitude_valid:
         return None
     motors = context.topics.actuator_motors.value
     throttle = 25.0 * sum(motors.control) if motors is not None else 0.0
-    north, east, down = local.velocity_ned
+    known = all(map(math.isfinite, local.velocity_ned))
+    north, east, down = local.velocity_ned if known else (0.0, 0.0, 0.0)
     return mavlink.MAVLink_vfr_hud_message(
         airspeed=0.0,
         groundspeed=math.hypot(north, east),
