@@ -52,6 +52,7 @@ def main() -> int:
             boot_time_utc_us=boot_time_utc_us,
             write_line=_line_writer(config.system_id),
             log_store=hardware.log_store,
+            card=hardware.card,
         )
         _run(config, hardware, autopilot, stop)
     finally:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 from uav_firmware.cal.faults import FaultInjector
+from uav_firmware.cal.files import Card
 from uav_firmware.cal.link import Link
 from uav_firmware.cal.log_store import LogStore
 from uav_firmware.cal.storage import Storage
@@ -77,6 +78,7 @@ class Autopilot:
         boot_time_utc_us: int,
         write_line: Callable[[int, str], None],
         log_store: LogStore | None = None,
+        card: Card | None = None,
     ) -> None:
         self.vehicle = vehicle
         self.topics = topics = Topics()
@@ -233,6 +235,7 @@ class Autopilot:
             peers=peers,
             boot_time_utc_us=boot_time_utc_us,
             save_parameters=self.parameter_storage.save,
+            card=card,
         )
         self.console = ConsoleModule(
             write_line,

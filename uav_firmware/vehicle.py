@@ -7,6 +7,7 @@ import socket
 from dataclasses import dataclass
 
 from uav_firmware.cal.faults import FaultInjector
+from uav_firmware.cal.files import Card
 from uav_firmware.cal.link import Address
 from uav_firmware.cal.log_store import LogStore
 from uav_firmware.cal.storage import Storage
@@ -15,6 +16,7 @@ from uav_firmware.config import ConfigError, Endpoint, VehicleConfig
 from uav_firmware.drivers.file_storage import FileStorage
 from uav_firmware.drivers.jammed_link import JammedLink
 from uav_firmware.drivers.log_folder import LogFolder
+from uav_firmware.drivers.storage_card import storage_card
 from uav_firmware.drivers.udp_link import UdpLink
 
 _VEHICLES_PER_SEED = 256  # vehicles of one seed must not share their noise
@@ -28,6 +30,7 @@ class Hardware:
     link: UdpLink | JammedLink
     storage: Storage
     log_store: LogStore
+    card: Card
 
     def close(self) -> None:
         """Release files and sockets."""
@@ -47,11 +50,13 @@ def build_hardware(config: VehicleConfig, start_time_utc_us: int) -> Hardware:
     link = bind_link(config)
     try:
         vehicle = build_vehicle(config, start_time_utc_us)
+        logs = LogFolder(config.folder / "log")
         return Hardware(
             vehicle=vehicle,
             link=JammedLink(link, vehicle) if isinstance(vehicle, FaultInjector) else link,
             storage=FileStorage(config.folder),
-            log_store=LogFolder(config.folder / "log"),
+            log_store=logs,
+            card=storage_card(config.folder, logs),
         )
     except BaseException:
         link.close()

@@ -3,11 +3,13 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Final, NamedTuple, TypeAlias
 
+from uav_firmware.cal.files import Card
 from uav_firmware.cal.link import Address
 from uav_firmware.modules.mavlink.addressing import Outgoing, Sender, is_for_us
 from uav_firmware.modules.mavlink.builders.context import Context
 from uav_firmware.modules.mavlink.command_server import CommandServer
 from uav_firmware.modules.mavlink.dialect import Message, mavlink
+from uav_firmware.modules.mavlink.file_service import FileService
 from uav_firmware.modules.mavlink.follow_input import FollowInput
 from uav_firmware.modules.mavlink.manual_input import ManualInput
 from uav_firmware.modules.mavlink.mission_server import MissionServer, PlanStore
@@ -69,6 +71,7 @@ class Dispatcher:
         context: Callable[[int], Context],
         save_parameters: Callable[[], None],
         texts: StatusTexts,
+        card: Card | None,
     ) -> None:
         self._system_id = system_id
         self._topics = topics
@@ -88,12 +91,21 @@ class Dispatcher:
         self._parameters = ParameterServer(
             system_id=system_id, registry=registry, save=save_parameters, texts=texts
         )
+        self._files = FileService(
+            system_id=system_id,
+            registry=registry,
+            card=card,
+            topics=topics,
+            texts=texts,
+            parameters=self._parameters,
+        )
         manual = ManualInput(system_id, topics.manual_control_setpoint)
         setpoints = SetpointInput(system_id, topics, texts)
         self._handlers: Mapping[str, Handler] = {
             "HEARTBEAT": self._heartbeat,
             **dict.fromkeys(self._missions.message_types, self._missions.handle),
             **dict.fromkeys(setpoints.message_types, setpoints.handle),
+            **dict.fromkeys(self._files.message_types, self._files.handle),
             "MANUAL_CONTROL": manual.handle,
             "FOLLOW_TARGET": FollowInput(topics.follow_target).handle,
             "COMMAND_LONG": self._commands.handle,
@@ -118,6 +130,7 @@ class Dispatcher:
         outgoing += self._commands.tick(now_us)
         outgoing += self._missions.tick(now_us)
         outgoing += self._parameters.tick(now_us)
+        outgoing += self._files.tick(now_us)
         return outgoing
 
     def forget(self, addresses: Iterable[Address]) -> None:

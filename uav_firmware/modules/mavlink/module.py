@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Final
 
+from uav_firmware.cal.files import Card
 from uav_firmware.cal.link import Address, Link
 from uav_firmware.modules.mavlink.addressing import AUTOPILOT_COMPONENT, Outgoing, Sender
 from uav_firmware.modules.mavlink.builders.context import BatteryThresholds, Context
@@ -43,6 +44,7 @@ class MavlinkModule:
         peers: Sequence[Peer],
         boot_time_utc_us: int = 0,
         save_parameters: Callable[[], None] = lambda: None,
+        card: Card | None = None,
     ) -> None:
         """Open channels to the configured peers.
 
@@ -55,6 +57,7 @@ class MavlinkModule:
             peers: Who is sent telemetry from the start.
             boot_time_utc_us: World time at vehicle time zero [us since 1970]; 0 unknown.
             save_parameters: Called after a peer changed a parameter; may raise OSError.
+            card: Where files and logs lie; without one only the parameters are a file.
 
         Raises:
             ValueError: if the system id is outside 1..250.
@@ -82,6 +85,7 @@ class MavlinkModule:
             context=self._context,
             save_parameters=save_parameters,
             texts=self._texts,
+            card=card,
         )
         self._battery_thresholds = BatteryThresholds(0.0, 0.0, 0.0)
         self._parameter_version = -1

@@ -7,7 +7,8 @@ answers with PARAM_SET `_HASH_CHECK`, and the list stops.
 
 import struct
 import zlib
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -75,6 +76,7 @@ class ParameterServer:
         self._listings: dict[Address, _Listing] = {}
         self._names: list[str] = []
         self._indices: dict[str, int] = {}
+        self._changed: deque[str] = deque()
 
     def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
         """Take a message of the parameter protocol."""
@@ -90,7 +92,7 @@ class ParameterServer:
 
     def tick(self, now_us: int) -> list[Outgoing]:
         """Send the next values of the lists under way."""
-        outgoing: list[Outgoing] = []
+        outgoing = self._told()
         for address, listing in list(self._listings.items()):
             due = (now_us - listing.sent_us) * VALUES_PER_SECOND // 1_000_000
             if due == 0:
@@ -104,6 +106,12 @@ class ParameterServer:
                 del self._listings[address]
         return outgoing
 
+    def changed_together(self, names: Iterable[str]) -> list[Outgoing]:
+        """Tell every peer, tick by tick, what has been set in another way; keep it."""
+        self._index_names()
+        self._changed.extend(names)
+        return self._saved()
+
     def forget(self, address: Address) -> None:
         """Stop the list to a peer that is gone."""
         self._listings.pop(address, None)
@@ -115,6 +123,11 @@ class ParameterServer:
             if name not in VOLATILE:
                 state = zlib.crc32(name.encode("ascii") + self._raw(name), state)
         return state ^ 0xFFFFFFFF
+
+    def _told(self) -> list[Outgoing]:
+        """Some of the values that every peer is to be told."""
+        count = min(len(self._changed), _MAX_VALUES_PER_TICK)
+        return [Outgoing(self._value(self._changed.popleft())) for _ in range(count)]
 
     def _index_names(self) -> None:
         """Number the parameters; a later registration of more makes the numbers anew."""
