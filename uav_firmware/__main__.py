@@ -83,7 +83,9 @@ def _run(config: VehicleConfig, hardware: Hardware, autopilot: Autopilot, stop: 
     pacer = Pacer(
         config.speed,
         clock=time.monotonic,
-        wait=_link_server(hardware.link, autopilot.serve_link, stop),
+        wait=_link_server(hardware.link, autopilot.serve_link),
+        batch_us=autopilot.batch_us,
+        is_asked=autopilot.is_asked,
     )
     speed = "as fast as it goes" if config.speed == 0.0 else f"at {config.speed:g} times real time"
     host, port = hardware.link.address
@@ -103,17 +105,12 @@ def _run(config: VehicleConfig, hardware: Hardware, autopilot: Autopilot, stop: 
     )
 
 
-def _link_server(
-    link: UdpLink | JammedLink, serve: Callable[[], None], stop: Stop
-) -> Callable[[float], None]:
-    """A wait that answers datagrams as they come, so that no peer waits for the next step."""
+def _link_server(link: UdpLink | JammedLink, serve: Callable[[], None]) -> Callable[[float], None]:
+    """A wait that ends with a datagram and its answer: no peer waits for the next step."""
 
     def wait(seconds: float) -> None:
-        deadline_s = time.monotonic() + seconds
-        left_s = seconds
-        while left_s > 0.0 and not stop.requested and link.wait(left_s):
+        if link.wait(seconds):
             serve()
-            left_s = deadline_s - time.monotonic()
 
     return wait
 

@@ -43,6 +43,10 @@ class Queue(Generic[T]):
             self.dropped += 1
         self._items.append(item)
 
+    def __len__(self) -> int:
+        """How many items wait."""
+        return len(self._items)
+
     def drain(self) -> list[T]:
         """Return all waiting items, oldest first, and forget them."""
         items = list(self._items)

@@ -12,8 +12,10 @@ from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
 _MAX_SLOTS: Final = 10_000  # a longer pattern means that the periods do not fit together
-_LEAD_MAX_S: Final = 0.056  # [s] Steps run ahead of the wall clock by this before they wait
-_LEAD_MIN_S: Final = 0.016  # [s] and wait until they are ahead by no more than this
+LONGEST_BATCH_US: Final = 80_000  # [us] Vehicle time that nobody looks at too closely
+_BATCH_S: Final = (0.02, 0.08)  # [s] Shortest and longest batch by the wall clock
+_LEAD_S: Final = 0.032  # [s] Steps wait until they are ahead of the wall clock by no more
+_LARGEST_LEAD_S: Final = 0.16  # [s] Steps that somebody waits for run ahead by no more
 _CATCH_UP_S: Final = 0.1  # [s] Lateness that is made up; what exceeds it is given up
 
 
@@ -76,9 +78,12 @@ def _divider(group: RateGroup, step_us: int) -> int:
 class Pacer:
     """Keeps simulated time at `speed` times the wall clock.
 
-    Steps run in batches of 40 ms ahead of the clock, because the first step after a wait costs
-    three times as much as the fifth: the processor's caches have gone cold. A lead of 16 ms is
-    kept, so that a slow first step is not a late one, nor one that has to queue for a processor.
+    Steps run in batches, ahead of the clock, because the first step after a wait costs five
+    times as much as the tenth: the processor's caches have gone cold. How long a batch may be
+    is asked anew for each, in vehicle time; it takes 20 to 80 ms of the wall clock. A lead of
+    32 ms is kept, so that a slow first step is not a late one, nor one that has to queue for a
+    processor. When somebody waits for an answer that only the next steps can give, they run at
+    once, up to 160 ms ahead.
 
     A step is due when the wall clock reaches the simulated time at its end; one that ends later
     has missed its deadline and is an overrun. Lateness up to a tenth of a second is made up by
@@ -87,9 +92,23 @@ class Pacer:
     """
 
     def __init__(
-        self, speed: float, *, clock: Callable[[], float], wait: Callable[[float], None]
+        self,
+        speed: float,
+        *,
+        clock: Callable[[], float],
+        wait: Callable[[float], None],
+        batch_us: Callable[[], int] = lambda: LONGEST_BATCH_US,
+        is_asked: Callable[[], bool] = lambda: False,
     ) -> None:
-        """`speed` 0 means unpaced; `clock` [s] never goes back; `wait` takes seconds."""
+        """Begin with the first step that is paced.
+
+        Args:
+            speed: Simulated time per wall-clock time; 0 means unpaced.
+            clock: Wall clock [s], which never goes back.
+            wait: Lets as many seconds pass, or fewer when something has happened meanwhile.
+            batch_us: Vehicle time [us] that may pass in one go from now on.
+            is_asked: Whether somebody waits for what the next steps do.
+        """
         if not (math.isfinite(speed) and speed >= 0.0):
             raise ScheduleError(f"speed: {speed} is not a finite number of 0 or more")
         self.speed = speed
@@ -98,6 +117,9 @@ class Pacer:
         self.given_up_s = 0.0  # [s] Wall-clock time by which the flight fell behind
         self._clock = clock
         self._wait = wait
+        self._batch_us = batch_us
+        self._is_asked = is_asked
+        self._batch_ends_s = 0.0  # [s] Lead at which the batch in hand is over
         self._origin_s: float | None = None
 
     def pace(self, simulated_us: int) -> None:
@@ -110,14 +132,25 @@ class Pacer:
         if self._origin_s is None:
             self._origin_s = now_s - due_s
         ahead_s = self._origin_s + due_s - now_s
-        if ahead_s >= _LEAD_MAX_S:
-            self._wait(ahead_s - _LEAD_MIN_S)
+        if ahead_s >= self._batch_ends_s:
+            self._end_batch(self._origin_s + due_s)
         elif ahead_s < 0.0:
             self.overruns += 1
             late_s = -ahead_s - _CATCH_UP_S
             if late_s > 0.0:
                 self.given_up_s += late_s
                 self._origin_s += late_s
+
+    def _end_batch(self, due_s: float) -> None:
+        """Wait until the step due at `due_s` of the clock is ahead by the lead alone."""
+        wake_s = due_s - _LEAD_S
+        while (left_s := wake_s - self._clock()) > 0.0:
+            if left_s < _LARGEST_LEAD_S - _LEAD_S and self._is_asked():
+                return
+            self._wait(left_s)
+        shortest_s, longest_s = _BATCH_S
+        batch_s = self._batch_us() * 1e-6 / self.speed
+        self._batch_ends_s = _LEAD_S + min(max(batch_s, shortest_s), longest_s)
 
 
 class LateSteps:

@@ -41,6 +41,7 @@ from uav_firmware.modules.rate_control.module import RateControlModule
 from uav_firmware.modules.rate_control.params import RateControlParams
 from uav_firmware.modules.rotor_loss_control.module import RotorLossControlModule
 from uav_firmware.modules.vehicle_io.module import VehicleIoModule
+from uav_firmware.msg.control_mode import ControlSource
 from uav_firmware.parameters import Registry
 from uav_firmware.scheduler import RateGroup, Scheduler
 from uav_firmware.topics import Topics
@@ -51,6 +52,9 @@ _LINK_PERIOD_US: Final = 8_000  # 125 Hz; datagrams are also answered while a pa
 _FAILURE_PERIOD_US: Final = 8_000  # 125 Hz, as often as the speed controllers report
 _CONSOLE_PERIOD_US: Final = 100_000  # 10 Hz
 _STORAGE_PERIOD_US: Final = 1_000_000  # 1 Hz
+
+_LED_BATCH_US: Final = 20_000
+_WATCHED_BATCH_US: Final = 40_000  # However fast the telemetry that was asked for
 
 _PARAMETER_GROUPS: Final = (
     EstimatorParams,
@@ -261,6 +265,22 @@ class Autopilot:
     def serve_link(self) -> None:
         """Answer what has arrived on the link, between two steps."""
         self.mavlink.serve(self.vehicle.time_us)
+
+    def is_asked(self) -> bool:
+        """Whether a peer waits for what the next steps do with its command."""
+        topics = self.topics
+        return len(topics.vehicle_command) > 0 or len(topics.vehicle_command_ack) > 0
+
+    def batch_us(self) -> int:
+        """How much time [us] may pass in one go without a wait for the wall clock.
+
+        Whoever leads the vehicle by sticks or set-points wants them to act at once; who watches
+        it wants each message in its time.
+        """
+        mode = self.topics.vehicle_control_mode.value
+        if mode is not None and mode.source is not ControlSource.NAVIGATOR:
+            return _LED_BATCH_US
+        return max(self.mavlink.shortest_interval_us(), _WATCHED_BATCH_US)
 
     def _time_us(self) -> int:
         return self.vehicle.time_us

@@ -1,6 +1,8 @@
 from collections.abc import Callable
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from uav_firmware.scheduler import LateSteps, Pacer, RateGroup, ScheduleError, Scheduler
 
@@ -75,7 +77,7 @@ def test_the_wall_clock_passes_at_the_wanted_ratio(speed: float) -> None:
     for step in range(1, 10_001):
         clock.now_s += 0.0001
         pacer.pace(step * 4000)
-    assert clock.now_s - 100.0 == pytest.approx(40.0 / speed, rel=0.01)
+    assert clock.now_s - 100.0 == pytest.approx(40.0 / speed, abs=0.12)
     assert pacer.overruns == 0
 
 
@@ -87,8 +89,10 @@ def test_unpaced_never_waits() -> None:
     assert clock.waits == []
 
 
-@pytest.mark.parametrize("hindered_s", [0.0, 0.01])
-def test_a_batch_that_begins_ten_milliseconds_late_misses_no_deadline(hindered_s: float) -> None:
+@pytest.mark.parametrize("hindered_s", [0.0, 0.025])
+def test_a_batch_that_begins_late_by_less_than_the_lead_misses_no_deadline(
+    hindered_s: float,
+) -> None:
     clock = Clock()
 
     def wait(seconds: float) -> None:
@@ -99,7 +103,61 @@ def test_a_batch_that_begins_ten_milliseconds_late_misses_no_deadline(hindered_s
         clock.now_s += 0.0005
         pacer.pace(step * 4000)
     assert pacer.overruns == 0
-    assert 50 < len(clock.waits) < 120
+    assert 25 < len(clock.waits) < 120
+
+
+def paced(
+    clock: Clock, seconds: float, *, batch_us: int = 80_000, speed: float = 1.0
+) -> list[tuple[float, float]]:
+    """Fly and give, for each step, the clock's time at its end and its own, from the first one."""
+    pacer = Pacer(speed, clock=clock, wait=clock.wait, batch_us=lambda: batch_us)
+    ends = []
+    for step in range(1, round(seconds / 0.004) + 1):
+        ends.append((clock.now_s - 100.0, (step - 1) * 0.004 / speed))
+        pacer.pace(step * 4000)
+    return ends
+
+
+@given(batch_us=st.integers(0, 1_000_000), speed=st.floats(0.1, 20.0))
+def test_no_step_is_late_nor_further_ahead_than_lead_and_batch(batch_us: int, speed: float) -> None:
+    for wall_s, own_s in paced(Clock(), 4.0, batch_us=batch_us, speed=speed):
+        assert -1e-9 <= own_s - wall_s <= 0.032 + 0.08 + 0.004 / speed + 1e-9
+
+
+@pytest.mark.parametrize(("batch_us", "waits_a_second"), [(20_000, 50), (40_000, 25), (80_000, 12)])
+def test_a_batch_is_as_long_as_may_be(batch_us: int, waits_a_second: int) -> None:
+    clock = Clock()
+    paced(clock, 10.0, batch_us=batch_us)
+    assert len(clock.waits) / 10.0 == pytest.approx(waits_a_second, rel=0.2)
+
+
+def test_the_next_steps_run_at_once_when_somebody_waits_for_them() -> None:
+    clock = Clock()
+    asked = False
+
+    def wait(seconds: float) -> None:
+        nonlocal asked
+        asked = len(clock.waits) == 20
+        clock.wait(seconds / 2 if asked else seconds)
+
+    pacer = Pacer(1.0, clock=clock, wait=wait, is_asked=lambda: asked)
+    asked_at_s: list[float] = []
+    for step in range(1, 1001):
+        if asked:
+            asked_at_s.append(clock.now_s)
+            asked = len(asked_at_s) < 5
+        pacer.pace(step * 4000)
+    assert len(asked_at_s) == 5
+    assert len(set(asked_at_s)) == 1
+    assert pacer.overruns == 0
+
+
+def test_whoever_asks_without_end_does_not_drive_the_flight_ahead_of_the_clock() -> None:
+    clock = Clock()
+    pacer = Pacer(1.0, clock=clock, wait=clock.wait, is_asked=lambda: True)
+    for step in range(1, 2501):
+        pacer.pace(step * 4000)
+    assert clock.now_s - 100.0 == pytest.approx(10.0, abs=0.2)
 
 
 def test_a_late_step_is_counted_and_made_up() -> None:

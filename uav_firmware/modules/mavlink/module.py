@@ -103,6 +103,10 @@ class MavlinkModule:
         if self._peers.is_any_due(now_us):
             self._transmitter.stream(self._context(now_us))
 
+    def shortest_interval_us(self) -> int:
+        """Interval [us] of the message that is sent most often, to whatever peer."""
+        return self._peers.shortest_interval_us()
+
     def serve(self, now_us: int) -> None:
         """Answer the datagrams that have arrived; of a flood, as many as a step can bear."""
         taken = 0

@@ -11,7 +11,7 @@ from enum import Enum
 from typing import Final
 
 from uav_firmware.cal.link import Address
-from uav_firmware.modules.mavlink.schedule import Schedule
+from uav_firmware.modules.mavlink.schedule import LONGEST_INTERVAL_US, Schedule
 
 MAX_LEARNT_PEERS: Final = 8
 SILENCE_LIMIT_US: Final = 60_000_000
@@ -102,6 +102,13 @@ class PeerTable:
             if channel.schedule.next_due_us <= now_us:
                 return True
         return False
+
+    def shortest_interval_us(self) -> int:
+        """Interval [us] of the message that is sent most often; a second if there is none."""
+        return min(
+            (channel.schedule.shortest_interval_us for channel in self),
+            default=LONGEST_INTERVAL_US,
+        )
 
     def forget_silent(self, now_us: int) -> list[Address]:
         """Close the channels to learnt peers that have been silent for too long."""

@@ -8,6 +8,9 @@ share one packed payload, while different messages of the same rate spread over 
 from collections.abc import Mapping
 from typing import Final
 
+LONGEST_INTERVAL_US: Final = 1_000_000
+"""What counts as the interval of one to whom nothing is sent [us]."""
+
 _PHASE_STEPS: Final = 23
 _PHASE_STEP_US: Final = 4000
 
@@ -26,6 +29,7 @@ class Schedule:
         self._intervals = dict(default_intervals_us)
         self._due = dict.fromkeys(self._intervals, 0)
         self.next_due_us: int = 0
+        self.shortest_interval_us = self._shortest_interval_us()
 
     def interval_us(self, message_id: int) -> int:
         """Present interval [us]; 0 when the message is not sent."""
@@ -43,6 +47,10 @@ class Schedule:
             self._intervals[message_id] = interval_us
             self._due[message_id] = now_us
         self.next_due_us = min(self._due.values(), default=now_us)
+        self.shortest_interval_us = self._shortest_interval_us()
+
+    def _shortest_interval_us(self) -> int:
+        return min(self._intervals.values(), default=LONGEST_INTERVAL_US)
 
     def take_due(self, now_us: int) -> list[int]:
         """Messages due at `now_us`; each is due again at the next point of its grid."""

@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uav_firmware.modules.mavlink.schedule import Schedule
+from uav_firmware.modules.mavlink.schedule import LONGEST_INTERVAL_US, Schedule
 
 STEP_US = 4000
 
@@ -62,3 +62,13 @@ def test_intervals_and_defaults_are_told() -> None:
     schedule.set_interval(1, 250_000, 0)
     assert (schedule.interval_us(1), schedule.default_interval_us(1)) == (250_000, 1_000_000)
     assert (schedule.interval_us(2), schedule.default_interval_us(2)) == (0, 0)
+
+
+def test_the_shortest_interval_follows_what_is_asked_for() -> None:
+    schedule = Schedule({1: 100_000, 2: 1_000_000})
+    assert schedule.shortest_interval_us == 100_000
+    schedule.set_interval(2, 20_000, 0)
+    assert schedule.shortest_interval_us == 20_000
+    for message_id in (1, 2):
+        schedule.set_interval(message_id, 0, 0)
+    assert schedule.shortest_interval_us == LONGEST_INTERVAL_US

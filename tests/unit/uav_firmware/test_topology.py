@@ -1,0 +1,55 @@
+"""The whole vehicle's rhythm: how much of its time may pass without a look at the wall clock."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import common
+
+from sim.config import SimulationConfig
+from tests.support.autopilot_tester import AutopilotTester
+from tests.support.ground_station import ADDRESS
+from uav_firmware.modules.mavlink.peers import Peer, Profile
+from uav_firmware.msg.control_mode import ControlLevel, ControlSource, VehicleControlMode
+
+
+@pytest.fixture
+def tester(tmp_path: Path) -> Iterator[AutopilotTester]:
+    """Give a vehicle that stands, and the operator whom it knows as its ground station."""
+    peers = (Peer(address=ADDRESS, profile=Profile.GROUND_STATION),)
+    tester = AutopilotTester(SimulationConfig(), tmp_path, peers=peers)
+    tester.run_for(1.0)
+    yield tester
+    tester.simulation.close()
+
+
+def test_nobody_waits_for_an_idle_vehicle(tester: AutopilotTester) -> None:
+    assert not tester.autopilot.is_asked()
+
+
+def test_a_command_is_waited_for_until_it_has_been_answered(tester: AutopilotTester) -> None:
+    station, autopilot = tester.ground_station, tester.autopilot
+    station.command(common.MAV_CMD_DO_SET_HOME, 1.0)
+    autopilot.serve_link()
+    assert autopilot.is_asked()
+    tester.wait_until(lambda: not autopilot.is_asked(), 0.1, "answered")
+    station.hear()
+    assert common.MAV_CMD_DO_SET_HOME in [command for command, _ in station.acks]
+
+
+def test_a_vehicle_led_by_sticks_or_set_points_looks_up_more_often(tester: AutopilotTester) -> None:
+    autopilot = tester.autopilot
+    watched_us = autopilot.batch_us()
+    for source in (ControlSource.MANUAL, ControlSource.OFFBOARD):
+        autopilot.topics.vehicle_control_mode.publish(
+            VehicleControlMode(autopilot.vehicle.time_us, source, ControlLevel.POSITION)
+        )
+        assert autopilot.batch_us() < watched_us
+
+
+def test_a_batch_is_no_longer_than_the_fastest_telemetry_needs(tester: AutopilotTester) -> None:
+    station, autopilot = tester.ground_station, tester.autopilot
+    before_us = autopilot.batch_us()
+    station.command(common.MAV_CMD_SET_MESSAGE_INTERVAL, common.MAVLINK_MSG_ID_ATTITUDE, 50_000.0)
+    autopilot.serve_link()
+    assert autopilot.batch_us() == 50_000 < before_us
