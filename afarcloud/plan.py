@@ -8,6 +8,7 @@ from afarcloud.commands import Command
 from afarcloud.enumerations import EventType, Profile
 from afarcloud.model import Model, field_error
 from afarcloud.numbers import (
+    Boolean,
     HeightAboveHome,
     Int32,
     Latitude,
@@ -46,7 +47,10 @@ class Mission(Model):
 
 
 class Plan(Model):
-    """One mission for each of one or more vehicles."""
+    """One mission for each of one or more vehicles.
+
+    With `dispatch` false it is kept and not flown until somebody dispatches it.
+    """
 
     plan_id: Ulid | None = None
     name: ShortText | None = None
@@ -55,6 +59,7 @@ class Plan(Model):
     profile: Profile = Profile.FIELD
     created_at: Time | None = None
     expires_at: Time | None = None
+    dispatch: Boolean = True
     geofence: Geofence | None = None
     missions: Annotated[tuple[Mission, ...], Field(min_length=1, max_length=16)]
 

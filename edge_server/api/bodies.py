@@ -1,5 +1,7 @@
 """What comes in: JSON bodies of a bounded size, and query parameters."""
 
+import re
+from datetime import datetime
 from typing import Any, Final, TypeVar
 
 from flask import Response, current_app, request
@@ -8,12 +10,14 @@ from werkzeug.exceptions import RequestEntityTooLarge
 from afarcloud import wire
 from afarcloud.faults import Fault
 from afarcloud.model import Model
+from afarcloud.numbers import INT32_MAX
 from afarcloud.wire import Kind
 from edge_server.api.errors import RequestError
 from edge_server.services.context import Context
 
 MAXIMUM_BODY_BYTES: Final = 1024 * 1024
 MAXIMUM_IMAGE_BODY_BYTES: Final = 3 * 512 * 1024  # A 1 MiB frame in base64, and its fields
+_EPOCH: Final = re.compile(r"[0-9]{1,11}(\.[0-9]{1,6})?")
 _CHUNK_BYTES: Final = 65_536
 _DISCARDED_BYTES: Final = 8 * 1024 * 1024
 PAGE_DEFAULT: Final = 100
@@ -100,3 +104,28 @@ def query_integer(name: str, default: int, low: int, high: int) -> int:
         message = f"must be a whole number from {low} to {high}"
         raise RequestError(422, "the query cannot be used", (Fault(name, message),))
     return int(raw)
+
+
+def query_vehicle() -> int | None:
+    """Read `vehicle_id` from the query; None when all vehicles are meant."""
+    return query_integer("vehicle_id", 0, 1, INT32_MAX) or None
+
+
+def query_time(name: str) -> float:
+    """Read an RFC 3339 time or epoch seconds [s]; 0 when it is not given; raises 422."""
+    raw = request.args.get(name)
+    if raw is None:
+        return 0.0
+    try:
+        seconds = float(raw) if _EPOCH.fullmatch(raw) else _rfc3339(raw)
+    except ValueError:
+        message = "must be a time such as 2026-11-21T08:00:00Z, or epoch seconds"
+        raise RequestError(422, "the query cannot be used", (Fault(name, message),)) from None
+    return seconds
+
+
+def _rfc3339(raw: str) -> float:
+    moment = datetime.fromisoformat(raw.replace(" ", "+"))  # A plus that nobody escaped
+    if moment.tzinfo is None:
+        raise ValueError(raw)
+    return moment.timestamp()

@@ -18,6 +18,7 @@ from werkzeug.exceptions import HTTPException
 
 from afarcloud.faults import DocumentError, Fault, SyntaxFaultError
 from edge_server.services.errors import (
+    ChangedError,
     ConflictError,
     KeyReusedError,
     NotFoundError,
@@ -33,6 +34,7 @@ STATUS: Final[dict[type[ServiceError], int]] = {
     ConflictError: 409,
     TooMuchError: 429,
     KeyReusedError: 422,
+    ChangedError: 412,
 }
 RETRY_SOON: Final = {"Retry-After": "1"}
 

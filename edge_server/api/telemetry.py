@@ -6,10 +6,9 @@ from apiflask import APIBlueprint
 from flask import url_for
 from flask.typing import ResponseReturnValue
 
-from afarcloud.numbers import INT32_MAX
 from afarcloud.state import Report
 from afarcloud.wire import TELEMETRY, Kind
-from edge_server.api import bodies, urls
+from edge_server.api import bodies, etags, urls
 from edge_server.api.auth import ADMIN, BROKER, PEOPLE, allow, audit, caller
 from edge_server.services import telemetry
 
@@ -47,26 +46,27 @@ def _add_kind(routes: APIBlueprint, kind: Kind) -> None:
     @allow(PEOPLE)
     def page() -> list[dict[str, Any]]:
         """List the reports that the cloud has not confirmed."""
-        vehicle_id = bodies.query_integer("vehicle_id", 0, 1, INT32_MAX)
         return telemetry.page(
             bodies.context(),
             kind,
             after_id=bodies.query_integer("after", 0, 0, 2**63 - 1),
             limit=bodies.query_integer("limit", bodies.PAGE_DEFAULT, 1, bodies.PAGE_LIMIT),
-            vehicle_id=vehicle_id or None,
+            vehicle_id=bodies.query_vehicle(),
+            since_s=bodies.query_time("since"),
         )
 
     @allow(PEOPLE)
-    def get(record_id: int) -> dict[str, Any]:
+    def get(record_id: int) -> ResponseReturnValue:
         """Give one report."""
-        return telemetry.find(bodies.context(), kind, record_id)
+        return etags.tagged(telemetry.find(bodies.context(), kind, record_id))
 
     @allow(ADMIN)
-    def put(record_id: int) -> dict[str, Any]:
+    def put(record_id: int) -> ResponseReturnValue:
         """Correct a report."""
-        stored = telemetry.replace(bodies.context(), kind, record_id, _report(kind))
+        report = _report(kind)
+        stored = telemetry.replace(bodies.context(), kind, record_id, report, etags.check_match)
         audit(f"corrected {name} {record_id}")
-        return stored
+        return etags.tagged(stored)
 
     @allow(ADMIN)
     def delete(record_id: int) -> ResponseReturnValue:

@@ -34,9 +34,14 @@ def add(
     method: str,
     *,
     item: str = "",
+    action: str = "",
 ) -> None:
-    """Add a view under each word, as collection or as item (`item` is its converter)."""
+    """Add a view under each word, as collection or as item (`item` is its converter).
+
+    An `action` is something done to an item: `/plans/5/dispatch`.
+    """
+    below = "".join([f"/<{item}>" if item else "", f"/{action}" if action else ""])
     for word in words:
         for slash in ("/", ""):
-            place = f"/{word}/<{item}>{slash}" if item else f"/{word}{slash}"
+            place = f"/{word}{below}{slash}"
             routes.add_url_rule(place, endpoint, view, methods=[method])

@@ -8,7 +8,7 @@ from flask.typing import ResponseReturnValue
 
 from afarcloud.faults import Fault, InvalidError
 from afarcloud.numbers import INT32_MAX
-from edge_server.api import bodies, urls
+from edge_server.api import bodies, etags, urls
 from edge_server.api.auth import ADMIN, PLANNERS, READERS, allow, audit, caller
 from edge_server.services import vehicles
 from edge_server.services.vehicles import VehicleState
@@ -35,9 +35,9 @@ def page() -> list[dict[str, Any]]:
 
 
 @allow(READERS)
-def get(vehicle_id: int) -> dict[str, Any]:
+def get(vehicle_id: int) -> ResponseReturnValue:
     """Give one vehicle."""
-    return vehicles.find(bodies.context(), vehicle_id)
+    return etags.tagged(vehicles.find(bodies.context(), vehicle_id))
 
 
 @allow(PLANNERS | {Role.BROKER})
@@ -46,7 +46,7 @@ def put(vehicle_id: int) -> ResponseReturnValue:
     state = bodies.model(VehicleState)
     if not 1 <= vehicle_id <= INT32_MAX:
         raise InvalidError((Fault("vehicle_id", f"must be 1 to {INT32_MAX}"),))
-    stored, is_new = vehicles.put(bodies.context(), vehicle_id, state)
+    stored, is_new = vehicles.put(bodies.context(), vehicle_id, state, etags.check_match)
     if caller().role != Role.BROKER:
         audit(f"put vehicle {vehicle_id}")
     if not is_new:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from afarcloud.numbers import format_time
 from edge_server.config import Config
@@ -21,6 +21,14 @@ class Caller(NamedTuple):
 
     role: str
     idempotency_key: str | None = None
+
+
+Precondition = Callable[[dict[str, Any]], None]
+"""Looks at a thing as it is shown, in the transaction that will change it; raises ChangedError."""
+
+
+def unconditionally(_shown: dict[str, Any]) -> None:
+    """Change it however it is."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ ServiceError
   +- ConflictError      not in the state that it is in
   +- TooMuchError       a bounded queue is full; later it may be met
   +- KeyReusedError     the idempotency key has been used for something else
+  +- ChangedError       it is not as the caller last saw it
 """
 
 from afarcloud.faults import Fault
@@ -32,3 +33,7 @@ class TooMuchError(ServiceError):
 
 class KeyReusedError(ServiceError):
     """The idempotency key belongs to another request."""
+
+
+class ChangedError(ServiceError):
+    """It is not as the caller last saw it."""

@@ -1,12 +1,14 @@
 """A plan as the API shows it: what was posted, with the live status beside it. Pure."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 from afarcloud.enumerations import Status
 from edge_server.services.context import show_time
 from edge_server.store.plans import StoredPlan
-from edge_server.store.work import CommandProgress, Work
+from edge_server.store.work import QUEUED, CommandProgress, Work
+
+HELD: Final = "held"
 
 
 def show(
@@ -47,7 +49,7 @@ def _mission(item: Work, progress: Mapping[int, CommandProgress]) -> dict[str, A
     commands = body.pop("command_array", [])
     return {
         **body,
-        "dispatch_state": item.state,
+        "dispatch_state": HELD if item.held and item.state == QUEUED else item.state,
         **_status("mission", item.status_id, item.message),
         "command_array": [_command(entry, progress[entry["command_id"]]) for entry in commands],
     }

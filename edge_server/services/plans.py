@@ -1,5 +1,6 @@
 """Plans: validated, kept, their missions queued for the broker; one transaction each."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from sqlalchemy import Connection
@@ -11,7 +12,7 @@ from afarcloud.plan import Mission, Plan
 from afarcloud.vehicle import VehicleLimits
 from afarcloud.wire import Kind, write
 from edge_server.services import broker_work, once
-from edge_server.services.context import Caller, Context, moment
+from edge_server.services.context import Caller, Context, Precondition, moment, unconditionally
 from edge_server.services.errors import ConflictError, NotFoundError
 from edge_server.services.plan_view import show
 from edge_server.store import plans, vehicles, work
@@ -53,11 +54,17 @@ def _create(connection: Connection, context: Context, plan: Plan, now: float) ->
     return row
 
 
-def replace(context: Context, reference: int | str, plan: Plan) -> dict[str, Any]:
+def replace(
+    context: Context,
+    reference: int | str,
+    plan: Plan,
+    precondition: Precondition = unconditionally,
+) -> dict[str, Any]:
     """Put another plan in the place of one that nobody has begun; its id and plan_id stay.
 
     Raises:
         NotFoundError: if there is none.
+        ChangedError: if the precondition says so.
         InvalidError: if the new one breaks a rule.
         ConflictError: if the broker has a mission of it, or as for `create`.
     """
@@ -65,6 +72,7 @@ def replace(context: Context, reference: int | str, plan: Plan) -> dict[str, Any
         now = context.clock()
         broker_work.expire(connection, now)
         old = _find(connection, reference)
+        precondition(_show(connection, old))
         if any(item.state != work.QUEUED for item in work.of_plan(connection, old.id)):
             raise ConflictError(f"plan {old.id} is no longer waiting")
         if plan.plan_id not in {None, old.plan_id}:
@@ -82,6 +90,46 @@ def replace(context: Context, reference: int | str, plan: Plan) -> dict[str, Any
     return shown
 
 
+def dispatch(context: Context, reference: int | str) -> dict[str, Any]:
+    """Let a held plan be flown; one that is not held stays as it is.
+
+    Raises:
+        NotFoundError: if there is none.
+        InvalidError: if it breaks a rule by now: a vehicle is gone, its limits have changed.
+        ConflictError: if it has expired, or as for `create`.
+    """
+    with context.database.write() as connection:
+        now = context.clock()
+        broker_work.expire(connection, now)
+        stored = _find(connection, reference)
+        missions = work.of_plan(connection, stored.id)
+        if any(item.held for item in missions):
+            if any(item.state == work.CLOSED for item in missions):
+                raise ConflictError(f"plan {stored.id} has ended: {missions[0].message}")
+            stored = _let_go(connection, context, stored, missions, now)
+        shown = _show(connection, stored)
+    context.bell.ring()
+    return shown
+
+
+def _let_go(
+    connection: Connection,
+    context: Context,
+    stored: StoredPlan,
+    missions: Sequence[work.Work],
+    now: float,
+) -> StoredPlan:
+    """Queue a held plan's missions anew: the broker's cursor is past their old places."""
+    bodies = [item.body for item in missions]
+    plan = Plan.model_validate({**stored.body, "dispatch": True, "missions": bodies})
+    work.remove_of_plan(connection, stored.id)
+    checked = _checked(connection, context, plan, now)
+    dispatched = stored._replace(body=checked.body, warnings=checked.warnings)
+    plans.replace(connection, dispatched)
+    _queue(connection, context, plan, dispatched, now)
+    return dispatched
+
+
 def find(context: Context, reference: int | str) -> dict[str, Any]:
     """Give a plan with its live status; raises NotFoundError."""
     broker_work.expire_if_due(context)
@@ -89,13 +137,26 @@ def find(context: Context, reference: int | str) -> dict[str, Any]:
         return _show(connection, _find(connection, reference))
 
 
-def page(context: Context, *, after_id: int, limit: int) -> list[dict[str, Any]]:
-    """List plans with their live status, oldest first."""
+def page(
+    context: Context,
+    *,
+    after_id: int,
+    limit: int,
+    since_s: float = 0.0,
+    vehicle_id: int | None = None,
+) -> list[dict[str, Any]]:
+    """List plans with their live status, oldest first; `since_s` bounds their receipt."""
     broker_work.expire_if_due(context)
     with context.database.read() as connection:
         return [
             _show(connection, stored)
-            for stored in plans.page(connection, after_id=after_id, limit=limit)
+            for stored in plans.page(
+                connection,
+                after_id=after_id,
+                limit=limit,
+                since_s=since_s,
+                vehicle_id=vehicle_id,
+            )
         ]
 
 
@@ -138,13 +199,15 @@ def _queue(
     connection: Connection, context: Context, plan: Plan, stored: StoredPlan, now: float
 ) -> None:
     for index, mission in enumerate(plan.missions):
-        _check_queue(connection, context, mission, f"missions.{index}")
+        if plan.dispatch:
+            _check_queue(connection, context, mission, f"missions.{index}")
         work.add_mission(
             connection,
             plan_row=stored.id,
             body=write(mission),
             now=now,
             expires_at=stored.expires_at,
+            held=not plan.dispatch,
         )
 
 

@@ -12,7 +12,13 @@ from afarcloud.wire import Kind, write
 from edge_server.outbox import queue
 from edge_server.outbox.queue import Stream
 from edge_server.services import once, progress
-from edge_server.services.context import Caller, Context, show_time
+from edge_server.services.context import (
+    Caller,
+    Context,
+    Precondition,
+    show_time,
+    unconditionally,
+)
 from edge_server.services.errors import ConflictError, KeyReusedError, NotFoundError
 from edge_server.store import telemetry
 from edge_server.store.database import to_json
@@ -108,13 +114,24 @@ def store(connection: Connection, kind: Kind, body: dict[str, Any], now: float) 
     return Record(record_id, message_id, kind.value, vehicle_id, payload, now)
 
 
-def page(
-    context: Context, kind: Kind, *, after_id: int, limit: int, vehicle_id: int | None
+def page(  # each narrows the list
+    context: Context,
+    kind: Kind,
+    *,
+    after_id: int,
+    limit: int,
+    vehicle_id: int | None,
+    since_s: float,
 ) -> list[dict[str, Any]]:
     """List what the cloud has not confirmed, oldest first; pictures without their frame."""
     with context.database.read() as connection:
         records = telemetry.page(
-            connection, kind.value, after_id=after_id, limit=limit, vehicle_id=vehicle_id
+            connection,
+            kind.value,
+            after_id=after_id,
+            limit=limit,
+            vehicle_id=vehicle_id,
+            since_s=since_s,
         )
     shown = [show(record) for record in records]
     for item in shown:
@@ -128,17 +145,25 @@ def find(context: Context, kind: Kind, record_id: int) -> dict[str, Any]:
         return show(_find(connection, kind, record_id))
 
 
-def replace(context: Context, kind: Kind, record_id: int, report: Report) -> dict[str, Any]:
+def replace(
+    context: Context,
+    kind: Kind,
+    record_id: int,
+    report: Report,
+    precondition: Precondition = unconditionally,
+) -> dict[str, Any]:
     """Correct a report that is still here; to the cloud it is a new message.
 
     Raises:
         NotFoundError: if it is not here, or the cloud has it by now.
+        ChangedError: if the precondition says so.
         ConflictError: if it names another vehicle.
     """
     body = write(report)
     message_id = str(ULID())
     with context.database.write() as connection:
         record = _find(connection, kind, record_id)
+        precondition(show(record))
         if record.vehicle_id != body["vehicle_id"]:
             raise ConflictError("a report cannot change its vehicle_id")
         payload = to_json({**body, "message_id": message_id})

@@ -13,7 +13,7 @@ from afarcloud.numbers import (
     ShortText,
     Time,
 )
-from edge_server.services.context import Context, show_time
+from edge_server.services.context import Context, Precondition, show_time, unconditionally
 from edge_server.services.errors import ConflictError, NotFoundError
 from edge_server.store import vehicles, work
 from edge_server.store.vehicles import StoredVehicle
@@ -34,15 +34,22 @@ class VehicleState(Model):
     recorded_at: Time | None = None
 
 
-def put(context: Context, vehicle_id: int, state: VehicleState) -> tuple[dict[str, Any], bool]:
+def put(
+    context: Context,
+    vehicle_id: int,
+    state: VehicleState,
+    precondition: Precondition = unconditionally,
+) -> tuple[dict[str, Any], bool]:
     """Register or update a vehicle; returns it and whether it is new.
 
-    What is not said stays as it was; a null is said.
+    What is not said stays as it was; a null is said. Raises ChangedError if the precondition
+    does; a vehicle that is new is shown to it as an empty object.
     """
     said = state.model_dump(mode="json", exclude_unset=True)
     now = context.clock()
     with context.database.write() as connection:
         known = vehicles.get(connection, vehicle_id)
+        precondition(show(known) if known else {})
         merged = {**known.state, **said} if known else said
         vehicles.put(connection, vehicle_id, merged, now)
     registered_at = known.registered_at if known else now

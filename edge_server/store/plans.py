@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import ColumnElement, Connection, delete, insert, select, update
 
 from edge_server.store.database import new_id, to_json
-from edge_server.store.tables import plan
+from edge_server.store.tables import plan, work
 
 
 class StoredPlan(NamedTuple):
@@ -40,12 +40,15 @@ def find(connection: Connection, reference: int | str) -> StoredPlan | None:
     return _stored(row) if row else None
 
 
-def page(connection: Connection, *, after_id: int, limit: int) -> list[StoredPlan]:
-    """List plans, oldest first."""
-    rows = connection.execute(
-        select(plan).where(plan.c.id > after_id).order_by(plan.c.id).limit(limit)
-    )
-    return [_stored(row) for row in rows]
+def page(
+    connection: Connection, *, after_id: int, limit: int, since_s: float, vehicle_id: int | None
+) -> list[StoredPlan]:
+    """List plans, oldest first: those received from `since_s`, with a mission of the vehicle."""
+    query = select(plan).where(plan.c.id > after_id, plan.c.received_at >= since_s)
+    if vehicle_id is not None:
+        of_vehicle = select(work.c.plan).where(work.c.vehicle_id == vehicle_id)
+        query = query.where(plan.c.id.in_(of_vehicle))
+    return [_stored(row) for row in connection.execute(query.order_by(plan.c.id).limit(limit))]
 
 
 def remove(connection: Connection, identifier: int) -> None:

@@ -1,6 +1,7 @@
 """Every table, its keys and what each column means. Times are epoch seconds."""
 
 from sqlalchemy import (
+    Boolean,
     CheckConstraint,
     Column,
     Float,
@@ -12,6 +13,7 @@ from sqlalchemy import (
     String,
     Table,
     Text,
+    false,
 )
 
 METADATA = MetaData(
@@ -123,6 +125,7 @@ work = Table(
     Column("report", Text),  # JSON of the newest mission report
     Column("created_at", Float, nullable=False),
     Column("expires_at", Float, nullable=False),
+    Column("held", Boolean, nullable=False, server_default=false()),  # Waits for dispatch
     CheckConstraint("kind IN ('mission', 'latest_state_vector')", name="kind"),
     CheckConstraint("state IN ('queued', 'accepted', 'closed')", name="state"),
     CheckConstraint("(state = 'closed') = (status_id >= 3) OR status_id IS NULL", name="terminal"),

@@ -56,11 +56,19 @@ def get(connection: Connection, kind: str, record_id: int) -> Record | None:
     return _record(row) if row else None
 
 
-def page(
-    connection: Connection, kind: str, *, after_id: int, limit: int, vehicle_id: int | None
+def page(  # each narrows the list
+    connection: Connection,
+    kind: str,
+    *,
+    after_id: int,
+    limit: int,
+    vehicle_id: int | None,
+    since_s: float,
 ) -> list[Record]:
-    """List reports of a kind, oldest first."""
-    query = select(telemetry).where(telemetry.c.kind == kind, telemetry.c.id > after_id)
+    """List reports of a kind, oldest first: those received from `since_s`."""
+    query = select(telemetry).where(
+        telemetry.c.kind == kind, telemetry.c.id > after_id, telemetry.c.received_at >= since_s
+    )
     if vehicle_id is not None:
         query = query.where(telemetry.c.vehicle_id == vehicle_id)
     return [_record(row) for row in connection.execute(query.order_by(telemetry.c.id).limit(limit))]

@@ -32,6 +32,7 @@ class Work(NamedTuple):
     status_id: int | None = None
     message: str | None = None
     report: dict[str, Any] | None = None
+    held: bool = False
 
 
 class CommandProgress(NamedTuple):
@@ -43,9 +44,15 @@ class CommandProgress(NamedTuple):
 
 
 def add_mission(
-    connection: Connection, *, plan_row: int, body: dict[str, Any], now: float, expires_at: float
+    connection: Connection,
+    *,
+    plan_row: int,
+    body: dict[str, Any],
+    now: float,
+    expires_at: float,
+    held: bool = False,
 ) -> None:
-    """Queue a mission and its commands, nothing started."""
+    """Queue a mission and its commands, nothing started; a held one is no work yet."""
     result = connection.execute(
         insert(work).values(
             kind=MISSION,
@@ -58,6 +65,7 @@ def add_mission(
             status_id=1,
             created_at=now,
             expires_at=expires_at,
+            held=held,
         )
     )
     row = new_id(result)
@@ -104,8 +112,10 @@ def get(connection: Connection, identifier: int) -> Work | None:
 def unfinished(
     connection: Connection, *, after_id: int = 0, vehicle_id: int | None = None, limit: int = 1000
 ) -> list[Work]:
-    """List queued and accepted work in order, of one vehicle or of all."""
-    query = _QUERY.where(work.c.state.in_((QUEUED, ACCEPTED)), work.c.id > after_id)
+    """List queued and accepted work in order, of one vehicle or of all; not what is held."""
+    query = _QUERY.where(
+        work.c.state.in_((QUEUED, ACCEPTED)), work.c.id > after_id, work.c.held.is_(False)
+    )
     if vehicle_id is not None:
         query = query.where(work.c.vehicle_id == vehicle_id)
     return [_work(row) for row in connection.execute(query.order_by(work.c.id).limit(limit))]
@@ -192,4 +202,5 @@ def _work(row: Any) -> Work:
         row.status_id,
         row.message,
         json.loads(row.report) if row.report else None,
+        row.held,
     )

@@ -92,7 +92,11 @@ def test_a_body_without_a_list_of_reports_is_refused(edge: Edge, body: Any) -> N
 
 
 json_values = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(),
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats(allow_nan=False, allow_infinity=False)
+    | st.text(),
     lambda inner: (
         st.lists(inner, max_size=3)
         | st.dictionaries(st.sampled_from([*KINDS, "idempotency_key", "x"]), inner, max_size=3)

@@ -1,0 +1,72 @@
+"""Nobody overwrites what he has not seen."""
+
+from typing import Any
+
+import pytest
+
+from tests.unit.edge_server.conftest import Edge
+from tests.unit.edge_server.documents import mission, plan, telemetry
+
+
+def make(edge: Edge, kind: str) -> tuple[str, Any]:
+    """A thing of a kind: its path, and what a PUT may send."""
+    if kind == "plan":
+        posted = edge.post_plan(plan()).json or {}
+        return f"/plans/{posted['id']}", plan(mission(mission_id=99))
+    if kind == "pose":
+        posted = edge.report("pose", telemetry("pose")).json or {}
+        return f"/pose/{posted['id']}", telemetry("pose", 9)
+    return "/vehicles/1", {"link_state": "lost"}
+
+
+def put(edge: Edge, path: str, body: Any, **headers: str) -> Any:
+    named = {name.replace("_", "-"): value for name, value in headers.items()}
+    return edge.ask("PUT", path, "admin", json=body, headers=named)
+
+
+KINDS = pytest.mark.parametrize("kind", ["plan", "pose", "vehicle"])
+
+
+@KINDS
+def test_a_put_with_the_tag_that_was_read_is_taken(edge: Edge, kind: str) -> None:
+    path, body = make(edge, kind)
+    tag = edge.ask("GET", path, "operator").headers["ETag"]
+    assert put(edge, path, body, If_Match=tag).status_code == 200
+
+
+@KINDS
+def test_a_put_with_an_older_tag_changes_nothing(edge: Edge, kind: str) -> None:
+    path, body = make(edge, kind)
+    tag = edge.ask("GET", path, "operator").headers["ETag"]
+    assert put(edge, path, body, If_Match=tag).status_code == 200
+    seen = edge.get(path)
+    edge.clock.pass_s(1.0)
+    assert put(edge, path, body, If_Match=tag).status_code == 412
+    assert edge.get(path) == seen
+
+
+@KINDS
+def test_any_tag_will_do_for_a_star_and_for_no_condition(edge: Edge, kind: str) -> None:
+    path, body = make(edge, kind)
+    assert put(edge, path, body, If_Match="*").status_code == 200
+    assert put(edge, path, body).status_code == 200
+
+
+def test_a_star_asks_for_something_that_is_there(edge: Edge) -> None:
+    assert put(edge, "/vehicles/7", {"link_state": "lost"}, If_Match="*").status_code == 412
+    assert edge.ask("GET", "/vehicles/7", "operator").status_code == 404
+
+
+@KINDS
+def test_what_has_not_changed_is_not_sent_again(edge: Edge, kind: str) -> None:
+    path, _ = make(edge, kind)
+    tag = edge.ask("GET", path, "operator").headers["ETag"]
+    again = edge.ask("GET", path, "operator", headers={"If-None-Match": tag})
+    assert (again.status_code, again.data) == (304, b"")
+
+
+def test_a_plan_that_has_begun_is_another_plan(edge: Edge) -> None:
+    path, body = make(edge, "plan")
+    tag = edge.ask("GET", path, "operator").headers["ETag"]
+    edge.acknowledge(edge.work()[0]["id"], "accepted")
+    assert put(edge, path, body, If_Match=tag).status_code == 412
