@@ -29,6 +29,7 @@ from uav_firmware.modules.manual_control.module import ManualControlModule
 from uav_firmware.modules.manual_control.params import ManualControlParams
 from uav_firmware.modules.mavlink.builders.identity import FLIGHT_SW_VERSION
 from uav_firmware.modules.mavlink.dispatcher import PlanChecks
+from uav_firmware.modules.mavlink.link_params import LinkParams
 from uav_firmware.modules.mavlink.module import MavlinkModule
 from uav_firmware.modules.mavlink.peers import Peer
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
@@ -65,6 +66,7 @@ _PARAMETER_GROUPS: Final = (
     ControlAllocatorParams,
     LoggerParams,
     ManualControlParams,
+    LinkParams,
 )
 
 
@@ -239,6 +241,7 @@ class Autopilot:
             peers=peers,
             boot_time_utc_us=boot_time_utc_us,
             save_parameters=self.parameter_storage.save,
+            params=registry.read(LinkParams),
             card=card,
         )
         self.console = ConsoleModule(
@@ -391,6 +394,7 @@ def _mavlink_topics(topics: Topics) -> MavlinkTopics:
         attitude_setpoint=topics.vehicle_attitude_setpoint,
         rates_setpoint=topics.vehicle_rates_setpoint,
         wind=topics.wind,
+        mag=topics.sensor_mag,
     )
 
 

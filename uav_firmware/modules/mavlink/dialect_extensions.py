@@ -2,7 +2,7 @@
 
 Extension fields stand at the end of a payload and do not change CRC_EXTRA, so a peer with the
 shipped dialect reads these messages and cuts the fields it does not know. Definitions: MAVLink
-common.xml and development.xml, messages 42, 44, 47 and 80.
+common.xml and development.xml, messages 42, 44, 47, 80 and 300.
 """
 
 import struct
@@ -51,7 +51,10 @@ class _Extended(mavlink.MAVLink_message):  # type: ignore[misc]  # pymavlink is 
 
     def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:  # noqa: FBT001, FBT002 - pymavlink's signature
         """Pack as pymavlink's generated classes do."""
-        values = [getattr(self, name) for name in self.ordered_fieldnames]
+        values: list[Any] = []
+        for name in self.ordered_fieldnames:
+            value = getattr(self, name)
+            values += value if isinstance(value, list) else [value]
         packed: bytes = self._pack(
             mav, self.crc_extra, self.unpacker.pack(*values), force_mavlink1=force_mavlink1
         )
@@ -117,3 +120,26 @@ class CommandCancel(_Extended):
     array_lengths: list[int] = [0, 0, 0]  # noqa: RUF012 - as above
     crc_extra = 14
     unpacker = struct.Struct("<HBB")
+
+
+@register
+class ProtocolVersion(_Extended):
+    """PROTOCOL_VERSION(300): which versions of MAVLink are spoken, as numbers times 100."""
+
+    id = 300
+    msgname = "PROTOCOL_VERSION"
+    fieldnames: list[str] = [  # noqa: RUF012 - pymavlink's layout
+        "version",
+        "min_version",
+        "max_version",
+        "spec_version_hash",
+        "library_version_hash",
+    ]
+    ordered_fieldnames: list[str] = fieldnames
+    fieldtypes: list[str] = [*["uint16_t"] * 3, *["uint8_t"] * 2]  # noqa: RUF012 - as above
+    native_format = bytearray(b"<HHHBB")
+    orders: list[int] = [0, 1, 2, 3, 4]  # noqa: RUF012 - as above
+    lengths: list[int] = [1, 1, 1, 8, 8]  # noqa: RUF012 - as above
+    array_lengths: list[int] = [0, 0, 0, 8, 8]  # noqa: RUF012 - as above
+    crc_extra = 217
+    unpacker = struct.Struct("<HHH8B8B")

@@ -10,10 +10,11 @@ from uav_firmware.modules.mavlink.builders.context import BatteryThresholds, Con
 from uav_firmware.modules.mavlink.changes import ChangeDetector
 from uav_firmware.modules.mavlink.dialect import Message, parse
 from uav_firmware.modules.mavlink.dispatcher import Dispatcher, PlanChecks
+from uav_firmware.modules.mavlink.link_params import LinkParams
 from uav_firmware.modules.mavlink.mission_progress import ReachedAnnouncer
 from uav_firmware.modules.mavlink.peers import Peer, PeerTable
 from uav_firmware.modules.mavlink.status_text import StatusTexts
-from uav_firmware.modules.mavlink.streams import DEFAULT_INTERVALS_US
+from uav_firmware.modules.mavlink.streams import default_intervals_us
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
 from uav_firmware.modules.mavlink.transmitter import Transmitter
 from uav_firmware.modules.mavlink.vibration import VibrationMeter
@@ -44,6 +45,7 @@ class MavlinkModule:
         peers: Sequence[Peer],
         boot_time_utc_us: int = 0,
         save_parameters: Callable[[], None] = lambda: None,
+        params: LinkParams | None = None,
         card: Card | None = None,
     ) -> None:
         """Open channels to the configured peers.
@@ -57,6 +59,7 @@ class MavlinkModule:
             peers: Who is sent telemetry from the start.
             boot_time_utc_us: World time at vehicle time zero [us since 1970]; 0 unknown.
             save_parameters: Called after a peer changed a parameter; may raise OSError.
+            params: What is streamed unprompted; PX4's defaults if not given.
             card: Where files and logs lie; without one only the parameters are a file.
 
         Raises:
@@ -70,7 +73,7 @@ class MavlinkModule:
         self._registry = registry
         self._topics = topics
         self._boot_time_utc_us = boot_time_utc_us
-        self._peers = PeerTable(peers, DEFAULT_INTERVALS_US)
+        self._peers = PeerTable(peers, default_intervals_us(params or LinkParams()))
         self._transmitter = Transmitter(link, system_id, self._peers)
         self._changes = ChangeDetector(topics)
         self._texts = StatusTexts()

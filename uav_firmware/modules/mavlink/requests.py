@@ -9,6 +9,7 @@ from uav_firmware.modules.mavlink.builders.context import Context
 from uav_firmware.modules.mavlink.builders.identity import autopilot_version, available_modes
 from uav_firmware.modules.mavlink.commands import Command
 from uav_firmware.modules.mavlink.dialect import Message, mavlink
+from uav_firmware.modules.mavlink.dialect_extensions import ProtocolVersion
 from uav_firmware.modules.mavlink.peers import Channel, PeerTable
 from uav_firmware.modules.mavlink.streams import BUILDERS, MIN_INTERVAL_US
 
@@ -71,12 +72,15 @@ class RequestServer:
     def _version(self, _command: Command, _sender: Sender, now_us: int) -> Answer:
         return Answer(_ACCEPTED, (autopilot_version(self._context(now_us).system_id),))
 
-    def _protocol_version(self, _command: Command, _sender: Sender, _now_us: int) -> Answer:
-        """PROTOCOL_VERSION is not spoken; a refusal lets an old ground station go on at once."""
-        return Answer(_UNSUPPORTED)
+    def _protocol_version(self, command: Command, sender: Sender, now_us: int) -> Answer:
+        return self._one(ProtocolVersion.id, command, sender, now_us)
 
     def _home(self, command: Command, sender: Sender, now_us: int) -> Answer:
-        asked = (float(mavlink.MAVLINK_MSG_ID_HOME_POSITION), *command.parameters[1:])
+        return self._one(mavlink.MAVLINK_MSG_ID_HOME_POSITION, command, sender, now_us)
+
+    def _one(self, message_id: int, command: Command, sender: Sender, now_us: int) -> Answer:
+        """Answer an older command for one message as REQUEST_MESSAGE is answered."""
+        asked = (float(message_id), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         return self._request_message(command._replace(parameters=asked), sender, now_us)
 
     def _set_interval(self, command: Command, sender: Sender, now_us: int) -> Answer:

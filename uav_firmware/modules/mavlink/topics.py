@@ -15,7 +15,14 @@ from uav_firmware.msg.estimate import (
 from uav_firmware.msg.geofence import Fence, GeofenceStatus, RallyPoints
 from uav_firmware.msg.guidance import FollowTarget, OrbitStatus
 from uav_firmware.msg.mission import Mission, MissionProgress
-from uav_firmware.msg.sensors import SensorBaro, SensorBattery, SensorGps, SensorImu, SensorTruth
+from uav_firmware.msg.sensors import (
+    SensorBaro,
+    SensorBattery,
+    SensorGps,
+    SensorImu,
+    SensorMag,
+    SensorTruth,
+)
 from uav_firmware.msg.setpoints import (
     TrajectorySetpoint,
     VehicleAttitudeSetpoint,
@@ -65,3 +72,4 @@ class MavlinkTopics:
     attitude_setpoint: Topic[VehicleAttitudeSetpoint] = field(default_factory=Topic)
     rates_setpoint: Topic[VehicleRatesSetpoint] = field(default_factory=Topic)
     wind: Topic[WindEstimate] = field(default_factory=Topic)
+    mag: Topic[SensorMag] = field(default_factory=Topic)

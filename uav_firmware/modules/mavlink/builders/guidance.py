@@ -1,4 +1,4 @@
-"""Where the vehicle wants to be: mission, set-points, motors."""
+"""Where the vehicle wants to be: mission, orbit, fence."""
 
 import math
 from typing import Final
@@ -7,10 +7,8 @@ from uav_firmware.modules.mavlink.builders.context import Context
 from uav_firmware.modules.mavlink.builders.conversion import (
     NAN,
     UINT16_MAX,
-    UINT32_MAX,
     boot_ms,
     int16,
-    saturated,
     uint16,
 )
 from uav_firmware.modules.mavlink.dialect import Message, mavlink
@@ -20,8 +18,6 @@ from uav_firmware.msg.status import NavigationState
 
 _MISSION_MODE_ACTIVE: Final = 1
 _MISSION_MODE_SUSPENDED: Final = 2
-_PWM_MIN: Final = 1000
-_PWM_SPAN: Final = 1000
 
 
 def mission_current(context: Context) -> Message:
@@ -70,29 +66,6 @@ def nav_controller_output(context: Context) -> Message | None:
         alt_error=-down,
         aspd_error=NAN,
         xtrack_error=NAN,
-    )
-
-
-def servo_output_raw(context: Context) -> Message | None:
-    """SERVO_OUTPUT_RAW: each motor command as the pulse width that would carry it [us]."""
-    motors = context.topics.actuator_motors.value
-    if motors is None:
-        return None
-    pulses = [
-        saturated(_PWM_MIN + _PWM_SPAN * control, _PWM_MIN, _PWM_MIN + _PWM_SPAN, _PWM_MIN)
-        for control in motors.control
-    ]
-    return mavlink.MAVLink_servo_output_raw_message(
-        time_usec=motors.time_us & UINT32_MAX,
-        port=0,
-        servo1_raw=pulses[0],
-        servo2_raw=pulses[1],
-        servo3_raw=pulses[2],
-        servo4_raw=pulses[3],
-        servo5_raw=0,
-        servo6_raw=0,
-        servo7_raw=0,
-        servo8_raw=0,
     )
 
 

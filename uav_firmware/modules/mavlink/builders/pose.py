@@ -1,8 +1,9 @@
 """Where the vehicle is and how it moves, as the estimator believes."""
 
 import math
+from typing import Final
 
-from uav_firmware.lib.rotation import to_euler
+from uav_firmware.lib.rotation import rotate_inverse, to_euler
 from uav_firmware.modules.mavlink.builders.context import Context
 from uav_firmware.modules.mavlink.builders.conversion import (
     NAN,
@@ -68,6 +69,53 @@ def local_position_ned(context: Context) -> Message | None:
         vy=velocity[1],
         vz=velocity[2],
     )
+
+
+def odometry(context: Context) -> Message | None:
+    """ODOMETRY: place and attitude in NED, velocity and rates in the body frame.
+
+    Of the covariances only the variances of the position are known, so the velocity's are NaN.
+    """
+    local, attitude = context.topics.local_position.value, context.topics.attitude.value
+    if local is None or attitude is None or not (local.position_valid and local.altitude_valid):
+        return None
+    x, y, z = local.position_ned
+    vx, vy, vz = rotate_inverse(attitude.q_ned_frd, local.velocity_ned)
+    roll_rate, pitch_rate, yaw_rate = attitude.rate_frd
+    variance_xy = local.horizontal_accuracy_m**2
+    variance_z = local.vertical_accuracy_m**2
+    return mavlink.MAVLink_odometry_message(
+        time_usec=local.time_us,
+        frame_id=mavlink.MAV_FRAME_LOCAL_NED,
+        child_frame_id=mavlink.MAV_FRAME_BODY_FRD,
+        x=x,
+        y=y,
+        z=z,
+        q=list(attitude.q_ned_frd),
+        vx=vx,
+        vy=vy,
+        vz=vz,
+        rollspeed=roll_rate,
+        pitchspeed=pitch_rate,
+        yawspeed=yaw_rate,
+        pose_covariance=_upper_triangle((variance_xy, variance_xy, variance_z, NAN, NAN, NAN)),
+        velocity_covariance=_UNKNOWN_COVARIANCE,
+        reset_counter=0,
+        estimator_type=mavlink.MAV_ESTIMATOR_TYPE_AUTOPILOT,
+        quality=0,
+    )
+
+
+def _upper_triangle(diagonal: tuple[float, ...]) -> list[float]:
+    """Rows of the upper right triangle of a matrix, NaN beside its diagonal."""
+    return [
+        diagonal[row] if row == column else NAN
+        for row in range(len(diagonal))
+        for column in range(row, len(diagonal))
+    ]
+
+
+_UNKNOWN_COVARIANCE: Final = [NAN] * 21
 
 
 def _relative_altitude_m(context: Context, altitude_amsl_m: float) -> float:

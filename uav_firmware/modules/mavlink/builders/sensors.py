@@ -18,11 +18,12 @@ from uav_firmware.modules.mavlink.builders.conversion import (
     uint32,
 )
 from uav_firmware.modules.mavlink.dialect import Message, mavlink
-from uav_firmware.msg.sensors import SensorBaro
+from uav_firmware.msg.sensors import SensorBaro, SensorMag
 
 STANDARD_GRAVITY: Final = 9.80665
 """[m/s^2] CGPM 1901."""
 _ACCEL_AND_GYRO: Final = 0b111_111
+_MAG: Final = 0b111 << 6
 _PRESSURE_HEIGHT_TEMPERATURE: Final = 1 << 9 | 1 << 11 | 1 << 12
 
 
@@ -68,14 +69,16 @@ def scaled_pressure(context: Context) -> Message | None:
 
 
 _NO_BARO: Final = SensorBaro(time_us=0, pressure_pa=NAN, temperature_c=NAN)
+_NO_MAG: Final = SensorMag(time_us=0, field_frd=(NAN, NAN, NAN))
 
 
 def highres_imu(context: Context) -> Message | None:
-    """HIGHRES_IMU without the magnetometer; `fields_updated` names what holds."""
-    imu, baro = context.topics.imu.value, context.topics.baro.value
+    """HIGHRES_IMU: the newest value of each sensor; `fields_updated` names what holds."""
+    topics = context.topics
+    imu, mag, baro = topics.imu.value, topics.mag.value, topics.baro.value
     if imu is None:
         return None
-    pressure = baro or _NO_BARO
+    pressure, field = baro or _NO_BARO, (mag or _NO_MAG).field_frd
     return mavlink.MAVLink_highres_imu_message(
         time_usec=imu.time_us,
         xacc=imu.specific_force_frd[0],
@@ -84,15 +87,28 @@ def highres_imu(context: Context) -> Message | None:
         xgyro=imu.rate_frd[0],
         ygyro=imu.rate_frd[1],
         zgyro=imu.rate_frd[2],
-        xmag=NAN,
-        ymag=NAN,
-        zmag=NAN,
+        xmag=field[0],
+        ymag=field[1],
+        zmag=field[2],
         abs_pressure=pressure.pressure_pa / 1e2,
         diff_pressure=NAN,
         pressure_alt=_pressure_altitude_m(pressure.pressure_pa),
         temperature=pressure.temperature_c,
-        fields_updated=_ACCEL_AND_GYRO | (_PRESSURE_HEIGHT_TEMPERATURE if baro else 0),
+        fields_updated=_ACCEL_AND_GYRO
+        | (_MAG if mag else 0)
+        | (_PRESSURE_HEIGHT_TEMPERATURE if baro else 0),
     )
+
+
+def scaled_imu(context: Context) -> Message | None:
+    """SCALED_IMU: specific force [mG], rate [mrad/s], field [mgauss], 0 where not measured."""
+    imu, mag = context.topics.imu.value, context.topics.mag.value
+    if imu is None:
+        return None
+    force = [int16(axis * 1e3 / STANDARD_GRAVITY) for axis in imu.specific_force_frd]
+    rate = [int16(axis * 1e3) for axis in imu.rate_frd]
+    field = [int16(axis * 1e3) for axis in (mag or _NO_MAG).field_frd]
+    return mavlink.MAVLink_scaled_imu_message(boot_ms(imu.time_us), *force, *rate, *field)
 
 
 def vibration(context: Context) -> Message | None:

@@ -8,6 +8,7 @@ from uav_firmware.bus import Queue, Topic
 from uav_firmware.cal.link import Address, Link
 from uav_firmware.modules.mavlink.dialect import frame, mavlink, pack, parse
 from uav_firmware.modules.mavlink.dispatcher import PlanChecks
+from uav_firmware.modules.mavlink.link_params import LinkParams
 from uav_firmware.modules.mavlink.module import MavlinkModule
 from uav_firmware.modules.mavlink.peers import Peer, Profile
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
@@ -218,6 +219,7 @@ class Bench:
         check: Callable[[Sequence[MissionItem]], MissionRejection | None] = lambda _: None,
         save: Callable[[], None] = lambda: None,
         link: Link | None = None,
+        params: LinkParams | None = None,
     ) -> None:
         self.topics = topics or flying_topics()
         self.registry = registry or Registry()
@@ -235,6 +237,7 @@ class Bench:
             ),
             boot_time_utc_us=1_700_000_000_000_000,
             save_parameters=save,
+            params=params,
         )
         self._sequence = 0
 

@@ -46,7 +46,7 @@ def test_long_and_int_mean_the_same() -> None:
     assert one[1:10] == other[1:10]
 
 
-@pytest.mark.parametrize("number", [0, 2, 246, 2000, 519, 521, 31_000, 65_535])
+@pytest.mark.parametrize("number", [0, 2, 241, 2600, 31_000, 65_535])
 @pytest.mark.parametrize("message", [command_long, command_int])
 def test_what_is_not_known_is_refused_at_once(message: Any, number: int) -> None:
     bench = Bench()

@@ -1,4 +1,5 @@
 import math
+from collections import Counter
 from typing import Any
 
 import pytest
@@ -21,20 +22,27 @@ from uav_firmware.bus import Topic
 from uav_firmware.modules.mavlink.builders.context import BatteryThresholds, Context
 from uav_firmware.modules.mavlink.builders.status import charge_state
 from uav_firmware.modules.mavlink.dialect import frame, mavlink, pack
-from uav_firmware.modules.mavlink.streams import BUILDERS, STREAMS
+from uav_firmware.modules.mavlink.link_params import LinkParams
+from uav_firmware.modules.mavlink.modes import OFFERED
+from uav_firmware.modules.mavlink.streams import BUILDERS, STREAMS, LinkMode
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
+from uav_firmware.msg.control_mode import ManualControlSetpoint
 from uav_firmware.msg.estimate import VehicleAttitude
 from uav_firmware.msg.mission import Mission, MissionItem, MissionProgress
+from uav_firmware.msg.sensors import SensorMag
 from uav_firmware.msg.status import LandDetected, LandedState, NavigationState
 
 THRESHOLDS = BatteryThresholds(low=0.15, critical=0.07, emergency=0.05)
 ITEM = MissionItem(0, 16, 3, True, True, 0, 0, 0, 0, 0, 0, 0)
 SECOND_US = 1_000_000
-# What PX4 streams to a ground station by itself [Hz], as far as this vehicle has it.
+# What PX4 streams by itself [Hz], as far as this vehicle has it.
 PX4_GROUND_STATION_HZ = {
     "ALTITUDE": 1,
     "ATTITUDE": 15,
     "ATTITUDE_QUATERNION": 10,
+    "ATTITUDE_TARGET": 2,
+    "AVAILABLE_MODES": 0.3,
+    "AVAILABLE_MODES_MONITOR": 0.3,
     "BATTERY_STATUS": 0.5,
     "CURRENT_MODE": 0.5,
     "ESTIMATOR_STATUS": 0.5,
@@ -45,13 +53,51 @@ PX4_GROUND_STATION_HZ = {
     "HEARTBEAT": 1,
     "HOME_POSITION": 0.5,
     "LOCAL_POSITION_NED": 1,
+    "MISSION_CURRENT": 1,
     "NAV_CONTROLLER_OUTPUT": 1,
+    "ORBIT_EXECUTION_STATUS": 2,
+    "PING": 0.1,
+    "POSITION_TARGET_GLOBAL_INT": 1,
     "POSITION_TARGET_LOCAL_NED": 1.5,
+    "RC_CHANNELS": 5,
     "SCALED_PRESSURE": 1,
     "SERVO_OUTPUT_RAW": 1,
     "SYS_STATUS": 1,
+    "SYSTEM_TIME": 1,
     "VFR_HUD": 4,
     "VIBRATION": 0.1,
+    "WIND_COV": 0.5,
+}
+PX4_ONBOARD_HZ = {
+    "ALTITUDE": 10,
+    "ATTITUDE": 100,
+    "ATTITUDE_QUATERNION": 50,
+    "ATTITUDE_TARGET": 10,
+    "BATTERY_STATUS": 0.5,
+    "ESTIMATOR_STATUS": 1,
+    "EXTENDED_SYS_STATE": 5,
+    "GLOBAL_POSITION_INT": 50,
+    "GPS_GLOBAL_ORIGIN": 1,
+    "GPS_RAW_INT": 10,  # As often as the receiver speaks
+    "HEARTBEAT": 1,
+    "HIGHRES_IMU": 50,
+    "HOME_POSITION": 0.5,
+    "LOCAL_POSITION_NED": 30,
+    "NAV_CONTROLLER_OUTPUT": 10,
+    "ODOMETRY": 30,
+    "ORBIT_EXECUTION_STATUS": 5,
+    "PING": 1,
+    "POSITION_TARGET_GLOBAL_INT": 10,
+    "POSITION_TARGET_LOCAL_NED": 10,
+    "RC_CHANNELS": 20,
+    "SCALED_PRESSURE": 1,
+    "SERVO_OUTPUT_RAW": 10,
+    "SYS_STATUS": 5,
+    "SYSTEM_TIME": 1,
+    "TIMESYNC": 10,
+    "VFR_HUD": 10,
+    "VIBRATION": 0.5,
+    "WIND_COV": 10,
 }
 
 
@@ -64,20 +110,31 @@ def built(name: str, topics: MavlinkTopics | None = None) -> Any:
     return BUILDERS[identifier](context(topics or flying_topics()))
 
 
-@pytest.mark.parametrize(("name", "rate_hz"), PX4_GROUND_STATION_HZ.items())
-def test_a_ground_station_gets_px4s_rates_unprompted(name: str, rate_hz: float) -> None:
-    bench = Bench()
-    bench.run(20 * SECOND_US)
-    assert len(bench.hear(name)) == pytest.approx(20 * rate_hz, abs=2)
+def heard_in(seconds: int, params: LinkParams | None = None) -> tuple[Counter[str], Counter[str]]:
+    """Messages that the ground station and the broker get unasked."""
+    bench = Bench(params=params)
+    bench.run(seconds * SECOND_US)
+    ground = Counter(message.get_type() for message in bench.hear(at=GROUND))
+    return ground, Counter(message.get_type() for message in bench.hear(at=BROKER))
 
 
-def test_the_broker_gets_attitude_and_position_at_10_hz() -> None:
-    bench = Bench()
-    bench.run(10 * SECOND_US)
-    heard = [message.get_type() for message in bench.hear(at=BROKER)]
-    assert heard.count("ATTITUDE") == pytest.approx(100, abs=2)
-    assert heard.count("GLOBAL_POSITION_INT") == pytest.approx(100, abs=2)
-    assert len(heard) < 450
+def test_both_links_carry_px4s_rates_unprompted() -> None:
+    seconds = 20
+    heard = heard_in(seconds)
+    for link, rates_hz in zip(heard, (PX4_GROUND_STATION_HZ, PX4_ONBOARD_HZ), strict=True):
+        for name, rate_hz in rates_hz.items():
+            assert link[name] == pytest.approx(seconds * rate_hz, abs=2), name
+
+
+def test_a_parameter_chooses_what_a_link_carries() -> None:
+    _, normal = heard_in(10, LinkParams(onboard_mode=LinkMode.NORMAL))
+    assert normal["ATTITUDE"] == pytest.approx(150, abs=2)
+    assert normal["ODOMETRY"] == 0
+    ground, silent = heard_in(10, LinkParams(onboard_mode=LinkMode.CUSTOM))
+    assert set(silent) <= {"HEARTBEAT", "CURRENT_MODE", "EXTENDED_SYS_STATE", "HOME_POSITION",
+                           "MISSION_CURRENT"}  # fmt: skip
+    assert silent["HEARTBEAT"] >= 10
+    assert ground["ATTITUDE"] == pytest.approx(150, abs=2)
 
 
 def test_stamps_are_the_vehicles_time() -> None:
@@ -92,7 +149,15 @@ def test_nothing_but_what_is_known_is_sent_at_boot() -> None:
     bench = Bench(topics=empty_topics())
     bench.run(3 * SECOND_US)
     heard = {message.get_type() for message in bench.hear()}
-    assert heard == {"HEARTBEAT", "SYSTEM_TIME", "MISSION_CURRENT", "AVAILABLE_MODES_MONITOR"}
+    assert heard == {
+        "AVAILABLE_MODES",
+        "AVAILABLE_MODES_MONITOR",
+        "HEARTBEAT",
+        "MISSION_CURRENT",
+        "PING",
+        "RC_CHANNELS",
+        "SYSTEM_TIME",
+    }
 
 
 def test_the_heartbeat_of_a_vehicle_on_a_mission() -> None:
@@ -292,3 +357,57 @@ def test_an_orbit_is_told_with_its_signed_radius_and_only_while_it_lasts() -> No
     assert topics.orbit_status.value is not None
     topics.orbit_status.publish(topics.orbit_status.value._replace(active=False))
     assert built("ORBIT_EXECUTION_STATUS", topics) is None
+
+
+def test_odometry_tells_the_velocity_in_the_body_frame() -> None:
+    topics = flying_topics()
+    east = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
+    topics.attitude.publish(VehicleAttitude(0, east, (0.1, 0.2, 0.3)))
+    topics.local_position.publish(LOCAL._replace(velocity_ned=(0.0, 2.0, 0.5)))
+    odometry = built("ODOMETRY", topics)
+    assert (odometry.frame_id, odometry.child_frame_id) == (1, 12)
+    assert (odometry.x, odometry.y, odometry.z) == LOCAL.position_ned
+    assert (odometry.vx, odometry.vy, odometry.vz) == pytest.approx((2.0, 0.0, 0.5))
+    assert [odometry.pose_covariance[i] for i in (0, 6, 11)] == pytest.approx([0.25, 0.25, 0.64])
+    assert math.isnan(odometry.pose_covariance[1])
+    assert math.isnan(odometry.velocity_covariance[0])
+
+
+def test_the_sticks_show_as_channels_while_they_are_fresh() -> None:
+    topics = flying_topics()
+    assert built("RC_CHANNELS", topics).chancount == 0
+    topics.manual_control_setpoint.publish(
+        ManualControlSetpoint(5 * SECOND_US, 1.0, -1.0, 0.0, 0.5)
+    )
+    channels = built("RC_CHANNELS", topics)
+    assert channels.chancount == 4
+    pulses = (channels.chan1_raw, channels.chan2_raw, channels.chan3_raw, channels.chan4_raw)
+    assert pulses == (1000, 2000, 1500, 1750)
+    assert channels.chan5_raw == 0xFFFF
+    topics.manual_control_setpoint.publish(ManualControlSetpoint(3 * SECOND_US, 1.0, 0.0, 0.0, 0.0))
+    assert built("RC_CHANNELS", topics).chancount == 0
+
+
+def test_the_magnetic_field_is_told_where_it_is_measured() -> None:
+    topics = flying_topics()
+    assert math.isnan(built("HIGHRES_IMU", topics).xmag)
+    assert not built("HIGHRES_IMU", topics).fields_updated & 0b111 << 6
+    topics.mag.publish(SensorMag(0, (0.2, -0.1, 0.4)))
+    assert built("HIGHRES_IMU", topics).fields_updated & 0b111 << 6 == 0b111 << 6
+    assert built("HIGHRES_IMU", topics).zmag == pytest.approx(0.4)
+    scaled = built("SCALED_IMU", topics)
+    assert (scaled.xmag, scaled.ymag, scaled.zmag) == (200, -100, 400)
+    assert scaled.zacc == pytest.approx(-1000, abs=1)
+
+
+def test_each_mode_has_its_turn_in_the_stream() -> None:
+    bench = Bench()
+    bench.run((len(OFFERED) + 1) * 10 * SECOND_US // 3)
+    indices = {message.mode_index for message in bench.hear("AVAILABLE_MODES")}
+    assert indices == set(range(1, len(OFFERED) + 1))
+
+
+def test_a_ping_and_a_time_request_ask_and_do_not_answer() -> None:
+    ping, request = built("PING"), built("TIMESYNC")
+    assert (ping.target_system, ping.target_component) == (0, 0)
+    assert (request.tc1, request.ts1) == (0, 5_000_000_000)
