@@ -1,0 +1,182 @@
+"""A scripted MAVProxy session, which knows nothing of this project, drives the autopilot process.
+
+The items of a plan go up and come down as waypoint files, the flight goes by typed commands. No
+line is typed that MAVProxy 1.8.75 cannot do with any PX4: its `mode` command fails there.
+"""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from tests.conformance.ground_station import vehicle_process
+from tests.conformance.mavproxy_session import MavProxy
+from tests.support.parameter_table import autopilot
+from tests.support.system import free_ports, wait_for
+
+pytestmark = pytest.mark.scenario
+
+SYSTEM = 6
+SPEED = 5
+HOME = (40.4434, -3.7382)
+E7_DEG = 1.01e-6
+"""MAVProxy saves six decimals of a degree."""
+
+Row = tuple[float, ...]
+"""seq, current, frame, command, p1..p4, x, y, z, autocontinue of a waypoint file."""
+
+
+class Session(NamedTuple):
+    """MAVProxy, connected, and what belongs to it and to the vehicle."""
+
+    proxy: MavProxy
+    state: Path
+    folder: Path
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
+    own, broker, ground = free_ports(3)
+    state, folder = tmp_path_factory.mktemp("vehicle"), tmp_path_factory.mktemp("mavproxy")
+    with (
+        vehicle_process(SYSTEM, SPEED, (own, broker, ground), state),
+        MavProxy(ground, folder) as proxy,
+    ):
+        proxy.until(f"Detected vehicle {SYSTEM}:1")
+        proxy.until(r"Received \d+ parameters")
+        proxy.until(r"Saved \d+ parameters")
+        yield Session(proxy, state, folder)
+
+
+def waypoint_file(path: Path, *rows: Row) -> Path:
+    """Write the text format that ground stations exchange."""
+    lines = ["\t".join(f"{value:.7f}".rstrip("0").rstrip(".") for value in row) for row in rows]
+    path.write_text("\n".join(["QGC WPL 110", *lines, ""]))
+    return path
+
+
+def rows_of(path: Path) -> list[Row]:
+    head, *lines = path.read_text().splitlines()
+    assert head == "QGC WPL 110"
+    return [tuple(map(float, line.split("\t"))) for line in lines]
+
+
+def same(came: list[Row], went: tuple[Row, ...]) -> None:
+    """Compare item by item and field by field; NaN equals NaN."""
+    assert len(came) == len(went)
+    for found, wanted in zip(came, went, strict=True):
+        assert found[:4] == wanted[:4]
+        assert found[4:8] == pytest.approx(wanted[4:8], nan_ok=True)
+        assert found[8:10] == pytest.approx(wanted[8:10], abs=E7_DEG)
+        assert found[10:] == wanted[10:]
+
+
+def exchanged(session: Session, kind: str, *rows: Row) -> None:
+    """Load a file of a kind of plan into the vehicle, save the vehicle's plan, compare."""
+    proxy, folder = session.proxy, session.folder
+    plan = waypoint_file(folder / f"{kind}_up.txt", *rows)
+    proxy.type(f"{kind} load {plan}")
+    proxy.until(r"Sent all \d+ ")
+    proxy.until(r"Got MISSION_ACK: TYPE_\w+: ACCEPTED")
+    came = folder / f"{kind}_down.txt"
+    proxy.ask(f"{kind} save {came}", rf"Saved {len(rows)} .* to {came}")
+    same(rows_of(came), rows)
+
+
+def at(north_e7: float, east_e7: float) -> tuple[float, float]:
+    return (HOME[0] + north_e7 * 1e-7, HOME[1] + east_e7 * 1e-7)
+
+
+MISSION: tuple[Row, ...] = (
+    (0, 1, 3, 22, 0, 0, 0, math.nan, *at(0, 0), 8, 1),
+    (1, 0, 3, 16, 0, 1.5, 0, math.nan, *at(1500, 0), 10, 1),
+    (2, 0, 2, 178, 1, 4, -1, 0, 0, 0, 0, 1),
+    (3, 0, 3, 16, 1, 0, 0, 90, *at(1500, 1500), 8, 1),
+    (4, 0, 2, 20, 0, 0, 0, 0, 0, 0, 0, 1),
+)
+FENCE: tuple[Row, ...] = (
+    (0, 0, 3, 5001, 3, 0, 0, 0, *at(-9000, -12000), 0, 1),
+    (1, 0, 3, 5001, 3, 0, 0, 0, *at(24000, -12000), 0, 1),
+    (2, 0, 3, 5001, 3, 0, 0, 0, *at(6000, 22000), 0, 1),
+    (3, 0, 3, 5004, 15, 0, 0, 0, *at(9000, -3000), 0, 1),
+)
+RALLY: tuple[Row, ...] = (
+    (0, 0, 3, 5100, 0, 0, 0, 0, *at(500, 1000), 25, 1),
+    (1, 0, 3, 5100, 0, 0, 0, 0, *at(2500, 1000), 30, 1),
+)
+
+
+def test_every_parameter_is_fetched_as_it_is(session: Session, tmp_path: Path) -> None:
+    saved = session.proxy.log_folder / f"mav_{SYSTEM}_1.parm"
+    pairs = (line.split() for line in saved.read_text().splitlines() if line.strip())
+    fetched = {name: float(value) for name, value in pairs}
+    registry = autopilot(tmp_path).registry
+    declared = {name: registry.declaration(name).default for name in registry.names()}
+    fetched.pop("_HASH_CHECK", None)
+    assert fetched == pytest.approx(declared, rel=1e-5)
+
+
+def value_of(session: Session, name: str) -> float:
+    """What the vehicle says when asked for one parameter."""
+    return float(session.proxy.ask(f"param fetch {name}", rf"{name} = (\S+)\s").group(1))
+
+
+def test_a_parameter_is_set_and_guarded(session: Session) -> None:
+    for name, value in (("MIS_TAKEOFF_ALT", 6.5), ("NAV_RCL_ACT", 3.0)):
+        session.proxy.type(f"param set {name} {value:g}")
+        wait_for(lambda n=name, v=value: value_of(session, n) == v, f"{name} = {value}")
+    session.proxy.ask("param set NAV_DLL_ACT 77", "Failed to set NAV_DLL_ACT to 77")
+    assert value_of(session, "NAV_DLL_ACT") == 0.0
+
+
+def test_a_waypoint_file_comes_down_as_it_went_up(session: Session) -> None:
+    exchanged(session, "wp", *MISSION)
+
+
+def test_a_fence_comes_down_as_it_went_up(session: Session) -> None:
+    exchanged(session, "fence", *FENCE)
+    session.proxy.ask("fence list", rf"Requesting {len(FENCE)} fence items")
+    session.proxy.until(r"5004 3 .* p1=15\.0")
+
+
+def test_rally_points_come_down_as_they_went_up(session: Session) -> None:
+    exchanged(session, "rally", *RALLY)
+    session.proxy.ask("rally list", rf"Requesting {len(RALLY)} rally items")
+    session.proxy.until(r"5100 3 .* 30\.0")
+
+
+def test_the_plans_do_not_disturb_each_other(session: Session) -> None:
+    for kind, rows in (("wp", MISSION), ("fence", FENCE), ("rally", RALLY)):
+        exchanged(session, kind, *rows)
+    came = session.folder / "again.txt"
+    session.proxy.ask(f"wp save {came}", f"Saved {len(MISSION)} ")
+    same(rows_of(came), MISSION)
+
+
+def test_a_file_of_1000_waypoints_comes_down_as_it_went_up(session: Session) -> None:
+    way = tuple(
+        (seq, 0, 3, 16, 0, 0, 0, math.nan, *at(2 * seq, -seq), 10, 1) for seq in range(1, 1000)
+    )
+    exchanged(session, "wp", MISSION[0], *way)
+
+
+def test_a_take_off_as_for_any_autopilot_climbs_to_the_set_height(session: Session) -> None:
+    proxy = session.proxy
+    proxy.ask("takeoff 10", "Got COMMAND_ACK: NAV_TAKEOFF: ACCEPTED")
+    proxy.ask("arm throttle", "ARMED")
+    proxy.until("Mode LOITER")
+    proxy.ask("long NAV_LAND 0 0 0 nan nan nan nan", "Mode LAND")
+    proxy.until("DISARMED")
+
+
+def test_a_mission_is_flown_and_ended_by_a_return(session: Session) -> None:
+    proxy = session.proxy
+    exchanged(session, "wp", *MISSION)
+    proxy.ask("long DO_SET_MODE 29 4 4", "Mode MISSION")
+    proxy.ask("arm throttle", "ARMED")
+    for seq in (1, 3):
+        proxy.until(f"waypoint {seq}")
+    proxy.ask("long DO_SET_MODE 29 4 5", "Mode RTL")
+    proxy.until("DISARMED")
