@@ -1,9 +1,12 @@
 """Asks the vehicle for the messages that the broker lives on, and asks again when they stop.
 
 One SET_MESSAGE_INTERVAL is outstanding at a time, because COMMAND_ACK does not say which of
-several it answers. HOME_POSITION is asked for until it is there; vehicles send it rarely.
+several it answers. HOME_POSITION is asked for until it is there; vehicles send it rarely. What
+a vehicle sends often and nobody here reads is turned off: PX4 pours some 400 messages a second
+on a companion computer's link, and a fleet's broker would read them all for nothing.
 """
 
+import math
 from typing import Final, NamedTuple
 
 from mavlink_broker.dialect import Message, mavlink
@@ -21,11 +24,16 @@ class Stream(NamedTuple):
 
     @property
     def request(self) -> CommandLong:
-        """SET_MESSAGE_INTERVAL(511), interval in microseconds."""
-        return CommandLong(
-            command=mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
-            parameters=(float(self.message_id), 1e6 / self.rate_hz, 0.0, 0.0, 0.0, 0.0, 0.0),
-        )
+        """The command that asks for it."""
+        return set_interval(self.message_id, 1e6 / self.rate_hz)
+
+
+def set_interval(message_id: int, interval_us: float) -> CommandLong:
+    """SET_MESSAGE_INTERVAL(511), interval in microseconds; -1 turns the message off."""
+    return CommandLong(
+        command=mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
+        parameters=(float(message_id), interval_us, 0.0, 0.0, 0.0, 0.0, 0.0),
+    )
 
 
 STREAMS: Final = (
@@ -38,6 +46,29 @@ STREAMS: Final = (
     Stream("HOME_POSITION", mavlink.MAVLINK_MSG_ID_HOME_POSITION, 0.5),
 )
 """What is wanted, the most urgent first; nothing that a slow radio could not carry."""
+
+UNREAD: Final = {
+    mavlink.mavlink_map[message_id].msgname: message_id
+    for message_id in (
+        mavlink.MAVLINK_MSG_ID_HIGHRES_IMU,
+        mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION,
+        mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+        mavlink.MAVLINK_MSG_ID_ODOMETRY,
+        mavlink.MAVLINK_MSG_ID_RC_CHANNELS,
+        mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,
+        mavlink.MAVLINK_MSG_ID_ALTITUDE,
+        mavlink.MAVLINK_MSG_ID_VFR_HUD,
+        mavlink.MAVLINK_MSG_ID_WIND_COV,
+        mavlink.MAVLINK_MSG_ID_TIMESYNC,
+        mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW,
+        mavlink.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT,
+        mavlink.MAVLINK_MSG_ID_ATTITUDE_TARGET,
+        mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED,
+        mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
+    )
+}
+"""What is turned off when it is heard, the most frequent first, by name."""
+_OFF_US: Final = -1.0
 
 SILENT_AFTER_S: Final = 6.0
 ASK_AGAIN_S: Final = 10.0
@@ -83,10 +114,16 @@ class StreamRequests:
         self._running = None
         for stream in STREAMS:
             if self._is_wanted(stream, now):
-                self._asked_at[stream.name] = now
-                self._running = CommandTransaction(stream.request, self._route, self._round_trip)
-                return self._running.start(now)
+                return self._ask(stream.name, stream.request, now)
+        for name, message_id in UNREAD.items():
+            if self._is_to_stop(name, now):
+                return self._ask(name, set_interval(message_id, _OFF_US), now)
         return []
+
+    def _ask(self, name: str, request: CommandLong, now: float) -> list[Message]:
+        self._asked_at[name] = now
+        self._running = CommandTransaction(request, self._route, self._round_trip)
+        return self._running.start(now)
 
     def _is_wanted(self, stream: Stream, now: float) -> bool:
         asked_at = self._asked_at.get(stream.name)
@@ -94,6 +131,11 @@ class StreamRequests:
             return True
         heard_at = self._heard_at.get(stream.name, asked_at)
         return now - heard_at > SILENT_AFTER_S and now - asked_at > ASK_AGAIN_S
+
+    def _is_to_stop(self, name: str, now: float) -> bool:
+        """Whether an unread message has come, and no request to stop it is under way."""
+        asked_at = self._asked_at.get(name, -math.inf)
+        return self._heard_at.get(name, -math.inf) > asked_at and now - asked_at > ASK_AGAIN_S
 
     def _home(self, now: float) -> list[Message]:
         if "HOME_POSITION" in self._heard_at:

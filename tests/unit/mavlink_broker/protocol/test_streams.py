@@ -4,7 +4,7 @@ from mavlink_broker.dialect import Message, MissionCurrent, mavlink
 from mavlink_broker.protocol.parameter_read import ATTEMPTS, ParameterRead
 from mavlink_broker.protocol.round_trip import RoundTrip
 from mavlink_broker.protocol.status_text import StatusTexts
-from mavlink_broker.protocol.streams import STREAMS, StreamRequests
+from mavlink_broker.protocol.streams import ASK_AGAIN_S, STREAMS, UNREAD, StreamRequests
 from tests.unit.mavlink_broker.protocol.harness import (
     ROUTE,
     acknowledgement,
@@ -57,6 +57,33 @@ def test_a_restart_of_the_vehicle_renews_everything() -> None:
     asked_for_all(requests)
     requests.renew()
     assert asked_for_all(requests) == [stream.message_id for stream in STREAMS]
+
+
+def test_what_nobody_reads_is_turned_off_when_it_comes() -> None:
+    requests = StreamRequests(ROUTE, RoundTrip())
+    asked_for_all(requests)
+    imu = mavlink.MAVLink_highres_imu_message(1, *[0.0] * 13, 0)
+    requests.receive(received(imu), 1.0)
+    stop = [m for m in requests.tick(1.0) if m.command == SET]
+    assert [(m.param1, m.param2) for m in stop] == [(105, -1)]
+    requests.receive(acknowledgement(SET, 0), 1.1)
+    requests.receive(received(imu), 1.2)
+    assert intervals(requests.tick(1.2)) == [], "one more may have been on its way"
+    later_s = 1.0 + ASK_AGAIN_S + 0.1
+    requests.receive(received(imu), later_s)
+    assert mavlink.MAVLINK_MSG_ID_HIGHRES_IMU in tick_until_all(requests, later_s)
+
+
+def tick_until_all(requests: StreamRequests, now: float) -> list[int]:
+    """Acknowledge whatever is asked; gives the message ids asked for."""
+    asked = intervals(requests.tick(now))
+    for _ in range(len(STREAMS) + len(UNREAD)):
+        asked += intervals(requests.receive(acknowledgement(SET, 0), now))
+    return asked
+
+
+def test_what_is_read_is_never_turned_off() -> None:
+    assert not {stream.name for stream in STREAMS} & set(UNREAD)
 
 
 def test_home_is_asked_for_until_it_is_told() -> None:
