@@ -125,6 +125,8 @@ class FileTree:
             self._folder_of(place) as (folder, name),
             self._folder_of(new_place) as (new_folder, new_name),
         ):
+            if _size_of(name, folder) is None:
+                raise refusal(errno.ENOENT)
             if _size_of(new_name, new_folder) is not None and place != new_place:
                 raise refusal(errno.EEXIST)
             os.rename(name, new_name, src_dir_fd=folder, dst_dir_fd=new_folder)
@@ -174,7 +176,7 @@ class TreeFile:
     def write(self, offset: int, chunk: bytes) -> None:
         """Write all of `chunk` at `offset`; what lies between is zero."""
         room = self._writable()
-        growth = offset + len(chunk) - self.size
+        growth = offset + len(chunk) - self.size if chunk else 0
         if growth > 0:
             room.demand(growth)
         rest = memoryview(chunk)

@@ -17,6 +17,7 @@ KEEP_RESET_US: Final = 300_000
 """A client that starts begins with a reset, which must then be carried out again."""
 MAX_KEPT: Final = 32
 _OPENING: Final = frozenset({Opcode.OPEN_FILE_RO, Opcode.CREATE_FILE, Opcode.OPEN_FILE_WO})
+_WITHIN_SESSION: Final = frozenset({Opcode.WRITE_FILE, Opcode.TERMINATE_SESSION})
 _KEEP_US: Final[Mapping[int, int]] = {
     Opcode.TERMINATE_SESSION: KEEP_US,
     Opcode.RESET_SESSIONS: KEEP_RESET_US,
@@ -60,7 +61,7 @@ class ReplyMemory:
 
     def session_opened(self, session: int) -> None:
         """Forget what was said to a former session of the same number."""
-        self._forget(lambda request, _: request.session == session and not _opens(request))
+        self._forget(lambda request, _: request.session == session and _is_within(request))
 
     def session_closed(self, session: int) -> None:
         """Forget that a session was opened, so that the same request opens another one."""
@@ -74,6 +75,10 @@ class ReplyMemory:
         for request, kept in list(self._kept.items()):
             if condition(request, kept):
                 del self._kept[request]
+
+
+def _is_within(request: Request) -> bool:
+    return request.opcode in _WITHIN_SESSION
 
 
 def _opens(request: Request) -> bool:
