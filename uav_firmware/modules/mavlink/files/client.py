@@ -176,9 +176,9 @@ class FileClient:
 
     def _open(self, request: Request, mode: OpenMode, now_us: int) -> Session:
         place = read_place(request.data)
-        session = self._sessions.fresh(place, mode)
+        session = self._sessions.fresh(place, mode, request.session)
         if session is None:
-            number = self._sessions.free_number(now_us)
+            number = self._sessions.free_number(request.session, now_us)
             file = self._store.open(place, mode)
             session = Session(number, file, place, mode, now_us)
             self._sessions.add(session)

@@ -1,6 +1,8 @@
 """Open files of one client, by session number.
 
-Numbers count from 0 in each client's own space, the lowest free one first, as PX4 gives them.
+A file gets the number that its client has put into the request: MAVProxy hears answers under no
+other, as ArduPilot gives it. Most clients put 0 and read the number from the answer, so one that
+is taken makes way to the lowest free one. Each client has its own space.
 """
 
 from collections.abc import Iterator
@@ -54,28 +56,29 @@ class SessionTable:
     def __len__(self) -> int:
         return len(self._sessions)
 
-    def fresh(self, place: Place, mode: OpenMode) -> Session | None:
+    def fresh(self, place: Place, mode: OpenMode, wanted: int) -> Session | None:
         """A session on a file that was opened the same way and not used yet.
 
         Clients that number a repetition anew would hold one more session with each.
         """
+        taken = wanted in self._sessions
         for session in self._sessions.values():
-            if session.place == place and session.mode is mode and not session.used:
+            same = session.place == place and session.mode is mode and not session.used
+            if same and (taken or session.number == wanted):
                 return session
         return None
 
-    def free_number(self, now_us: int) -> int:
-        """The number that the next session gets.
+    def free_number(self, wanted: int, now_us: int) -> int:
+        """The number that the next session gets: the wanted one if it is free.
 
         Raises:
             FileError: if as many files are open as may be.
         """
         if len(self._sessions) >= MAX_SESSIONS:
             self.close_idle(now_us - RECLAIM_US)
-        for number in range(MAX_SESSIONS):
-            if number not in self._sessions:
-                return number
-        raise FileError(Fault.NO_SESSIONS_AVAILABLE)
+        if len(self._sessions) >= MAX_SESSIONS:
+            raise FileError(Fault.NO_SESSIONS_AVAILABLE)
+        return next(n for n in (wanted, *range(MAX_SESSIONS)) if n not in self._sessions)
 
     def add(self, session: Session) -> None:
         """Keep a new session."""

@@ -244,6 +244,17 @@ def test_a_repeated_open_opens_once(desk: Desk) -> None:
     assert (renumbered.session, renumbered.seq) == (first.session, 9)
 
 
+def test_a_file_gets_the_number_that_the_client_names_if_it_is_free(desk: Desk) -> None:
+    """MAVProxy counts its sessions itself and hears no answer under another number."""
+    for name in ("a", "b", "c"):
+        (desk.files / name).write_bytes(name.encode())
+    assert desk.ask(Opcode.OPEN_FILE_RO, f"{CARD}/a", session=200).session == 200
+    assert desk.ask(Opcode.OPEN_FILE_RO, f"{CARD}/b", session=200).session == 0
+    assert desk.ask(Opcode.OPEN_FILE_RO, f"{CARD}/a", session=201).session == 201
+    assert desk.ask(Opcode.READ_FILE, session=200, size=9).data == b"a"
+    assert desk.ask(Opcode.READ_FILE, session=0, size=9).data == b"b"
+
+
 def test_a_client_that_starts_anew_is_not_taken_for_the_former(desk: Desk) -> None:
     for contents in (b"first", b"first"):
         desk.tick(0.4)
