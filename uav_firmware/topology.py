@@ -30,9 +30,11 @@ from uav_firmware.modules.manual_control.params import ManualControlParams
 from uav_firmware.modules.mavlink.builders.identity import FLIGHT_SW_VERSION
 from uav_firmware.modules.mavlink.dispatcher import PlanChecks
 from uav_firmware.modules.mavlink.link_params import LinkParams
+from uav_firmware.modules.mavlink.mission_store import PlanCheck
 from uav_firmware.modules.mavlink.module import MavlinkModule
 from uav_firmware.modules.mavlink.peers import Peer
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
+from uav_firmware.modules.navigator import geofence_plan
 from uav_firmware.modules.navigator.module import NavigatorModule
 from uav_firmware.modules.offboard.module import OffboardModule
 from uav_firmware.modules.parameter_storage.module import ParameterStorageModule
@@ -234,10 +236,13 @@ class Autopilot:
             registry=registry,
             topics=_mavlink_topics(topics),
             checks=PlanChecks(
-                self.navigator.check_mission,
-                self.navigator.check_fence,
-                self.navigator.check_rally_points,
+                mission=PlanCheck(self.navigator.check_item, self.navigator.review_mission),
+                fence=PlanCheck(geofence_plan.check_fence_item, geofence_plan.review_fence),
+                rally_points=PlanCheck(
+                    geofence_plan.check_rally_point, self.navigator.review_rally_points
+                ),
             ),
+            storage=storage,
             peers=peers,
             boot_time_utc_us=boot_time_utc_us,
             save_parameters=self.parameter_storage.save,

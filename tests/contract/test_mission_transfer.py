@@ -25,9 +25,10 @@ from uav_firmware.bus import Topic
 from uav_firmware.modules.mavlink import dialect as vehicle_dialect
 from uav_firmware.modules.mavlink.addressing import Outgoing, Sender
 from uav_firmware.modules.mavlink.dialect_extensions import MissionCurrent
-from uav_firmware.modules.mavlink.mission_server import MissionServer, PlanStore
+from uav_firmware.modules.mavlink.mission_server import MissionServer
+from uav_firmware.modules.mavlink.mission_store import PlanCheck, PlanStore
 from uav_firmware.modules.mavlink.status_text import StatusTexts
-from uav_firmware.msg.mission import Mission
+from uav_firmware.msg.mission import Mission, MissionItem, PlanReview
 
 ROUTE = Route(own_system=254, own_component=191, target_system=1, target_component=1)
 STEP_US = 5_000
@@ -65,13 +66,21 @@ TROUBLES = [
 ]
 
 
+def _anything(_items: Sequence[MissionItem]) -> PlanReview:
+    """Accept any plan."""
+    yield 1
+    return None
+
+
 class Vehicle:
     """The firmware's mission server with as much around it as puts it on the wire."""
 
     def __init__(self) -> None:
         self.topic: Topic[Mission] = Topic()
         missions = PlanStore(
-            check=lambda _: None, publish=lambda plan: self.topic.publish(Mission(*plan))
+            MISSION,
+            check=PlanCheck(lambda _: None, _anything),
+            publish=lambda plan: self.topic.publish(Mission(*plan)),
         )
         self.server = MissionServer(
             system_id=1,

@@ -15,3 +15,10 @@ class Storage(Protocol):
         Raises:
             OSError: if the medium refuses; the former contents stay.
         """
+
+    def remove(self, name: str) -> None:
+        """Forget the contents; nothing stored is no fault.
+
+        Raises:
+            OSError: if the medium refuses; the contents stay.
+        """

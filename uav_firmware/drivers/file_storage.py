@@ -50,6 +50,25 @@ class FileStorage:
         except OSError:
             Path(temporary).unlink(missing_ok=True)
             raise
+        self._sync_folder()
+
+    def remove(self, name: str) -> None:
+        """Forget a file; one that is not there is no fault.
+
+        Raises:
+            ValueError: if the name is no plain file name.
+            OSError: if the medium refuses; the contents stay.
+        """
+        self._path(name).unlink(missing_ok=True)
+        self._sync_folder()
+
+    def _sync_folder(self) -> None:
+        """Bring the folder's names to the medium, where its file system has a way to."""
+        descriptor = os.open(self._folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
 
     def _path(self, name: str) -> Path:
         if not _NAME.fullmatch(name):

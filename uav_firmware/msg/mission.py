@@ -1,5 +1,6 @@
 """Missions as the navigator flies them, and what commander and navigator tell each other."""
 
+from collections.abc import Generator
 from enum import IntEnum
 from typing import NamedTuple, TypeAlias
 
@@ -96,6 +97,10 @@ class MissionRejection(NamedTuple):
     seq: int  # [-] Of the faulty item
     result: int  # [-] MAV_MISSION_RESULT
     reason: str
+
+
+PlanReview: TypeAlias = Generator[int, None, MissionRejection | None]
+"""A judgement in steps: yields the work done since the last one, in units of some 5 us."""
 
 
 class MissionProgress(NamedTuple):

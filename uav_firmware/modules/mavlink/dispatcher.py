@@ -1,10 +1,11 @@
 """Which server takes which message: one table."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from typing import Final, NamedTuple, TypeAlias
 
 from uav_firmware.cal.files import Card
 from uav_firmware.cal.link import Address
+from uav_firmware.cal.storage import Storage
 from uav_firmware.modules.mavlink.addressing import Outgoing, Sender, is_for_us
 from uav_firmware.modules.mavlink.builders.context import Context
 from uav_firmware.modules.mavlink.command_server import CommandServer
@@ -12,7 +13,8 @@ from uav_firmware.modules.mavlink.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.file_service import FileService
 from uav_firmware.modules.mavlink.follow_input import FollowInput
 from uav_firmware.modules.mavlink.manual_input import ManualInput
-from uav_firmware.modules.mavlink.mission_server import MissionServer, PlanStore
+from uav_firmware.modules.mavlink.mission_server import MissionServer
+from uav_firmware.modules.mavlink.mission_store import Plan, PlanCheck, PlanStore
 from uav_firmware.modules.mavlink.parameter_server import ParameterServer
 from uav_firmware.modules.mavlink.peers import PeerTable
 from uav_firmware.modules.mavlink.requests import RequestServer
@@ -21,7 +23,8 @@ from uav_firmware.modules.mavlink.status_text import StatusTexts
 from uav_firmware.modules.mavlink.timesync import answer_ping, answer_timesync
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
 from uav_firmware.msg.geofence import Fence, RallyPoints
-from uav_firmware.msg.mission import Mission, MissionItem, MissionRejection
+from uav_firmware.msg.mission import Mission
+from uav_firmware.msg.status import StatusText
 from uav_firmware.parameters import Registry
 
 Handler: TypeAlias = Callable[[Message, Sender, int], list[Outgoing]]
@@ -30,30 +33,35 @@ Handler: TypeAlias = Callable[[Message, Sender, int], list[Outgoing]]
 _COMMANDING_TYPES: Final = frozenset({mavlink.MAV_TYPE_GCS, mavlink.MAV_TYPE_ONBOARD_CONTROLLER})
 
 
-MissionCheck: TypeAlias = Callable[[Sequence[MissionItem]], MissionRejection | None]
-"""Judges a whole plan."""
-
-
 class PlanChecks(NamedTuple):
     """Who judges the plans that are uploaded."""
 
-    mission: MissionCheck
-    fence: MissionCheck
-    rally_points: MissionCheck
+    mission: PlanCheck
+    fence: PlanCheck
+    rally_points: PlanCheck
 
 
-def _stores(topics: MavlinkTopics, checks: PlanChecks) -> dict[int, PlanStore]:
-    """What becomes of each kind of plan."""
+def _stores(
+    topics: MavlinkTopics, checks: PlanChecks, storage: Storage | None
+) -> dict[int, PlanStore]:
+    """The plans, by MAV_MISSION_TYPE; the fence first, because the others are judged by it."""
+    kinds: Mapping[int, tuple[PlanCheck, Callable[[Plan], None]]] = {
+        mavlink.MAV_MISSION_TYPE_FENCE: (
+            checks.fence,
+            lambda plan: topics.fence.publish(Fence(*plan)),
+        ),
+        mavlink.MAV_MISSION_TYPE_RALLY: (
+            checks.rally_points,
+            lambda plan: topics.rally_points.publish(RallyPoints(*plan)),
+        ),
+        mavlink.MAV_MISSION_TYPE_MISSION: (
+            checks.mission,
+            lambda plan: topics.mission.publish(Mission(*plan)),
+        ),
+    }
     return {
-        mavlink.MAV_MISSION_TYPE_MISSION: PlanStore(
-            checks.mission, lambda plan: topics.mission.publish(Mission(*plan))
-        ),
-        mavlink.MAV_MISSION_TYPE_FENCE: PlanStore(
-            checks.fence, lambda plan: topics.fence.publish(Fence(*plan))
-        ),
-        mavlink.MAV_MISSION_TYPE_RALLY: PlanStore(
-            checks.rally_points, lambda plan: topics.rally_points.publish(RallyPoints(*plan))
-        ),
+        mission_type: PlanStore(mission_type, check=check, publish=publish, storage=storage)
+        for mission_type, (check, publish) in kinds.items()
     }
 
 
@@ -68,6 +76,7 @@ class Dispatcher:
         topics: MavlinkTopics,
         peers: PeerTable,
         checks: PlanChecks,
+        storage: Storage | None,
         context: Callable[[int], Context],
         save_parameters: Callable[[], None],
         texts: StatusTexts,
@@ -78,10 +87,12 @@ class Dispatcher:
         self._texts = texts
         self._missions = MissionServer(
             system_id=system_id,
-            stores=_stores(topics, checks),
+            stores=_stores(topics, checks, storage),
             current_seq=self._current_seq,
             texts=texts,
         )
+        for fault in self._missions.load():
+            topics.status_text.publish(StatusText(0, mavlink.MAV_SEVERITY_WARNING, fault))
         self._commands = CommandServer(
             system_id=system_id,
             requests=RequestServer(peers, context),

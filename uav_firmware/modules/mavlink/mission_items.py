@@ -2,7 +2,7 @@
 
 A stored item keeps the numbers as they were uploaded, so that a download gives them back bit
 for bit. The navigator gets degrees and metres, with NaN where the uploader left a coordinate
-unset (INT32_MAX).
+unset (INT32_MAX or INT32_MIN).
 """
 
 import math
@@ -15,6 +15,7 @@ from uav_firmware.modules.mavlink.commands import FRAME_MISSION, GLOBAL_FRAMES, 
 from uav_firmware.modules.mavlink.dialect import Message, mavlink
 from uav_firmware.msg.mission import MissionItem
 
+_UNSET: Final = frozenset({INT32_UNSET, -0x80000000})
 _LAYOUT: Final = struct.Struct("<BHB4fiif")
 _INVALID_PARAM1: Final[int] = mavlink.MAV_MISSION_INVALID_PARAM1
 _INVALID_X: Final[int] = mavlink.MAV_MISSION_INVALID_PARAM5_X
@@ -30,8 +31,8 @@ class StoredItem(NamedTuple):
     current: bool
     autocontinue: int
     parameters: tuple[float, float, float, float]
-    x: int  # [1e-7 deg] Latitude in a global frame, else parameter 5; INT32_MAX unset
-    y: int  # [1e-7 deg] Longitude in a global frame, else parameter 6; INT32_MAX unset
+    x: int  # [1e-7 deg] Latitude in a global frame, else parameter 5; see _UNSET
+    y: int  # [1e-7 deg] Longitude in a global frame, else parameter 6; see _UNSET
     z: float  # [m] Altitude by frame, else parameter 7
 
 
@@ -70,7 +71,7 @@ def _as_integer(value: float, *, is_global: bool) -> int:
     if math.isnan(value):
         return INT32_UNSET
     scaled = value * (1e7 if is_global else 1.0)
-    return round(min(max(scaled, -0x80000000), INT32_UNSET - 1))
+    return round(min(max(scaled, -0x80000000 + 1), INT32_UNSET - 1))
 
 
 def _fault(item: StoredItem, *, is_global: bool) -> ItemFault | None:
@@ -80,9 +81,9 @@ def _fault(item: StoredItem, *, is_global: bool) -> ItemFault | None:
             return ItemFault(_INVALID_PARAM1 + i, f"parameter {i + 1} is infinite")
     if math.isinf(item.z):
         return ItemFault(_INVALID_Z, "parameter 7 is infinite")
-    if is_global and item.x != INT32_UNSET and abs(item.x) > 900_000_000:
+    if is_global and item.x not in _UNSET and abs(item.x) > 900_000_000:
         return ItemFault(_INVALID_X, f"latitude {item.x / 1e7} is outside -90..90")
-    if is_global and item.y != INT32_UNSET and abs(item.y) > 1_800_000_000:
+    if is_global and item.y not in _UNSET and abs(item.y) > 1_800_000_000:
         return ItemFault(_INVALID_Y, f"longitude {item.y / 1e7} is outside -180..180")
     return None
 
@@ -125,8 +126,8 @@ def _mission_item(seq: int, item: StoredItem) -> MissionItem:
         param2=item.parameters[1],
         param3=item.parameters[2],
         param4=item.parameters[3],
-        x=math.nan if item.x == INT32_UNSET else item.x / scale,
-        y=math.nan if item.y == INT32_UNSET else item.y / scale,
+        x=math.nan if item.x in _UNSET else item.x / scale,
+        y=math.nan if item.y in _UNSET else item.y / scale,
         z=item.z,
     )
 

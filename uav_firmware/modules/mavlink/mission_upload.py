@@ -5,47 +5,48 @@ away, and gives up after a silence. Items gather in a second slot; the stored pl
 is until the last item has come and the whole plan has been accepted.
 
     idle       --COUNT------------------------> receiving   ask for item 0
+    idle       --COUNT of 0-------------------> idle        remove the plan, ACCEPTED; or refuse
+    idle       --late copy of an ended COUNT--> idle
     receiving  --COUNT, same uploader---------> receiving   begin again
     receiving  --COUNT or ITEM, somebody else-> receiving   DENIED to that one
     receiving  --ITEM expected----------------> receiving   ask for the next
     receiving  --ITEM not expected------------> receiving   ask again for the expected one
-    receiving  --last ITEM--------------------> idle        swap, ACCEPTED; or refuse
+    receiving  --last ITEM--------------------> judging
     receiving  --ITEM that cannot be stored---> idle        refuse
     receiving  --ACK by the uploader----------> idle
     receiving  --15 s without progress--------> idle        OPERATION_CANCELLED, STATUSTEXT
+    judging    --found good-------------------> idle        swap, ACCEPTED
+    judging    --found bad, or not saved------> idle        refuse
+    judging    --COUNT, same uploader---------> receiving   begin again
+    judging    --COUNT or ITEM, somebody else-> judging     DENIED to that one
+    judging    --ACK by the uploader----------> idle
     idle       --the ITEM that ended it again-> idle        the same answer again
+
+Judging begins at once, and a plan of some hundred items is judged in the same call.
 """
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple, TypeAlias
+from typing import Final, NamedTuple
 
+from uav_firmware.lib.stepwise import Stepwise
 from uav_firmware.modules.mavlink.addressing import Outgoing, Sender
 from uav_firmware.modules.mavlink.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.dialect_extensions import MissionAck
 from uav_firmware.modules.mavlink.mission_items import ItemFault, StoredItem, read_item
+from uav_firmware.modules.mavlink.mission_store import MAX_ITEMS, PlanStore, Verdict
 
 FIRST_RETRY_US: Final = 250_000
 LAST_RETRY_US: Final = 1_000_000
 SILENCE_LIMIT_US: Final = 15_000_000
+ECHO_US: Final = 500_000
+"""How long after a transfer a copy of what began it may still be on its way."""
+JUDGING_BUDGET: Final = 400
+"""Work of one call, in the unit of PlanReview: some 2 ms, half a control step."""
 _REASK_US: Final = 50_000
 """Shortest time between two requests for one item, so that duplicates do not multiply."""
 
-ACCEPTED: Final[int] = mavlink.MAV_MISSION_ACCEPTED
 CANCELLED: Final[int] = mavlink.MAV_MISSION_OPERATION_CANCELLED
 _DENIED: Final[int] = mavlink.MAV_MISSION_DENIED
-
-
-class Verdict(NamedTuple):
-    """What became of a whole plan."""
-
-    result: int  # MAV_MISSION_RESULT
-    plan_id: int = 0  # Of the plan stored, when accepted
-    reason: str = ""  # For the operator, when refused
-
-
-Accept: TypeAlias = Callable[[Sequence[StoredItem], int], Verdict]
-"""Stores a whole plan, or refuses it; takes the items and the time [us]."""
 
 
 @dataclass(slots=True)
@@ -54,29 +55,38 @@ class _Transfer:
 
     sender: Sender
     count: int
+    opening: bytes  # The frame of its COUNT
     progress_us: int  # When the last useful message came
     asked_us: int  # When an item was last asked for
     retry_us: int = FIRST_RETRY_US
     items: list[StoredItem] = field(default_factory=list)
+    judging: Stepwise[Verdict] | None = None  # When all items are here
 
 
 class _Ending(NamedTuple):
     """How the last transfer ended, to be told again when its last item comes again."""
 
+    time_us: int
+    opening: bytes
     identity: tuple[int, int]
     seq: int
     item: StoredItem | ItemFault
     verdict: Verdict
 
 
+class Reply(NamedTuple):
+    """What a message or a tick leads to."""
+
+    messages: tuple[Outgoing, ...] = ()
+    refusal: str = ""  # A sentence for the operator
+
+
 class UploadReceiver:
     """Receives uploads of one mission type."""
 
-    def __init__(self, mission_type: int, *, limit: int, accept: Accept) -> None:
-        """Take the greatest number of items, and what to do with a whole plan."""
+    def __init__(self, mission_type: int, store: PlanStore) -> None:
         self._mission_type = mission_type
-        self._limit = limit
-        self._accept = accept
+        self._store = store
         self._transfer: _Transfer | None = None
         self._ending: _Ending | None = None
 
@@ -85,83 +95,123 @@ class UploadReceiver:
         """Whether a transfer is under way."""
         return self._transfer is not None
 
-    def begin(self, count: int, sender: Sender, now_us: int) -> tuple[list[Outgoing], str]:
-        """Take MISSION_COUNT; gives the messages to send and a sentence for the operator."""
-        if self._is_foreign(sender):
-            return [self._ack(sender, Verdict(_DENIED))], ""
-        if count > self._limit:
+    def is_foreign(self, sender: Sender) -> bool:
+        """Whether somebody else is uploading."""
+        return self._transfer is not None and self._transfer.sender.identity != sender.identity
+
+    def begin(self, message: Message, sender: Sender, now_us: int) -> Reply:
+        """Take MISSION_COUNT."""
+        opening = bytes(message.get_msgbuf() or b"")
+        if self.is_foreign(sender):
+            return Reply((self._ack(sender, Verdict(_DENIED)),))
+        if self._is_echo(opening, now_us):
+            return Reply()
+        if message.count > MAX_ITEMS:
             self._transfer = None
             verdict = Verdict(mavlink.MAV_MISSION_NO_SPACE)
-            return [self._ack(sender, verdict)], f"{count} items, {self._limit} fit"
+            text = f"{message.count} items, {MAX_ITEMS} fit"
+            return Reply((self._ack(sender, verdict),), text)
+        if message.count == 0:
+            verdict = self.clear(now_us)
+            return Reply((self._ack(sender, verdict),), verdict.reason)
         self._ending = None
-        if count == 0:
-            self._transfer = None
-            verdict = self._accept((), now_us)
-            return [self._ack(sender, verdict)], verdict.reason
-        self._transfer = _Transfer(sender, count, progress_us=now_us, asked_us=now_us)
-        return [self._request(self._transfer)], ""
+        self._transfer = _Transfer(
+            sender, message.count, opening, progress_us=now_us, asked_us=now_us
+        )
+        return Reply((self._request(self._transfer),))
 
-    def item(self, message: Message, sender: Sender, now_us: int) -> tuple[list[Outgoing], str]:
-        """Take MISSION_ITEM_INT or MISSION_ITEM; gives messages and a sentence as `begin`."""
+    def clear(self, now_us: int) -> Verdict:
+        """Remove the plan, and end an upload of it."""
+        self._transfer = self._ending = None
+        return self._store.clear(now_us)
+
+    def item(self, message: Message, sender: Sender, now_us: int) -> Reply:
+        """Take MISSION_ITEM_INT or MISSION_ITEM."""
         transfer = self._transfer
         if transfer is None or transfer.sender.identity != sender.identity:
-            return self._unexpected(message, sender), ""
+            return self._unexpected(message, sender)
+        if transfer.judging is not None:
+            return Reply()
         if message.seq != len(transfer.items):
-            return self._ask_again(transfer, now_us), ""
-        item = read_item(message)
+            return self._ask_again(transfer, now_us)
+        item = self._readable(message)
         if isinstance(item, ItemFault):
             verdict = Verdict(item.result, reason=f"item {message.seq}: {item.reason}")
-            return self._end(transfer, message.seq, item, verdict)
+            return self._end(transfer, item, verdict, now_us)
         transfer.items.append(item)
         transfer.progress_us = transfer.asked_us = now_us
         transfer.retry_us = FIRST_RETRY_US
         if len(transfer.items) < transfer.count:
-            return [self._request(transfer)], ""
-        return self._end(transfer, message.seq, item, self._accept(transfer.items, now_us))
+            return Reply((self._request(transfer),))
+        transfer.judging = Stepwise(self._store.accept(transfer.items, now_us))
+        return self._judge(transfer, transfer.judging, now_us)
 
     def cancel(self, sender: Sender) -> None:
         """Take a MISSION_ACK by the uploader: it ends its upload."""
-        if self._transfer is not None and not self._is_foreign(sender):
+        if self._transfer is not None and not self.is_foreign(sender):
             self._transfer = None
 
-    def tick(self, now_us: int) -> tuple[list[Outgoing], str]:
-        """Ask again, or give up; gives messages and a sentence as `begin`."""
+    def tick(self, now_us: int) -> Reply:
+        """Judge, ask again, or give up."""
         transfer = self._transfer
         if transfer is None:
-            return [], ""
+            return Reply()
+        if transfer.judging is not None:
+            return self._judge(transfer, transfer.judging, now_us)
         if now_us - transfer.progress_us >= SILENCE_LIMIT_US:
             self._transfer = None
             text = f"item {len(transfer.items)} of {transfer.count} did not arrive"
-            return [self._ack(transfer.sender, Verdict(CANCELLED))], text
+            return Reply((self._ack(transfer.sender, Verdict(CANCELLED)),), text)
         if now_us - transfer.asked_us < transfer.retry_us:
-            return [], ""
+            return Reply()
         transfer.asked_us = now_us
         transfer.retry_us = min(2 * transfer.retry_us, LAST_RETRY_US)
-        return [self._request(transfer)], ""
+        return Reply((self._request(transfer),))
 
-    def _is_foreign(self, sender: Sender) -> bool:
-        return self._transfer is not None and self._transfer.sender.identity != sender.identity
+    def _is_echo(self, opening: bytes, now_us: int) -> bool:
+        """Whether a COUNT is a late copy, frame number and all, of one that has been served."""
+        ending = self._ending
+        return (
+            self._transfer is None
+            and ending is not None
+            and opening == ending.opening != b""
+            and now_us - ending.time_us < ECHO_US
+        )
 
-    def _unexpected(self, message: Message, sender: Sender) -> list[Outgoing]:
+    def _readable(self, message: Message) -> StoredItem | ItemFault:
+        item = read_item(message)
+        if isinstance(item, ItemFault):
+            return item
+        return self._store.fault_of(message.seq, item) or item
+
+    def _unexpected(self, message: Message, sender: Sender) -> Reply:
         """An item out of any transfer of its sender's: the last one again, or a stray."""
         ending = self._ending
-        if ending is not None and (sender.identity, message.seq) == ending[:2]:
-            same = _as_text(read_item(message)) == _as_text(ending.item)
-            return [self._ack(sender, ending.verdict)] if same else []
-        return [self._ack(sender, Verdict(_DENIED))] if self._transfer is not None else []
+        if ending is not None and (sender.identity, message.seq) == (ending.identity, ending.seq):
+            same = _as_text(self._readable(message)) == _as_text(ending.item)
+            return Reply((self._ack(sender, ending.verdict),)) if same else Reply()
+        busy = self._transfer is not None
+        return Reply((self._ack(sender, Verdict(_DENIED)),)) if busy else Reply()
 
-    def _ask_again(self, transfer: _Transfer, now_us: int) -> list[Outgoing]:
+    def _ask_again(self, transfer: _Transfer, now_us: int) -> Reply:
         if now_us - transfer.asked_us < _REASK_US:
-            return []
+            return Reply()
         transfer.asked_us = now_us
-        return [self._request(transfer)]
+        return Reply((self._request(transfer),))
+
+    def _judge(self, transfer: _Transfer, judging: Stepwise[Verdict], now_us: int) -> Reply:
+        if not judging.advance(JUDGING_BUDGET):
+            return Reply()
+        return self._end(transfer, transfer.items[-1], judging.result, now_us)
 
     def _end(
-        self, transfer: _Transfer, seq: int, item: StoredItem | ItemFault, verdict: Verdict
-    ) -> tuple[list[Outgoing], str]:
+        self, transfer: _Transfer, item: StoredItem | ItemFault, verdict: Verdict, now_us: int
+    ) -> Reply:
+        sender = transfer.sender
+        seq = len(transfer.items) - (not isinstance(item, ItemFault))
         self._transfer = None
-        self._ending = _Ending(transfer.sender.identity, seq, item, verdict)
-        return [self._ack(transfer.sender, verdict)], verdict.reason
+        self._ending = _Ending(now_us, transfer.opening, sender.identity, seq, item, verdict)
+        return Reply((self._ack(sender, verdict),), verdict.reason)
 
     def _request(self, transfer: _Transfer) -> Outgoing:
         message = mavlink.MAVLink_mission_request_int_message(

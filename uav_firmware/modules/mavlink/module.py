@@ -5,6 +5,7 @@ from typing import Final
 
 from uav_firmware.cal.files import Card
 from uav_firmware.cal.link import Address, Link
+from uav_firmware.cal.storage import Storage
 from uav_firmware.modules.mavlink.addressing import AUTOPILOT_COMPONENT, Outgoing, Sender
 from uav_firmware.modules.mavlink.builders.context import BatteryThresholds, Context
 from uav_firmware.modules.mavlink.changes import ChangeDetector
@@ -43,6 +44,7 @@ class MavlinkModule:
         topics: MavlinkTopics,
         checks: PlanChecks,
         peers: Sequence[Peer],
+        storage: Storage | None = None,
         boot_time_utc_us: int = 0,
         save_parameters: Callable[[], None] = lambda: None,
         params: LinkParams | None = None,
@@ -57,6 +59,7 @@ class MavlinkModule:
             topics: Connections to the bus.
             checks: Judge uploaded plans before they are accepted.
             peers: Who is sent telemetry from the start.
+            storage: Keeps plans over a restart; without one they are lost with the process.
             boot_time_utc_us: World time at vehicle time zero [us since 1970]; 0 unknown.
             save_parameters: Called after a peer changed a parameter; may raise OSError.
             params: What is streamed unprompted; PX4's defaults if not given.
@@ -85,6 +88,7 @@ class MavlinkModule:
             topics=topics,
             peers=self._peers,
             checks=checks,
+            storage=storage,
             context=self._context,
             save_parameters=save_parameters,
             texts=self._texts,

@@ -18,6 +18,7 @@ from uav_firmware.msg.mission import (
     MissionResult,
     ModeTarget,
     NavigatorTarget,
+    PlanReview,
 )
 from uav_firmware.msg.vectors import Vector3
 
@@ -81,7 +82,7 @@ def _point(item: MissionItem, flight: Flight) -> Vector3:
     return flight.to_ned(item.x, item.y, altitude_amsl(item, home))
 
 
-def check_mission(items: Sequence[MissionItem], flight: Flight) -> MissionRejection | None:
+def review_mission(items: Sequence[MissionItem], flight: Flight) -> PlanReview:
     """First item that leaves the geofence, or None; without a home nothing is judged."""
     home = flight.home
     if home is None or flight.frame is None:
@@ -101,17 +102,19 @@ def check_mission(items: Sequence[MissionItem], flight: Flight) -> MissionReject
         flight.fence,
         flight.params.orbit_radius,
     )
-    return geofence_check.check_mission(items, surroundings)
+    return (yield from geofence_check.review_mission(items, surroundings))
 
 
-def check_rally_points(items: Sequence[MissionItem], flight: Flight) -> MissionRejection | None:
+def review_rally_points(items: Sequence[MissionItem], flight: Flight) -> PlanReview:
     """First item that is no rally point, or lies outside the geofence; None when all are good."""
     rejection = geofence_plan.check_rally_points(items)
     if rejection is not None or flight.frame is None:
         return rejection
+    work = geofence_check.work_of(flight.fence)
     for item in items:
         if not flight.fence.allows(geofence_plan.point_of(item, flight.frame)):
             return MissionRejection(item.seq, MissionResult.INVALID, "lies outside the geofence")
+        yield work
     return None
 
 

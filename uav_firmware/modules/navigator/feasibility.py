@@ -10,7 +10,9 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from uav_firmware.lib.geo import distance_and_bearing
+from uav_firmware.lib.stepwise import finished
 from uav_firmware.modules.navigator.item_rules import (
+    PLAN_RULES,
     ROI_LOCATION,
     RULES,
     Check,
@@ -28,6 +30,7 @@ from uav_firmware.msg.mission import (
     MissionItem,
     MissionRejection,
     MissionResult,
+    PlanReview,
 )
 from uav_firmware.msg.status import HomePosition
 
@@ -67,16 +70,33 @@ def check(
     Without a home, what depends on its place is left out; the navigator checks again when
     there is one.
     """
+    return finished(review(items, home, params))
+
+
+def review(
+    items: Sequence[MissionItem], home: HomePosition | None, params: NavigatorParams
+) -> PlanReview:
+    """Judge as `check` does, item by item."""
     for index, item in enumerate(items):
         if item.seq != index:
             return MissionRejection(
                 index, MissionResult.INVALID_SEQUENCE, f"item {index}: numbered {item.seq}"
             )
-        for one in _CHECKS:
+        for one in (*_CHECKS, *_PLAN_CHECKS):
             rejection = one(item, items, home, params)
             if rejection is not None:
                 return rejection
+        yield 1
     return None
+
+
+def check_item(
+    item: MissionItem, home: HomePosition | None, params: NavigatorParams
+) -> MissionRejection | None:
+    """First reason why an item could be flown in no mission, or None."""
+    return next(
+        (fault for one in _CHECKS if (fault := one(item, (), home, params)) is not None), None
+    )
 
 
 def _parameters(item: MissionItem) -> tuple[float, ...]:
@@ -195,5 +215,5 @@ _CHECKS: Final[tuple[Check, ...]] = (
     _place,
     _altitude,
     *RULES,
-    _takeoff_first,
 )
+_PLAN_CHECKS: Final[tuple[Check, ...]] = (*PLAN_RULES, _takeoff_first)

@@ -129,6 +129,11 @@ class Geofence:
     around_home: Disc | None = None  # GF_MAX_HOR_DIST
     height_max: float = math.inf  # [m] above home, GF_MAX_VER_DIST
 
+    @property
+    def sides(self) -> int:
+        """How many sides all polygons have."""
+        return sum(len(area.vertices) for area in self.areas if isinstance(area, Polygon))
+
     def allows(self, point: Point) -> bool:
         """Whether a place may be flown over."""
         included = [area.contains(point) for area in self.areas if area.inclusion]

@@ -6,7 +6,7 @@ the first position is judged when it begins at home, with a take-off.
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 from uav_firmware.modules.navigator.geofence import Geofence, Point
 from uav_firmware.msg.mission import (
@@ -14,8 +14,11 @@ from uav_firmware.msg.mission import (
     MissionItem,
     MissionRejection,
     MissionResult,
+    PlanReview,
 )
 from uav_firmware.msg.vectors import Vector3
+
+_SIDES_PER_UNIT: Final = 16  # Sides of a polygon that a leg is held against in 5 us
 
 Locate: TypeAlias = Callable[[MissionItem], Vector3]
 """North and east [m] and height above home [m] of an item; NaN where it keeps what is."""
@@ -31,10 +34,11 @@ class Surroundings(NamedTuple):
     orbit_radius: float  # [m] Of circles that give none
 
 
-def check_mission(
-    items: Sequence[MissionItem], surroundings: Surroundings
-) -> MissionRejection | None:
+def review_mission(items: Sequence[MissionItem], surroundings: Surroundings) -> PlanReview:
     """First item that leaves the fence, on the way to it or at it; None when all stay within."""
+    if surroundings.fence == Geofence():
+        return None
+    work = work_of(surroundings.fence)
     before: Point | None = None
     for item in items:
         reason, before = _step(item, items, before, surroundings)
@@ -42,7 +46,13 @@ def check_mission(
             name = MissionCommand(item.command).name
             text = f"item {item.seq} ({name}): {reason}"
             return MissionRejection(item.seq, MissionResult.INVALID, text)
+        yield work
     return None
+
+
+def work_of(fence: Geofence) -> int:
+    """Work of one look at the fence, in the unit of PlanReview."""
+    return 1 + fence.sides // _SIDES_PER_UNIT
 
 
 def _step(

@@ -5,8 +5,9 @@ from collections.abc import Sequence
 from typing import Final
 
 from uav_firmware.lib.geo import LocalFrame
+from uav_firmware.lib.stepwise import finished
 from uav_firmware.modules.navigator.geofence import Area, Disc, Point, Polygon
-from uav_firmware.msg.mission import MissionItem, MissionRejection, MissionResult
+from uav_firmware.msg.mission import MissionItem, MissionRejection, MissionResult, PlanReview
 
 RETURN_POINT: Final = 5000
 POLYGON_INCLUSION: Final = 5001
@@ -25,11 +26,17 @@ _SMALLEST_RADIUS_M: Final = 0.5
 
 def check_fence(items: Sequence[MissionItem]) -> MissionRejection | None:
     """First reason why the items are no geofence, or None."""
-    returns = [item for item in items if item.command == RETURN_POINT]
+    return finished(review_fence(items))
+
+
+def review_fence(items: Sequence[MissionItem]) -> PlanReview:
+    """Judge as `check_fence`, item by item; for the upload."""
     for item in items:
-        rejection = _check_item(item, _FENCE) or _check_fence_item(item)
+        rejection = check_fence_item(item)
         if rejection is not None:
             return rejection
+        yield 2  # the polygons below included
+    returns = [item for item in items if item.command == RETURN_POINT]
     if len(returns) > 1:
         return _reject(returns[1], MissionResult.INVALID, "is a second return point")
     return _check_polygons(items)
@@ -37,12 +44,21 @@ def check_fence(items: Sequence[MissionItem]) -> MissionRejection | None:
 
 def check_rally_points(items: Sequence[MissionItem]) -> MissionRejection | None:
     """First reason why the items are no rally points, or None."""
-    for item in items:
-        rejection = _check_item(item, frozenset({RALLY_POINT})) or _check_unset(item, 1, 2)
-        if rejection is not None:
-            return rejection
-        if not math.isfinite(item.z):
-            return _reject(item, MissionResult.INVALID_PARAM7, "holds no altitude")
+    return next((fault for item in items if (fault := check_rally_point(item)) is not None), None)
+
+
+def check_fence_item(item: MissionItem) -> MissionRejection | None:
+    """Why an item can be part of no geofence, or None."""
+    return _check_item(item, _FENCE) or _check_fence_item(item)
+
+
+def check_rally_point(item: MissionItem) -> MissionRejection | None:
+    """Why an item is no rally point, or None."""
+    rejection = _check_item(item, frozenset({RALLY_POINT})) or _check_unset(item, 1, 2)
+    if rejection is not None:
+        return rejection
+    if not math.isfinite(item.z):
+        return _reject(item, MissionResult.INVALID_PARAM7, "holds no altitude")
     return None
 
 
@@ -108,6 +124,9 @@ def _check_fence_item(item: MissionItem) -> MissionRejection | None:
     if item.command in _CIRCLES and not _SMALLEST_RADIUS_M <= item.param1 < math.inf:
         reason = f"radius is {item.param1:g} m, at least {_SMALLEST_RADIUS_M:g} m are needed"
         return _reject(item, MissionResult.INVALID_PARAM1, reason)
+    count = item.param1
+    if item.command in _POLYGONS and not (count >= _FEWEST_VERTICES and count.is_integer()):
+        return _reject(item, MissionResult.INVALID_PARAM1, f"vertex count is {count:g}")
     return _check_unset(item, 2)
 
 
@@ -119,9 +138,6 @@ def _check_polygons(items: Sequence[MissionItem]) -> MissionRejection | None:
             index += 1
             continue
         count = item.param1
-        if not count >= _FEWEST_VERTICES or not float(count).is_integer():
-            reason = f"vertex count is {count:g}"
-            return _reject(item, MissionResult.INVALID_PARAM1, reason)
         corners = items[index : index + int(count)]
         same = all((c.command, c.param1) == (item.command, count) for c in corners)
         if len(corners) < count or not same:

@@ -1,7 +1,7 @@
 """What single kinds of mission items may ask for: pure.
 
 Each rule takes an item, the whole mission, home and the parameters, and gives a rejection or
-None.
+None. The mission is not there yet while an item is judged as it comes in.
 """
 
 import math
@@ -152,5 +152,8 @@ RULES: Final[tuple[Check, ...]] = (
     _condition,
     _mode_of_home_and_roi,
     _speed,
-    _jump,
 )
+"""Rules about an item by itself."""
+
+PLAN_RULES: Final[tuple[Check, ...]] = (_jump,)
+"""Rules about an item among the others."""

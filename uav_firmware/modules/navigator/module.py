@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from typing import Final
 
 from uav_firmware.bus import Queue, Topic
-from uav_firmware.modules.navigator import area, feasibility, geofence_plan
+from uav_firmware.lib.stepwise import finished
+from uav_firmware.modules.navigator import area, feasibility
 from uav_firmware.modules.navigator.area import AreaKeeper
 from uav_firmware.modules.navigator.flight import Flight, Speeds
 from uav_firmware.modules.navigator.follow import FollowMode
@@ -12,6 +13,7 @@ from uav_firmware.modules.navigator.geofence_watch import GeofenceWatch
 from uav_firmware.modules.navigator.guided_modes import OrbitMode
 from uav_firmware.modules.navigator.loiter import LoiterMode
 from uav_firmware.modules.navigator.mission import MissionMode
+from uav_firmware.modules.navigator.mission_review import MissionReview
 from uav_firmware.modules.navigator.mode import NavigatorMode
 from uav_firmware.modules.navigator.params import NavigatorParams
 from uav_firmware.modules.navigator.reports import Reporter, ReportTopics
@@ -39,6 +41,7 @@ from uav_firmware.msg.mission import (
     NavigatorRequest,
     NavigatorStatus,
     NavigatorTarget,
+    PlanReview,
     SpeedRequest,
 )
 from uav_firmware.msg.setpoints import TrajectorySetpoint
@@ -53,6 +56,7 @@ from uav_firmware.msg.status import (
 from uav_firmware.parameters import Registry
 
 PERIOD_US: Final = 8_000  # [us] 125 Hz: at 12 m/s the set-point moves 0.1 m a step
+_WARNING: Final = 4  # MAV_SEVERITY
 _LONGEST_STEP_S: Final = 0.1  # [s] a longer gap does not make the set-point jump
 
 
@@ -101,7 +105,6 @@ class NavigatorModule:
         self._area = AreaKeeper(fence, rally_points)
         self._fence_watch = GeofenceWatch()
         self._fence_status = geofence_status
-        self._checked_by = 0  # Version of the area by which the mission was checked
         self._judged_by = 0  # Version of the area by which the present mode was let in
         self._control_mode = vehicle_control_mode
         self._params_version: int | None = None
@@ -120,26 +123,31 @@ class NavigatorModule:
         }
         self._active: NavigatorMode | None = None  # None while disarmed
         self._target: ModeTarget | None = None
-        self._rejection: MissionRejection | None = None
+        self._review = MissionReview()
         self._mission_count = 0
-        self._home_count = 0
         self._last_us: int | None = None
 
+    def check_item(self, item: MissionItem) -> MissionRejection | None:
+        """Whether an item could be flown in any mission; for its upload."""
+        return feasibility.check_item(item, self._flight.home, self._flight.params)
+
     def check_mission(self, items: Sequence[MissionItem]) -> MissionRejection | None:
-        """Whether items could be flown from the present home; for the mission upload."""
-        flight = self._flight
-        self._area.update(flight)  # A fence may have come together with the mission
-        rejection = feasibility.check(items, flight.home, flight.params)
-        return rejection or area.check_mission(items, flight)
+        """Whether items could be flown from the present home."""
+        return finished(self.review_mission(items))
 
-    def check_fence(self, items: Sequence[MissionItem]) -> MissionRejection | None:
-        """Whether items are a geofence; for its upload."""
-        return geofence_plan.check_fence(items)
+    def review_mission(self, items: Sequence[MissionItem]) -> PlanReview:
+        """Judge as `check_mission`, little by little; for the mission's upload."""
+        self._area.update(self._flight)  # A fence may have come together with the mission
+        circumstances = self._circumstances
+        rejection = yield from self._judge(items)
+        if rejection is None:
+            self._review.trust(items, circumstances)
+        return rejection
 
-    def check_rally_points(self, items: Sequence[MissionItem]) -> MissionRejection | None:
-        """Whether items are rally points that a return may lead to; for their upload."""
+    def review_rally_points(self, items: Sequence[MissionItem]) -> PlanReview:
+        """Judge whether items are rally points that a return may lead to; for their upload."""
         self._area.update(self._flight)
-        return area.check_rally_points(items, self._flight)
+        return (yield from area.review_rally_points(items, self._flight))
 
     def refusal_of(self, target: ModeTarget) -> str | None:
         """Why the geofence forbids an order; None when it does not. For the commander."""
@@ -181,16 +189,21 @@ class NavigatorModule:
     def _take_mission(self) -> None:
         mission = self._mission_topic.value
         if mission is not None and self._mission_count != self._mission_topic.count:
+            self._mission_count = self._mission_topic.count
             self._mission.load(mission)
             self._restart_mission()
-        elif (
-            self._home_count == self._home_position.count and self._checked_by == self._area.version
-        ):
-            return
-        self._mission_count = self._mission_topic.count
-        self._home_count = self._home_position.count
-        self._checked_by = self._area.version
-        self._rejection = self.check_mission(self._mission.cursor.items)
+        items = self._mission.cursor.items
+        if reason := self._review.update(items, self._circumstances, self._judge):
+            self._flight.say(_WARNING, f"Mission cannot be flown: {reason}")
+
+    @property
+    def _circumstances(self) -> tuple[int, int]:
+        return (self._home_position.count, self._area.version)  # They change with either
+
+    def _judge(self, items: Sequence[MissionItem]) -> PlanReview:
+        home, params = self._flight.home, self._flight.params
+        rejection = yield from feasibility.review(items, home, params)
+        return rejection or (yield from area.review_mission(items, self._flight))
 
     def _restart_mission(self) -> None:
         if self._active is self._mission:
@@ -249,7 +262,7 @@ class NavigatorModule:
     def _on_judged_route(self) -> bool:
         """Whether the way flown has been held against the present fence."""
         if self._active is self._mission:
-            return self._rejection is None
+            return self._review.rejection is None
         if self._active is self._follow_mode:
             return False
         return self._active is not None and self._judged_by == self._area.version
@@ -281,7 +294,7 @@ class NavigatorModule:
         )
         vehicle = self._vehicle_status.value
         if vehicle is not None:
-            finished = self._active is not None and self._active.finished
+            done = self._active is not None and self._active.finished
             self._reporter.report_status(
-                NavigatorStatus(now_us, vehicle.navigation_state, finished, self._rejection)
+                NavigatorStatus(now_us, vehicle.navigation_state, done, self._review.rejection)
             )

@@ -1,3 +1,5 @@
+import os
+import stat
 from pathlib import Path
 
 import pytest
@@ -42,3 +44,25 @@ def test_a_refused_write_keeps_the_former_contents(
 def test_only_plain_names_are_taken(tmp_path: Path, name: str) -> None:
     with pytest.raises(ValueError, match="plain file name"):
         FileStorage(tmp_path).save(name, b"")
+
+
+def test_what_is_removed_is_gone_and_removing_it_again_is_no_fault(tmp_path: Path) -> None:
+    storage = FileStorage(tmp_path)
+    storage.save("a.json", b"contents")
+    storage.remove("a.json")
+    storage.remove("a.json")
+    assert storage.load("a.json") is None
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_file_and_folder_reach_the_medium(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    synced: list[bool] = []  # Whether it was a folder, and the file had its name by then
+
+    def note(descriptor: int) -> None:
+        is_folder = stat.S_ISDIR(os.fstat(descriptor).st_mode)
+        assert (tmp_path / "a.json").exists() == is_folder
+        synced.append(is_folder)
+
+    monkeypatch.setattr("os.fsync", note)
+    FileStorage(tmp_path).save("a.json", b"contents")
+    assert synced == [False, True]

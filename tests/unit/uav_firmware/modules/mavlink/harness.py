@@ -6,9 +6,11 @@ from typing import Any
 
 from uav_firmware.bus import Queue, Topic
 from uav_firmware.cal.link import Address, Link
+from uav_firmware.cal.storage import Storage
 from uav_firmware.modules.mavlink.dialect import frame, mavlink, pack, parse
 from uav_firmware.modules.mavlink.dispatcher import PlanChecks
 from uav_firmware.modules.mavlink.link_params import LinkParams
+from uav_firmware.modules.mavlink.mission_store import PlanCheck
 from uav_firmware.modules.mavlink.module import MavlinkModule
 from uav_firmware.modules.mavlink.peers import Peer, Profile
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
@@ -22,7 +24,7 @@ from uav_firmware.msg.estimate import (
 )
 from uav_firmware.msg.geofence import FenceAction, FenceBreach, GeofenceStatus
 from uav_firmware.msg.guidance import OrbitStatus
-from uav_firmware.msg.mission import MissionItem, MissionRejection
+from uav_firmware.msg.mission import MissionItem, MissionRejection, PlanReview
 from uav_firmware.msg.sensors import SensorBaro, SensorBattery, SensorGps, SensorImu, SensorTruth
 from uav_firmware.msg.setpoints import (
     TrajectorySetpoint,
@@ -39,6 +41,8 @@ from uav_firmware.msg.status import (
     VehicleStatus,
 )
 from uav_firmware.parameters import Registry
+
+Check = Callable[[Sequence[MissionItem]], MissionRejection | None]
 
 STEP_US = 4000
 TICK_US = 20_000
@@ -190,6 +194,17 @@ def flying_topics() -> MavlinkTopics:
     return topics
 
 
+def judged_by(check: Check) -> PlanChecks:
+    """Let a function judge whole plans of every kind."""
+
+    def review(items: Sequence[MissionItem]) -> PlanReview:
+        yield 1
+        return check(items)
+
+    judge = PlanCheck(lambda _: None, review)
+    return PlanChecks(judge, judge, judge)
+
+
 class MemoryLink:
     """Datagrams in lists."""
 
@@ -216,10 +231,11 @@ class Bench:
         *,
         topics: MavlinkTopics | None = None,
         registry: Registry | None = None,
-        check: Callable[[Sequence[MissionItem]], MissionRejection | None] = lambda _: None,
+        check: Check = lambda _: None,
         save: Callable[[], None] = lambda: None,
         link: Link | None = None,
         params: LinkParams | None = None,
+        storage: Storage | None = None,
     ) -> None:
         self.topics = topics or flying_topics()
         self.registry = registry or Registry()
@@ -230,7 +246,8 @@ class Bench:
             system_id=SYSTEM,
             registry=self.registry,
             topics=self.topics,
-            checks=PlanChecks(check, check, check),
+            checks=judged_by(check),
+            storage=storage,
             peers=(
                 Peer(address=GROUND, profile=Profile.GROUND_STATION),
                 Peer(address=BROKER, profile=Profile.ONBOARD),

@@ -60,8 +60,9 @@ def test_an_item_without_a_position_keeps_plain_numbers() -> None:
 
 
 @pytest.mark.parametrize("frame", [2, 3, 6])
-def test_an_unset_coordinate_is_nan_for_the_navigator(frame: int) -> None:
-    (item,) = for_navigator([stored(frame=frame, x=INT32_MAX, y=INT32_MAX)])
+@pytest.mark.parametrize("unset", [INT32_MAX, -0x80000000])
+def test_an_unset_coordinate_is_nan_for_the_navigator(frame: int, unset: int) -> None:
+    (item,) = for_navigator([stored(frame=frame, x=unset, y=unset)])
     assert math.isnan(item.x)
     assert math.isnan(item.y)
 
@@ -81,7 +82,7 @@ def test_other_frames_are_refused(frame: int) -> None:
         ({"param3": math.inf}, 8),
         ({"param4": math.inf}, 9),
         ({"x": 900_000_001}, 10),
-        ({"x": -0x80000000}, 10),
+        ({"x": -0x80000000 + 1}, 10),
         ({"y": 1_800_000_001}, 11),
         ({"z": math.inf}, 12),
     ],

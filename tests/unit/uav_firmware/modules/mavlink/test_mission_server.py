@@ -13,7 +13,7 @@ from tests.unit.uav_firmware.modules.mavlink.harness import (
     mission_item,
 )
 from uav_firmware.modules.mavlink.dialect import mavlink
-from uav_firmware.modules.mavlink.mission_server import MAX_ITEMS
+from uav_firmware.modules.mavlink.mission_store import MAX_ITEMS
 from uav_firmware.msg.mission import Mission, MissionItem, MissionProgress, MissionRejection
 
 ACCEPTED, UNSUPPORTED_FRAME, UNSUPPORTED, NO_SPACE, INVALID = 0, 2, 3, 4, 5

@@ -10,11 +10,11 @@ from tests.unit.uav_firmware.modules.mavlink.harness import (
     STEP_US,
     SYSTEM,
     flying_topics,
+    judged_by,
     mission_count,
     mission_item,
 )
 from uav_firmware.modules.mavlink.dialect import frame, mavlink, pack, parse
-from uav_firmware.modules.mavlink.dispatcher import PlanChecks
 from uav_firmware.modules.mavlink.mission_items import StoredItem, plan_id, read_item
 from uav_firmware.modules.mavlink.module import MavlinkModule
 from uav_firmware.modules.mavlink.peers import Peer, Profile
@@ -93,7 +93,7 @@ class World:
             system_id=SYSTEM,
             registry=Registry(),
             topics=self.topics,
-            checks=PlanChecks(_anything, _anything, _anything),
+            checks=judged_by(_anything),
             peers=(Peer(address=GROUND_ADDRESS, profile=Profile.ONBOARD),),
         )
         self.now_us = 0

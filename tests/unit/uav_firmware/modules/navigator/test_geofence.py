@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from tests.support.toy_vehicle import HOME, NAN, ToyVehicle, at, item, takeoff, waypoint
 from tests.unit.uav_firmware.modules.navigator.test_modes import airborne
+from uav_firmware.lib.stepwise import finished
 from uav_firmware.modules.navigator.geofence import Area, Disc, Geofence, Polygon
 from uav_firmware.modules.navigator.geofence_plan import check_fence, check_rally_points
 from uav_firmware.msg.geofence import Fence, FenceAction, FenceBreach, RallyPoints
@@ -109,7 +110,7 @@ def polygon(command: int, *corners: tuple[float, float], count: float = 4.0) -> 
 
 def fence_vehicle(vehicle: ToyVehicle, *items: MissionItem) -> None:
     numbered = tuple(one._replace(seq=seq) for seq, one in enumerate(items))
-    assert vehicle.navigator.check_fence(numbered) is None
+    assert check_fence(numbered) is None
     vehicle.fence.publish(Fence(vehicle.now_us, 1, numbered))
     vehicle.run(0.2)
 
@@ -277,7 +278,7 @@ def test_on_the_ground_nothing_is_breached() -> None:
 
 def rally(vehicle: ToyVehicle, north: float, east: float, height: float = 0.0) -> None:
     items = (item(0, 5100, frame=3, z=height, **at(north, east)),)
-    assert vehicle.navigator.check_rally_points(items) is None
+    assert finished(vehicle.navigator.review_rally_points(items)) is None
     vehicle.rally_points.publish(RallyPoints(vehicle.now_us, 1, items))
     vehicle.run(0.1)
 

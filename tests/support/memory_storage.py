@@ -1,0 +1,31 @@
+"""The vehicle's storage as a dictionary that can be told to refuse."""
+
+import errno
+import os
+
+
+class MemoryStorage:
+    """Implements `uav_firmware.cal.storage.Storage`."""
+
+    def __init__(self) -> None:
+        self.files: dict[str, bytes] = {}
+        self.refusal: int | None = None  # errno of every write, or None
+
+    def load(self, name: str) -> bytes | None:
+        """Contents, or None."""
+        return self.files.get(name)
+
+    def save(self, name: str, contents: bytes) -> None:
+        """Replace the contents."""
+        self._may_refuse()
+        self.files[name] = contents
+
+    def remove(self, name: str) -> None:
+        """Forget the contents; a full medium still can."""
+        if self.refusal != errno.ENOSPC:
+            self._may_refuse()
+        self.files.pop(name, None)
+
+    def _may_refuse(self) -> None:
+        if self.refusal is not None:
+            raise OSError(self.refusal, os.strerror(self.refusal))

@@ -1,0 +1,143 @@
+"""One kind of plan (mission, fence or rally points): judged, kept over a restart, handed on.
+
+A plan is replaced whole or not at all, in this order: the judges agree, the medium holds the
+new one, everybody aboard sees it. Judging is spread over calls, because a long mission inside
+a fence of many corners takes longer than a control step.
+"""
+
+import errno
+from collections.abc import Callable, Generator, Sequence
+from typing import Final, NamedTuple, TypeAlias
+
+from uav_firmware.cal.storage import Storage
+from uav_firmware.lib.stepwise import finished
+from uav_firmware.modules.mavlink import plan_file
+from uav_firmware.modules.mavlink.dialect import mavlink
+from uav_firmware.modules.mavlink.mission_items import (
+    ItemFault,
+    StoredItem,
+    for_navigator,
+    plan_id,
+)
+from uav_firmware.modules.mavlink.plan_file import PlanFileError
+from uav_firmware.msg.mission import MissionItem, MissionRejection, PlanReview
+
+MAX_ITEMS: Final = 2000
+FILE_NAMES: Final = {
+    mavlink.MAV_MISSION_TYPE_MISSION: "mission.plan",
+    mavlink.MAV_MISSION_TYPE_FENCE: "geofence.plan",
+    mavlink.MAV_MISSION_TYPE_RALLY: "rally.plan",
+}
+
+ACCEPTED: Final[int] = mavlink.MAV_MISSION_ACCEPTED
+_FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT})
+
+Plan: TypeAlias = tuple[int, int, tuple[MissionItem, ...]]
+"""Time of acceptance [us], id, items."""
+
+
+class PlanCheck(NamedTuple):
+    """Who judges one kind of plan before it is accepted."""
+
+    item: Callable[[MissionItem], MissionRejection | None]  # By itself, as it comes in
+    plan: Callable[[Sequence[MissionItem]], PlanReview]  # As a whole, when it is complete
+
+
+class Verdict(NamedTuple):
+    """What became of a whole plan."""
+
+    result: int  # MAV_MISSION_RESULT
+    plan_id: int = 0  # Of the plan stored, when accepted
+    reason: str = ""  # For the operator, when refused
+
+
+Acceptance: TypeAlias = Generator[int, None, Verdict]
+"""Stores a plan or refuses it, in steps: yields the work done, in the unit of PlanReview."""
+
+
+class PlanStore:
+    """Holds one kind of plan, as it was uploaded."""
+
+    def __init__(
+        self,
+        mission_type: int,
+        *,
+        check: PlanCheck,
+        publish: Callable[[Plan], None],
+        storage: Storage | None = None,
+    ) -> None:
+        """Begin with no plan; without a storage none survives a restart."""
+        self._check = check
+        self._publish = publish
+        self._storage = storage
+        self._mission_type = mission_type
+        self._file = FILE_NAMES[mission_type]
+        self.items: tuple[StoredItem, ...] = ()
+        self.plan_id = 0
+
+    def load(self) -> str:
+        """Publish what a former run has stored; gives a sentence when that cannot be used."""
+        stored: tuple[StoredItem, ...] = ()
+        try:
+            stored = self._read()
+        except (OSError, PlanFileError) as error:
+            fault = getattr(error, "strerror", None) or str(error)
+        else:
+            fault = self._fault_of_stored(stored)
+        self._replace(0, () if fault else stored)
+        return f"{self._file} is not used: {fault}" if fault else ""
+
+    def fault_of(self, seq: int, item: StoredItem) -> ItemFault | None:
+        """Why an item can be no part of such a plan, wherever in it."""
+        (one,) = for_navigator([item])
+        rejection = self._check.item(one._replace(seq=seq))
+        return None if rejection is None else ItemFault(rejection.result, rejection.reason)
+
+    def accept(self, items: Sequence[StoredItem], now_us: int) -> Acceptance:
+        """Put a plan in the place of the former one, or refuse it and keep that one."""
+        for_flight = for_navigator(items)
+        rejection = (yield from self._check.plan(for_flight)) if items else None
+        if rejection is not None:
+            return Verdict(rejection.result, reason=f"item {rejection.seq}: {rejection.reason}")
+        try:
+            self._keep(items)
+        except OSError as error:
+            full = error.errno in _FULL
+            result = mavlink.MAV_MISSION_NO_SPACE if full else mavlink.MAV_MISSION_ERROR
+            return Verdict(result, reason=f"not saved: {error.strerror or error}")
+        self._replace(now_us, items, for_flight)
+        return Verdict(ACCEPTED, self.plan_id)
+
+    def clear(self, now_us: int) -> Verdict:
+        """Remove the plan."""
+        return finished(self.accept((), now_us))
+
+    def _replace(
+        self,
+        now_us: int,
+        items: Sequence[StoredItem],
+        for_flight: tuple[MissionItem, ...] | None = None,
+    ) -> None:
+        self.items = tuple(items)
+        self.plan_id = plan_id(self.items)
+        handed_on = for_navigator(items) if for_flight is None else for_flight
+        self._publish((now_us, self.plan_id, handed_on))
+
+    def _keep(self, items: Sequence[StoredItem]) -> None:
+        if self._storage is None:
+            return
+        if items:
+            self._storage.save(self._file, plan_file.encode(self._mission_type, items))
+        else:
+            self._storage.remove(self._file)  # works on a full medium too
+
+    def _read(self) -> tuple[StoredItem, ...]:
+        contents = None if self._storage is None else self._storage.load(self._file)
+        return () if contents is None else plan_file.decode(self._mission_type, contents)
+
+    def _fault_of_stored(self, items: Sequence[StoredItem]) -> str:
+        """Why a plan kept by a former run, maybe of another version, cannot be flown."""
+        if len(items) > MAX_ITEMS:
+            return f"it holds {len(items)} items, {MAX_ITEMS} fit"
+        rejection = finished(self._check.plan(for_navigator(items))) if items else None
+        return "" if rejection is None else f"item {rejection.seq}: {rejection.reason}"
