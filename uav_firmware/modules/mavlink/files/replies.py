@@ -11,8 +11,8 @@ from typing import Final, NamedTuple
 
 from uav_firmware.modules.mavlink.files.codec import Opcode, Reply, Request
 
-KEEP_US: Final = 3_000_000
-"""Clients repeat after 0.05 to 1 s; a client that starts anew takes longer."""
+KEEP_US: Final = 10_000_000
+"""Clients repeat every 0.05 to 1 s, and of a bad link many replies are lost in turn."""
 KEEP_RESET_US: Final = 300_000
 """A client that starts begins with a reset, which must then be carried out again."""
 MAX_KEPT: Final = 32
