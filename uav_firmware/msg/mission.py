@@ -113,6 +113,13 @@ class MissionProgress(NamedTuple):
     seq_reached: int  # [-] Last item reached, -1 for none
     reached_count: int  # [-] Grows at each item reached
     state: int  # [-] MISSION_STATE: 1 none, 2 not started, 3 active, 4 paused, 5 complete
+    mission_time_us: int = 0  # [us] When the mission meant was accepted
+    selection_count: int = 0  # [-] Grows at each order of which item to fly next
+    latest_reached: tuple[int, ...] = ()  # [-] The last items reached, newest last
+
+    def is_of(self, mission: Mission) -> bool:
+        """Whether the navigator has taken this very mission over, not an equal former one."""
+        return (self.mission_id, self.mission_time_us) == (mission.mission_id, mission.time_us)
 
 
 class NavigatorTarget(NamedTuple):

@@ -6,6 +6,7 @@ from typing import Any, Final, NamedTuple
 from uav_firmware.bus import Topic
 from uav_firmware.modules.mavlink.dialect import mavlink
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
+from uav_firmware.msg.geofence import Fence, RallyPoints
 from uav_firmware.msg.mission import Mission, MissionProgress
 from uav_firmware.msg.status import HomePosition, LandDetected, VehicleStatus
 
@@ -22,12 +23,13 @@ def _home_key(home: HomePosition) -> Hashable:
     return (home.latitude_deg, home.longitude_deg, home.altitude_amsl_m)
 
 
-def _mission_key(mission: Mission) -> Hashable:
-    return (mission.time_us, mission.mission_id)
+def _plan_key(plan: Mission | Fence | RallyPoints) -> Hashable:
+    return plan[:2]  # Time of acceptance and id
 
 
 def _progress_key(progress: MissionProgress) -> Hashable:
-    return (progress.mission_id, progress.seq_current, progress.state)
+    mission = (progress.mission_id, progress.mission_time_us)
+    return (mission, progress.seq_current, progress.state, progress.selection_count)
 
 
 class _Watch(NamedTuple):
@@ -50,7 +52,13 @@ _WATCHES: Final = (
         (mavlink.MAVLINK_MSG_ID_HEARTBEAT, mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE),
     ),
     _Watch(lambda topics: topics.home, _home_key, (mavlink.MAVLINK_MSG_ID_HOME_POSITION,)),
-    _Watch(lambda topics: topics.mission, _mission_key, (mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,)),
+    _Watch(lambda topics: topics.mission, _plan_key, (mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,)),
+    _Watch(lambda topics: topics.fence, _plan_key, (mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,)),
+    _Watch(
+        lambda topics: topics.rally_points,
+        _plan_key,
+        (mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,),
+    ),
     _Watch(
         lambda topics: topics.mission_progress,
         _progress_key,

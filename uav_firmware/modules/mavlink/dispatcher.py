@@ -158,7 +158,7 @@ class Dispatcher:
     def _current_seq(self) -> int:
         """Item that the navigator flies; 0 until it has taken the mission over."""
         progress, mission = self._topics.mission_progress.value, self._topics.mission.value
-        if progress is None or mission is None or progress.mission_id != mission.mission_id:
+        if progress is None or mission is None or not progress.is_of(mission):
             return 0
         return min(progress.seq_current, len(mission.items) - 1)
 

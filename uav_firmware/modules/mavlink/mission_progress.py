@@ -15,7 +15,7 @@ class ReachedAnnouncer:
 
     def __init__(self) -> None:
         self._reached_count = 0
-        self._mission_id = 0
+        self._mission = (0, 0)  # Id and time of acceptance
         self._seq = 0
         self._left = 0
         self._due_us = 0
@@ -24,17 +24,21 @@ class ReachedAnnouncer:
         """Messages due now; a newer item or another mission ends the repetitions of the former."""
         if progress is None:
             return []
+        mission = (progress.mission_id, progress.mission_time_us)
         if progress.reached_count != self._reached_count:
-            self._reached_count = progress.reached_count
-            self._mission_id = progress.mission_id
+            new = progress.latest_reached[self._reached_count - progress.reached_count :]
+            self._reached_count, self._mission = progress.reached_count, mission
+            self._left, self._due_us = REPETITIONS, now_us + REPETITION_US
             self._seq = progress.seq_reached
-            self._left = 1 + REPETITIONS if progress.seq_reached >= 0 else 0
-            self._due_us = now_us
-        elif progress.mission_id != self._mission_id:
-            self._mission_id = progress.mission_id
-            self._left = 0
+            return [_announcement(seq) for seq in new]
+        if mission != self._mission:
+            self._mission, self._left = mission, 0
         if self._left == 0 or now_us < self._due_us:
             return []
         self._left -= 1
         self._due_us = now_us + REPETITION_US
-        return [Outgoing(mavlink.MAVLink_mission_item_reached_message(seq=self._seq))]
+        return [_announcement(self._seq)]
+
+
+def _announcement(seq: int) -> Outgoing:
+    return Outgoing(mavlink.MAVLink_mission_item_reached_message(seq=seq))

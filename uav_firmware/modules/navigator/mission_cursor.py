@@ -4,6 +4,9 @@ NO_MISSION --load--> NOT_STARTED --begin--> ACTIVE <--begin/pause--> PAUSED
 ACTIVE --past the last item--> COMPLETE --set_current, reset--> NOT_STARTED
 """
 
+from collections import deque
+from typing import Final
+
 from uav_firmware.msg.mission import (
     Mission,
     MissionCommand,
@@ -12,6 +15,8 @@ from uav_firmware.msg.mission import (
     MissionState,
 )
 
+_REACHED_KEPT: Final = 8  # More than can be reached between two looks at the progress
+
 
 class MissionCursor:
     """Position in a mission; knows nothing of flying."""
@@ -19,6 +24,9 @@ class MissionCursor:
     def __init__(self) -> None:
         self.items: tuple[MissionItem, ...] = ()
         self.mission_id = 0
+        self._time_us = 0  # Of the mission's acceptance
+        self._selections = 0
+        self._latest: deque[int] = deque(maxlen=_REACHED_KEPT)
         self.seq = 0
         self.reached = -1
         self.reached_count = 0
@@ -36,6 +44,7 @@ class MissionCursor:
     def load(self, mission: Mission) -> None:
         """Take another mission, from its beginning."""
         self.items, self.mission_id = mission.items, mission.mission_id
+        self._time_us = mission.time_us
         self.rewind(0)
 
     def rewind(self, seq: int) -> None:
@@ -46,6 +55,7 @@ class MissionCursor:
 
     def select(self, seq: int, *, reset: bool) -> None:
         """DO_SET_MISSION_CURRENT: fly `seq` next (-1: as before); reset forgets completion."""
+        self._selections += 1
         target = self.seq if seq < 0 else seq
         if reset or self.complete:
             self.rewind(0 if seq < 0 and self.complete else target)
@@ -56,6 +66,7 @@ class MissionCursor:
         """Count the current item as reached."""
         self.reached = self.seq
         self.reached_count += 1
+        self._latest.append(self.seq)
 
     def advance(self) -> None:
         """Go on to the next item; past the last one the mission is complete."""
@@ -75,6 +86,9 @@ class MissionCursor:
             self.reached,
             self.reached_count,
             self._state(active=active),
+            self._time_us,
+            self._selections,
+            tuple(self._latest),
         )
 
     def _state(self, *, active: bool) -> MissionState:

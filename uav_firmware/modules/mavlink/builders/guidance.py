@@ -21,20 +21,24 @@ _MISSION_MODE_SUSPENDED: Final = 2
 
 
 def mission_current(context: Context) -> Message:
-    """MISSION_CURRENT with state, mode and the mission's id.
+    """MISSION_CURRENT with state, mode and the ids of all plans.
 
     Until the navigator has taken a new mission over, that mission is "not started".
     """
     mission = context.topics.mission.value
+    fence, rally_points = context.topics.fence.value, context.topics.rally_points.value
+    ids = {
+        "fence_id": 0 if fence is None else fence.fence_id,
+        "rally_points_id": 0 if rally_points is None else rally_points.rally_id,
+    }
     if mission is None or not mission.items:
-        return MissionCurrent(
-            seq=0, total=UINT16_MAX, mission_state=mavlink.MISSION_STATE_NO_MISSION
-        )
+        none = mavlink.MISSION_STATE_NO_MISSION
+        return MissionCurrent(seq=0, total=UINT16_MAX, mission_state=none, **ids)
     progress = context.topics.mission_progress.value
     status = context.topics.vehicle_status.value
     flown = status is not None and status.navigation_state is NavigationState.AUTO_MISSION
     seq, state = 0, mavlink.MISSION_STATE_NOT_STARTED
-    if progress is not None and progress.mission_id == mission.mission_id:
+    if progress is not None and progress.is_of(mission):
         last = len(mission.items) - 1  # Where a complete mission stays
         seq, state = min(max(progress.seq_current, 0), last), progress.state
     return MissionCurrent(
@@ -43,6 +47,7 @@ def mission_current(context: Context) -> Message:
         mission_state=state,
         mission_mode=_MISSION_MODE_ACTIVE if flown else _MISSION_MODE_SUSPENDED,
         mission_id=mission.mission_id,
+        **ids,
     )
 
 

@@ -55,6 +55,17 @@ def mission_of(bench: Bench) -> Mission:
     return mission
 
 
+def progress_of(
+    mission: Mission, seq: int, *reached: int, count: int | None = None, state: int = 3
+) -> MissionProgress:
+    """The navigator's word on a mission: item to fly, items reached and how many in all."""
+    total = len(mission.items)
+    last, number = (reached[-1] if reached else -1), len(reached) if count is None else count
+    return MissionProgress(
+        0, mission.mission_id, seq, total, last, number, state, mission.time_us, 0, reached
+    )
+
+
 def types(messages: list[Any]) -> list[int]:
     return [message.type for message in messages]
 
@@ -258,9 +269,7 @@ def test_a_download_serves_any_order_any_number_of_times() -> None:
 def test_the_current_item_is_marked_in_a_download() -> None:
     bench = Bench()
     upload(bench, 3)
-    bench.topics.mission_progress.publish(
-        MissionProgress(0, mission_of(bench).mission_id, 1, 3, 0, 1, 3)
-    )
+    bench.topics.mission_progress.publish(progress_of(mission_of(bench), 1, 0))
     for seq in range(3):
         bench.say(request(seq))
     bench.run()
@@ -357,15 +366,67 @@ def test_messages_for_somebody_else_are_ignored(system: int, component: int) -> 
 def test_an_item_reached_is_told_at_once_and_three_times_more() -> None:
     bench = Bench()
     upload(bench, 4)
-    identifier = mission_of(bench).mission_id
-    bench.topics.mission_progress.publish(MissionProgress(0, identifier, 2, 4, 1, 1, 3))
+    mission = mission_of(bench)
+    bench.topics.mission_progress.publish(progress_of(mission, 2, 1))
     bench.run()
     assert [m.seq for m in bench.hear("MISSION_ITEM_REACHED")] == [1]
     bench.run(5 * SECOND_US)
     assert [m.seq for m in bench.hear("MISSION_ITEM_REACHED")] == [1, 1, 1]
-    bench.topics.mission_progress.publish(MissionProgress(0, identifier, 3, 4, 2, 2, 3))
+    bench.topics.mission_progress.publish(progress_of(mission, 3, 1, 2))
     bench.run(600_000)
     assert [m.seq for m in bench.hear("MISSION_ITEM_REACHED")] == [2, 2]
-    bench.topics.mission_progress.publish(MissionProgress(0, identifier + 1, 0, 4, -1, 2, 2))
+    later = mission._replace(time_us=mission.time_us + 1)
+    bench.topics.mission_progress.publish(progress_of(later, 0, count=2, state=2))
     bench.run(5 * SECOND_US)
     assert bench.hear("MISSION_ITEM_REACHED") == []
+
+
+def test_no_item_is_passed_over_that_was_reached_between_two_looks() -> None:
+    bench = Bench()
+    upload(bench, 6)
+    bench.topics.mission_progress.publish(progress_of(mission_of(bench), 4, 0, 1, 2, 3))
+    bench.run()
+    assert [m.seq for m in bench.hear("MISSION_ITEM_REACHED")] == [0, 1, 2, 3]
+    bench.run(5 * SECOND_US)
+    assert [m.seq for m in bench.hear("MISSION_ITEM_REACHED")] == [3, 3, 3]
+
+
+def test_the_same_mission_again_begins_at_its_first_item_at_once() -> None:
+    bench = Bench()
+    upload(bench, 6)
+    bench.topics.mission_progress.publish(progress_of(mission_of(bench), 5, 4))
+    bench.run()
+    bench.hear(at=BROKER)
+    upload(bench, 6)
+    bench.run()
+    told = bench.hear("MISSION_CURRENT", at=BROKER)
+    assert told
+    assert {message.seq for message in told} == {0}
+
+
+def test_the_current_item_is_told_whenever_it_was_chosen() -> None:
+    bench = Bench()
+    upload(bench, 6)
+    progress = progress_of(mission_of(bench), 2, 1)
+    bench.topics.mission_progress.publish(progress)
+    bench.run(1_500_000)
+    bench.hear(at=BROKER)
+    bench.topics.mission_progress.publish(progress._replace(selection_count=1))
+    bench.run()
+    assert [m.seq for m in bench.hear("MISSION_CURRENT", at=BROKER)] == [2]
+
+
+def test_the_ids_of_fence_and_rally_points_are_told_with_and_without_a_mission() -> None:
+    bench = Bench()
+    for mission_type in (FENCE, RALLY):
+        bench.say(mission_count(1, mission_type))
+        bench.say(mission_item(0, z=5.0 + mission_type, mission_type=mission_type))
+    bench.run()
+    ids = [ack.opaque_id for ack in bench.hear("MISSION_ACK")]
+    told = bench.hear("MISSION_CURRENT", at=BROKER)[-1]
+    assert [told.fence_id, told.rally_points_id] == ids
+    assert (told.mission_id, told.total) == (0, 0xFFFF)
+    upload(bench, 2)
+    told = bench.hear("MISSION_CURRENT", at=BROKER)[-1]
+    assert [told.fence_id, told.rally_points_id] == ids
+    assert told.mission_id == mission_of(bench).mission_id
