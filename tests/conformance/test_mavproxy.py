@@ -45,8 +45,8 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
         MavProxy(ground, folder) as proxy,
     ):
         proxy.until(f"Detected vehicle {SYSTEM}:1")
-        proxy.until(r"Received \d+ parameters")
-        proxy.until(r"Saved \d+ parameters")
+        proxy.until(r"Received \d+ parameters \(ftp\)")
+        proxy.until(r"Saved \d+ defaults")
         yield Session(proxy, state, folder)
 
 
@@ -108,12 +108,31 @@ RALLY: tuple[Row, ...] = (
 )
 
 
-def test_every_parameter_is_fetched_as_it_is(session: Session, tmp_path: Path) -> None:
-    saved = session.proxy.log_folder / f"mav_{SYSTEM}_1.parm"
-    pairs = (line.split() for line in saved.read_text().splitlines() if line.strip())
-    fetched = {name: float(value) for name, value in pairs}
-    registry = autopilot(tmp_path).registry
-    declared = {name: registry.declaration(name).default for name in registry.names()}
+def saved_parameters(path: Path) -> dict[str, float]:
+    pairs = (line.split() for line in path.read_text().splitlines() if line.strip())
+    return {name: float(value) for name, value in pairs}
+
+
+@pytest.fixture(scope="module")
+def declared(tmp_path_factory: pytest.TempPathFactory) -> dict[str, float]:
+    registry = autopilot(tmp_path_factory.mktemp("declared")).registry
+    return {name: registry.declaration(name).default for name in registry.names()}
+
+
+def test_every_parameter_and_its_default_come_by_file(
+    session: Session, declared: dict[str, float]
+) -> None:
+    for name in (f"mav_{SYSTEM}_1.parm", "defaults.parm"):
+        fetched = saved_parameters(session.proxy.log_folder / name)
+        assert fetched == pytest.approx(declared, rel=1e-5)
+
+
+def test_every_parameter_comes_by_list(session: Session, declared: dict[str, float]) -> None:
+    proxy = session.proxy
+    proxy.type("set param_ftp False")
+    proxy.ask("param fetch", rf"Received {len(declared)} parameters\s")
+    saved = Path(proxy.until(r"Saved \d+ parameters to (\S+)").group(1))
+    fetched = saved_parameters(saved)
     fetched.pop("_HASH_CHECK", None)
     assert fetched == pytest.approx(declared, rel=1e-5)
 
@@ -123,10 +142,14 @@ def value_of(session: Session, name: str) -> float:
     return float(session.proxy.ask(f"param fetch {name}", rf"{name} = (\S+)\s").group(1))
 
 
+def set_parameter(session: Session, name: str, value: float) -> None:
+    session.proxy.type(f"param set {name} {value:g}")
+    wait_for(lambda: value_of(session, name) == value, f"{name} = {value}")
+
+
 def test_a_parameter_is_set_and_guarded(session: Session) -> None:
-    for name, value in (("MIS_TAKEOFF_ALT", 6.5), ("NAV_RCL_ACT", 3.0)):
-        session.proxy.type(f"param set {name} {value:g}")
-        wait_for(lambda n=name, v=value: value_of(session, n) == v, f"{name} = {value}")
+    set_parameter(session, "MIS_TAKEOFF_ALT", 6.5)
+    set_parameter(session, "NAV_RCL_ACT", 3.0)
     session.proxy.ask("param set NAV_DLL_ACT 77", "Failed to set NAV_DLL_ACT to 77")
     assert value_of(session, "NAV_DLL_ACT") == 0.0
 
@@ -180,3 +203,35 @@ def test_a_mission_is_flown_and_ended_by_a_return(session: Session) -> None:
         proxy.until(f"waypoint {seq}")
     proxy.ask("long DO_SET_MODE 29 4 5", "Mode RTL")
     proxy.until("DISARMED")
+
+
+def test_the_log_of_a_flight_is_listed_and_downloaded_both_ways(session: Session) -> None:
+    proxy, folder = session.proxy, session.folder
+    flown = min((session.state / f"vehicle-{SYSTEM}" / "log").glob("*/*.ulg"))
+    whole = flown.read_bytes()
+    listed = proxy.ask("log list", r"Log 0 +numLogs \d+ lastLog \d+ size (\d+)")
+    assert int(listed.group(1)) == len(whole)
+    by_data = folder / "by_data.ulg"
+    proxy.ask(f"log download 0 {by_data}", f"Finished downloading {by_data}")
+    assert by_data.read_bytes() == whole
+    day = flown.parent.name
+    proxy.ask(f"ftp list @MAV_LOG/{day}", rf"{flown.name}\s+{len(whole)}\s")
+    by_file = folder / "by_file.ulg"
+    proxy.ask(f"ftp get @MAV_LOG/{day}/{flown.name} {by_file}", rf"Wrote {len(whole)} bytes")
+    wait_for(lambda: by_file.read_bytes() == whole, "the whole file, which is closed later")
+
+
+def test_a_file_is_put_listed_checked_fetched_and_removed(session: Session) -> None:
+    proxy, folder = session.proxy, session.folder
+    sent, back = folder / "sent.bin", folder / "back.bin"
+    content = bytes(range(256)) * 100
+    sent.write_bytes(content)
+    proxy.ask(f"ftp put {sent} /fs/microsd/sent.bin", rf"Sent file of length {len(content)}")
+    proxy.ask("ftp list /fs/microsd", rf"sent\.bin\s+{len(content)}\s")
+    own = proxy.ask(f"ftp crclocal {sent}", r"crclocal: \S+ (0x[0-9a-f]+) ").group(1)
+    proxy.ask("ftp crc /fs/microsd/sent.bin", rf"crc: /fs/microsd/sent\.bin {own} ")
+    proxy.ask(f"ftp get /fs/microsd/sent.bin {back}", rf"Wrote {len(content)} bytes")
+    wait_for(lambda: back.read_bytes() == content, "the whole file, which is closed later")
+    proxy.type("ftp rm /fs/microsd/sent.bin")
+    listing = proxy.ask("ftp list /fs/microsd", r"Listing(?s:.*?)Total size").group()
+    assert "sent.bin" not in listing
