@@ -89,6 +89,10 @@ def _as_real32(value: float) -> float:
     return rounded
 
 
+def _default_of(declaration: Declaration) -> float | int:
+    return declaration.default if declaration.is_integer else _as_real32(declaration.default)
+
+
 class Registry:
     """All parameters of a vehicle with their present values."""
 
@@ -104,9 +108,7 @@ class Registry:
             if declaration.name in self._declarations:
                 raise ParameterError(f"{declaration.name}: declared twice")
             self._declarations[declaration.name] = declaration
-            self._values[declaration.name] = (
-                declaration.default if declaration.is_integer else _as_real32(declaration.default)
-            )
+            self._values[declaration.name] = _default_of(declaration)
 
     def read(self, group: type[P]) -> P:
         """Give an instance of a module's dataclass with the present values."""
@@ -157,17 +159,18 @@ class Registry:
         self._values[name] = int(value) if declaration.is_integer else _as_real32(value)
         self.version += 1
 
+    def reset(self) -> None:
+        """Put every value back to its default."""
+        for name, declaration in self._declarations.items():
+            self._values[name] = _default_of(declaration)
+        self.version += 1
+
     def changed(self) -> dict[str, float | int]:
         """Values that differ from their defaults."""
         return {
             name: value
             for name, value in self._values.items()
-            if value
-            != (
-                self._declarations[name].default
-                if self._declarations[name].is_integer
-                else _as_real32(self._declarations[name].default)
-            )
+            if value != _default_of(self._declarations[name])
         }
 
     def load(self, values: Mapping[str, float]) -> list[str]:

@@ -29,7 +29,7 @@ class Outgoing(NamedTuple):
     to: Address | None = None
 
 
-def is_for_us(message: Message, system_id: int) -> bool:
+def is_for_us(message: Message, system_id: int, own_component: int = AUTOPILOT_COMPONENT) -> bool:
     """Whether a targeted message names this system, and this component or all of them."""
     component: int = message.target_component
-    return message.target_system == system_id and component in {0, AUTOPILOT_COMPONENT}
+    return message.target_system == system_id and component in {0, own_component}

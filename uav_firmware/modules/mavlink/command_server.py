@@ -10,18 +10,25 @@ final answer, or until the commander has been silent for too long, which is a fa
     received --forwarded---------------> pending
     pending  --the commander's answer--> answered
     pending  --progress----------------> pending   limit 10 s
+    pending  --1 s since progress told-> pending   told again
     pending  --2 s of silence----------> answered  FAILED
+
+COMMAND_CANCEL is passed to whoever carries the command out; the final answer then says so.
 """
 
-import math
-from collections import OrderedDict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from itertools import count
+from typing import Final, Protocol, TypeAlias
 
-from uav_firmware.bus import Queue
 from uav_firmware.modules.mavlink import mode_commands
-from uav_firmware.modules.mavlink.addressing import Outgoing, Sender, is_for_us
+from uav_firmware.modules.mavlink.addressing import (
+    AUTOPILOT_COMPONENT,
+    Outgoing,
+    Sender,
+    is_for_us,
+)
+from uav_firmware.modules.mavlink.command_memory import CommandMemory, comparable
 from uav_firmware.modules.mavlink.commands import (
     BAD_FRAME,
     KNOWN,
@@ -32,17 +39,16 @@ from uav_firmware.modules.mavlink.commands import (
 )
 from uav_firmware.modules.mavlink.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.dialect_extensions import MAV_CMD_DO_SET_STANDARD_MODE
-from uav_firmware.modules.mavlink.requests import RequestServer
+from uav_firmware.modules.mavlink.requests import Answer
 from uav_firmware.msg.status import VehicleCommand, VehicleCommandAck
 
 ANSWER_LIMIT_US: Final = 2_000_000
 """Silence of the commander after which a command has failed."""
 PROGRESS_LIMIT_US: Final = 10_000_000
 """As above, once the commander has reported progress."""
-REPEAT_MEMORY_US: Final = 5_000_000
-"""How long an answer is kept for a sender that repeats its command because the answer was lost."""
+PROGRESS_TOLD_US: Final = 900_000
+"""How often a running command's progress is told, reported or not: a sender may wait but 1 s."""
 MAX_PENDING: Final = 64
-_MAX_REMEMBERED: Final = 32
 
 _IN_PROGRESS: Final[int] = mavlink.MAV_RESULT_IN_PROGRESS
 _DENIED: Final[int] = mavlink.MAV_RESULT_DENIED
@@ -58,6 +64,9 @@ _OPEN_TO_ALL_SYSTEMS: Final = frozenset(
     }
 )
 
+Answerer: TypeAlias = Callable[[Command, Sender, int], Answer | None]
+"""Answers commands that need no commander; None for those that it does not know."""
+
 
 @dataclass(slots=True)
 class _Pending:
@@ -67,48 +76,78 @@ class _Pending:
     command: Command
     sender: Sender | None  # None when the message has no answer (SET_MODE)
     deadline_us: int
-    in_progress: bool = False
+    progress: int | None = None  # [%] As last reported; None before the first report
+    told_us: int = 0  # When the sender last heard of it
 
 
-class _Answered(NamedTuple):
-    """The answer given to a command, kept for repetitions."""
+class CommandSink(Protocol):
+    """Takes commands that are to be carried out, such as a queue."""
 
-    result: int
-    time_us: int
+    def publish(self, item: VehicleCommand) -> None:
+        """Hand a command on."""
 
 
 class CommandServer:
-    """Serves COMMAND_LONG, COMMAND_INT, SET_MODE and MISSION_SET_CURRENT."""
+    """Serves COMMAND_LONG, COMMAND_INT, COMMAND_CANCEL, SET_MODE and MISSION_SET_CURRENT.
+
+    It speaks for one component; a vehicle has one server for each.
+    """
 
     def __init__(
         self,
         *,
         system_id: int,
-        requests: RequestServer,
-        commander: Queue[VehicleCommand],
+        answerers: Sequence[Answerer],
+        commander: CommandSink,
         mission_length: Callable[[], int],
+        cancel: Callable[[int], None] = lambda _token: None,
+        component: int = AUTOPILOT_COMPONENT,
+        known: Container[int] = KNOWN,
+        tokens: Iterator[int] | None = None,
     ) -> None:
-        """Take the queue that the commander reads, and a way to ask for the mission's length."""
+        """Begin with nothing pending.
+
+        Args:
+            system_id: Of this vehicle.
+            answerers: Asked in order before a command goes to the commander.
+            commander: The queue that the commander reads, or what leads there.
+            mission_length: Gives the number of items of the mission.
+            cancel: Tells whoever carries out the command of a token to end it.
+            component: That commands must name.
+            known: Numbers of the commands that are not refused at once.
+            tokens: Numbers for what is forwarded; servers of one vehicle share them.
+        """
+        self._component = component
+        self._known = known
+        self._tokens = tokens or count(1)
         self._system_id = system_id
-        self._requests = requests
+        self._answerers = answerers
         self._commander = commander
         self._mission_length = mission_length
+        self._cancel = cancel
         self._pending: dict[int, _Pending] = {}
-        self._answered: OrderedDict[tuple[tuple[int, int], Command], _Answered] = OrderedDict()
-        self._next_token = 1
+        self._memory = CommandMemory()
 
     def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
         """Take COMMAND_LONG or COMMAND_INT."""
         if not self._is_addressed(message):
             return []
-        if message.command not in KNOWN:
+        if message.command not in self._known:
             return [_acknowledge(message.command, _UNSUPPORTED, sender)]
         is_long = message.get_type() == "COMMAND_LONG"
         command = from_long(message) if is_long else from_int(message)
         if command is None:
             return [_acknowledge(message.command, BAD_FRAME, sender)]
-        repeated = is_long and message.confirmation > 0
+        repeated = self._memory.is_repetition(message, sender, now_us)
         return self._take(command, sender, now_us, repeated=repeated)
+
+    def cancel(self, message: Message, _sender: Sender, _now_us: int) -> list[Outgoing]:
+        """Take COMMAND_CANCEL; one that names no running command is ignored."""
+        if is_for_us(message, self._system_id, self._component):
+            for token, pending in self._pending.items():
+                if pending.number == message.command and pending.progress is not None:
+                    self._cancel(token)
+        return []
 
     def set_mode(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
         """Take SET_MODE, which has no answer but the next HEARTBEAT."""
@@ -133,15 +172,19 @@ class CommandServer:
         return [message for ack in acks for message in self._answer(ack, now_us)]
 
     def tick(self, now_us: int) -> list[Outgoing]:
-        """Fail the commands that the commander has not answered."""
+        """Fail the commands that the commander has not answered; tell of those that run."""
         late = [token for token, pending in self._pending.items() if pending.deadline_us <= now_us]
-        return [message for token in late for message in self._finish(token, _FAILED, now_us)]
+        outgoing = [message for token in late for message in self._finish(token, _FAILED, now_us)]
+        for pending in self._pending.values():
+            if pending.progress is not None and now_us - pending.told_us >= PROGRESS_TOLD_US:
+                outgoing += _in_progress(pending, now_us)
+        return outgoing
 
     def _is_addressed(self, message: Message) -> bool:
         """Whether a command is for this component; requests may go to every system at once."""
         if message.target_system == 0 and message.command in _OPEN_TO_ALL_SYSTEMS:
-            return message.target_component in {0, 1}
-        return is_for_us(message, self._system_id)
+            return message.target_component in {0, self._component}
+        return is_for_us(message, self._system_id, self._component)
 
     def _take(
         self, command: Command, sender: Sender, now_us: int, *, repeated: bool
@@ -151,13 +194,14 @@ class CommandServer:
             return earlier
         if not is_honoured(command):
             return [_acknowledge(command.number, _DENIED, sender)]
-        answer = self._requests.answer(command, sender, now_us)
-        if answer is not None:
-            to = None if answer.to_all else sender.address
-            return [
-                _acknowledge(command.number, answer.result, sender),
-                *(Outgoing(message, to) for message in answer.messages),
-            ]
+        for answerer in self._answerers:
+            answer = answerer(command, sender, now_us)
+            if answer is not None:
+                to = None if answer.to_all else sender.address
+                return [
+                    _acknowledge(command.number, answer.result, sender),
+                    *(Outgoing(message, to) for message in answer.messages),
+                ]
         meant = self._meaning(command)
         if isinstance(meant, int):
             return [_acknowledge(command.number, meant, sender)]
@@ -173,13 +217,11 @@ class CommandServer:
             if pending.sender is None or pending.number != command.number:
                 continue
             if pending.sender.identity == sender.identity and _same(pending.command, command):
-                return [_in_progress(pending, _PROGRESS_UNKNOWN)] if pending.in_progress else []
-            if pending.in_progress:
+                return _in_progress(pending, now_us)
+            if pending.progress is not None:
                 return [_acknowledge(command.number, _BUSY, sender)]
-        known = self._answered.get((sender.identity, _comparable(command)))
-        if repeated and known is not None and now_us - known.time_us <= REPEAT_MEMORY_US:
-            return [_acknowledge(command.number, known.result, sender)]
-        return None
+        known = self._memory.answer(command, sender, now_us) if repeated else None
+        return None if known is None else [_acknowledge(command.number, known, sender)]
 
     def _meaning(self, command: Command) -> Command | int:
         """The command as the commander reads it, or the MAV_RESULT that refuses it."""
@@ -195,8 +237,7 @@ class CommandServer:
         """Hand a command to the commander; False when too many are pending."""
         if len(self._pending) >= MAX_PENDING:
             return False
-        token = self._next_token
-        self._next_token += 1
+        token = next(self._tokens)
         self._pending[token] = _Pending(
             number=written.number,
             command=written,
@@ -212,32 +253,21 @@ class CommandServer:
             return []
         if ack.result != _IN_PROGRESS:
             return self._finish(ack.token, ack.result, now_us)
-        pending.in_progress = True
+        pending.progress = min(max(ack.progress, 0), _PROGRESS_UNKNOWN)
         pending.deadline_us = now_us + PROGRESS_LIMIT_US
-        return [] if pending.sender is None else [_in_progress(pending, ack.progress)]
+        return _in_progress(pending, now_us)
 
     def _finish(self, token: int, result: int, now_us: int) -> list[Outgoing]:
         """End a pending command with its one final answer."""
         pending = self._pending.pop(token)
         if pending.sender is None:
             return []
-        key = (pending.sender.identity, _comparable(pending.command))
-        self._answered[key] = _Answered(result, now_us)
-        self._answered.move_to_end(key)
-        if len(self._answered) > _MAX_REMEMBERED:
-            self._answered.popitem(last=False)
+        self._memory.remember(pending.command, pending.sender, result, now_us)
         return [_acknowledge(pending.number, result, pending.sender)]
 
 
-def _comparable(command: Command) -> Command:
-    """The command with NaN replaced, because NaN equals nothing, not even itself."""
-    beyond_float32 = 1e300  # What no wire value can be
-    parameters = tuple(beyond_float32 if math.isnan(p) else p for p in command.parameters)
-    return command._replace(parameters=parameters)  # type: ignore[arg-type]  # still seven
-
-
 def _same(left: Command, right: Command) -> bool:
-    return _comparable(left) == _comparable(right)
+    return comparable(left) == comparable(right)
 
 
 def _vehicle_command(command: Command, sender: Sender, token: int, now_us: int) -> VehicleCommand:
@@ -262,10 +292,11 @@ def _acknowledge(number: int, result: int, sender: Sender) -> Outgoing:
     return Outgoing(message, sender.address)
 
 
-def _in_progress(pending: _Pending, progress: int) -> Outgoing:
-    sender = pending.sender
-    if sender is None:
-        raise ValueError("progress of a command that has no answer")
-    answer = _acknowledge(pending.number, _IN_PROGRESS, sender)
-    answer.message.progress = min(max(progress, 0), _PROGRESS_UNKNOWN)
-    return answer
+def _in_progress(pending: _Pending, now_us: int) -> list[Outgoing]:
+    """IN_PROGRESS for a command whose progress is known and whose sender awaits an answer."""
+    if pending.sender is None or pending.progress is None:
+        return []
+    pending.told_us = now_us
+    answer = _acknowledge(pending.number, _IN_PROGRESS, pending.sender)
+    answer.message.progress = pending.progress
+    return [answer]

@@ -25,6 +25,8 @@ GLOBAL_FRAMES: Final[Mapping[int, int]] = {0: FRAME_AMSL, 5: FRAME_AMSL, 3: 3, 6
 """MAV_FRAMEs with a position, and what their altitude is relative to."""
 
 INT32_UNSET: Final = 0x7FFFFFFF
+_NAN_AS_INT32: Final = -0x80000000
+"""What a ground station's NaN becomes when it is cast to an integer."""
 
 BAD_FRAME: Final = MAV_RESULT_COMMAND_UNSUPPORTED_MAV_FRAME
 """The answer to a COMMAND_INT in a frame that the vehicle does not fly in."""
@@ -68,10 +70,11 @@ ANSWERED_HERE: Final[Mapping[int, frozenset[int]]] = {
     mavlink.MAV_CMD_GET_HOME_POSITION: frozenset(),
     mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION: frozenset({1}),
     mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: frozenset({1}),
+    mavlink.MAV_CMD_PREFLIGHT_STORAGE: frozenset({1, 2}),
     MAV_CMD_DO_SET_STANDARD_MODE: frozenset({1}),
 }
-"""Commands that concern the link, or another spelling of a forwarded one: the parameters that
-have an effect. Another one that is set is refused, because it cannot be honoured."""
+"""Commands that concern the link or the parameters, or another spelling of a forwarded one: the
+parameters that have an effect. Another one that is set is refused, since it is not honoured."""
 
 KNOWN: Final = FORWARDED | ANSWERED_HERE.keys()
 
@@ -104,7 +107,7 @@ def from_int(message: Message) -> Command | None:
 
 
 def _unscaled(value: int, scale: float) -> float:
-    return math.nan if value == INT32_UNSET else value / scale
+    return math.nan if value in {INT32_UNSET, _NAN_AS_INT32} else value / scale
 
 
 def is_honoured(command: Command) -> bool:

@@ -20,6 +20,7 @@ from uav_firmware.modules.mavlink.peers import PeerTable
 from uav_firmware.modules.mavlink.requests import RequestServer
 from uav_firmware.modules.mavlink.setpoint_input import SetpointInput
 from uav_firmware.modules.mavlink.status_text import StatusTexts
+from uav_firmware.modules.mavlink.storage_commands import StorageCommands
 from uav_firmware.modules.mavlink.timesync import answer_ping, answer_timesync
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
 from uav_firmware.msg.geofence import Fence, RallyPoints
@@ -95,7 +96,10 @@ class Dispatcher:
             topics.status_text.publish(StatusText(0, mavlink.MAV_SEVERITY_WARNING, fault))
         self._commands = CommandServer(
             system_id=system_id,
-            requests=RequestServer(peers, context),
+            answerers=(
+                RequestServer(peers, context).answer,
+                StorageCommands(registry, save_parameters, topics.vehicle_status).answer,
+            ),
             commander=topics.vehicle_command,
             mission_length=lambda: self._missions.mission_length,
         )
@@ -121,6 +125,7 @@ class Dispatcher:
             "FOLLOW_TARGET": FollowInput(topics.follow_target).handle,
             "COMMAND_LONG": self._commands.handle,
             "COMMAND_INT": self._commands.handle,
+            "COMMAND_CANCEL": self._commands.cancel,
             "SET_MODE": self._commands.set_mode,
             "MISSION_SET_CURRENT": self._set_current,
             "PARAM_REQUEST_LIST": self._parameters.handle,

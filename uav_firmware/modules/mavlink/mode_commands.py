@@ -28,7 +28,9 @@ def from_do_set_mode(command: Command) -> Command | None:
     p1 has the custom-mode flag set, alone (MAVSDK) or among others (pymavlink's 29). p2 is the
     main mode and p3 the sub mode, or p2 is the packed custom mode (old QGroundControl).
     """
-    flags, main, sub = (command.parameter(i) for i in (1, 2, 3))
+    flags, main, sub, *rest = command.parameters
+    if not all(math.isnan(value) or value == 0.0 for value in rest):
+        return None  # Set, and without effect
     sub = 0.0 if math.isnan(sub) else sub
     if not all(_is_uint32(value) for value in (flags, main, sub)):
         return None

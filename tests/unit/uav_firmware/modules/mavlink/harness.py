@@ -259,13 +259,18 @@ class Bench:
         self._sequence = 0
 
     def say(
-        self, message: Any, *, source: Address = GROUND, system: int = 255, component: int = 190
+        self,
+        message: Any,
+        *,
+        source: Address = GROUND,
+        system: int = 255,
+        component: int = 190,
+        sequence: int | None = None,
     ) -> None:
-        """Put a message into the link; it is read at the next step."""
+        """Put a message into the link; it is read at the next step. Frames are counted."""
         self._sequence = (self._sequence + 1) & 0xFF
-        self.memory.incoming.append(
-            (frame(pack(message), self._sequence, system, component), source)
-        )
+        number = self._sequence if sequence is None else sequence
+        self.memory.incoming.append((frame(pack(message), number, system, component), source))
 
     def run(self, duration_us: int = TICK_US) -> None:
         """Let vehicle time pass in control steps."""

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from tests.unit.uav_firmware.modules.mavlink.harness import (
     BROKER,
+    GROUND,
     SYSTEM,
     Bench,
     command_int,
@@ -13,12 +14,22 @@ from tests.unit.uav_firmware.modules.mavlink.harness import (
     mission_count,
     mission_item,
 )
+from uav_firmware.bus import Queue
+from uav_firmware.modules.mavlink.addressing import Sender
+from uav_firmware.modules.mavlink.command_server import CommandServer
 from uav_firmware.modules.mavlink.commands import FORWARDED
-from uav_firmware.modules.mavlink.dialect import mavlink
+from uav_firmware.modules.mavlink.dialect import frame, mavlink, pack, parse
+from uav_firmware.modules.mavlink.dialect_extensions import MAV_RESULT_CANCELLED, CommandCancel
+from uav_firmware.msg.status import VehicleCommand, VehicleCommandAck
 
 ARM, TAKEOFF, MODE, CURRENT = 400, 22, 176, 224
 ACCEPTED, BUSY, DENIED, UNSUPPORTED, FAILED, RUNNING = 0, 1, 2, 3, 4, 5
 SECOND_US = 1_000_000
+
+
+def received(message: Any) -> Any:
+    """A message as it comes out of the codec."""
+    return parse(frame(pack(message), 0, 255, 190)).messages[0]
 
 
 def results(answers: list[Any]) -> list[int]:
@@ -92,6 +103,9 @@ def test_progress_is_told_and_the_answer_comes_once() -> None:
     (ack,) = bench.hear("COMMAND_ACK")
     assert (ack.result, ack.progress) == (RUNNING, 40)
     bench.run(5 * SECOND_US)
+    told = bench.hear("COMMAND_ACK")
+    assert len(told) >= 5, "a sender may take a second of silence for a loss"
+    assert {(ack.result, ack.progress) for ack in told} == {(RUNNING, 40)}
     bench.answer(command, ACCEPTED)
     bench.answer(command, FAILED)
     bench.run(20 * SECOND_US)
@@ -150,6 +164,86 @@ def test_a_repetition_after_a_lost_answer_is_answered_and_not_executed() -> None
     bench.say(command_long(ARM, 1.0))
     bench.run()
     assert len(bench.commands()) == 1
+
+
+def twice(bench: Bench, message: Any, between: Any = None) -> None:
+    """A datagram that the network duplicates, with another one between if given."""
+    bench.say(message)
+    frame = bench.memory.incoming[-1]
+    bench.run()
+    for command in bench.commands():
+        bench.answer(command, ACCEPTED)
+    bench.run()
+    if between is not None:
+        bench.say(between)
+    bench.memory.incoming.append(frame)
+    bench.run()
+
+
+@pytest.mark.parametrize("message", [command_long, command_int])
+@pytest.mark.parametrize("between", [None, command_long(MODE, 1, 4, 3)])
+def test_a_duplicated_datagram_is_answered_again_and_not_executed(
+    message: Any, between: Any
+) -> None:
+    bench = Bench()
+    twice(bench, message(115, 30, 10, 1, 1), between)
+    assert 115 not in {command.command for command in bench.commands()}
+    acks = [ack for ack in bench.hear("COMMAND_ACK") if ack.command == 115]
+    assert results(acks) == [ACCEPTED, ACCEPTED]
+
+
+def test_a_sender_that_does_not_count_its_frames_is_obeyed_each_time() -> None:
+    bench = Bench()
+    executed = []
+    for arm in (1.0, 0.0, 1.0, 0.0):
+        bench.say(command_long(ARM, arm), sequence=0)
+        bench.run()
+        for command in bench.commands():
+            executed.append(command.param1)
+            bench.answer(command, ACCEPTED)
+    assert executed == [1.0, 0.0, 1.0, 0.0]
+
+
+def test_the_same_wish_again_is_obeyed_again() -> None:
+    bench = Bench()
+    for _ in range(2):
+        bench.say(command_int(115, 30, 10, 1, 1))
+        bench.run()
+        (command,) = bench.commands()
+        bench.answer(command, ACCEPTED)
+        bench.run()
+
+
+def test_a_cancelled_command_is_ended_by_whoever_carries_it_out() -> None:
+    ended: list[int] = []
+    queue: Queue[VehicleCommand] = Queue()
+    server = CommandServer(
+        system_id=SYSTEM,
+        answerers=(),
+        commander=queue,
+        mission_length=lambda: 0,
+        cancel=ended.append,
+    )
+    sender = Sender(255, 190, GROUND)
+    server.handle(received(command_long(TAKEOFF)), sender, 0)
+    (command,) = queue.drain()
+    cancel = CommandCancel(target_system=SYSTEM, target_component=1, command=TAKEOFF)
+    assert server.cancel(cancel, sender, 0) == []
+    assert ended == [], "nothing is known to be running yet"
+    server.answers([VehicleCommandAck(0, TAKEOFF, RUNNING, 10, command.token)], 0)
+    stranger = CommandCancel(target_system=SYSTEM + 1, target_component=1, command=TAKEOFF)
+    server.cancel(stranger, sender, 0)
+    assert ended == []
+    server.cancel(cancel, sender, 0)
+    assert ended == [command.token]
+    cancelled = VehicleCommandAck(0, TAKEOFF, MAV_RESULT_CANCELLED, 255, command.token)
+    (final,) = server.answers([cancelled], 0)
+    assert final.message.result == MAV_RESULT_CANCELLED
+
+
+def test_cancelling_what_does_not_run_is_ignored() -> None:
+    cancel = CommandCancel(target_system=SYSTEM, target_component=1, command=TAKEOFF)
+    assert Bench().ask(cancel, "COMMAND_ACK") == []
 
 
 def test_two_senders_of_one_command_get_an_answer_each() -> None:
