@@ -1,7 +1,8 @@
 """`make bench`: measure the system, print a page, write STATE_DIR/bench/results.json.
 
 `BENCH` chooses what, separated by commas: `flight` (how well it flies, some minutes on both
-cores), `speed` (how fast it is simulated), `system` (the running programs). Without it, all.
+cores), `speed` (how fast it is simulated), `system` (the running programs), `links`
+(files over MAVLink). Without it, all.
 """
 
 import os
@@ -11,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Final
 
-from tests.bench import flight_quality, simulation, system
+from tests.bench import flight_quality, links, simulation, system
 from tests.bench.results import Result, page, write
 
 
@@ -24,6 +25,7 @@ PARTS: Final[Mapping[str, Callable[[], Iterable[Result]]]] = {
     "flight": flight_quality.measure,
     "speed": simulation.measure,
     "system": _system,
+    "links": links.measure,
 }
 
 

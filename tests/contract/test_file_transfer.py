@@ -11,10 +11,9 @@ from pymavlink.dialects.v20 import common
 
 from tests.support.file_client import FileClient, Steps, download, upload
 from tests.support.lossy_link import VEHICLE_ADDRESS, Conditions, LossyLink
-from tests.unit.uav_firmware.modules.mavlink.harness import SYSTEM, empty_topics
+from tests.unit.uav_firmware.modules.mavlink.harness import SYSTEM, empty_topics, judged_by
 from uav_firmware.cal.files import Card
 from uav_firmware.drivers.file_tree import FileTree
-from uav_firmware.modules.mavlink.dispatcher import PlanChecks
 from uav_firmware.modules.mavlink.module import MavlinkModule
 from uav_firmware.parameters import Registry
 
@@ -42,7 +41,7 @@ class Air:
             system_id=SYSTEM,
             registry=Registry(),
             topics=empty_topics(),
-            checks=PlanChecks(*[lambda _: None] * 3),
+            checks=judged_by(lambda _: None),
             peers=(),
             card=Card(tree, FileTree(folder / "log"), FileTree(folder / "image")),
         )

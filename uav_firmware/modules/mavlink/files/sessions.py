@@ -78,7 +78,9 @@ class SessionTable:
             self.close_idle(now_us - RECLAIM_US)
         if len(self._sessions) >= MAX_SESSIONS:
             raise FileError(Fault.NO_SESSIONS_AVAILABLE)
-        return next(n for n in (wanted, *range(MAX_SESSIONS)) if n not in self._sessions)
+        if wanted not in self._sessions:
+            return wanted
+        return next(number for number in range(MAX_SESSIONS) if number not in self._sessions)
 
     def add(self, session: Session) -> None:
         """Keep a new session."""
