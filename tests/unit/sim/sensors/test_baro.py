@@ -6,7 +6,7 @@ import statistics
 import pytest
 
 from sim.config import SimulationConfig
-from sim.sensors.baro import OFFSET_SIGMA_PA, WHITE_SIGMA_PA, Barometer
+from sim.sensors.baro import OFFSET_SIGMA_PA, SUCTION_SHARE, WHITE_SIGMA_PA, Barometer
 from sim.sensors.noise import generators
 from sim.simulation import Simulation
 from tests.unit.sim.truths import truth
@@ -30,6 +30,16 @@ def test_noise_within_a_second_is_that_of_the_data_sheet() -> None:
     pressures = [instrument.read(truth()).pressure_pa for _ in range(20_000)]
     differences = [b - a for a, b in itertools.pairwise(pressures)]
     assert statistics.pstdev(differences) == pytest.approx(2**0.5 * WHITE_SIGMA_PA, rel=0.05)
+
+
+def test_moving_air_sucks_at_the_case() -> None:
+    """A tenth of half the density times the square of the speed is missing: altitude reads high."""
+    still = baro(factor=1.0).read(truth())
+    moved = baro(factor=1.0).read(truth()._replace(airspeed_m_s=10.0))
+    dynamic_pa = 0.5 * 1.15 * 10.0**2
+    assert still.pressure_pa - moved.pressure_pa == pytest.approx(
+        SUCTION_SHARE * dynamic_pa, rel=0.1
+    )
 
 
 def test_each_flight_has_an_offset_of_its_own() -> None:
