@@ -1,5 +1,6 @@
 """What the aiding sources share: the filter, its clock and history, the origin, rest."""
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -15,6 +16,7 @@ from uav_firmware.modules.estimator.state import (
     ACCEL_BIAS,
     ATTITUDE,
     BARO_BIAS,
+    GPS_HEIGHT_BIAS,
     GYRO_BIAS,
     HEADING,
     HEADING_BIAS,
@@ -48,7 +50,7 @@ class Core:
         self.rest = RestDetector()
         self.history = InertialHistory(time_us, _HISTORY_SAMPLES)
         self.ekf = ErrorStateEkf(
-            state, _initial_sigmas(alignment, params), _noise(params), STANDARD_GRAVITY_M_S2
+            state, _initial_sigmas(alignment, params), _noise(params, 0.0), STANDARD_GRAVITY_M_S2
         )
 
     @property
@@ -65,7 +67,12 @@ class Core:
     def configure(self, params: EstimatorParams) -> None:
         """Work with changed parameters from now on."""
         self.params = params
-        self.ekf.noise = _noise(params)
+        self.ekf.noise = _noise(params, self.ekf.noise.gps_height_sigma)
+
+    def expect_gps_height_error(self, sigma: float) -> None:
+        """Let the slow error of GPS height be of `sigma` [m] from now on."""
+        if sigma != self.ekf.noise.gps_height_sigma:
+            self.ekf.noise = replace(self.ekf.noise, gps_height_sigma=sigma)
 
     def step(self, time_us: int, rate_frd: Vector3, force_frd: Vector3, dt: float) -> None:
         """Advance to `time_us` over dt [s]."""
@@ -87,7 +94,7 @@ class Core:
         self.state.position_ned = (0.0, 0.0, 0.0)
 
 
-def _noise(params: EstimatorParams) -> Noise:
+def _noise(params: EstimatorParams, gps_height_sigma: float) -> Noise:
     return Noise(
         accel=params.accel_noise,
         gyro=params.gyro_noise,
@@ -95,6 +102,8 @@ def _noise(params: EstimatorParams) -> Noise:
         gyro_bias_walk=params.gyro_bias_walk,
         baro_bias_walk=params.baro_walk,
         heading_bias_walk=params.heading_bias_walk,
+        gps_height_sigma=gps_height_sigma,
+        gps_height_time=2.0 * params.gps_height_time,  # Of what has changed since the origin
     )
 
 
@@ -107,5 +116,6 @@ def _initial_sigmas(alignment: TiltAlignment, params: EstimatorParams) -> Array:
     sigmas[ACCEL_BIAS] = max(params.accel_bias_sigma, 1e-3)
     sigmas[GYRO_BIAS] = max(alignment.gyro_bias_sigma, 1e-4)
     sigmas[BARO_BIAS] = max(params.baro_noise, 1e-3)
+    sigmas[GPS_HEIGHT_BIAS] = max(params.gps_position_noise, 1e-3)
     sigmas[HEADING_BIAS] = max(params.heading_bias_sigma, 1e-4)
     return sigmas

@@ -5,7 +5,7 @@ sections 5 to 7, from which the equation numbers are.
 
 The nominal state is integrated at the rate of the inertial sensor, in plain floats. The
 covariance follows every COVARIANCE_STEPS samples with the impulse summed up in between: its
-entries change little in 16 ms, and a 17 by 17 product is the dearest thing here. Measurements
+entries change little in 16 ms, and a 18 by 18 product is the dearest thing here. Measurements
 are scalars, fused one after the other, so that nothing is ever inverted. Each call of numpy costs
 more than what it computes here; so they are few, and work in place.
 
@@ -25,6 +25,7 @@ from uav_firmware.modules.estimator.state import (
     ACCEL_BIAS,
     ATTITUDE,
     BARO_BIAS,
+    GPS_HEIGHT_BIAS,
     GYRO_BIAS,
     HEADING_BIAS,
     POSITION,
@@ -47,6 +48,7 @@ _COUPLINGS: Final = np.array(
         *places(VELOCITY, ACCEL_BIAS),
         *places(POSITION, ACCEL_BIAS),
         *places(ATTITUDE, GYRO_BIAS),
+        GPS_HEIGHT_BIAS * SIZE + GPS_HEIGHT_BIAS,
     ]
 )
 """Where the transition differs from the identity."""
@@ -70,6 +72,8 @@ class Noise:
     gyro_bias_walk: float  # [rad/s/sqrt(s)]
     baro_bias_walk: float  # [m/sqrt(s)]
     heading_bias_walk: float  # [rad/sqrt(s)]
+    gps_height_sigma: float  # [m] Slow error of GPS height, stationary, one sigma
+    gps_height_time: float  # [s] Its correlation time
 
 
 class ErrorStateEkf:
@@ -154,7 +158,12 @@ class ErrorStateEkf:
         np.multiply(covariance, 0.5, covariance)
         self._variances += self._added_variance(elapsed, elapsed / self._steps)
         self._impulse, self._elapsed, self._steps = (0.0, 0.0, 0.0), 0.0, 0
+        self.state.gps_height_bias_m *= self._kept(elapsed)
         self._guard()
+
+    def _kept(self, elapsed: float) -> float:
+        """Share of the slow error of GPS height that is left after `elapsed` [s]."""
+        return math.exp(-elapsed / self.noise.gps_height_time)
 
     def _couplings(self, elapsed: float) -> list[float]:
         """Entries of the transition over `elapsed` [s], in the order of `_COUPLINGS`.
@@ -172,6 +181,7 @@ class ErrorStateEkf:
             *turned,
             *[half * entry for entry in turned],
             *turned,
+            self._kept(elapsed),
         ]
 
     def _added_variance(self, elapsed: float, dt: float) -> Array:
@@ -188,6 +198,7 @@ class ErrorStateEkf:
             added[GYRO_BIAS] = noise.gyro_bias_walk**2 * elapsed
             added[BARO_BIAS] = noise.baro_bias_walk**2 * elapsed
             added[HEADING_BIAS] = noise.heading_bias_walk**2 * elapsed
+            added[GPS_HEIGHT_BIAS] = noise.gps_height_sigma**2 * (1.0 - self._kept(elapsed) ** 2)
         return added
 
     def _guard(self) -> None:

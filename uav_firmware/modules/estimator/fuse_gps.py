@@ -1,5 +1,7 @@
 """Measurement model of the GNSS receiver: position and velocity at an earlier time.
 
+Height has an error of its own that wanders slowly, the state `gps_height_bias`.
+
 h(x) is the state `tau` ago (see `delay`). Its error follows by the inverse transition, with the
 errors of attitude and accelerometer constant meanwhile, J the integral of the specific force
 over the delay [m/s] and R the attitude:
@@ -24,6 +26,8 @@ from uav_firmware.modules.estimator.ekf import Measurement
 from uav_firmware.modules.estimator.state import (
     ACCEL_BIAS,
     ATTITUDE,
+    DOWN,
+    GPS_HEIGHT_BIAS,
     POSITION,
     SIZE,
     VELOCITY,
@@ -36,6 +40,7 @@ _FIX_3D = 3
 
 _THREE_ROWS: Final = slice(0, 3)
 _POSITION_TEMPLATE: Final = np.eye(3, SIZE, POSITION.start)
+_POSITION_TEMPLATE[DOWN, GPS_HEIGHT_BIAS] = -1.0
 _VELOCITY_TEMPLATE: Final = np.eye(3, SIZE, VELOCITY.start)
 # What depends on the delay and the motion: the skew matrix of the impulse has no diagonal.
 _SKEW_PLACES: Final = [
@@ -89,9 +94,16 @@ def is_good(gps: SensorGps, required: GpsRequirements) -> bool:
 
 
 def position_measurements(
-    past: Past, position_ned: Vector3, sigma_horizontal: float, sigma_vertical: float
+    past: Past,
+    position_ned: Vector3,
+    height_bias_m: float,
+    sigma_horizontal: float,
+    sigma_vertical: float,
 ) -> tuple[Measurement, Measurement, Measurement]:
-    """North, east and down [m] of a fix against the position at its time of validity."""
+    """North, east and down [m] of a fix against the position at its time of validity.
+
+    `height_bias_m` [m, up] is what the height of the fix is believed to be wrong by.
+    """
     delay = past.delay_s
     ix, iy, iz = past.impulse_ned
     half, square = -0.5 * delay, -0.5 * delay**2
@@ -110,7 +122,7 @@ def position_measurements(
     return (
         Measurement(north - past_north, rows[0], horizontal),
         Measurement(east - past_east, rows[1], horizontal),
-        Measurement(down - past_down, rows[2], sigma_vertical * sigma_vertical),
+        Measurement(down + height_bias_m - past_down, rows[2], sigma_vertical * sigma_vertical),
     )
 
 

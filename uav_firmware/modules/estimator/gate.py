@@ -27,20 +27,13 @@ class Aid:
         ekf: ErrorStateEkf,
         group: Sequence[Measurement],
         now_us: int,
-        correlated_samples: float = 1.0,
     ) -> bool:
-        """Fuse the whole group if each of its scalars passes the gate, else nothing of it.
-
-        `correlated_samples` is how many measurements in a row share an error: each counts with
-        as much more variance, so that together they weigh as one. The gate does not widen.
-        """
+        """Fuse the whole group if each of its scalars passes the gate, else nothing of it."""
         self.ratio = worst_ratio(ekf, group, self.gate)
         if self.ratio > 1.0:
             if self._rejecting_since_us is None:
                 self._rejecting_since_us = now_us
             return False
-        if correlated_samples > 1.0:
-            group = [m._replace(variance=m.variance * correlated_samples) for m in group]
         ekf.fuse(group)
         self.accept(now_us)
         return True

@@ -6,6 +6,7 @@ from typing import Final
 from uav_firmware.modules.estimator.alignment import OriginAverage
 from uav_firmware.modules.estimator.core import RESET_AFTER_S, Core
 from uav_firmware.modules.estimator.delay import Past
+from uav_firmware.modules.estimator.ekf import Measurement
 from uav_firmware.modules.estimator.fuse_gps import (
     GpsRequirements,
     is_good,
@@ -14,11 +15,13 @@ from uav_firmware.modules.estimator.fuse_gps import (
 )
 from uav_firmware.modules.estimator.gate import Aid
 from uav_firmware.modules.estimator.params import EstimatorParams
-from uav_firmware.modules.estimator.state import BARO_BIAS, DOWN, VELOCITY
+from uav_firmware.modules.estimator.state import BARO_BIAS, DOWN, GPS_HEIGHT_BIAS, VELOCITY
 from uav_firmware.msg.sensors import SensorGps
 from uav_firmware.msg.vectors import Vector3
 
 _HORIZONTAL: Final = slice(0, 2)
+_SQRT_2: Final = math.sqrt(2.0)  # Two errors of height, now and at the origin, are apart by this
+_WHITE_SHARE: Final = 0.4  # Of the error of height: what changes from fix to fix
 
 
 class GpsAiding:
@@ -45,25 +48,22 @@ class GpsAiding:
             speed_accuracy_m_s=params.required_speed_accuracy,
         )
 
-    def take(self, core: Core, gps: SensorGps, *, height_aided: bool = False) -> None:
-        """Use a fix, if it is good, new and of a time that is remembered.
-
-        `height_aided` says that the barometer knows the height too; then that of GPS, whose
-        error wanders, is averaged over `EKF2_GPS_ALT_T`.
-        """
+    def take(self, core: Core, gps: SensorGps) -> None:
+        """Use a fix, if it is good, new and of a time that is remembered."""
         if not is_good(gps, self._required):
             self._origin.restart()
             return
         if gps.time_us <= self._last_us or core.recall(gps.time_us) is None:
             return
-        interval_us, self._last_us = gps.time_us - self._last_us, gps.time_us
-        shared = 2e6 * self._params.gps_height_time / interval_us if height_aided else 1.0
+        self._last_us = gps.time_us
         self.accuracy_m = (gps.horizontal_accuracy_m, gps.vertical_accuracy_m)
         if core.origin is None:
             self._find_origin(core, gps)
         else:
             self._fuse_velocity(core, gps)
-            self._fuse_position(core, gps, max(shared, 1.0))
+            fix = core.origin.to_ned(gps.latitude_deg, gps.longitude_deg, gps.altitude_amsl_m)
+            self._fuse_position(core, gps, fix)
+            self._fuse_height(core, gps, fix)
 
     def _find_origin(self, core: Core, gps: SensorGps) -> None:
         """Average fixes while the vehicle stands still; then the estimate begins."""
@@ -77,6 +77,8 @@ class GpsAiding:
         shrink = self._origin.count**-0.5
         core.ekf.forget(_HORIZONTAL, shrink * self._horizontal_sigma(gps))
         core.ekf.forget(DOWN, shrink * self._vertical_sigma(gps))
+        core.state.gps_height_bias_m = 0.0
+        core.ekf.forget(GPS_HEIGHT_BIAS, shrink * self._vertical_sigma(gps))
         for aid in (self.horizontal, self.vertical, self.velocity):
             aid.accept(core.time_us)
 
@@ -94,28 +96,39 @@ class GpsAiding:
             core.ekf.forget(VELOCITY, sigma)
             self.velocity.accept(core.time_us)
 
-    def _fuse_position(self, core: Core, gps: SensorGps, height_samples: float) -> None:
-        if core.origin is None:
-            return
-        fix = core.origin.to_ned(gps.latitude_deg, gps.longitude_deg, gps.altitude_amsl_m)
-        sigmas = self._horizontal_sigma(gps), self._vertical_sigma(gps)
-        now_us = core.time_us
-        group = position_measurements(_recalled(core, gps), fix, *sigmas)
+    def _fuse_position(self, core: Core, gps: SensorGps, fix_ned: Vector3) -> None:
+        sigma, now_us = self._horizontal_sigma(gps), core.time_us
+        north, east, _ = group = self._position_group(core, gps, fix_ned)
         if self._is_stale(core) or (
             not self.horizontal.fuse(core.ekf, group[:2], now_us)
             and self.horizontal.rejected_s(now_us) > RESET_AFTER_S
         ):
-            shift = [group[0].innovation, group[1].innovation, 0.0]
+            shift = [north.innovation, east.innovation, 0.0]
             core.state.position_ned = _shifted(core.state.position_ned, shift)
-            core.ekf.forget(_HORIZONTAL, sigmas[0])
+            core.ekf.forget(_HORIZONTAL, sigma)
             self.horizontal.accept(now_us)
-        group = position_measurements(_recalled(core, gps), fix, *sigmas)
+
+    def _fuse_height(self, core: Core, gps: SensorGps, fix_ned: Vector3) -> None:
+        sigma, now_us = self._vertical_sigma(gps), core.time_us
+        core.expect_gps_height_error(_SQRT_2 * sigma)
+        group = self._position_group(core, gps, fix_ned)[2:]
         if (
-            not self.vertical.fuse(core.ekf, group[2:], now_us, height_samples)
+            not self.vertical.fuse(core.ekf, group, now_us)
             and self.vertical.rejected_s(now_us) > RESET_AFTER_S
         ):
-            _reset_height(core, group[2].innovation, sigmas[1])
+            _reset_height(core, group[0].innovation, sigma)
             self.vertical.accept(now_us)
+
+    def _position_group(
+        self, core: Core, gps: SensorGps, fix_ned: Vector3
+    ) -> tuple[Measurement, Measurement, Measurement]:
+        return position_measurements(
+            _recalled(core, gps),
+            fix_ned,
+            core.state.gps_height_bias_m,
+            self._horizontal_sigma(gps),
+            max(_WHITE_SHARE * gps.vertical_accuracy_m, self._params.gps_position_noise),
+        )
 
     def _is_stale(self, core: Core) -> bool:
         """Whether the dead reckoning has gone on for too long to argue with a good fix."""
@@ -141,8 +154,11 @@ def _shifted(vector: Vector3, shift: list[float]) -> Vector3:
 
 
 def _reset_height(core: Core, shift_down: float, sigma: float) -> None:
-    """Move the height to that of GPS and let the barometer's bias go along."""
+    """Move the height to that of GPS, free of bias, and let the barometer's bias go along."""
     state = core.state
+    shift_down -= state.gps_height_bias_m
+    state.gps_height_bias_m = 0.0
+    core.ekf.forget(GPS_HEIGHT_BIAS, sigma)
     state.position_ned = _shifted(state.position_ned, [0.0, 0.0, shift_down])
     state.baro_bias_m += shift_down
     core.ekf.forget(DOWN, sigma)

@@ -21,7 +21,6 @@ from uav_firmware.msg.vectors import Vector3
 
 _LARGEST_TILT_SIGMA_RAD = 0.1
 _LARGEST_HEADING_SIGMA_RAD = 0.35
-_BARO_ALIVE_S = 1.0
 
 
 class Navigation:
@@ -72,8 +71,7 @@ class Navigation:
     def take_gps(self, gps: SensorGps) -> None:
         """Use a fix."""
         if self.core is not None:
-            aided = self.baro.height.age_s(self.core.time_us) < _BARO_ALIVE_S
-            self.gps.take(self.core, gps, height_aided=aided)
+            self.gps.take(self.core, gps)
 
     def take_baro(self, baro: SensorBaro) -> None:
         """Use a pressure."""

@@ -63,15 +63,15 @@ class EstimatorParams:
         short="Gate of GPS velocity",
     )  # fmt: skip
     gps_height_time: float = param(
-        "EKF2_GPS_ALT_T", 12.0, unit="s", minimum=0.0, maximum=300.0,
-        short="Time over which the height of GPS is averaged while the barometer works",
+        "EKF2_GPS_ALT_T", 60.0, unit="s", minimum=1.0, maximum=3600.0,
+        short="Correlation time of the slow error of GPS height",
     )  # fmt: skip
     baro_noise: float = param(
         "EKF2_BARO_NOISE", 0.2, unit="m", minimum=0.01, maximum=15.0,
         short="Noise of the barometric height",
     )  # fmt: skip
     baro_walk: float = param(
-        "EKF2_BARO_WALK", 0.03, unit="m/sqrt(s)", minimum=0.0, maximum=1.0,
+        "EKF2_BARO_WALK", 0.015, unit="m/sqrt(s)", minimum=0.0, maximum=1.0,
         short="Random walk of the barometer bias",
     )  # fmt: skip
     baro_gate: float = param(

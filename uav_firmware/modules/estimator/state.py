@@ -21,7 +21,8 @@ ACCEL_BIAS: Final = slice(9, 12)  # [m/s^2] FRD
 GYRO_BIAS: Final = slice(12, 15)  # [rad/s] FRD
 BARO_BIAS: Final = 15  # [m] Barometric height above origin, minus true height
 HEADING_BIAS: Final = 16  # [rad] Heading by compass minus true heading
-SIZE: Final = 17
+GPS_HEIGHT_BIAS: Final = 17  # [m] Height by GPS above origin, minus true height
+SIZE: Final = 18
 
 DOWN: Final = 2
 HEADING: Final = 8
@@ -42,6 +43,7 @@ class NominalState:
     __slots__ = (
         "accel_bias_frd",
         "baro_bias_m",
+        "gps_height_bias_m",
         "gyro_bias_frd",
         "heading_bias",
         "position_ned",
@@ -56,11 +58,12 @@ class NominalState:
         self.accel_bias_frd: Vector3 = (0.0, 0.0, 0.0)
         self.gyro_bias_frd: Vector3 = (0.0, 0.0, 0.0)
         self.baro_bias_m = 0.0
+        self.gps_height_bias_m = 0.0
         self.heading_bias = 0.0
 
     def inject(self, error: Sequence[float]) -> None:
         """Add an estimated error (Sola 2017, section 6.2, attitude as in section 7)."""
-        px, py, pz, vx, vy, vz, rx, ry, rz, ax, ay, az, gx, gy, gz, baro, heading = error
+        px, py, pz, vx, vy, vz, rx, ry, rz, ax, ay, az, gx, gy, gz, baro, heading, gps = error
         x, y, z = self.position_ned
         self.position_ned = (x + px, y + py, z + pz)
         x, y, z = self.velocity_ned
@@ -71,6 +74,7 @@ class NominalState:
         self.gyro_bias_frd = (x + gx, y + gy, z + gz)
         self.baro_bias_m += baro
         self.heading_bias += heading
+        self.gps_height_bias_m += gps
         half = (1.0, 0.5 * rx, 0.5 * ry, 0.5 * rz)
         self.q_ned_frd = normalise(multiply(half, self.q_ned_frd))
 
@@ -95,6 +99,7 @@ class NominalState:
             *self.gyro_bias_frd,
             self.baro_bias_m,
             self.heading_bias,
+            self.gps_height_bias_m,
         )
         return math.isfinite(sum(numbers))
 

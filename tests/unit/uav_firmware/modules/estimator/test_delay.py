@@ -9,14 +9,20 @@ from uav_firmware.lib.rotation import from_euler
 from uav_firmware.modules.estimator.delay import InertialHistory, Past
 from uav_firmware.modules.estimator.ekf import ErrorStateEkf, Noise
 from uav_firmware.modules.estimator.fuse_gps import position_measurements, velocity_measurements
-from uav_firmware.modules.estimator.state import POSITION, SIZE, VELOCITY, NominalState
+from uav_firmware.modules.estimator.state import (
+    GPS_HEIGHT_BIAS,
+    POSITION,
+    SIZE,
+    VELOCITY,
+    NominalState,
+)
 from uav_firmware.msg.vectors import Vector3
 
 STEP_US = 4000
 GRAVITY = 9.8
 QUIET = Noise(
     accel=0.0, gyro=0.0, accel_bias_walk=0.0, gyro_bias_walk=0.0, baro_bias_walk=0.0,
-    heading_bias_walk=0.0,
+    heading_bias_walk=0.0, gps_height_sigma=0.0, gps_height_time=120.0,
 )  # fmt: skip
 
 
@@ -105,7 +111,7 @@ def test_errors_made_since_then_do_not_look_like_errors_of_the_past(index: int) 
     error[POSITION] = np.subtract(wrong.state.position_ned, reference.state.position_ned)
     error[VELOCITY] = np.subtract(wrong.state.velocity_ned, reference.state.velocity_ned)
     error[index] = size
-    rows = [m.jacobian for m in position_measurements(past, (0.0, 0.0, 0.0), 1.0, 1.0)]
+    rows = [m.jacobian for m in position_measurements(past, (0.0, 0.0, 0.0), 0.0, 1.0, 1.0)]
     rows += [m.jacobian for m in velocity_measurements(past, (0.0, 0.0, 0.0), 1.0)]
     assert np.abs(error[VELOCITY]).max() > 0.1 * size
     assert np.array(rows) @ error == pytest.approx(np.zeros(6), abs=0.02 * size)
@@ -114,8 +120,18 @@ def test_errors_made_since_then_do_not_look_like_errors_of_the_past(index: int) 
 def test_innovation_is_measured_minus_expected() -> None:
     ekf, history, states = flown(100)
     past = recall(ekf, history, 80 * STEP_US)
-    north = position_measurements(past, (states[80][0][0] + 0.7, 0.0, 0.0), 0.3, 0.5)[0]
+    north = position_measurements(past, (states[80][0][0] + 0.7, 0.0, 0.0), 0.0, 0.3, 0.5)[0]
     assert north.innovation == pytest.approx(0.7)
     assert north.variance == pytest.approx(0.09)
     down = velocity_measurements(past, (0.0, 0.0, states[80][1][2] - 0.2), 0.1)[2]
     assert down.innovation == pytest.approx(-0.2)
+
+
+def test_a_known_error_of_gps_height_is_expected() -> None:
+    """A receiver that reads half a metre high, and is known to, moves nothing."""
+    ekf, history, states = flown(100)
+    past = recall(ekf, history, 80 * STEP_US)
+    north, east, down = states[80][0]
+    measured = position_measurements(past, (north, east, down - 0.5), 0.5, 0.3, 0.5)[2]
+    assert measured.innovation == pytest.approx(0.0, abs=1e-6)
+    assert measured.jacobian[GPS_HEIGHT_BIAS] == -1.0

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from uav_firmware.modules.estimator.ekf import COVARIANCE_STEPS, ErrorStateEkf, 
 from uav_firmware.modules.estimator.state import (
     ATTITUDE,
     DOWN,
+    GPS_HEIGHT_BIAS,
     HEADING,
     POSITION,
     SIZE,
@@ -22,11 +24,11 @@ from uav_firmware.msg.vectors import Vector3
 DT = 0.004
 QUIET = Noise(
     accel=0.0, gyro=0.0, accel_bias_walk=0.0, gyro_bias_walk=0.0, baro_bias_walk=0.0,
-    heading_bias_walk=0.0,
+    heading_bias_walk=0.0, gps_height_sigma=0.0, gps_height_time=120.0,
 )  # fmt: skip
 NOISY = Noise(
     accel=0.3, gyro=0.01, accel_bias_walk=0.01, gyro_bias_walk=0.001, baro_bias_walk=0.03,
-    heading_bias_walk=0.001,
+    heading_bias_walk=0.001, gps_height_sigma=0.3, gps_height_time=120.0,
 )  # fmt: skip
 angles = st.floats(-1.2, 1.2)
 rates = st.tuples(*[st.floats(-3.0, 3.0)] * 3)
@@ -60,7 +62,10 @@ def difference(left: NominalState, right: NominalState) -> Array:
         ]
         for names in pairs
     )
-    slow = [left.baro_bias_m - right.baro_bias_m, left.heading_bias - right.heading_bias]
+    slow = [
+        getattr(left, name) - getattr(right, name)
+        for name in ("baro_bias_m", "heading_bias", "gps_height_bias_m")
+    ]
     return np.array([*first, *to_rotation_vector(turn), *last, *slow])
 
 
@@ -192,6 +197,16 @@ def test_a_broken_covariance_is_set_up_anew() -> None:
     run(ekf, (0.0, 0.0, 0.0), (0.0, 0.0, -9.8), COVARIANCE_STEPS)
     assert ekf.restarts == 1
     assert np.allclose(ekf.covariance, 0.01 * np.eye(SIZE))
+
+
+def test_the_error_of_gps_height_is_forgotten_in_its_time() -> None:
+    """Unwatched, it fades by 1/e in its correlation time, and its doubt becomes what it was."""
+    ekf = make(replace(NOISY, gps_height_time=2.0))
+    ekf.state.gps_height_bias_m = 1.0
+    run(ekf, (0.0, 0.0, 0.0), (0.0, 0.0, -9.8), round(2.0 / DT))
+    assert ekf.state.gps_height_bias_m == pytest.approx(math.exp(-1.0), rel=0.01)
+    run(ekf, (0.0, 0.0, 0.0), (0.0, 0.0, -9.8), round(20.0 / DT))
+    assert ekf.sigma(GPS_HEIGHT_BIAS) == pytest.approx(NOISY.gps_height_sigma, rel=0.01)
 
 
 def test_biases_stay_within_limits() -> None:

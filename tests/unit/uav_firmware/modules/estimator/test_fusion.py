@@ -22,7 +22,7 @@ from uav_firmware.modules.estimator.state import BARO_BIAS, DOWN, HEADING, SIZE,
 
 QUIET = Noise(
     accel=0.0, gyro=0.0, accel_bias_walk=0.0, gyro_bias_walk=0.0, baro_bias_walk=0.0,
-    heading_bias_walk=0.0,
+    heading_bias_walk=0.0, gps_height_sigma=0.0, gps_height_time=120.0,
 )  # fmt: skip
 angles = st.floats(-3.1, 3.1)
 tilts = st.floats(-0.7, 0.7)
@@ -173,19 +173,3 @@ def test_rejection_is_timed_from_its_first_to_the_next_acceptance() -> None:
     assert aid.rejected_s(6_000_000) == 0.0
     assert not aid.rejecting
     assert aid.age_s(6_000_000) == pytest.approx(1.0)
-
-
-def test_measurements_that_share_an_error_weigh_as_one() -> None:
-    one, shared = make_ekf(), make_ekf()
-    Aid(gate=3.0).fuse(one, (north(1.0),), 0)
-    for time_us in range(10):
-        innovation = 1.0 - shared.state.position_ned[0]
-        Aid(gate=3.0).fuse(shared, (north(innovation),), time_us, correlated_samples=10.0)
-    assert shared.state.position_ned[0] == pytest.approx(one.state.position_ned[0])
-    assert shared.sigma(0) == pytest.approx(one.sigma(0))
-
-
-def test_a_shared_error_does_not_widen_the_gate() -> None:
-    aid = Aid(gate=3.0)
-    assert not aid.fuse(make_ekf(), (north(7.0),), 0, correlated_samples=100.0)
-    assert aid.ratio > 1.0
