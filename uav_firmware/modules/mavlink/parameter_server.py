@@ -167,9 +167,9 @@ class ParameterServer:
         """Change a value; gives the MAV_PARAM_ERROR when it is refused."""
         try:
             is_integer = self._registry.declaration(name).is_integer
-            if message.param_type != (_INT32 if is_integer else _REAL32):
+            value = _carried_value(message, is_integer=is_integer)
+            if value is None:
                 return MAV_PARAM_ERROR_TYPE_MISMATCH
-            (value,) = struct.unpack("<i" if is_integer else "<f", raw_param_value(message))
             self._registry.set(name, value)
         except ParameterError as error:
             return _ERROR_CODES.get(type(error), _OUT_OF_RANGE)
@@ -213,6 +213,24 @@ class ParameterServer:
             error=code,
         )
         return Outgoing(message, sender.address)
+
+
+def _carried_value(message: Message, *, is_integer: bool) -> float | None:
+    """What a PARAM_SET sets; None when it is of another type than the parameter.
+
+    A whole number as REAL32 sets an INT32 too: MAVProxy sends it so once it has the parameters
+    from the file. The bytes of a small integer under that type are no whole number, unless it is
+    0, which is the same in both.
+    """
+    raw = raw_param_value(message)
+    if is_integer and message.param_type == _INT32:
+        return int.from_bytes(raw, "little", signed=True)
+    if message.param_type != _REAL32:
+        return None
+    (value,) = struct.unpack("<f", raw)
+    if not is_integer:
+        return float(value)
+    return int(value) if value.is_integer() else None
 
 
 def _param_value(name: str, raw: bytes, kind: int, count: int, index: int) -> Message:

@@ -162,6 +162,26 @@ def test_an_integer_is_set_and_told_bit_for_bit(value: int) -> None:
     assert test.hear("PARAM_ERROR") == []
 
 
+@given(st.integers(-0x1000000, 0x1000000))
+def test_a_whole_number_as_a_real_sets_an_integer(value: int) -> None:
+    test = bench()
+    say_raw(test, b"NAV_DLL_ACT", real(value), REAL32)
+    test.run()
+    assert test.registry.get("NAV_DLL_ACT") == value
+    (told,) = test.hear("PARAM_VALUE")
+    assert (raw_value(told), told.param_type) == (struct.pack("<i", value), INT32)
+
+
+@pytest.mark.parametrize("raw", [real(2.5), real(math.nan), real(math.inf), struct.pack("<i", 5)])
+def test_a_real_that_is_no_whole_number_does_not_set_an_integer(raw: bytes) -> None:
+    test = bench()
+    before = test.registry.get("NAV_DLL_ACT")
+    say_raw(test, b"NAV_DLL_ACT", raw, REAL32)
+    test.run()
+    assert [m.error for m in test.hear("PARAM_ERROR")] == [TYPE_MISMATCH]
+    assert test.registry.get("NAV_DLL_ACT") == before
+
+
 def test_a_change_is_told_to_every_peer_and_saved() -> None:
     saved: list[float | int] = []
     made = registry()
