@@ -12,11 +12,14 @@ from uav_firmware.config import ConfigError, VehicleConfig, read_config
 from uav_firmware.drivers.jammed_link import JammedLink
 from uav_firmware.drivers.udp_link import UdpLink
 from uav_firmware.modules.mavlink.peers import Peer, Profile
+from uav_firmware.modules.mavlink.signing_setup import SetupTrust
+from uav_firmware.modules.mavlink.signing_store import SigningStoreError
 from uav_firmware.scheduler import LateSteps, Pacer
 from uav_firmware.topology import Autopilot
-from uav_firmware.vehicle import Hardware, addresses, build_hardware
+from uav_firmware.vehicle import Hardware, addresses, build_hardware, signing_keys
 
 EXIT_REFUSED = 2
+_LOOPBACK = "127.0.0.1"
 
 
 class Stop:
@@ -37,11 +40,10 @@ def main() -> int:
     try:
         config = read_config(sys.argv[1:], os.environ)
         peers = _peers(config)
-        boot_time_utc_us = time.time_ns() // 1000
+        boot_time_utc_us = _world_us()
         hardware = build_hardware(config, boot_time_utc_us)
     except (ConfigError, OSError) as error:
-        print(f"vehicle not started: {_sentence(error)}", file=sys.stderr, flush=True)
-        return EXIT_REFUSED
+        return _refuse(error)
     try:
         autopilot = Autopilot(
             hardware.vehicle,
@@ -53,14 +55,31 @@ def main() -> int:
             write_line=_line_writer(config.system_id),
             log_store=hardware.log_store,
             card=hardware.card,
+            world_us=_world_us,
+            setup_signing=SetupTrust(config.setup_signing),
         )
+        if not any(peer.signing_key for peer in peers) and config.bind != _LOOPBACK:
+            warning = f"MAVLink on {config.bind} is unsigned: whoever reaches it can fly this"
+            _line_writer(config.system_id)(0, warning)
         _run(config, hardware, autopilot, stop)
+    except SigningStoreError as error:
+        return _refuse(error)
     finally:
         hardware.close()
     return 0
 
 
-def _sentence(error: ConfigError | OSError) -> str:
+def _world_us() -> int:
+    """The machine's clock [us since 1970]; signatures live by it, at any simulation speed."""
+    return time.time_ns() // 1000
+
+
+def _refuse(error: ConfigError | SigningStoreError | OSError) -> int:
+    print(f"vehicle not started: {_sentence(error)}", file=sys.stderr, flush=True)
+    return EXIT_REFUSED
+
+
+def _sentence(error: Exception) -> str:
     """What went wrong, without an error number."""
     if not isinstance(error, OSError) or error.strerror is None:
         return str(error)
@@ -69,9 +88,10 @@ def _sentence(error: ConfigError | OSError) -> str:
 
 def _peers(config: VehicleConfig) -> tuple[Peer, Peer]:
     broker, gcs = addresses(config)
+    broker_key, gcs_key = signing_keys(config)
     return (
-        Peer(address=broker, profile=Profile.ONBOARD),
-        Peer(address=gcs, profile=Profile.GROUND_STATION),
+        Peer(address=broker, profile=Profile.ONBOARD, signing_key=broker_key),
+        Peer(address=gcs, profile=Profile.GROUND_STATION, signing_key=gcs_key),
     )
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 _DRIVERS: Final = ("jsbsim",)
+_SETUP_TRUSTS: Final = ("never", "signed", "loopback")
 _LARGEST_SPEED: Final = 1000.0
 
 
@@ -54,6 +55,9 @@ class VehicleConfig:
     port: int  # [-] Own UDP port; 0 lets the system choose
     broker: Endpoint
     gcs: Endpoint
+    broker_signing_key: Path | None  # File; with one, the link must be signed
+    gcs_signing_key: Path | None  # The same for the ground station's link
+    setup_signing: str  # Who may set a key by SETUP_SIGNING: never, signed, loopback
     state_dir: Path
     truth: bool  # Write the true track
 
@@ -85,12 +89,15 @@ def read_config(arguments: Sequence[str], environment: Mapping[str, str]) -> Veh
         wind_from_deg=_number("--wind-from", flags.wind_from, 0.0, 360.0),
         noise=_number("--noise", flags.noise, 0.0, 100.0),
         world=flags.world,
-        faults=Path(flags.faults) if flags.faults else None,
+        faults=_path(flags.faults),
         home=None if flags.home is None else _home(flags.home),
         bind=flags.bind,
         port=_integer("--port", port, 0, 65535),
         broker=_endpoint("--broker", flags.broker),
         gcs=_endpoint("--gcs", flags.gcs),
+        broker_signing_key=_path(flags.broker_signing_key),
+        gcs_signing_key=_path(flags.gcs_signing_key),
+        setup_signing=_choice("--setup-signing", flags.setup_signing, _SETUP_TRUSTS),
         state_dir=Path(flags.state_dir),
         truth=_switch("--truth", flags.truth),
     )
@@ -120,9 +127,24 @@ def _parser(environment: Mapping[str, str]) -> argparse.ArgumentParser:
     gcs = f"127.0.0.1:{get('GCS_PORT', '14550')}"
     add("--broker", default=get("BROKER", broker), help="host:port of the broker")
     add("--gcs", default=get("GCS", gcs), help="host:port of the ground station")
+    key = "file with the key that signs the {}'s link (default: not signed)"
+    add("--broker-signing-key", default=get("BROKER_SIGNING_KEY"), help=key.format("broker"))
+    add("--gcs-signing-key", default=get("GCS_SIGNING_KEY"), help=key.format("ground station"))
+    trust = f"who may set a key by SETUP_SIGNING: {', '.join(_SETUP_TRUSTS)}"
+    add("--setup-signing", default=get("SETUP_SIGNING", "never"), help=trust)
     add("--state-dir", default=get("STATE_DIR", "var"), help="folder of parameters and logs")
     add("--truth", nargs="?", const="1", default=get("TRUTH", "0"), help="1: write the true track")
     return parser
+
+
+def _choice(name: str, text: str, choices: Sequence[str]) -> str:
+    if text not in choices:
+        raise ConfigError(f"{name}: {text!r} is none of {', '.join(choices)}")
+    return text
+
+
+def _path(text: str | None) -> Path | None:
+    return Path(text) if text else None
 
 
 def _number(name: str, text: str, minimum: float, maximum: float) -> float:

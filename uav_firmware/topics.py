@@ -19,6 +19,7 @@ from uav_firmware.msg.estimate import (
 from uav_firmware.msg.failure import FailureDetectorStatus, RotorLossThrust
 from uav_firmware.msg.geofence import Fence, GeofenceStatus, RallyPoints
 from uav_firmware.msg.guidance import FollowTarget, OrbitStatus
+from uav_firmware.msg.link import RefusedFrames
 from uav_firmware.msg.mission import Mission, MissionProgress, NavigatorRequest, NavigatorStatus
 from uav_firmware.msg.sensors import (
     SensorBaro,
@@ -88,6 +89,7 @@ class Topics:
     rotor_loss_thrust: Topic[RotorLossThrust] = field(default_factory=Topic)
     actuator_motors: Topic[ActuatorMotors] = field(default_factory=Topic)
     ground_station_heartbeat: Topic[int] = field(default_factory=Topic)
+    refused_frames: Topic[RefusedFrames] = field(default_factory=Topic)
     vehicle_command: Queue[VehicleCommand] = field(default_factory=Queue)
     vehicle_command_ack: Queue[VehicleCommandAck] = field(default_factory=Queue)
     status_text: Fork[StatusText] = field(default_factory=Fork)

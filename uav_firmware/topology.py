@@ -33,6 +33,9 @@ from uav_firmware.modules.mavlink.link_params import LinkParams
 from uav_firmware.modules.mavlink.mission_store import PlanCheck
 from uav_firmware.modules.mavlink.module import MavlinkModule
 from uav_firmware.modules.mavlink.peers import Peer
+from uav_firmware.modules.mavlink.reception import SigningOptions
+from uav_firmware.modules.mavlink.signing_params import SigningParams
+from uav_firmware.modules.mavlink.signing_setup import SetupTrust
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
 from uav_firmware.modules.navigator import geofence_plan
 from uav_firmware.modules.navigator.module import NavigatorModule
@@ -69,6 +72,7 @@ _PARAMETER_GROUPS: Final = (
     LoggerParams,
     ManualControlParams,
     LinkParams,
+    SigningParams,
 )
 
 
@@ -87,6 +91,8 @@ class Autopilot:
         write_line: Callable[[int, str], None],
         log_store: LogStore | None = None,
         card: Card | None = None,
+        world_us: Callable[[], int] | None = None,
+        setup_signing: SetupTrust = SetupTrust.NEVER,
     ) -> None:
         self.vehicle = vehicle
         self.topics = topics = Topics()
@@ -248,6 +254,11 @@ class Autopilot:
             save_parameters=self.parameter_storage.save,
             params=registry.read(LinkParams),
             card=card,
+            signing=SigningOptions(
+                world_us=world_us or (lambda: boot_time_utc_us + vehicle.time_us),
+                storage=storage,
+                setup=setup_signing,
+            ),
         )
         self.console = ConsoleModule(
             write_line,
@@ -400,6 +411,7 @@ def _mavlink_topics(topics: Topics) -> MavlinkTopics:
         rates_setpoint=topics.vehicle_rates_setpoint,
         wind=topics.wind,
         mag=topics.sensor_mag,
+        refused_frames=topics.refused_frames,
     )
 
 

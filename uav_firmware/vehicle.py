@@ -5,6 +5,7 @@ Each driver is imported only when it is named, so that a vehicle without a simul
 
 import socket
 from dataclasses import dataclass
+from pathlib import Path
 
 from uav_firmware.cal.faults import FaultInjector
 from uav_firmware.cal.files import Card
@@ -15,6 +16,7 @@ from uav_firmware.cal.vehicle import Vehicle
 from uav_firmware.config import ConfigError, Endpoint, VehicleConfig
 from uav_firmware.drivers.file_storage import FileStorage
 from uav_firmware.drivers.jammed_link import JammedLink
+from uav_firmware.drivers.key_file import KeyFileError, read_key
 from uav_firmware.drivers.log_folder import LogFolder
 from uav_firmware.drivers.storage_card import storage_card
 from uav_firmware.drivers.udp_link import UdpLink
@@ -116,6 +118,26 @@ def addresses(config: VehicleConfig) -> tuple[Address, Address]:
         ConfigError: if a host name has no address.
     """
     return _resolve("--broker", config.broker), _resolve("--gcs", config.gcs)
+
+
+def signing_keys(config: VehicleConfig) -> tuple[bytes | None, bytes | None]:
+    """Keys of the broker's and of the ground station's link; None for a link without one.
+
+    Raises:
+        ConfigError: if a file holds no key, or others may read it.
+        OSError: if a file cannot be read.
+    """
+    return (
+        _signing_key("--broker-signing-key", config.broker_signing_key),
+        _signing_key("--gcs-signing-key", config.gcs_signing_key),
+    )
+
+
+def _signing_key(name: str, path: Path | None) -> bytes | None:
+    try:
+        return None if path is None else read_key(path)
+    except KeyFileError as error:
+        raise ConfigError(f"{name}: {error}") from error
 
 
 def _resolve(name: str, endpoint: Endpoint) -> Address:

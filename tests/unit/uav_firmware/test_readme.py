@@ -76,7 +76,12 @@ def test_every_flag_is_taken_and_every_default_is_right() -> None:
     assert table["--driver"] == defaults.driver
     assert table["--state-dir"] == str(defaults.state_dir)
     for flag in table:
-        value = {"--driver": "jsbsim", "--home": "1,2,3,4", "--truth": "1"}.get(flag, "1")
+        value = {
+            "--driver": "jsbsim",
+            "--home": "1,2,3,4",
+            "--truth": "1",
+            "--setup-signing": "signed",
+        }.get(flag, "1")
         read_config([flag, "host:1" if flag in {"--broker", "--gcs"} else value], {})
 
 

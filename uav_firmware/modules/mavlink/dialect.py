@@ -19,7 +19,18 @@ from typing import Any, Final, NamedTuple, TypeAlias
 
 from pymavlink.dialects.v20 import development as mavlink
 
-__all__ = ["Message", "Parsed", "Payload", "frame", "mavlink", "pack", "parse", "register"]
+__all__ = [
+    "Message",
+    "Parsed",
+    "Payload",
+    "frame",
+    "is_signed",
+    "is_version_1",
+    "mavlink",
+    "pack",
+    "parse",
+    "register",
+]
 
 Message: TypeAlias = Any
 """An instance of one of pymavlink's generated message classes."""
@@ -81,13 +92,15 @@ def _only_payload(
     return payload
 
 
-def frame(payload: Payload, sequence: int, system: int, component: int) -> bytes:
-    """Frame a payload as unsigned MAVLink 2."""
+def frame(
+    payload: Payload, sequence: int, system: int, component: int, *, signed: bool = False
+) -> bytes:
+    """Frame a payload as MAVLink 2; a signed frame still needs its signature behind it."""
     identifier = payload.message_id
     covered = (
         _HEADER_V2.pack(
             len(payload.body),
-            0,
+            _SIGNED_FLAG if signed else 0,
             0,
             sequence,
             system,
@@ -99,6 +112,18 @@ def frame(payload: Payload, sequence: int, system: int, component: int) -> bytes
     )
     checksum: int = mavlink.x25crc(covered + bytes((payload.crc_extra,))).crc
     return b"\xfd" + covered + checksum.to_bytes(2, "little")
+
+
+def is_signed(message: Message) -> bool:
+    """Whether a received message came in a frame with a signature, right or wrong."""
+    flags: int = message.get_header().incompat_flags
+    return bool(flags & _SIGNED_FLAG)
+
+
+def is_version_1(message: Message) -> bool:
+    """Whether a received message came in a frame of the old version, which cannot be signed."""
+    marker: int = message.get_msgbuf()[0]
+    return marker == _MARKER_V1
 
 
 def parse(datagram: bytes) -> Parsed:

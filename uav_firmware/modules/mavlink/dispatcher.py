@@ -82,6 +82,7 @@ class Dispatcher:
         save_parameters: Callable[[], None],
         texts: StatusTexts,
         card: Card | None,
+        set_up_signing: Handler,
     ) -> None:
         self._system_id = system_id
         self._topics = topics
@@ -133,6 +134,7 @@ class Dispatcher:
             "PARAM_SET": self._parameters.handle,
             "TIMESYNC": answer_timesync,
             "PING": answer_ping,
+            "SETUP_SIGNING": set_up_signing,
         }
 
     def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:

@@ -14,6 +14,8 @@ from uav_firmware.modules.mavlink.dispatcher import Dispatcher, PlanChecks
 from uav_firmware.modules.mavlink.link_params import LinkParams
 from uav_firmware.modules.mavlink.mission_progress import ReachedAnnouncer
 from uav_firmware.modules.mavlink.peers import Peer, PeerTable
+from uav_firmware.modules.mavlink.reception import Reception, SigningOptions
+from uav_firmware.modules.mavlink.signing_setup import SetupTrust, SigningSetup
 from uav_firmware.modules.mavlink.status_text import StatusTexts
 from uav_firmware.modules.mavlink.streams import default_intervals_us
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
@@ -49,6 +51,7 @@ class MavlinkModule:
         save_parameters: Callable[[], None] = lambda: None,
         params: LinkParams | None = None,
         card: Card | None = None,
+        signing: SigningOptions | None = None,
     ) -> None:
         """Open channels to the configured peers.
 
@@ -64,9 +67,11 @@ class MavlinkModule:
             save_parameters: Called after a peer changed a parameter; may raise OSError.
             params: What is streamed unprompted; PX4's defaults if not given.
             card: Where files and logs lie; without one only the parameters are a file.
+            signing: What signatures need beside the keys of the peers.
 
         Raises:
-            ValueError: if the system id is outside 1..250.
+            ValueError: if the system id is outside 1..250, or a peer's key is none.
+            SigningStoreError: if what an earlier run has left cannot be understood.
         """
         if not 1 <= system_id <= 250:
             raise ValueError(f"system_id: {system_id} is outside 1..250")
@@ -80,6 +85,15 @@ class MavlinkModule:
         self._transmitter = Transmitter(link, system_id, self._peers)
         self._changes = ChangeDetector(topics)
         self._texts = StatusTexts()
+        options = signing or SigningOptions()
+        self._reception = Reception(
+            options,
+            registry=registry,
+            configured=peers,
+            peers=self._peers,
+            topics=topics,
+        )
+        self.refused = self._reception.refused
         self._reached = ReachedAnnouncer()
         self._vibration = VibrationMeter()
         self._dispatcher = Dispatcher(
@@ -93,13 +107,12 @@ class MavlinkModule:
             save_parameters=save_parameters,
             texts=self._texts,
             card=card,
+            set_up_signing=self._signing_setup(options.setup).handle,
         )
         self._battery_thresholds = BatteryThresholds(0.0, 0.0, 0.0)
         self._parameter_version = -1
         self._tick_us = 0
         self._housekeeping_us = 0
-        self.faulty_frames: int = 0
-        self.dropped_datagrams: int = 0
 
     def update(self, now_us: int) -> None:
         """Do everything that is due at `now_us` [us since boot]."""
@@ -119,22 +132,21 @@ class MavlinkModule:
         taken = 0
         for datagram, address in self._link.receive():
             if taken >= MAX_MESSAGES_PER_CALL:
-                self.dropped_datagrams += 1
+                self.refused.flood += 1
                 continue
             parsed = parse(datagram)
-            self.faulty_frames += parsed.faults
+            self.refused.malformed += parsed.faults
             taken += len(parsed.messages) + parsed.faults
             for message in parsed.messages:
                 self._take(message, address, now_us)
 
     def _take(self, message: Message, address: Address, now_us: int) -> None:
-        """Serve one message of a known peer; a HEARTBEAT makes a peer known."""
-        known = self._peers.heard(address, now_us)
-        if not known and message.get_type() == "HEARTBEAT":
-            known = self._peers.learn(address, now_us) is not None
+        """Serve one message, if it is to be listened to."""
+        if self._reception.admit(message, address, now_us) is None:
+            return
         sender = Sender(message.get_srcSystem(), message.get_srcComponent(), address)
-        if not known or sender.identity == self._identity:
-            return  # A stranger, or an own frame that a router sent back
+        if sender.identity == self._identity:
+            return  # An own frame that a router sent back
         self._transmitter.send(self._dispatcher.handle(message, sender, now_us))
 
     def _tick(self, now_us: int) -> None:
@@ -144,9 +156,11 @@ class MavlinkModule:
         if changed:
             self._transmitter.broadcast(changed, self._context(now_us))
         self._vibration.update(self._topics.imu.value, now_us)
+        self._reception.tick()
         if now_us >= self._housekeeping_us:
             self._housekeeping_us = now_us + _HOUSEKEEPING_US
             self._dispatcher.forget(self._peers.forget_silent(now_us))
+            self._reception.tell(now_us)
 
     def _due(self, now_us: int) -> list[Outgoing]:
         """Protocol messages due now: answers, repetitions, texts."""
@@ -155,6 +169,17 @@ class MavlinkModule:
         for text in self._topics.status_text.drain():
             outgoing += self._texts.say(text.severity, text.text)
         return outgoing
+
+    def _signing_setup(self, trust: SetupTrust) -> SigningSetup:
+        return SigningSetup(
+            system_id=self._system_id,
+            trust=trust,
+            security=self._reception.security,
+            store=self._reception.store,
+            clock=self._reception.clock,
+            vehicle_status=self._topics.vehicle_status,
+            texts=self._texts,
+        )
 
     def _context(self, now_us: int) -> Context:
         if self._registry.version != self._parameter_version:

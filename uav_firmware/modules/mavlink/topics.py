@@ -14,6 +14,7 @@ from uav_firmware.msg.estimate import (
 )
 from uav_firmware.msg.geofence import Fence, GeofenceStatus, RallyPoints
 from uav_firmware.msg.guidance import FollowTarget, OrbitStatus
+from uav_firmware.msg.link import RefusedFrames
 from uav_firmware.msg.mission import Mission, MissionProgress
 from uav_firmware.msg.sensors import (
     SensorBaro,
@@ -73,3 +74,4 @@ class MavlinkTopics:
     rates_setpoint: Topic[VehicleRatesSetpoint] = field(default_factory=Topic)
     wind: Topic[WindEstimate] = field(default_factory=Topic)
     mag: Topic[SensorMag] = field(default_factory=Topic)
+    refused_frames: Topic[RefusedFrames] = field(default_factory=Topic)

@@ -63,5 +63,14 @@ class Transmitter:
             return None
 
     def _frame(self, payload: Payload, channel: Channel) -> None:
-        datagram = frame(payload, channel.next_sequence(), self._system_id, AUTOPILOT_COMPONENT)
+        signer = channel.signer
+        datagram = frame(
+            payload,
+            channel.next_sequence(),
+            self._system_id,
+            AUTOPILOT_COMPONENT,
+            signed=signer is not None,
+        )
+        if signer is not None:
+            datagram = signer.sign(datagram, channel.link_id)
         self._link.send(datagram, channel.address)

@@ -13,6 +13,8 @@ from uav_firmware.modules.mavlink.link_params import LinkParams
 from uav_firmware.modules.mavlink.mission_store import PlanCheck
 from uav_firmware.modules.mavlink.module import MavlinkModule
 from uav_firmware.modules.mavlink.peers import Peer, Profile
+from uav_firmware.modules.mavlink.reception import SigningOptions
+from uav_firmware.modules.mavlink.signing import Signer
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
 from uav_firmware.msg.actuators import ActuatorMotors
 from uav_firmware.msg.estimate import (
@@ -236,6 +238,8 @@ class Bench:
         link: Link | None = None,
         params: LinkParams | None = None,
         storage: Storage | None = None,
+        peers: Sequence[Peer] | None = None,
+        signing: SigningOptions | None = None,
     ) -> None:
         self.topics = topics or flying_topics()
         self.registry = registry or Registry()
@@ -248,10 +252,12 @@ class Bench:
             topics=self.topics,
             checks=judged_by(check),
             storage=storage,
-            peers=(
+            peers=peers
+            or (
                 Peer(address=GROUND, profile=Profile.GROUND_STATION),
                 Peer(address=BROKER, profile=Profile.ONBOARD),
             ),
+            signing=signing,
             boot_time_utc_us=1_700_000_000_000_000,
             save_parameters=save,
             params=params,
@@ -266,11 +272,15 @@ class Bench:
         system: int = 255,
         component: int = 190,
         sequence: int | None = None,
+        signer: Signer | None = None,
     ) -> None:
         """Put a message into the link; it is read at the next step. Frames are counted."""
         self._sequence = (self._sequence + 1) & 0xFF
         number = self._sequence if sequence is None else sequence
-        self.memory.incoming.append((frame(pack(message), number, system, component), source))
+        datagram = frame(pack(message), number, system, component, signed=signer is not None)
+        if signer is not None:
+            datagram = signer.sign(datagram, 0)
+        self.memory.incoming.append((datagram, source))
 
     def run(self, duration_us: int = TICK_US) -> None:
         """Let vehicle time pass in control steps."""

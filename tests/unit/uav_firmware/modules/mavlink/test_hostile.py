@@ -31,7 +31,7 @@ HANDLED: Final = {
         "SYSTEM_TIME", "REQUEST_DATA_STREAM", "MANUAL_CONTROL", "SET_ATTITUDE_TARGET",
         "SET_POSITION_TARGET_LOCAL_NED", "SET_POSITION_TARGET_GLOBAL_INT",
         "FOLLOW_TARGET", "FILE_TRANSFER_PROTOCOL", "LOG_REQUEST_LIST", "LOG_REQUEST_DATA",
-        "LOG_REQUEST_END", "LOG_ERASE",
+        "LOG_REQUEST_END", "LOG_ERASE", "SETUP_SIGNING",
     }
 }  # fmt: skip
 SPECIAL: Final = [math.nan, math.inf, -math.inf, 0.0, -0.0, 1e38, -1e38, 1e-45]
@@ -109,7 +109,7 @@ def test_of_a_flood_only_a_bounded_part_is_served() -> None:
     bench.run(STEP_US)
     answered = len(bench.hear("AUTOPILOT_VERSION"))
     assert MAX_MESSAGES_PER_CALL <= answered < MAX_MESSAGES_PER_CALL + 60
-    assert bench.module.dropped_datagrams == 55
+    assert bench.module.refused.flood == 55
     assert bench.ask(command_long(512, 148), "AUTOPILOT_VERSION")
 
 
@@ -117,5 +117,5 @@ def test_a_flood_of_faulty_frames_is_counted() -> None:
     bench = Bench()
     bench.memory.incoming += [(b"\xfd" + bytes(11), GROUND)] * 100
     bench.run()
-    assert bench.module.faulty_frames == 100
+    assert bench.module.refused.malformed == 100
     assert bench.hear("COMMAND_ACK") == []
