@@ -2,9 +2,9 @@
 
 import base64
 import binascii
-from typing import Annotated
+from typing import Annotated, Any, Final
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 
 from afarcloud.enumerations import ALARM_CODES, AlarmType, ImageFormat, Status
 from afarcloud.model import Model, field_error
@@ -106,8 +106,24 @@ class MissionReport(Report):
     message: str | None = Field(default=None, max_length=1000)
 
 
+_CODE_FITS_TYPE: Final[dict[str, Any]] = {
+    "oneOf": [
+        {
+            "properties": {
+                "alarm_type_id": {"const": kind.value},
+                "alarm_code_id": {"minimum": codes.start, "maximum": codes.stop - 1},
+            }
+        }
+        for kind, codes in ALARM_CODES.items()
+    ]
+}
+"""The rule between type and code, for the JSON Schema."""
+
+
 class Alarm(Report):
     """A failure that ends the mission."""
+
+    model_config = ConfigDict(json_schema_extra=_CODE_FITS_TYPE)
 
     alarm_type_id: Annotated[AlarmType, BeforeValidator(json_integer)]
     alarm_code_id: Annotated[int, Field(ge=1, le=99), BeforeValidator(json_integer)]

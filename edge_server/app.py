@@ -14,6 +14,7 @@ from edge_server.api import (
     bodies,
     broker,
     bulk,
+    documentation,
     errors,
     health,
     plans,
@@ -63,7 +64,7 @@ def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> API
     app.before_request(lambda: auth.check_caller(ring))
     app.after_request(_harden)
     app.after_request(bodies.discard_rest)
-    for part in (plans, telemetry, bulk, vehicles, broker, health):
+    for part in (plans, telemetry, bulk, vehicles, broker, health, documentation):
         app.register_blueprint(part.blueprint())
     return app
 

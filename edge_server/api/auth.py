@@ -34,10 +34,18 @@ BROKER: Final = frozenset({Role.BROKER})
 ADMIN: Final = frozenset({Role.ADMIN})
 PUBLIC: Final[frozenset[Role]] = frozenset()
 
+PAGES: Final = frozenset({"/docs", "/openapi.json"})
+"""What people open in a browser, which asks for a name and a key: any name will do."""
 KEY_RULE: Final = "must be 1 to 64 visible ASCII characters"
 _KEY_SHAPE: Final = re.compile(r"[!-~]{1,64}")
 _ATTRIBUTE: Final = "edge_roles"
 _View = TypeVar("_View", bound=Callable[..., object])
+
+
+def roles_of(view: object) -> frozenset[Role] | None:
+    """Give the roles that may use a view; None when it has no mark."""
+    found: frozenset[Role] | None = getattr(view, _ATTRIBUTE, None)
+    return found
 
 
 def allow(roles: frozenset[Role]) -> Callable[[_View], _View]:
@@ -82,14 +90,15 @@ class KeyRing:
 def check_caller(ring: KeyRing) -> None:
     """Let a request pass or raise 401 or 403; runs before every view."""
     view = current_app.view_functions.get(request.endpoint or "")
-    allowed: frozenset[Role] | None = getattr(view, _ATTRIBUTE, None)
+    allowed = roles_of(view)
     if allowed == PUBLIC and allowed is not None:
         return
     role = ring.role_of(_offered_key())
     if role is None:
+        scheme = "basic" if request.path.rstrip("/") in PAGES else "bearer"
         raise Unauthorized(
             "an access key is needed: Authorization: Bearer <key>",
-            www_authenticate=WWWAuthenticate("bearer", {"realm": "edge server"}),
+            www_authenticate=WWWAuthenticate(scheme, {"realm": "edge server"}),
         )
     g.role = role
     if isinstance(request.routing_exception, HTTPException):
@@ -118,7 +127,12 @@ def audit(action: str) -> None:
 
 
 def _offered_key() -> str:
-    scheme, _, token = request.headers.get("Authorization", "").partition(" ")
-    if scheme.lower() == "bearer":
-        return token.strip()
+    """The key that is shown; where there is an Authorization, it alone counts."""
+    shown = request.headers.get("Authorization")
+    if shown is not None:
+        scheme, _, token = shown.partition(" ")
+        if scheme.lower() == "bearer":
+            return token.strip()
+        basic = request.authorization
+        return (basic.password or "") if basic is not None and basic.type == "basic" else ""
     return request.headers.get("X-API-Key", "").strip()

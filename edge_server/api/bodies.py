@@ -17,6 +17,7 @@ from edge_server.services.context import Context
 
 MAXIMUM_BODY_BYTES: Final = 1024 * 1024
 MAXIMUM_IMAGE_BODY_BYTES: Final = 3 * 512 * 1024  # A 1 MiB frame in base64, and its fields
+_WHOLE: Final = re.compile(r"([0-9]{1,19})(?:\.0+)?")  # 5.0 is an integer, as in a body
 _EPOCH: Final = re.compile(r"[0-9]{1,11}(\.[0-9]{1,6})?")
 _CHUNK_BYTES: Final = 65_536
 _DISCARDED_BYTES: Final = 8 * 1024 * 1024
@@ -100,10 +101,11 @@ def query_integer(name: str, default: int, low: int, high: int) -> int:
     raw = request.args.get(name)
     if raw is None:
         return default
-    if not (raw.isascii() and raw.isdigit() and len(raw) < 20 and low <= int(raw) <= high):
+    whole = _WHOLE.fullmatch(raw)
+    if whole is None or not low <= int(whole[1]) <= high:
         message = f"must be a whole number from {low} to {high}"
         raise RequestError(422, "the query cannot be used", (Fault(name, message),))
-    return int(raw)
+    return int(whole[1])
 
 
 def query_vehicle() -> int | None:

@@ -11,6 +11,7 @@ from afarcloud.plan import LatestStateVector
 from afarcloud.wire import Kind
 from edge_server.api import bodies, urls
 from edge_server.api.auth import BROKER, PEOPLE, allow, audit
+from edge_server.api.contract import Contract, describe
 from edge_server.services import broker_work
 from edge_server.services.broker_work import Acknowledgement
 
@@ -37,6 +38,7 @@ def blueprint() -> APIBlueprint:
 
 
 @allow(BROKER)
+@describe(Contract({200: "Work"}, query=("after", "wait"), errors=(429,)))
 def poll() -> dict[str, Any]:
     """Give work, waiting for some if asked to."""
     after = bodies.query_integer("after", 0, 0, 2**63 - 1)
@@ -45,6 +47,7 @@ def poll() -> dict[str, Any]:
 
 
 @allow(BROKER)
+@describe(Contract({200: "WorkState"}, body="Acknowledged", errors=(409,)))
 def acknowledge(identifier: int) -> dict[str, Any]:
     """Take in what the broker says of a piece of work."""
     said = bodies.model(Acknowledged)
@@ -52,6 +55,7 @@ def acknowledge(identifier: int) -> dict[str, Any]:
 
 
 @allow(PEOPLE)
+@describe(Contract({202: "StateVectorRequest"}, body="LatestStateVector", errors=(404, 429)))
 def ask_for_state_vector() -> ResponseReturnValue:
     """Ask for a fresh state vector of one vehicle, or of all."""
     request = bodies.document(Kind.LATEST_STATE_VECTOR)

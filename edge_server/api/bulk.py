@@ -16,6 +16,7 @@ from afarcloud.state import Report
 from afarcloud.wire import TELEMETRY, Kind
 from edge_server.api import bodies, errors, urls
 from edge_server.api.auth import BROKER, KEY_RULE, allow, is_idempotency_key
+from edge_server.api.contract import Contract, describe
 from edge_server.services import telemetry
 from edge_server.services.errors import KeyReusedError
 from edge_server.services.telemetry import Arrival
@@ -33,6 +34,7 @@ def blueprint() -> APIBlueprint:
 
 
 @allow(BROKER)
+@describe(Contract({200: "Receipts"}, body="Reports"))
 def create() -> dict[str, Any]:
     """Keep many reports; 200 says that each was judged, not that each was kept."""
     read = [_read(record) for record in _records()]

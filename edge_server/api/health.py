@@ -9,6 +9,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from edge_server.api import bodies, urls
 from edge_server.api.auth import PUBLIC, allow
+from edge_server.api.contract import Contract, describe
 
 
 def blueprint() -> APIBlueprint:
@@ -20,12 +21,14 @@ def blueprint() -> APIBlueprint:
 
 
 @allow(PUBLIC)
+@describe(Contract({200: "Health"}))
 def healthz() -> dict[str, Any]:
     """Say that the process is alive, and how the database is."""
     return {"status": "ok", "database": "ok" if _database_answers() else "unavailable"}
 
 
 @allow(PUBLIC)
+@describe(Contract({200: "Health", 503: "Health"}))
 def readyz() -> ResponseReturnValue:
     """Say whether requests can be served now."""
     if _database_answers():

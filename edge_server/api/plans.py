@@ -11,12 +11,33 @@ from afarcloud.plan import Plan
 from afarcloud.wire import Kind
 from edge_server.api import bodies, etags, urls
 from edge_server.api.auth import PLANNERS, READERS, allow, audit, caller
+from edge_server.api.contract import PAGE, Contract, describe
 from edge_server.services import plans
 from edge_server.store.keys import Role
 
 WORDS = ("plans", "plan")
 BY_NUMBER = "int64:reference"
 BY_ULID = "string(length=26):reference"
+STORED = "StoredPlan"
+EXAMPLE = {
+    "name": "First flight",
+    "missions": [
+        {
+            "mission_id": 1,
+            "vehicle_id": 1,
+            "maximum_speed": 5.0,
+            "command_array": [
+                {
+                    "command_id": 1,
+                    "command_type_id": 1,
+                    "parameters": {"latitude": 40.4434, "longitude": -3.7382, "altitude": 5.0},
+                },
+                {"command_id": 2, "command_type_id": 11, "parameters": {"landing": True}},
+            ],
+        }
+    ],
+}
+"""A plan to begin with, for the documentation."""
 
 
 def blueprint() -> APIBlueprint:
@@ -33,6 +54,7 @@ def blueprint() -> APIBlueprint:
 
 
 @allow(PLANNERS | {Role.FARMER})
+@describe(Contract({201: STORED}, body="Plan", repeatable=True, errors=(409,), example=EXAMPLE))
 def create() -> ResponseReturnValue:
     """Keep a plan and queue its missions; a farmer's waits for somebody who may dispatch it."""
     plan = _plan()
@@ -44,6 +66,7 @@ def create() -> ResponseReturnValue:
 
 
 @allow(READERS)
+@describe(Contract({200: STORED}, is_list=True, query=PAGE))
 def page() -> list[dict[str, Any]]:
     """List plans."""
     return plans.page(
@@ -56,12 +79,14 @@ def page() -> list[dict[str, Any]]:
 
 
 @allow(READERS)
+@describe(Contract({200: STORED}, conditional=True))
 def get(reference: int | str) -> ResponseReturnValue:
     """Give a plan with its live status."""
     return etags.tagged(plans.find(bodies.context(), reference))
 
 
 @allow(PLANNERS)
+@describe(Contract({200: STORED}, body="Plan", conditional=True, errors=(409,), example=EXAMPLE))
 def put(reference: int | str) -> ResponseReturnValue:
     """Replace a plan that nobody has begun."""
     stored = plans.replace(bodies.context(), reference, _plan(), etags.check_match)
@@ -70,6 +95,7 @@ def put(reference: int | str) -> ResponseReturnValue:
 
 
 @allow(PLANNERS)
+@describe(Contract({200: STORED}, errors=(409, 422)))
 def dispatch(reference: int | str) -> ResponseReturnValue:
     """Let a plan that was posted with `"dispatch": false` be flown."""
     stored = plans.dispatch(bodies.context(), reference)
@@ -78,6 +104,7 @@ def dispatch(reference: int | str) -> ResponseReturnValue:
 
 
 @allow(PLANNERS)
+@describe(Contract({204: None}, errors=(409,)))
 def delete(reference: int | str) -> ResponseReturnValue:
     """Forget a plan and cancel what waits of it."""
     plans.remove(bodies.context(), reference)

@@ -10,6 +10,8 @@ from afarcloud.state import Report
 from afarcloud.wire import TELEMETRY, Kind
 from edge_server.api import bodies, etags, urls
 from edge_server.api.auth import ADMIN, BROKER, PEOPLE, allow, audit, caller
+from edge_server.api.contract import PAGE, Contract, describe
+from edge_server.api.schemas import name_of, stored_name
 from edge_server.services import telemetry
 
 PLURAL = {
@@ -34,16 +36,18 @@ def blueprint() -> APIBlueprint:
 
 
 def _add_kind(routes: APIBlueprint, kind: Kind) -> None:
-    name = kind.value
+    name, stored = kind.value, stored_name(kind)
 
     @allow(BROKER)
+    @describe(Contract({201: stored}, body=name_of(kind), repeatable=True))
     def create() -> ResponseReturnValue:
         """Keep a report."""
-        stored = telemetry.ingest(bodies.context(), kind, _report(kind), caller())
-        location = url_for(f"telemetry.{name}_get", record_id=stored["id"])
-        return stored, 201, {"Location": location}
+        kept = telemetry.ingest(bodies.context(), kind, _report(kind), caller())
+        location = url_for(f"telemetry.{name}_get", record_id=kept["id"])
+        return kept, 201, {"Location": location}
 
     @allow(PEOPLE)
+    @describe(Contract({200: stored}, is_list=True, query=PAGE))
     def page() -> list[dict[str, Any]]:
         """List the reports that the cloud has not confirmed."""
         return telemetry.page(
@@ -56,19 +60,22 @@ def _add_kind(routes: APIBlueprint, kind: Kind) -> None:
         )
 
     @allow(PEOPLE)
+    @describe(Contract({200: stored}, conditional=True))
     def get(record_id: int) -> ResponseReturnValue:
         """Give one report."""
         return etags.tagged(telemetry.find(bodies.context(), kind, record_id))
 
     @allow(ADMIN)
+    @describe(Contract({200: stored}, body=name_of(kind), conditional=True, errors=(409,)))
     def put(record_id: int) -> ResponseReturnValue:
         """Correct a report."""
         report = _report(kind)
-        stored = telemetry.replace(bodies.context(), kind, record_id, report, etags.check_match)
+        kept = telemetry.replace(bodies.context(), kind, record_id, report, etags.check_match)
         audit(f"corrected {name} {record_id}")
-        return etags.tagged(stored)
+        return etags.tagged(kept)
 
     @allow(ADMIN)
+    @describe(Contract({204: None}))
     def delete(record_id: int) -> ResponseReturnValue:
         """Forget a report."""
         telemetry.remove(bodies.context(), kind, record_id)

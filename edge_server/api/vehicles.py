@@ -10,6 +10,7 @@ from afarcloud.faults import Fault, InvalidError
 from afarcloud.numbers import INT32_MAX
 from edge_server.api import bodies, etags, urls
 from edge_server.api.auth import ADMIN, PLANNERS, READERS, allow, audit, caller
+from edge_server.api.contract import Contract, describe
 from edge_server.services import vehicles
 from edge_server.services.vehicles import VehicleState
 from edge_server.store.keys import Role
@@ -29,18 +30,21 @@ def blueprint() -> APIBlueprint:
 
 
 @allow(READERS)
+@describe(Contract({200: "Vehicle"}, is_list=True))
 def page() -> list[dict[str, Any]]:
     """List vehicles."""
     return vehicles.everyone(bodies.context())
 
 
 @allow(READERS)
+@describe(Contract({200: "Vehicle"}, conditional=True))
 def get(vehicle_id: int) -> ResponseReturnValue:
     """Give one vehicle."""
     return etags.tagged(vehicles.find(bodies.context(), vehicle_id))
 
 
 @allow(PLANNERS | {Role.BROKER})
+@describe(Contract({200: "Vehicle", 201: "Vehicle"}, body="VehicleState", conditional=True))
 def put(vehicle_id: int) -> ResponseReturnValue:
     """Register or update a vehicle."""
     state = bodies.model(VehicleState)
@@ -55,6 +59,7 @@ def put(vehicle_id: int) -> ResponseReturnValue:
 
 
 @allow(ADMIN)
+@describe(Contract({204: None}, errors=(409,)))
 def delete(vehicle_id: int) -> ResponseReturnValue:
     """Forget a vehicle."""
     vehicles.remove(bodies.context(), vehicle_id)

@@ -34,6 +34,8 @@ MATRIX: list[tuple[str, str, set[str], Any]] = [
     ("GET", "/broker/commands", {"broker"}, None),
     ("POST", "/broker/commands/1/ack", {"broker"}, {"status": "accepted"}),
     ("POST", "/latest_state_vector/", PEOPLE, {"sequence_number": 3}),
+    ("GET", "/openapi.json", EVERYBODY, None),
+    ("GET", "/docs", EVERYBODY, None),
     ("POST", "/telemetry/", {"broker"}, {"records": [{"pose": telemetry("pose")}]}),
 ]
 for _kind in TELEMETRY:

@@ -1,0 +1,205 @@
+"""JSON Schemas of what comes in and goes out: the vocabulary's own, and what we add to it. Pure."""
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from pydantic.json_schema import models_json_schema
+
+from afarcloud.model import Model
+from afarcloud.state import Report
+from afarcloud.wire import MODELS, TELEMETRY, Kind
+from edge_server.api.broker import Acknowledged
+from edge_server.services.vehicles import VehicleState
+
+REFERENCE: Final = "#/components/schemas/{model}"
+_TIME: Final = {"type": "string", "format": "date-time"}
+_ID: Final = {"type": "integer", "minimum": 1}
+_TEXT: Final = {"type": "string"}
+_STATUS: Final = {"$ref": REFERENCE.format(model="Status")}
+
+ERROR: Final[dict[str, Any]] = {
+    "type": "object",
+    "description": "What is wrong, with each faulty field by its path.",
+    "properties": {
+        "message": _TEXT,
+        "detail": {
+            "type": "object",
+            "additionalProperties": {
+                "type": "object",
+                "additionalProperties": {"type": "array", "items": _TEXT},
+            },
+        },
+        "errors": {
+            "type": "array",
+            "items": {
+                "type": "object",
+                "properties": {"code": {"type": "integer"}, "name": _TEXT, "path": _TEXT},
+                "required": ["code", "name", "path"],
+            },
+        },
+    },
+    "required": ["message", "detail"],
+}
+
+
+def name_of(kind: Kind) -> str:
+    """Name of the schema of a kind."""
+    return MODELS[kind].__name__
+
+
+def stored_name(kind: Kind) -> str:
+    """Name of the schema of a kind as it is answered."""
+    return f"Stored{name_of(kind)}"
+
+
+def components() -> dict[str, Any]:
+    """Give every schema by name."""
+    own: list[type[Model]] = [VehicleState, Acknowledged]
+    _, document = models_json_schema(
+        [(model, "validation") for model in [*MODELS.values(), *own]], ref_template=REFERENCE
+    )
+    found: dict[str, Any] = document["$defs"]
+    found["Error"] = ERROR
+    found |= {stored_name(kind): _stored_report(found[name_of(kind)]) for kind in TELEMETRY}
+    found["StoredPlan"] = _stored_plan(found["Plan"])
+    found["Vehicle"] = _with(
+        found["VehicleState"],
+        {"vehicle_id": _ID, "registered_at": _TIME, "updated_at": _TIME},
+        closed=False,
+    )
+    found |= _bulk() | _work()
+    return found
+
+
+def _with(
+    schema: Mapping[str, Any], properties: Mapping[str, Any], *, closed: bool = True
+) -> dict[str, Any]:
+    """A schema with more properties, all of them required; open unless `closed`."""
+    joined = {
+        **schema,
+        "properties": {**schema["properties"], **properties},
+        "required": list(dict.fromkeys([*schema.get("required", []), *properties])),
+    }
+    if not closed:
+        joined.pop("additionalProperties", None)
+    return joined
+
+
+def _stored_report(schema: Mapping[str, Any]) -> dict[str, Any]:
+    stored = _with(schema, {"id": _ID, "message_id": _TEXT, "received_at": _TIME}, closed=False)
+    if "frame" in stored["properties"]:  # Lists of pictures leave it out
+        stored["required"] = [name for name in stored["required"] if name != "frame"]
+    return stored
+
+
+def _stored_plan(schema: Mapping[str, Any]) -> dict[str, Any]:
+    warning = {"type": "object", "properties": {"path": _TEXT, "message": _TEXT}}
+    command = {
+        "type": "object",
+        "properties": {
+            "command_id": {"type": "integer"},
+            "command_status_id": _STATUS,
+            "command_status_name": _TEXT,
+            "message": _TEXT,
+        },
+        "required": ["command_id", "command_status_id", "command_status_name"],
+    }
+    mission = {
+        "type": "object",
+        "properties": {
+            "mission_id": {"type": "integer"},
+            "vehicle_id": {"type": "integer"},
+            "dispatch_state": {"enum": ["held", "queued", "accepted", "closed"]},
+            "mission_status_id": _STATUS,
+            "mission_status_name": _TEXT,
+            "message": _TEXT,
+            "command_array": {"type": "array", "items": command},
+        },
+        "required": ["mission_id", "vehicle_id", "dispatch_state", "mission_status_id"],
+    }
+    return _with(
+        schema,
+        {
+            "id": _ID,
+            "plan_id": _TEXT,
+            "received_at": _TIME,
+            "expires_at": _TIME,
+            "plan_status_id": _STATUS,
+            "plan_status_name": _TEXT,
+            "missions": {"type": "array", "items": mission},
+            "warnings": {"type": "array", "items": warning},
+        },
+        closed=False,
+    )
+
+
+def _bulk() -> dict[str, Any]:
+    """Schemas of `/telemetry/`."""
+    envelopes = [
+        {
+            "type": "object",
+            "properties": {
+                kind.value: {"$ref": REFERENCE.format(model=name_of(kind))},
+                "idempotency_key": {"type": "string", "pattern": "^[!-~]{1,64}$"},
+            },
+            "required": [kind.value],
+            "additionalProperties": False,
+        }
+        for kind in TELEMETRY
+        if issubclass(MODELS[kind], Report)
+    ]
+    receipt = {
+        "type": "object",
+        "properties": {"status": {"enum": [201, 422]}},
+        "required": ["status"],
+    }
+    return {
+        "Reports": {
+            "type": "object",
+            "properties": {
+                "records": {
+                    "type": "array",
+                    "items": {"oneOf": envelopes},
+                    "minItems": 1,
+                    "maxItems": 500,
+                }
+            },
+            "required": ["records"],
+            "additionalProperties": False,
+        },
+        "Receipts": {
+            "type": "object",
+            "properties": {"records": {"type": "array", "items": receipt}},
+            "required": ["records"],
+        },
+    }
+
+
+def _work() -> dict[str, Any]:
+    """Schemas of the broker's door and of health."""
+    return {
+        "Work": {
+            "type": "object",
+            "properties": {
+                "cursor": {"type": "integer", "minimum": 0},
+                "commands": {"type": "array", "items": {"type": "object"}},
+            },
+            "required": ["cursor", "commands"],
+        },
+        "WorkState": {
+            "type": "object",
+            "properties": {"id": _ID, "state": {"enum": ["queued", "accepted", "closed"]}},
+            "required": ["id", "state"],
+        },
+        "StateVectorRequest": {
+            "type": "object",
+            "properties": {"id": _ID, "expires_at": _TIME},
+            "required": ["id", "expires_at"],
+        },
+        "Health": {
+            "type": "object",
+            "properties": {"status": _TEXT, "database": _TEXT},
+            "required": ["status", "database"],
+        },
+        "OpenApi": {"type": "object"},
+    }
