@@ -123,9 +123,9 @@ class Field:
         self._encoder = broker_dialect.Encoder(ROUTE.own_system, ROUTE.own_component)
         self._decoder = broker_dialect.Decoder()
 
-    def run(self, activity: Activity) -> None:
+    def run(self, activity: Activity, patience_s: float = PATIENCE_S) -> None:
         """Let time pass until the activity has its outcome."""
-        end_us = self.now_us + round(PATIENCE_S * 1e6)
+        end_us = self.now_us + round(patience_s * 1e6)
         self._send(activity.start(self.now_us / 1e6))
         while activity.outcome is None:
             assert self.now_us < end_us, "no outcome"
@@ -171,9 +171,11 @@ def a_plan(count: int, shift: float = 0.0) -> FlightPlan:
     )
 
 
-def uploaded(field: Field, plan: FlightPlan) -> Stored | Uncertain | NotStored | None:
+def uploaded(
+    field: Field, plan: FlightPlan, patience_s: float = PATIENCE_S
+) -> Stored | Uncertain | NotStored | None:
     upload = MissionUpload(plan.messages(1, 1), ROUTE, RoundTrip(), busy_pause_s=6.0)
-    field.run(upload)
+    field.run(upload, patience_s)
     return upload.outcome
 
 
@@ -208,7 +210,16 @@ def test_a_mission_arrives_and_is_verified(trouble: Trouble, loss: float) -> Non
 def test_at_a_fifth_lost_each_way_a_hundred_of_a_hundred_arrive() -> None:
     for seed in range(100):
         trouble = Trouble(duplication=0.05, reordering=0.05, delay_s=0.02)
-        assert_transferred(Field(trouble, 0.2, seed), a_plan(10))
+        assert_transferred(Field(trouble, 0.2, seed), a_plan(100))
+
+
+@pytest.mark.parametrize("trouble", TROUBLES, ids=str)
+def test_at_three_tenths_lost_the_outcome_is_definite_and_the_plan_whole(trouble: Trouble) -> None:
+    field, plan = Field(trouble, 0.3, seed=3), a_plan(100)
+    outcome = uploaded(field, plan, patience_s=1500.0)
+    held = field.vehicle.topic.value
+    stored = held is not None and len(held.items) == len(plan.items)
+    assert stored or (isinstance(outcome, NotStored | Uncertain) and held is None), outcome
 
 
 @pytest.mark.parametrize("loss", [0.0, 0.2])

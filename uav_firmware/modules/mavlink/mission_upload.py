@@ -37,6 +37,9 @@ from uav_firmware.modules.mavlink.mission_store import MAX_ITEMS, PlanStore, Ver
 
 FIRST_RETRY_US: Final = 250_000
 LAST_RETRY_US: Final = 1_000_000
+EAGER_RETRIES: Final = 4
+"""Repetitions of a request at the first interval; a ground station gives up after 1.5 s of
+silence, and a lossy link needs more than two in that time. After them the interval doubles."""
 SILENCE_LIMIT_US: Final = 15_000_000
 ECHO_US: Final = 500_000
 """How long after a transfer a copy of what began it may still be on its way."""
@@ -58,9 +61,26 @@ class _Transfer:
     opening: bytes  # The frame of its COUNT
     progress_us: int  # When the last useful message came
     asked_us: int  # When an item was last asked for
-    retry_us: int = FIRST_RETRY_US
+    fastest_us: int = 0  # Shortest time from a request to its item so far
+    first_asked_us: int = 0  # When the item awaited was first asked for
+    retries: int = 0  # How often it was asked for again
     items: list[StoredItem] = field(default_factory=list)
     judging: Stepwise[Verdict] | None = None  # When all items are here
+
+    @property
+    def retry_us(self) -> int:
+        """How long [us] to wait for the item; longer than this link has been seen to need."""
+        usual_us = min(self.fastest_us * 6 // 5, LAST_RETRY_US // 2)
+        base_us = max(FIRST_RETRY_US, usual_us)
+        return min(base_us << max(0, self.retries - EAGER_RETRIES + 1), LAST_RETRY_US)
+
+    def take(self, item: StoredItem, now_us: int) -> None:
+        """Append the item awaited, and await the next."""
+        took_us = now_us - self.first_asked_us
+        self.fastest_us = min(self.fastest_us, took_us) if self.items else took_us
+        self.items.append(item)
+        self.progress_us = self.asked_us = self.first_asked_us = now_us
+        self.retries = 0
 
 
 class _Ending(NamedTuple):
@@ -116,7 +136,7 @@ class UploadReceiver:
             return Reply((self._ack(sender, verdict),), verdict.reason)
         self._ending = None
         self._transfer = _Transfer(
-            sender, message.count, opening, progress_us=now_us, asked_us=now_us
+            sender, message.count, opening, now_us, now_us, first_asked_us=now_us
         )
         return Reply((self._request(self._transfer),))
 
@@ -138,9 +158,7 @@ class UploadReceiver:
         if isinstance(item, ItemFault):
             verdict = Verdict(item.result, reason=f"item {message.seq}: {item.reason}")
             return self._end(transfer, item, verdict, now_us)
-        transfer.items.append(item)
-        transfer.progress_us = transfer.asked_us = now_us
-        transfer.retry_us = FIRST_RETRY_US
+        transfer.take(item, now_us)
         if len(transfer.items) < transfer.count:
             return Reply((self._request(transfer),))
         transfer.judging = Stepwise(self._store.accept(transfer.items, now_us))
@@ -165,7 +183,7 @@ class UploadReceiver:
         if now_us - transfer.asked_us < transfer.retry_us:
             return Reply()
         transfer.asked_us = now_us
-        transfer.retry_us = min(2 * transfer.retry_us, LAST_RETRY_US)
+        transfer.retries += 1
         return Reply((self._request(transfer),))
 
     def _is_echo(self, opening: bytes, now_us: int) -> bool:
