@@ -6,6 +6,7 @@ about the true place of the start, and heights above home as the vehicle defines
 
 import math
 import tempfile
+import weakref
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -49,7 +50,7 @@ _FAR_HEIGHT_M: Final = 10.0
 def ready_vehicle(
     seed: int, *, noise: float = 1.0, wind: float = 0.0, **config: Any
 ) -> AutopilotTester:
-    """A vehicle that may be armed; its state directory is gone with its first second."""
+    """A vehicle that may be armed; its state directory goes when it goes."""
     simulation = SimulationConfig(
         seed=seed,
         sensor_noise_factor=noise,
@@ -57,9 +58,10 @@ def ready_vehicle(
         wind_from_deg=36.0 * seed,
         **config,
     )
-    with tempfile.TemporaryDirectory() as folder:
-        tester = AutopilotTester(simulation, Path(folder))
-        tester.wait_until_ready()
+    folder = tempfile.TemporaryDirectory()
+    tester = AutopilotTester(simulation, Path(folder.name))
+    weakref.finalize(tester, folder.cleanup)  # Missions are kept there, so it must last
+    tester.wait_until_ready()
     return tester
 
 
