@@ -14,6 +14,7 @@ from edge_server.api import (
     bodies,
     broker,
     bulk,
+    dead_letters,
     documentation,
     errors,
     health,
@@ -37,6 +38,10 @@ class _Json(DefaultJSONProvider):
 
     def dumps(self, obj: Any, **options: Any) -> str:
         return super().dumps(obj, allow_nan=False, **options)
+
+
+_PARTS = (plans, telemetry, bulk, dead_letters, vehicles, broker, health, documentation)
+"""Whoever makes routes."""
 
 
 def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> APIFlask:
@@ -64,7 +69,7 @@ def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> API
     app.before_request(lambda: auth.check_caller(ring))
     app.after_request(_harden)
     app.after_request(bodies.discard_rest)
-    for part in (plans, telemetry, bulk, vehicles, broker, health, documentation):
+    for part in _PARTS:
         app.register_blueprint(part.blueprint())
     return app
 

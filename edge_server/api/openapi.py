@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Final, NamedTuple
 
+from afarcloud.wire import TELEMETRY
 from edge_server.api import schemas
 from edge_server.api.contract import Contract
 
@@ -33,6 +34,7 @@ _QUERY: Final[dict[str, tuple[str, dict[str, Any]]]] = {
         {"type": "string", "format": "date-time"},
     ),
     "vehicle_id": ("Only of this vehicle", {"type": "integer", "minimum": 1, "maximum": 2**31 - 1}),
+    "kind": ("Only of this kind", {"enum": [kind.value for kind in TELEMETRY]}),
     "wait": ("Seconds to wait for work", {"type": "number", "minimum": 0, "maximum": 25}),
 }
 _TAG: Final = {"type": "string"}

@@ -67,7 +67,7 @@ def components() -> dict[str, Any]:
         {"vehicle_id": _ID, "registered_at": _TIME, "updated_at": _TIME},
         closed=False,
     )
-    found |= _bulk() | _work()
+    found |= _bulk() | _work() | _dead_letters()
     return found
 
 
@@ -173,6 +173,28 @@ def _bulk() -> dict[str, Any]:
             "required": ["records"],
         },
     }
+
+
+def _dead_letters() -> dict[str, Any]:
+    """Schemas of `/dead_letters/`."""
+    record = {
+        "type": "object",
+        "properties": {"id": _ID, "message_id": _TEXT, "received_at": _TIME},
+        "required": ["id", "message_id", "received_at"],
+    }
+    letter = {
+        "type": "object",
+        "properties": {
+            "id": _ID,
+            "kind": {"enum": [kind.value for kind in TELEMETRY]},
+            "vehicle_id": _ID,
+            "attempts": {"type": "integer", "minimum": 0},
+            "reason": _TEXT,
+            "report": {"$ref": REFERENCE.format(model="Record")},
+        },
+        "required": ["id", "kind", "vehicle_id", "attempts", "reason", "report"],
+    }
+    return {"Record": record, "DeadLetter": letter}
 
 
 def _work() -> dict[str, Any]:

@@ -1,0 +1,53 @@
+"""Records that the cloud has rejected, as rows; they are kept until somebody decides."""
+
+from typing import Any, NamedTuple
+
+from sqlalchemy import Connection, Select, func, select
+
+from edge_server.store.tables import outbox, telemetry
+from edge_server.store.telemetry import Record
+
+
+class DeadLetter(NamedTuple):
+    """A rejected record, after how many tries, and why."""
+
+    record: Record
+    attempts: int
+    reason: str
+
+
+def _query() -> Select[Any]:
+    return (
+        select(telemetry, outbox.c.attempts, outbox.c.last_error)
+        .join(outbox, outbox.c.record_id == telemetry.c.id)
+        .where(outbox.c.state == "dead")
+    )
+
+
+def find(connection: Connection, record_id: int) -> DeadLetter | None:
+    """Find one by its record's id."""
+    row = connection.execute(_query().where(telemetry.c.id == record_id)).one_or_none()
+    return _letter(row) if row else None
+
+
+def page(
+    connection: Connection, *, after_id: int, limit: int, kind: str | None, vehicle_id: int | None
+) -> list[DeadLetter]:
+    """List dead letters, oldest record first."""
+    query = _query().where(telemetry.c.id > after_id)
+    if kind is not None:
+        query = query.where(telemetry.c.kind == kind)
+    if vehicle_id is not None:
+        query = query.where(telemetry.c.vehicle_id == vehicle_id)
+    return [_letter(row) for row in connection.execute(query.order_by(telemetry.c.id).limit(limit))]
+
+
+def count(connection: Connection) -> int:
+    """How many there are."""
+    dead = select(func.count()).select_from(outbox).where(outbox.c.state == "dead")
+    return connection.execute(dead).scalar_one()
+
+
+def _letter(row: Any) -> DeadLetter:
+    record = Record(row.id, row.message_id, row.kind, row.vehicle_id, row.payload, row.received_at)
+    return DeadLetter(record, row.attempts, row.last_error)

@@ -1,0 +1,95 @@
+"""What the cloud has rejected: shown with the reason, sent once more, or given up."""
+
+from typing import Any
+
+import pytest
+
+from edge_server.outbox import queue
+from edge_server.outbox.queue import Stream
+from tests.unit.edge_server.conftest import Edge
+from tests.unit.edge_server.documents import telemetry
+
+REASON = "422: longitude is missing"
+
+
+def rejected(edge: Edge, kind: str = "pose", vehicle_id: int = 1) -> dict[str, Any]:
+    """A report that the cloud has rejected on its third try."""
+    stored: dict[str, Any] = edge.report(kind, telemetry(kind, 0, vehicle_id)).json or {}
+    with edge.context.database.write() as connection:
+        heads = queue.heads(connection, Stream(vehicle_id, kind), 0, 10)
+        (parcel,) = [one for one in heads if one.record_id == stored["id"]]
+        queue.bury(connection, parcel, 3, REASON)
+    return stored
+
+
+def due(edge: Edge, kind: str = "pose", vehicle_id: int = 1) -> list[int]:
+    with edge.context.database.read() as connection:
+        heads = queue.heads(connection, Stream(vehicle_id, kind), 0, 10)
+    return [parcel.record_id for parcel in heads]
+
+
+def ask(edge: Edge, method: str, record_id: int, action: str = "") -> Any:
+    return edge.ask(method, f"/dead_letters/{record_id}{action}", "admin")
+
+
+def test_a_dead_letter_is_shown_with_its_reason(edge: Edge) -> None:
+    stored = rejected(edge)
+    edge.report("pose", telemetry("pose", 1))
+    (letter,) = edge.get("/dead_letters/")
+    assert letter == ask(edge, "GET", stored["id"]).json
+    assert (letter["id"], letter["kind"], letter["vehicle_id"]) == (stored["id"], "pose", 1)
+    assert (letter["attempts"], letter["reason"]) == (3, REASON)
+    assert letter["report"] == stored
+
+
+def test_pictures_are_listed_without_their_frame(edge: Edge) -> None:
+    stored = rejected(edge, "image")
+    (letter,) = edge.get("/dead_letters/")
+    assert "frame" not in letter["report"]
+    assert "frame" in ask(edge, "GET", stored["id"]).json["report"]
+
+
+@pytest.mark.parametrize(
+    ("query", "listed"),
+    [
+        ("", [0, 1, 2]),
+        ("?kind=pose", [0, 2]),
+        ("?vehicle_id=2", [2]),
+        ("?limit=1", [0]),
+        ("?kind=alarm", []),
+    ],
+)
+def test_a_narrowed_list(edge: Edge, query: str, listed: list[int]) -> None:
+    letters = [rejected(edge), rejected(edge, "battery"), rejected(edge, "pose", 2)]
+    found = [letter["id"] for letter in edge.get(f"/dead_letters/{query}")]
+    assert found == [letters[index]["id"] for index in listed]
+
+
+def test_an_unknown_kind_is_named(edge: Edge) -> None:
+    answer = edge.ask("GET", "/dead_letters/?kind=plan", "operator")
+    assert answer.status_code == 422
+    assert list((answer.json or {})["detail"]["query"]) == ["kind"]
+
+
+def test_a_retried_letter_is_due_before_what_came_later(edge: Edge) -> None:
+    stored = rejected(edge)
+    later = (edge.report("pose", telemetry("pose", 1)).json or {})["id"]
+    assert due(edge) == [later]
+    assert ask(edge, "POST", stored["id"], "/retry").json == stored
+    assert due(edge) == [stored["id"], later]
+    assert edge.get("/dead_letters/") == []
+
+
+def test_a_discarded_letter_is_gone(edge: Edge) -> None:
+    stored = rejected(edge)
+    assert ask(edge, "DELETE", stored["id"]).status_code == 204
+    assert edge.get("/dead_letters/") == []
+    assert edge.ask("GET", f"/pose/{stored['id']}", "operator").status_code == 404
+    assert due(edge) == []
+
+
+@pytest.mark.parametrize(("method", "action"), [("GET", ""), ("POST", "/retry"), ("DELETE", "")])
+def test_a_report_that_still_waits_is_no_dead_letter(edge: Edge, method: str, action: str) -> None:
+    waiting = (edge.report("pose", telemetry("pose")).json or {})["id"]
+    assert ask(edge, method, waiting, action).status_code == 404
+    assert due(edge) == [waiting]
