@@ -299,7 +299,7 @@ class Autopilot:
         mode = self.topics.vehicle_control_mode.value
         if mode is not None and mode.source is not ControlSource.NAVIGATOR:
             return _LED_BATCH_US
-        return max(self.mavlink.shortest_interval_us(), _WATCHED_BATCH_US)
+        return max(self.mavlink.shortest_interval_us(self._time_us()), _WATCHED_BATCH_US)
 
     def _time_us(self) -> int:
         return self.vehicle.time_us

@@ -22,17 +22,17 @@ _MICROSECONDS: Final = 1_000_000
 class Schedule:
     """Says when a periodic sample is due: at `first_us` and every period after it."""
 
-    __slots__ = ("_next_us", "_period_us")
+    __slots__ = ("_period_us", "next_us")
 
     def __init__(self, rate_hz: int, *, first_us: int = 0) -> None:
         self._period_us = _MICROSECONDS // rate_hz
-        self._next_us = first_us
+        self.next_us = first_us
 
     def due(self, time_us: int) -> bool:
         """Whether a sample is due at `time_us`; says so once per period."""
-        if time_us < self._next_us:
+        if time_us < self.next_us:
             return False
-        self._next_us += self._period_us
+        self.next_us += self._period_us
         return True
 
 

@@ -43,11 +43,8 @@ class JsbsimVehicle:
         self._console_us = 0
         self._motors = _STOPPED
         self._readings: Readings = simulation.readings
-
-    @property
-    def time_us(self) -> int:
+        self.time_us = simulation.time_us
         """Simulated time since boot [us]."""
-        return self._simulation.time_us
 
     @property
     def step_us(self) -> int:
@@ -65,7 +62,8 @@ class JsbsimVehicle:
             ValueError: when a motor command is no finite number; no time passes then.
             OSError: if the file of orders cannot be read any more.
         """
-        self._readings = self._simulation.step(self._motors)
+        self._readings = readings = self._simulation.step(self._motors)
+        self.time_us = readings.imu.time_us
         if self._console is not None and self.time_us >= self._console_us:
             self._console_us = self.time_us + _CONSOLE_PERIOD_US
             self._obey(self._console)

@@ -53,3 +53,11 @@ def test_a_batch_is_no_longer_than_the_fastest_telemetry_needs(tester: Autopilot
     station.command(common.MAV_CMD_SET_MESSAGE_INTERVAL, common.MAVLINK_MSG_ID_ATTITUDE, 50_000.0)
     autopilot.serve_link()
     assert autopilot.batch_us() == 50_000 < before_us
+
+
+def test_nobody_watches_who_has_long_been_silent(tester: AutopilotTester) -> None:
+    autopilot = tester.autopilot
+    watched_us = autopilot.batch_us()
+    tester.heartbeats = False
+    tester.run_for(6.0)
+    assert autopilot.batch_us() > watched_us

@@ -83,13 +83,20 @@ def _yaw_share(level: float, tilts: list[float], turns: list[float]) -> float:
     return max(share, 0.0)
 
 
-def motor_command(thrust: float, model_factor: float) -> float:
-    """Motor command 0 to 1 that gives a share 0 to 1 of the full thrust.
+def motor_commands(thrust: Motors, model_factor: float, idle: float) -> Motors:
+    """Motor commands 0 to 1, none below `idle`, that give shares 0 to 1 of the full thrust.
 
     Inverts thrust = f u^2 + (1 - f) u, PX4's THR_MDL_FAC model of propeller and motor.
     """
-    if model_factor < 1e-6:
-        return thrust
-    linear = 1.0 - model_factor
-    root = math.sqrt(linear * linear + 4.0 * model_factor * thrust)
-    return (root - linear) / (2.0 * model_factor)
+    one, two, three, four = thrust
+    if model_factor >= 1e-6:
+        linear = 1.0 - model_factor
+        square, double = linear * linear, 2.0 * model_factor
+        one = (math.sqrt(square + 4.0 * model_factor * one) - linear) / double
+        two = (math.sqrt(square + 4.0 * model_factor * two) - linear) / double
+        three = (math.sqrt(square + 4.0 * model_factor * three) - linear) / double
+        four = (math.sqrt(square + 4.0 * model_factor * four) - linear) / double
+    if one >= idle and two >= idle and three >= idle and four >= idle:
+        return (one, two, three, four)
+    # max lets a first argument pass that is no number; the caller judges it.
+    return (max(one, idle), max(two, idle), max(three, idle), max(four, idle))

@@ -4,7 +4,7 @@ import math
 from typing import Final
 
 from uav_firmware.bus import Queue, Topic
-from uav_firmware.modules.control_allocator.allocation import allocate, motor_command
+from uav_firmware.modules.control_allocator.allocation import allocate, motor_commands
 from uav_firmware.modules.control_allocator.geometry import GeometryError, Mix, Rotor, mix_of
 from uav_firmware.modules.control_allocator.params import ControlAllocatorParams
 from uav_firmware.msg.actuators import ActuatorMotors
@@ -67,15 +67,8 @@ class ControlAllocatorModule:
             self._fly_on_three(now_us, flown, setpoint)
             return
         result = allocate(setpoint.torque_frd, setpoint.thrust, self._mix)
-        factor, idle = self._model_factor, self._idle
-        one, two, three, four = result.thrust
-        control = (
-            max(motor_command(one, factor), idle),
-            max(motor_command(two, factor), idle),
-            max(motor_command(three, factor), idle),
-            max(motor_command(four, factor), idle),
-        )
-        if not math.isfinite(sum(control)):
+        control = motor_commands(result.thrust, self._model_factor, self._idle)
+        if not math.isfinite(control[0] + control[1] + control[2] + control[3]):
             self._hold_motors(now_us)
             return
         self._motors.publish(ActuatorMotors(now_us, control))
@@ -90,9 +83,8 @@ class ControlAllocatorModule:
 
         Nothing of the torque asked for is produced: so the rate loop's integrators wait.
         """
-        control = [motor_command(thrust, self._model_factor) for thrust in flown.thrust]
-        one, two, three, four = control
-        self._motors.publish(ActuatorMotors(now_us, (one, two, three, four)))
+        control = motor_commands(flown.thrust, self._model_factor, 0.0)
+        self._motors.publish(ActuatorMotors(now_us, control))
         self._allocator_status.publish(ControlAllocatorStatus(now_us, setpoint.torque_frd, 0.0))
 
     def _hold_motors(self, now_us: int) -> None:

@@ -16,6 +16,7 @@ from uav_firmware.msg.status import StatusText, VehicleStatus
 from uav_firmware.parameters import Registry
 
 _REPEAT_US: Final = 1_000_000
+_ATTITUDE_US: Final = 20_000  # 50 Hz: an attitude counts as lost after tenths of a second
 _LONGEST_STEP_S: Final = 0.1
 _CRITICAL: Final = 2  # MAV_SEVERITY
 
@@ -48,7 +49,7 @@ class FailureDetectorModule:
         self._roll, self._pitch = AxisWatch(), AxisWatch()
         self._esc_count = 0
         self._esc_us = 0
-        self._last_us = 0
+        self._attitude_us = 0
 
     def update(self, now_us: int) -> None:
         """Look once; publish on change and once a second."""
@@ -56,14 +57,15 @@ class FailureDetectorModule:
             self._seen_version = self._registry.version
             self._params = self._registry.read(FailureDetectorParams)
             self._watch.limits = _limits(self._params)
-        dt = min((now_us - self._last_us) * 1e-6, _LONGEST_STEP_S)
-        self._last_us = now_us
         status = self._vehicle_status.value
         if status is not None and status.armed:
             self._watch_motors()
         else:
             self._watch.reset()
-        self._watch_attitude(dt)
+        elapsed_us = now_us - self._attitude_us
+        if elapsed_us >= _ATTITUDE_US:
+            self._attitude_us = now_us
+            self._watch_attitude(min(elapsed_us * 1e-6, _LONGEST_STEP_S))
         self._publish(now_us)
 
     def _watch_motors(self) -> None:

@@ -123,9 +123,9 @@ class MavlinkModule:
         if self._peers.is_any_due(now_us):
             self._transmitter.stream(self._context(now_us))
 
-    def shortest_interval_us(self) -> int:
-        """Interval [us] of the message that is sent most often, to whatever peer."""
-        return self._peers.shortest_interval_us()
+    def shortest_interval_us(self, now_us: int) -> int:
+        """Interval [us] of what is sent most often to a peer that is heard; a second if to none."""
+        return self._peers.shortest_interval_us(now_us)
 
     def serve(self, now_us: int) -> None:
         """Answer the datagrams that have arrived; of a flood, as many as a step can bear."""

@@ -17,6 +17,8 @@ from uav_firmware.cal.link import Address
 from uav_firmware.modules.mavlink.schedule import LONGEST_INTERVAL_US, Schedule
 from uav_firmware.modules.mavlink.signing import Signer
 
+HEARD_LATELY_US: Final = 5_000_000
+"""Age of the last message of a peer that is thought to listen, some heartbeats being lost."""
 MAX_LEARNT_PEERS: Final = 8
 SHORTEST_SILENCE_US: Final = 10_000_000
 LONGEST_SILENCE_US: Final = 60_000_000
@@ -153,10 +155,14 @@ class PeerTable:
                 return True
         return False
 
-    def shortest_interval_us(self) -> int:
-        """Interval [us] of the message that is sent most often; a second if there is none."""
+    def shortest_interval_us(self, now_us: int) -> int:
+        """Interval [us] of what is sent most often to a peer that is heard; a second if to none."""
         return min(
-            (channel.schedule.shortest_interval_us for channel in self),
+            (
+                channel.schedule.shortest_interval_us
+                for channel in self
+                if now_us - channel.heard_us < HEARD_LATELY_US
+            ),
             default=LONGEST_INTERVAL_US,
         )
 

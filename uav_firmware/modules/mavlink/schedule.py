@@ -6,6 +6,7 @@ share one packed payload, while different messages of the same rate spread over 
 """
 
 from collections.abc import Mapping
+from heapq import heapify, heapreplace
 from typing import Final
 
 LONGEST_INTERVAL_US: Final = 1_000_000
@@ -27,7 +28,7 @@ class Schedule:
         """Begin with the defaults: message id to interval [us]."""
         self._defaults = default_intervals_us
         self._intervals = dict(default_intervals_us)
-        self._due = dict.fromkeys(self._intervals, 0)
+        self._due = sorted((0, message_id) for message_id in self._intervals)  # A heap [us]
         self.next_due_us: int = 0
         self.shortest_interval_us = self._shortest_interval_us()
 
@@ -42,11 +43,12 @@ class Schedule:
     def set_interval(self, message_id: int, interval_us: int, now_us: int) -> None:
         """Send a message every `interval_us` from now on; 0 stops it."""
         self._intervals.pop(message_id, None)
-        self._due.pop(message_id, None)
+        self._due = [entry for entry in self._due if entry[1] != message_id]
         if interval_us > 0:
             self._intervals[message_id] = interval_us
-            self._due[message_id] = now_us
-        self.next_due_us = min(self._due.values(), default=now_us)
+            self._due.append((now_us, message_id))
+        heapify(self._due)
+        self.next_due_us = self._due[0][0] if self._due else now_us
         self.shortest_interval_us = self._shortest_interval_us()
 
     def _shortest_interval_us(self) -> int:
@@ -54,12 +56,13 @@ class Schedule:
 
     def take_due(self, now_us: int) -> list[int]:
         """Messages due at `now_us`; each is due again at the next point of its grid."""
-        if now_us < self.next_due_us:
-            return []
-        due = [message_id for message_id, time_us in self._due.items() if time_us <= now_us]
-        for message_id in due:
-            interval = self._intervals[message_id]
-            phase = _phase_us(message_id)
-            self._due[message_id] = ((now_us - phase) // interval + 1) * interval + phase
-        self.next_due_us = min(self._due.values(), default=now_us + _PHASE_STEP_US)
-        return due
+        taken: list[int] = []
+        due = self._due
+        while due and due[0][0] <= now_us:
+            message_id = due[0][1]
+            interval_us, phase_us = self._intervals[message_id], _phase_us(message_id)
+            next_us = ((now_us - phase_us) // interval_us + 1) * interval_us + phase_us
+            heapreplace(due, (next_us, message_id))
+            taken.append(message_id)
+        self.next_due_us = due[0][0] if due else now_us + _PHASE_STEP_US
+        return taken

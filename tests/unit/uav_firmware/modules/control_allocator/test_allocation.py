@@ -1,11 +1,13 @@
+import math
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.unit.uav_firmware.modules.control_allocator.test_geometry import QUAD_X
-from uav_firmware.modules.control_allocator.allocation import Allocation, allocate, motor_command
+from uav_firmware.modules.control_allocator.allocation import Allocation, allocate, motor_commands
 from uav_firmware.modules.control_allocator.geometry import mix_of
-from uav_firmware.msg.vectors import Vector3
+from uav_firmware.msg.vectors import Motors, Vector3
 
 MIX = mix_of(QUAD_X)
 torques = st.tuples(*[st.floats(-1.0, 1.0)] * 3)
@@ -78,9 +80,16 @@ def test_thrust_moves_by_a_bounded_amount_for_yaw() -> None:
     assert yaw == pytest.approx(0.15)
 
 
-@given(shares, shares)
-def test_motor_command_inverts_the_thrust_model(thrust: float, factor: float) -> None:
-    command = motor_command(thrust, factor)
-    assert 0.0 <= command <= 1.0 + 1e-12
-    model = factor * command * command + (1.0 - factor) * command
-    assert model == pytest.approx(thrust, abs=1e-6)
+@given(st.tuples(shares, shares, shares, shares), shares)
+def test_motor_commands_invert_the_thrust_model(thrust: Motors, factor: float) -> None:
+    for command, wanted in zip(motor_commands(thrust, factor, 0.0), thrust, strict=True):
+        assert 0.0 <= command <= 1.0 + 1e-12
+        model = factor * command * command + (1.0 - factor) * command
+        assert model == pytest.approx(wanted, abs=1e-6)
+
+
+def test_no_motor_is_commanded_below_idle_and_what_is_no_number_stays_none() -> None:
+    commands = motor_commands((0.0, 0.01, 0.5, math.nan), 0.8, 0.055)
+    assert commands[:2] == (0.055, 0.055)
+    assert commands[2] > 0.5
+    assert math.isnan(commands[3])
