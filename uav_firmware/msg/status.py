@@ -37,7 +37,9 @@ class LandedState(IntEnum):
 class Command(IntEnum):
     """MAVLink's MAV_CMD of the commands that commander answers."""
 
+    NAV_WAYPOINT = 16
     NAV_LOITER_UNLIM = 17
+    NAV_LOITER_TIME = 19
     NAV_RETURN_TO_LAUNCH = 20
     NAV_LAND = 21
     NAV_TAKEOFF = 22
@@ -56,6 +58,7 @@ class Command(IntEnum):
     DO_SET_MISSION_CURRENT = 224
     MISSION_START = 300
     COMPONENT_ARM_DISARM = 400
+    RUN_PREARM_CHECKS = 401
     INJECT_FAILURE = 420
 
 

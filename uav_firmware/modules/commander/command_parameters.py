@@ -51,6 +51,12 @@ def refuse_set(command: VehicleCommand, *numbers: int) -> None:
             raise BadParameterError(f"parameter {number} is set but has no effect")
 
 
+def refuse_negative(command: VehicleCommand, number: int) -> None:
+    """Refuse a parameter below 0; unset is allowed."""
+    if parameters(command)[number - 1] < 0.0:
+        raise BadParameterError(f"parameter {number} is negative")
+
+
 def choice(command: VehicleCommand, number: int, *allowed: float) -> float:
     """Value of a parameter that must be one of a few."""
     value = parameters(command)[number - 1]

@@ -115,6 +115,15 @@ def arming_refusal(situation: Situation) -> str | None:
     return mode_requirements.missing(mode, view) or unsafe_throttle(mode, view.sticks)
 
 
+def _check(command: VehicleCommand, situation: Situation) -> Decision:
+    """RUN_PREARM_CHECKS: they run all the time; the first that fails is told in words."""
+    refuse_set(command, 1, 2, 3, 4, 5, 6, 7)
+    if situation.armed:
+        return not_now("the vehicle is armed")
+    reason = arming_refusal(situation)
+    return accepted(note="Ready to arm" if reason is None else f"Not ready: {reason}")
+
+
 def _set_mode(command: VehicleCommand, situation: Situation) -> Decision:
     if not int(choice(command, 1, *map(float, range(256)))) & int(_MODE_CUSTOM):
         return denied("parameter 1 has no custom mode")
@@ -216,7 +225,9 @@ def _inject_failure(command: VehicleCommand, situation: Situation) -> Decision:
 Handler = Callable[[VehicleCommand, Situation], Decision]
 
 HANDLERS: Final[Mapping[int, Handler]] = {
+    Command.NAV_WAYPOINT: flight_commands.waypoint,
     Command.NAV_LOITER_UNLIM: flight_commands.loiter,
+    Command.NAV_LOITER_TIME: flight_commands.loiter_for_a_time,
     Command.NAV_RETURN_TO_LAUNCH: flight_commands.return_home,
     Command.NAV_LAND: flight_commands.land,
     Command.NAV_TAKEOFF: flight_commands.take_off,
@@ -235,5 +246,6 @@ HANDLERS: Final[Mapping[int, Handler]] = {
     Command.DO_SET_MISSION_CURRENT: _set_current,
     Command.MISSION_START: _mission_start,
     Command.COMPONENT_ARM_DISARM: _arm_disarm,
+    Command.RUN_PREARM_CHECKS: _check,
     Command.INJECT_FAILURE: _inject_failure,
 }

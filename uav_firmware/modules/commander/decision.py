@@ -24,6 +24,13 @@ class Terminate(NamedTuple):
     """Stop the motors wherever the vehicle is, for good reasons only."""
 
 
+class HoldFor(NamedTuple):
+    """Hold for a time once at rest, then go on with a mode."""
+
+    seconds: float  # [s]
+    then: NavigationState
+
+
 class SetHome(NamedTuple):
     """Put home at a place, or where the vehicle is."""
 
@@ -45,7 +52,7 @@ class Inject(NamedTuple):
     instance: int  # [-] From 1; 0 all
 
 
-FlightEffect: TypeAlias = SetMode | Arm | Disarm | Terminate | SetHome | Tell
+FlightEffect: TypeAlias = SetMode | HoldFor | Arm | Disarm | Terminate | SetHome | Tell
 Effect: TypeAlias = FlightEffect | Inject
 
 

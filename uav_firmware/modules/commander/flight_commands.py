@@ -12,11 +12,13 @@ from uav_firmware.modules.commander.command_parameters import (
     choice,
     place,
     refuse_below_home,
+    refuse_negative,
     refuse_set,
     unset,
 )
 from uav_firmware.modules.commander.decision import (
     Decision,
+    HoldFor,
     SetMode,
     Tell,
     accepted,
@@ -35,6 +37,7 @@ from uav_firmware.msg.mission import (
 from uav_firmware.msg.status import NavigationState, VehicleCommand
 
 LOWEST_TAKEOFF_M: Final = 1.0  # [m] above home; lower becomes MIS_TAKEOFF_ALT
+LONGEST_HOLD_S: Final = 86_400.0  # [s]
 _HERE: Final = Place(NAN, NAN, NAN)
 
 
@@ -51,13 +54,15 @@ class Situation(NamedTuple):
 def change_mode(state: NavigationState, situation: Situation) -> Decision:
     """Enter a mode if what it needs is there.
 
-    A complete mission begins again, and a hold that is on its way to a point stops.
+    A complete mission begins again, and a hold that is on its way to a point stops. Before
+    arming nothing moves: a mode may then be chosen that cannot be started from, as on PX4.
     """
     view = situation.view
-    reason = mode_requirements.missing(state, view)
+    excepted = frozenset() if situation.armed else mode_requirements.CHOSEN_WITHOUT
+    reason = mode_requirements.missing(state, view, excepted)
     if reason is not None:
         return not_now(reason)
-    if state in mode_requirements.AIRBORNE_ONLY and (view.landed or not situation.armed):
+    if state in mode_requirements.AIRBORNE_ONLY and situation.armed and view.landed:
         return not_now("the vehicle is on the ground")
     complete = view.progress is not None and view.progress.state == MissionState.COMPLETE
     if state is NavigationState.AUTO_MISSION and complete:
@@ -89,6 +94,8 @@ def _change_mode_to(
 def change_mode_for(target: ModeTarget, situation: Situation, *, note: str = "") -> Decision:
     """Enter the mode of a target, if that can be flown."""
     state = target.navigation_state
+    if state in mode_requirements.AIRBORNE_ONLY and situation.view.landed:
+        return not_now("the vehicle is on the ground")
     decision = change_mode(state, situation)
     if not decision.effects:
         return decision
@@ -142,6 +149,40 @@ def loiter(command: VehicleCommand, situation: Situation) -> Decision:
     refuse_below_home(spot.altitude_amsl_m, situation.view)
     yaw = math.radians(command.param4)
     return _change_mode_to(NavigationState.AUTO_LOITER, situation, spot, yaw=yaw)
+
+
+def waypoint(command: VehicleCommand, situation: Situation) -> Decision:
+    """NAV_WAYPOINT: fly there and hold, which no hold time and no acceptance radius can exceed."""
+    for number in (1, 2):
+        refuse_negative(command, number)
+    refuse_set(command, 3)
+    spot = place(command, situation.view, zero_is_unset=False)
+    if math.isnan(spot.latitude_deg):
+        return denied("parameters 5 and 6: no place")
+    refuse_below_home(spot.altitude_amsl_m, situation.view)
+    if situation.view.landed:
+        return not_now("the vehicle is on the ground")
+    yaw = math.radians(command.param4)
+    return _change_mode_to(NavigationState.AUTO_LOITER, situation, spot, yaw=yaw)
+
+
+def loiter_for_a_time(command: VehicleCommand, situation: Situation) -> Decision:
+    """NAV_LOITER_TIME: hold here or at the place for parameter 1 [s]; a mission then goes on."""
+    if not 0.0 < command.param1 <= LONGEST_HOLD_S:
+        raise BadParameterError(f"parameter 1: a time of {command.param1:g} s")
+    refuse_set(command, 2, 3, 4)
+    spot = place(command, situation.view, zero_is_unset=True)
+    if math.isnan(spot.latitude_deg) and unset(command.param7):
+        spot = _HERE
+    if situation.view.landed:
+        return not_now("the vehicle is on the ground")
+    refuse_below_home(spot.altitude_amsl_m, situation.view)
+    decision = _change_mode_to(NavigationState.AUTO_LOITER, situation, spot, yaw=NAN)
+    if not decision.effects:
+        return decision
+    on_mission = situation.mode is NavigationState.AUTO_MISSION
+    then = NavigationState.AUTO_MISSION if on_mission else NavigationState.AUTO_LOITER
+    return decision._replace(effects=(*decision.effects, HoldFor(command.param1, then)))
 
 
 def reposition(command: VehicleCommand, situation: Situation) -> Decision:

@@ -63,7 +63,7 @@ AIRBORNE_ONLY: Final = frozenset(
         NavigationState.AUTO_FOLLOW_TARGET,
     }
 )
-"""Modes that can only be entered in the air."""
+"""Modes that are flown in the air only; before arming they can be chosen, not started from."""
 
 ENDING_IN_HOLD: Final = frozenset({NavigationState.AUTO_TAKEOFF, NavigationState.ORBIT})
 """Modes that give way to AUTO_LOITER when their work is done."""
@@ -80,9 +80,15 @@ def needs_of(state: NavigationState, view: VehicleView) -> frozenset[Need]:
     return needs
 
 
-def missing(state: NavigationState, view: VehicleView) -> str | None:
+CHOSEN_WITHOUT: Final = frozenset({Need.STICKS})
+"""What need not be there when a mode is chosen before arming; arming then asks for it."""
+
+
+def missing(
+    state: NavigationState, view: VehicleView, excepted: frozenset[Need] = frozenset()
+) -> str | None:
     """Why a mode of the table cannot be flown now; None when it can."""
-    needs = needs_of(state, view)
+    needs = needs_of(state, view) - excepted
     for need in _ALL:
         if need in needs and (reason := _CHECKS[need](view)) is not None:
             return reason

@@ -12,6 +12,7 @@ from uav_firmware.modules.commander.decision import (
     Decision,
     Disarm,
     FlightEffect,
+    HoldFor,
     Inject,
     SetHome,
     SetMode,
@@ -30,6 +31,7 @@ from uav_firmware.modules.commander.params import CommanderParams
 from uav_firmware.modules.commander.pilot import TakeOver
 from uav_firmware.modules.commander.readiness import EXAMINE_PERIOD_US, Health, examine
 from uav_firmware.modules.commander.texts import DISARM_TEXTS, Severity
+from uav_firmware.modules.commander.timed_hold import TimedHold
 from uav_firmware.modules.commander.topics import CommanderTopics
 from uav_firmware.modules.commander.vehicle_view import VehicleView
 from uav_firmware.msg.control_mode import VehicleControlMode
@@ -79,6 +81,7 @@ class CommanderModule:
         self._failsafe = FailsafeMachine()
         self._take_over = TakeOver()
         self._disarm_timer = DisarmTimer()
+        self._timed_hold = TimedHold()
         self._home_keeper = HomeKeeper(topics.home_position)
         self._last_target = ""
         self._judge_due_us = 0
@@ -145,7 +148,10 @@ class CommanderModule:
         match effect:
             case SetMode(state):
                 self._failsafe.overrule()
+                self._timed_hold.cancel()
                 self._mode = state
+            case HoldFor(seconds, then):
+                self._timed_hold.order(seconds, then, view.now_us)
             case Arm():
                 self._arm(view)
             case Disarm():
@@ -201,6 +207,9 @@ class CommanderModule:
         )
         if done and self._mode in mode_requirements.ENDING_IN_HOLD:
             self._mode = NavigationState.AUTO_LOITER
+        following = self._timed_hold.next_mode(self._mode, view.now_us, at_rest=done)
+        if mode_requirements.missing(following, view) is None:
+            self._mode = following
         mission_state = view.progress.state if view.progress is not None else 0
         event = self._disarm_timer.due(
             view.now_us, landed=view.landed, mission_state=mission_state, params=self._params
@@ -236,6 +245,7 @@ class CommanderModule:
         elif reaction.mode is not None:
             if reaction.mode is self._mode is NavigationState.AUTO_LOITER:
                 self._tell(hold_here(view.now_us))  # it may be on its way to a place
+            self._timed_hold.cancel()
             self._mode = reaction.mode
 
     def _observe_pilot(self, view: VehicleView) -> None:

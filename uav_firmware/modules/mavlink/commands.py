@@ -49,7 +49,9 @@ FORWARDED: Final = frozenset(int(command) for command in status.Command)
 
 POSITIONAL: Final = frozenset(
     {
+        status.Command.NAV_WAYPOINT,
         status.Command.NAV_LOITER_UNLIM,
+        status.Command.NAV_LOITER_TIME,
         status.Command.NAV_LAND,
         status.Command.NAV_TAKEOFF,
         status.Command.DO_ORBIT,

@@ -95,7 +95,7 @@ def test_an_infinite_parameter_is_always_denied(command: int, number: int) -> No
     assert any(f"parameter {number}" in text for text in vehicle.texts)
 
 
-@pytest.mark.parametrize("command", [16, 31, 2000, 42, 65535])
+@pytest.mark.parametrize("command", [18, 31, 2000, 42, 65535])
 def test_an_unknown_command_is_unsupported(command: int) -> None:
     assert grounded().send(command, NAN, NAN, NAN, NAN, NAN, NAN, NAN) is UNSUPPORTED
 
@@ -132,6 +132,13 @@ WRONG = [
     (Command.MISSION_START, (9.0,)),
     (Command.MISSION_START, (0.0, 1.0)),
     (Command.DO_FLIGHTTERMINATION, (0.3,)),
+    (Command.NAV_WAYPOINT, (0.0, 0.0, 1.0, NAN, HOME[0], HOME[1], HOME[2] + 9.0)),
+    (Command.NAV_WAYPOINT, (-1.0, 0.0, 0.0, NAN, HOME[0], HOME[1], HOME[2] + 9.0)),
+    (Command.NAV_WAYPOINT, (0.0, 0.0, 0.0, NAN, NAN, NAN, HOME[2] + 9.0)),
+    (Command.NAV_LOITER_TIME, (0.0,)),
+    (Command.NAV_LOITER_TIME, (NAN,)),
+    (Command.NAV_LOITER_TIME, (5.0, 0.0, 10.0)),
+    (Command.RUN_PREARM_CHECKS, (1.0,)),
 ]
 
 
@@ -146,14 +153,14 @@ def test_a_wrong_parameter_is_denied_with_a_sentence(
 
 
 WRONG_MOMENT = [
-    (Command.NAV_RETURN_TO_LAUNCH, ()),
-    (Command.NAV_LAND, ()),
+    (Command.NAV_WAYPOINT, (0.0, 0.0, 0.0, NAN, HOME[0], HOME[1], HOME[2] + 9.0)),
+    (Command.NAV_LOITER_TIME, (5.0,)),
+    (Command.DO_ORBIT, (10.0, NAN, NAN, NAN, NAN, NAN, NAN)),
     (Command.DO_REPOSITION, (-1.0, 1.0, 0.0, NAN, NAN, NAN, NAN)),
     (Command.DO_CHANGE_SPEED, (1.0, 3.0)),
     (Command.DO_PAUSE_CONTINUE, (0.0,)),
     (Command.DO_PAUSE_CONTINUE, (1.0,)),
     (Command.DO_FLIGHTTERMINATION, (1.0,)),
-    (Command.DO_SET_MODE, (1.0, 4.0, 5.0)),
 ]
 
 
@@ -162,6 +169,73 @@ def test_what_needs_the_air_is_not_done_on_the_ground(
     command: Command, params: tuple[float, ...]
 ) -> None:
     assert loaded().send(command, *params) is NOT_NOW
+
+
+@pytest.mark.parametrize(
+    ("order", "mode"),
+    [
+        ((Command.NAV_RETURN_TO_LAUNCH,), NavigationState.AUTO_RTL),
+        ((Command.NAV_LAND,), NavigationState.AUTO_LAND),
+        ((Command.DO_SET_MODE, 1.0, 4.0, 5.0), NavigationState.AUTO_RTL),
+        ((Command.DO_SET_MODE, 29.0, 4.0, 6.0), NavigationState.AUTO_LAND),
+        ((Command.DO_SET_MODE, 1.0, 4.0, 8.0), NavigationState.AUTO_FOLLOW_TARGET),
+        ((Command.DO_SET_MODE, 1.0, 3.0, 1.0), NavigationState.ORBIT),
+        ((Command.DO_SET_MODE, 1.0, 3.0, 0.0), NavigationState.POSCTL),
+        ((Command.DO_SET_MODE, 1.0, 7.0, 0.0), NavigationState.STAB),
+    ],
+)
+def test_before_arming_every_mode_can_be_chosen_and_none_flies(
+    order: tuple[float, ...], mode: NavigationState
+) -> None:
+    vehicle = loaded()
+    assert vehicle.send(int(order[0]), *order[1:]) is ACCEPTED
+    vehicle.run(1.0)
+    assert vehicle.mode is mode
+    assert vehicle.arm() is NOT_NOW
+    assert vehicle.send(Command.NAV_TAKEOFF, NAN, NAN, NAN, NAN, NAN, NAN, NAN) is ACCEPTED
+    assert vehicle.arm() is ACCEPTED
+    vehicle.run_until(lambda v: v.position[2] < -2.0)
+
+
+def test_a_waypoint_is_flown_to_and_held() -> None:
+    vehicle = airborne()
+    place = at(20.0, 10.0)
+    params = (5.0, 1.0, 0.0, NAN, place["x"], place["y"], HOME[2] + 12.0)
+    assert vehicle.send(Command.NAV_WAYPOINT, *params) is ACCEPTED
+    vehicle.run_until(lambda v: math.dist(v.position, (20.0, 10.0, -12.0)) < 1.0)
+    vehicle.run(8.0)
+    assert vehicle.mode is NavigationState.AUTO_LOITER
+    assert math.dist(vehicle.position, (20.0, 10.0, -12.0)) < 1.0
+
+
+def test_a_timed_hold_lets_the_mission_go_on() -> None:
+    vehicle = airborne()
+    assert vehicle.send(Command.NAV_LOITER_TIME, 3.0) is ACCEPTED
+    assert vehicle.mode is NavigationState.AUTO_LOITER
+    vehicle.run_until(lambda v: math.hypot(*v.velocity) < 0.1)
+    vehicle.run(2.5)
+    assert vehicle.mode is NavigationState.AUTO_LOITER
+    vehicle.run_until(lambda v: v.mode is NavigationState.AUTO_MISSION)
+    vehicle.run_until(lambda v: v.position[0] > 25.0)
+
+
+def test_a_timed_hold_is_forgotten_when_something_else_is_ordered() -> None:
+    vehicle = airborne()
+    vehicle.send(Command.NAV_LOITER_TIME, 2.0)
+    vehicle.run(0.5)
+    vehicle.send(Command.DO_PAUSE_CONTINUE, 0.0)
+    vehicle.run(10.0)
+    assert vehicle.mode is NavigationState.AUTO_LOITER
+
+
+def test_the_checks_before_arming_are_told_on_request() -> None:
+    vehicle = grounded()
+    assert vehicle.send(Command.RUN_PREARM_CHECKS) is ACCEPTED
+    assert any("Ready to arm" in text for text in vehicle.texts)
+    vehicle.send(Command.DO_SET_MODE, 1.0, 4.0, 5.0)
+    assert vehicle.send(Command.RUN_PREARM_CHECKS) is ACCEPTED
+    assert any("Not ready" in text for text in vehicle.texts)
+    assert airborne().send(Command.RUN_PREARM_CHECKS) is NOT_NOW
 
 
 def test_without_a_mission_there_is_nothing_to_start_or_choose() -> None:
