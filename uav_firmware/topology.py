@@ -37,6 +37,7 @@ from uav_firmware.modules.mavlink.reception import SigningOptions
 from uav_firmware.modules.mavlink.signing_params import SigningParams
 from uav_firmware.modules.mavlink.signing_setup import SetupTrust
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
+from uav_firmware.modules.mavlink.vehicle_facts import VehicleFacts
 from uav_firmware.modules.navigator import geofence_plan
 from uav_firmware.modules.navigator.module import NavigatorModule
 from uav_firmware.modules.offboard.module import OffboardModule
@@ -72,6 +73,7 @@ _PARAMETER_GROUPS: Final = (
     LoggerParams,
     ManualControlParams,
     LinkParams,
+    VehicleFacts,
     SigningParams,
 )
 

@@ -21,6 +21,7 @@ from uav_firmware.modules.mavlink.dialect_extensions import (
     raw_param_value,
 )
 from uav_firmware.modules.mavlink.status_text import StatusTexts
+from uav_firmware.modules.mavlink.vehicle_facts import FACTS
 from uav_firmware.parameters import (
     ParameterError,
     ParameterRangeError,
@@ -30,17 +31,23 @@ from uav_firmware.parameters import (
 )
 
 HASH_NAME: Final = "_HASH_CHECK"
-VALUES_PER_SECOND: Final = 500
-"""Pace of the list, in vehicle time: 20 kB/s, a third of a 500 kbit/s link."""
-_MAX_VALUES_PER_TICK: Final = 20
+VALUES_PER_SECOND: Final = 1000
+"""Pace of the list, in vehicle time: 40 kB/s, a third of a 1 Mbit/s link."""
+_MAX_VALUES_PER_TICK: Final = 40
 _NO_INDEX: Final = 0xFFFF
-VOLATILE: Final = frozenset({"COM_FLIGHT_UUID", "LND_FLIGHT_T_HI", "LND_FLIGHT_T_LO"})
-"""Parameters that change by themselves and are left out of the hash."""
+VOLATILE: Final = frozenset(
+    {"COM_FLIGHT_UUID", "EKF2_MAG_DECL", "LND_FLIGHT_T_HI", "LND_FLIGHT_T_LO"}
+)
+"""Parameters that change by themselves, in PX4's list of them, and are left out of the hash.
+
+A ground station leaves out the same, by PX4's metadata; hence EKF2_MAG_DECL, set or not.
+"""
 
 _INT32: Final[int] = mavlink.MAV_PARAM_TYPE_INT32
 _REAL32: Final[int] = mavlink.MAV_PARAM_TYPE_REAL32
 _UINT32: Final[int] = mavlink.MAV_PARAM_TYPE_UINT32
 _DOES_NOT_EXIST: Final[int] = mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST
+_READ_ONLY: Final[int] = mavlink.MAV_PARAM_ERROR_READ_ONLY
 _OUT_OF_RANGE: Final[int] = mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE
 _ERROR_CODES: Final[Mapping[type[ParameterError], int]] = {
     UnknownParameterError: _DOES_NOT_EXIST,
@@ -170,6 +177,8 @@ class ParameterServer:
             value = _carried_value(message, is_integer=is_integer)
             if value is None:
                 return MAV_PARAM_ERROR_TYPE_MISMATCH
+            if name in FACTS:
+                return None if value == self._registry.get(name) else _READ_ONLY
             self._registry.set(name, value)
         except ParameterError as error:
             return _ERROR_CODES.get(type(error), _OUT_OF_RANGE)
