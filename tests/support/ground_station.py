@@ -90,7 +90,8 @@ class GroundStation:
         """Offer a mission; `hear` answers the vehicle's requests."""
         self._upload = list(items)
         self.mission_ack = None
-        self._send(common.MAVLink_mission_count_message(self._target, 1, len(items), 0))
+        kind = items[0].mission_type if items else common.MAV_MISSION_TYPE_MISSION
+        self._send(common.MAVLink_mission_count_message(self._target, 1, len(items), kind))
 
     def mission_item(
         self, seq: int, command: int, place: tuple[float, float, float], *parameters: float

@@ -234,6 +234,7 @@ class Bench:
         topics: MavlinkTopics | None = None,
         registry: Registry | None = None,
         check: Check = lambda _: None,
+        checks: PlanChecks | None = None,
         save: Callable[[], None] = lambda: None,
         link: Link | None = None,
         params: LinkParams | None = None,
@@ -250,7 +251,7 @@ class Bench:
             system_id=SYSTEM,
             registry=self.registry,
             topics=self.topics,
-            checks=judged_by(check),
+            checks=checks or judged_by(check),
             storage=storage,
             peers=peers
             or (
