@@ -20,6 +20,7 @@ from uav_firmware.msg.failure import FailureDetectorStatus, RotorLossThrust
 from uav_firmware.msg.geofence import Fence, GeofenceStatus, RallyPoints
 from uav_firmware.msg.guidance import FollowTarget, OrbitStatus
 from uav_firmware.msg.link import RefusedFrames
+from uav_firmware.msg.log import LogStreamChunk, LogStreamRequest
 from uav_firmware.msg.mission import Mission, MissionProgress, NavigatorRequest, NavigatorStatus
 from uav_firmware.msg.sensors import (
     SensorBaro,
@@ -89,6 +90,8 @@ class Topics:
     rotor_loss_thrust: Topic[RotorLossThrust] = field(default_factory=Topic)
     actuator_motors: Topic[ActuatorMotors] = field(default_factory=Topic)
     ground_station_heartbeat: Topic[int] = field(default_factory=Topic)
+    log_stream_request: Topic[LogStreamRequest] = field(default_factory=Topic)
+    log_stream: Queue[LogStreamChunk] = field(default_factory=Queue)
     refused_frames: Topic[RefusedFrames] = field(default_factory=Topic)
     vehicle_command: Queue[VehicleCommand] = field(default_factory=Queue)
     vehicle_command_ack: Queue[VehicleCommandAck] = field(default_factory=Queue)

@@ -275,6 +275,8 @@ class Autopilot:
             topics=_logger_topics(topics),
             texts=topics.status_text.third,
             status_text=topics.status_text,
+            stream_request=topics.log_stream_request,
+            stream=topics.log_stream,
             registry=registry,
             identity=Identity(system_id, FLIGHT_SW_VERSION),
             boot_time_utc_us=boot_time_utc_us,
@@ -414,6 +416,8 @@ def _mavlink_topics(topics: Topics) -> MavlinkTopics:
         wind=topics.wind,
         mag=topics.sensor_mag,
         refused_frames=topics.refused_frames,
+        log_stream_request=topics.log_stream_request,
+        log_stream=topics.log_stream,
     )
 
 

@@ -1,5 +1,7 @@
 """MAVSDK's client moves files and logs from and to the autopilot process."""
 
+import base64
+import io
 import queue
 import random
 from collections.abc import Callable, Iterator
@@ -11,6 +13,7 @@ from mavsdk import ComponentType, Configuration, Mavsdk
 from mavsdk.plugins.action import Action
 from mavsdk.plugins.ftp import FilesystemEntry, Ftp, FtpError, FtpResult
 from mavsdk.plugins.log_files import LogFiles, LogFilesError, LogFilesResult
+from mavsdk.plugins.log_streaming import LogStreaming
 from mavsdk.plugins.telemetry import Telemetry
 from pyulog import ULog  # type: ignore[import-untyped]  # pyulog tells no types
 
@@ -31,6 +34,7 @@ class Client(NamedTuple):
     action: Any
     files: Any
     logs: Any
+    stream: Any
     telemetry: Any
     folder: Path
 
@@ -47,6 +51,7 @@ def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
             action=Action(system),
             files=Ftp(system),
             logs=LogFiles(system),
+            stream=LogStreaming(system),
             telemetry=Telemetry(system),
             folder=state / f"vehicle-{SYSTEM}",
         )
@@ -162,6 +167,19 @@ def test_each_flight_leaves_one_log_that_comes_down_whole(client: Client, tmp_pa
     assert (by_burst / stored[0].name).read_bytes() == stored[0].read_bytes()
     client.logs.erase_all_log_files()
     wait_for(lambda: not list((client.folder / "log").rglob("*.ulg")), "the logs to be erased")
+
+
+def test_the_log_is_streamed_while_it_is_made(client: Client) -> None:
+    pieces: list[bytes] = []
+    client.stream.subscribe_log_streaming_raw(
+        lambda raw, _user_data=None: pieces.append(base64.b64decode(raw.data_base64))
+    )
+    client.stream.start_log_streaming()
+    wait_for(lambda: sum(map(len, pieces)) > 60_000, "some seconds of the log")
+    client.stream.stop_log_streaming()
+    log = ULog(io.BytesIO(b"".join(pieces)))
+    assert log.initial_parameters["MAV_TYPE"] == 2
+    assert log.get_dataset("vehicle_attitude").data["timestamp"].size > 100
 
 
 def fly(client: Client, flight: int) -> None:

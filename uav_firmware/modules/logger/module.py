@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Final
 
-from uav_firmware.bus import Queue
+from uav_firmware.bus import Queue, Topic
 from uav_firmware.cal.log_store import LogStore
 from uav_firmware.modules.logger import ulog
 from uav_firmware.modules.logger.collector import Collector
@@ -13,10 +13,12 @@ from uav_firmware.modules.logger.definitions import (
     definitions,
     snapshot,
 )
+from uav_firmware.modules.logger.feed import LogFeed
 from uav_firmware.modules.logger.params import LoggerParams
 from uav_firmware.modules.logger.states import wanted
 from uav_firmware.modules.logger.streams import HIGH_RATE_BIT, STREAMS, LoggerTopics
 from uav_firmware.modules.logger.writer import LogWriter
+from uav_firmware.msg.log import LogStreamChunk, LogStreamRequest
 from uav_firmware.msg.status import StatusText
 from uav_firmware.parameters import Registry
 
@@ -35,13 +37,18 @@ class LoggerModule:
         topics: LoggerTopics,
         texts: Queue[StatusText],
         status_text: Queue[StatusText],
+        stream_request: Topic[LogStreamRequest],
+        stream: Queue[LogStreamChunk],
         registry: Registry,
         identity: Identity,
         boot_time_utc_us: int,
         step_us: int,
         time_us: Callable[[], int],
     ) -> None:
-        """`texts` are read, `status_text` is written; without a store nothing is logged."""
+        """Take what is read (`texts`, `stream_request`) and written (`status_text`, `stream`).
+
+        Without a store nothing is logged.
+        """
         self._writer = (
             None if store is None else LogWriter(store, boot_time_utc_us=boot_time_utc_us)
         )
@@ -50,6 +57,7 @@ class LoggerModule:
         self._status_text = status_text
         self._registry = registry
         self._identity = identity
+        self._feed = LogFeed(stream_request, stream, self._definitions)
         self._time_us = time_us
         steps_per_second = 1_000_000 // step_us
         self._collector = Collector(topics, steps_per_second)
@@ -82,7 +90,9 @@ class LoggerModule:
     def _turn(self, writer: LogWriter) -> None:
         if self._registry.version != self._read_version:
             self._retune()
+        self._collecting = self._params.mode >= 0 or self._feed.is_wanted
         began_us, chunk = self._began_us, self._take_chunk(writer)
+        self._feed.pass_on(began_us, chunk)
         self._warn(
             writer.turn(
                 chunk,
@@ -104,7 +114,8 @@ class LoggerModule:
         now_us = self._time_us()
         self._began_us = now_us
         texts = [ulog.text(t.severity, t.time_us, t.text) for t in self._texts.drain()]
-        parameters = self._changed_parameters() if writer.writing else b""
+        told = writer.writing or self._feed.is_wanted
+        parameters = self._changed_parameters() if told else b""
         return b"".join((self._collector.take(now_us), *texts, parameters))
 
     def _changed_parameters(self) -> bytes:
@@ -118,6 +129,9 @@ class LoggerModule:
         """First part of a file; what it tells of the parameters need not be told again."""
         self._logged_parameters = snapshot(self._registry)
         self._logged_version = self._registry.version
+        return self._definitions(began_us)
+
+    def _definitions(self, began_us: int) -> bytes:
         messages = [stream.message for stream in STREAMS]
         return definitions(began_us, self._identity, self._registry, messages)
 

@@ -12,6 +12,7 @@ from uav_firmware.modules.mavlink.command_server import CommandServer
 from uav_firmware.modules.mavlink.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.file_service import FileService
 from uav_firmware.modules.mavlink.follow_input import FollowInput
+from uav_firmware.modules.mavlink.log_stream import LogStream
 from uav_firmware.modules.mavlink.manual_input import ManualInput
 from uav_firmware.modules.mavlink.mission_server import MissionServer
 from uav_firmware.modules.mavlink.mission_store import Plan, PlanCheck, PlanStore
@@ -95,11 +96,18 @@ class Dispatcher:
         )
         for fault in self._missions.load():
             topics.status_text.publish(StatusText(0, mavlink.MAV_SEVERITY_WARNING, fault))
+        self._log_stream = LogStream(
+            system_id=system_id,
+            request=topics.log_stream_request,
+            chunks=topics.log_stream,
+            texts=texts,
+        )
         self._commands = CommandServer(
             system_id=system_id,
             answerers=(
                 RequestServer(peers, context).answer,
                 StorageCommands(registry, save_parameters, topics.vehicle_status).answer,
+                self._log_stream.answer,
             ),
             commander=topics.vehicle_command,
             mission_length=lambda: self._missions.mission_length,
@@ -122,6 +130,7 @@ class Dispatcher:
             **dict.fromkeys(self._missions.message_types, self._missions.handle),
             **dict.fromkeys(setpoints.message_types, setpoints.handle),
             **dict.fromkeys(self._files.message_types, self._files.handle),
+            "LOGGING_ACK": self._log_stream.acknowledged,
             "MANUAL_CONTROL": manual.handle,
             "FOLLOW_TARGET": FollowInput(topics.follow_target).handle,
             "COMMAND_LONG": self._commands.handle,
@@ -149,12 +158,14 @@ class Dispatcher:
         outgoing += self._missions.tick(now_us)
         outgoing += self._parameters.tick(now_us)
         outgoing += self._files.tick(now_us)
+        outgoing += self._log_stream.tick(now_us)
         return outgoing
 
     def forget(self, addresses: Iterable[Address]) -> None:
         """Drop what is kept for peers that are gone."""
         for address in addresses:
             self._parameters.forget(address)
+            self._log_stream.forget(address)
 
     def _heartbeat(self, message: Message, _sender: Sender, now_us: int) -> list[Outgoing]:
         """Note that whoever commands the vehicle (ground station or broker) is there."""

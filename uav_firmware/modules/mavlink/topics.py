@@ -15,6 +15,7 @@ from uav_firmware.msg.estimate import (
 from uav_firmware.msg.geofence import Fence, GeofenceStatus, RallyPoints
 from uav_firmware.msg.guidance import FollowTarget, OrbitStatus
 from uav_firmware.msg.link import RefusedFrames
+from uav_firmware.msg.log import LogStreamChunk, LogStreamRequest
 from uav_firmware.msg.mission import Mission, MissionProgress
 from uav_firmware.msg.sensors import (
     SensorBaro,
@@ -75,3 +76,5 @@ class MavlinkTopics:
     wind: Topic[WindEstimate] = field(default_factory=Topic)
     mag: Topic[SensorMag] = field(default_factory=Topic)
     refused_frames: Topic[RefusedFrames] = field(default_factory=Topic)
+    log_stream_request: Topic[LogStreamRequest] = field(default_factory=Topic)
+    log_stream: Queue[LogStreamChunk] = field(default_factory=Queue)

@@ -113,6 +113,8 @@ class Logbook:
             topics=self.logger_topics,
             texts=topics.status_text.third,
             status_text=topics.status_text,
+            stream_request=topics.log_stream_request,
+            stream=topics.log_stream,
             registry=self.registry,
             identity=Identity(system_id=5, software_version=1 << 24 | 16 << 16),
             boot_time_utc_us=UTC_US,
