@@ -5,8 +5,8 @@ The only file of the firmware that imports pymavlink, and of pymavlink only the 
 they are reached as `mavlink.MAVLink_<name>_message`.
 
 A message is packed once into a `Payload` and framed per peer, because only the sequence
-number differs between peers (0.3 us a frame against 2.3 us for pymavlink's `pack`, which does
-both at once).
+number differs between peers. Most messages are plain numbers; these are packed here, in half of
+the time that pymavlink's own `pack` takes.
 
 A datagram is searched for whole frames with a right checksum. Nothing is carried over from
 one datagram to the next, so a hostile or broken datagram cannot swallow the frames of the
@@ -15,6 +15,9 @@ everything is sent as version 2.
 """
 
 import struct
+from collections.abc import Callable
+from functools import cache
+from operator import attrgetter
 from typing import Any, Final, NamedTuple, TypeAlias
 
 from pymavlink.dialects.v20 import development as mavlink
@@ -75,13 +78,36 @@ def pack(message: Message) -> Payload:
     Raises:
         struct.error: if a field does not fit its wire type.
     """
+    kind: Any = type(message)
+    numbers = _numbers_of(kind)
+    if numbers is None:
+        body = _packed_by_its_class(message)
+    else:
+        body = kind.unpacker.pack(*numbers(message))
+    # The id of the class: BATTERY_STATUS and others have a field of the name `id`.
+    return Payload(kind.id, kind.crc_extra, body.rstrip(b"\x00") or body[:1])
+
+
+@cache
+def _numbers_of(kind: type[Message]) -> Callable[[Message], tuple[float, ...]] | None:
+    """Give what reads the fields of a message class in their order on the wire.
+
+    None for a class that has arrays or texts, or a single field.
+    """
+    names = kind.ordered_fieldnames
+    if any(kind.array_lengths) or "char" in kind.fieldtypes or len(names) < 2:
+        return None
+    numbers: Callable[[Message], tuple[float, ...]] = attrgetter(*names)
+    return numbers
+
+
+def _packed_by_its_class(message: Message) -> bytes:
     message._pack = _only_payload  # noqa: SLF001 - the one seam before header and checksum
     try:
         body: bytes = message.pack(None)
     finally:
         del message._pack  # noqa: SLF001 - as above
-    # The id of the class: BATTERY_STATUS and others have a field of the name `id`.
-    return Payload(type(message).id, message.crc_extra, body.rstrip(b"\x00") or body[:1])
+    return body
 
 
 def _only_payload(

@@ -13,9 +13,11 @@ NAN: Final = math.nan
 
 def saturated(value: float, low: int, high: int, unknown: int = 0) -> int:
     """Round to the nearest integer in `low`..`high`; `unknown` stands for NaN."""
+    if low <= value <= high:  # The usual case first; NaN compares false
+        return round(value)
     if math.isnan(value):
         return unknown
-    return round(min(max(value, low), high))
+    return low if value < low else high
 
 
 def int8(value: float, unknown: int = 0) -> int:

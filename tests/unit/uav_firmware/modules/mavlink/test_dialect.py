@@ -1,3 +1,5 @@
+from typing import Any
+
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -21,6 +23,27 @@ def test_a_frame_is_what_pymavlink_itself_would_send(
     codec.seq = sequence
     for message in (HEARTBEAT, WAYPOINT):
         assert frame(pack(message), sequence, system, component) == message.pack(codec)
+
+
+def example_of(message_class: Any) -> Any:
+    """Make a message whose fields all differ."""
+    lengths = dict(zip(message_class.ordered_fieldnames, message_class.array_lengths, strict=True))
+    values: list[object] = []
+    for number, (name, kind) in enumerate(
+        zip(message_class.fieldnames, message_class.fieldtypes, strict=True), start=1
+    ):
+        if kind == "char":
+            values.append(b"x" * lengths[name])
+        else:
+            values.append([number + i for i in range(lengths[name])] if lengths[name] else number)
+    return message_class(*values)
+
+
+def test_every_message_of_the_dialect_is_packed_as_pymavlink_packs_it() -> None:
+    for message_class in mavlink.mavlink_map.values():
+        message = example_of(message_class)
+        whole = message.pack(mavlink.MAVLink(None, 7, 1))
+        assert frame(pack(message), 0, 7, 1) == whole, message.get_type()
 
 
 def test_a_datagram_may_hold_several_frames() -> None:
