@@ -1,4 +1,7 @@
-"""Command line: `python -m edge_server [serve|relay|keys|migrate]`; without a word, both."""
+"""Command line: `python -m edge_server [serve|relay|migrate|backup|dead-letters|keys]`.
+
+Without a word, server and relay together.
+"""
 
 import argparse
 import logging
@@ -79,6 +82,34 @@ def _migrate(config: Config, _options: argparse.Namespace) -> int:
     return OK
 
 
+def _back_up(config: Config, options: argparse.Namespace) -> int:
+    from edge_server import backup  # noqa: PLC0415  # as above
+
+    try:
+        size = backup.back_up(config.database_path, options.target)
+    except backup.BackupError as error:
+        print(f"edge server: {error}", file=sys.stderr)
+        return FAILED
+    print(f"{options.target}: {size} bytes")
+    return OK
+
+
+def _dead_letters(config: Config, options: argparse.Namespace) -> int:
+    from edge_server import dead_letter_commands  # noqa: PLC0415  # as above
+    from edge_server.services.errors import NotFoundError  # noqa: PLC0415  # as above
+
+    code = OK
+    try:
+        for line in dead_letter_commands.run(config, options.action, options.id):
+            if isinstance(line, NotFoundError):
+                code = FAILED
+            print(line, file=sys.stderr if isinstance(line, NotFoundError) else sys.stdout)
+    except dead_letter_commands.NoDatabaseError as error:
+        print(f"edge server: {error}", file=sys.stderr)
+        return WRONG_SETUP
+    return code
+
+
 def _show_paths(config: Config, _options: argparse.Namespace) -> int:
     from edge_server import key_files  # noqa: PLC0415  # as above
     from edge_server.store.keys import Role  # noqa: PLC0415  # as above
@@ -122,6 +153,16 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command")
     for name, run, meaning in _COMMANDS:
         commands.add_parser(name, help=meaning).set_defaults(run=run)
+    copy = commands.add_parser("backup", help="copy the database while it is in use")
+    copy.add_argument("target", type=Path, help="the new file")
+    copy.set_defaults(run=_back_up)
+    letters = commands.add_parser("dead-letters", help="what the cloud has rejected")
+    actions = letters.add_subparsers(dest="action", required=True)
+    actions.add_parser("list", help="one line each").set_defaults(run=_dead_letters, id=[])
+    for name, meaning in (("retry", "send once more"), ("discard", "give up for good")):
+        action = actions.add_parser(name, help=meaning)
+        action.add_argument("id", type=int, nargs="+")
+        action.set_defaults(run=_dead_letters)
     keys = commands.add_parser("keys", help="access keys").add_subparsers(
         dest="keys_command", required=True
     )
