@@ -42,6 +42,7 @@ from uav_firmware.msg.status import (
     HomePosition,
     LandDetected,
     StatusText,
+    StorageStatus,
     VehicleCommand,
     VehicleCommandAck,
     VehicleStatus,
@@ -66,6 +67,7 @@ class Topics:
     wind: Topic[WindEstimate] = field(default_factory=Topic)
     vehicle_status: Topic[VehicleStatus] = field(default_factory=Topic)
     land_detected: Topic[LandDetected] = field(default_factory=Topic)
+    storage_status: Topic[StorageStatus] = field(default_factory=Topic)
     home_position: Topic[HomePosition] = field(default_factory=Topic)
     mission: Topic[Mission] = field(default_factory=Topic)
     mission_progress: Topic[MissionProgress] = field(default_factory=Topic)

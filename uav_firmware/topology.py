@@ -282,6 +282,7 @@ class Autopilot:
             boot_time_utc_us=boot_time_utc_us,
             step_us=vehicle.step_us,
             time_us=self._time_us,
+            storage_status=topics.storage_status,
         )
         self.scheduler = Scheduler(vehicle.step_us, self._rate_groups(vehicle.step_us))
 
@@ -363,6 +364,7 @@ def _commander_topics(topics: Topics) -> CommanderTopics:
         navigator_status=topics.navigator_status,
         geofence_status=topics.geofence_status,
         failure_detector_status=topics.failure_detector_status,
+        storage_status=topics.storage_status,
         sensor_imu=topics.sensor_imu,
         sensor_baro=topics.sensor_baro,
         sensor_mag=topics.sensor_mag,

@@ -45,6 +45,7 @@ from uav_firmware.msg.status import (
     LandedState,
     NavigationState,
     StatusText,
+    StorageStatus,
     VehicleCommand,
     VehicleCommandAck,
     VehicleStatus,
@@ -163,6 +164,7 @@ class ToyVehicle:
         self.stream: Topic[OffboardSetpoint] = Topic()
         self.control: Topic[VehicleControlMode] = Topic()
         self.failure: Topic[FailureDetectorStatus] = Topic()
+        self.storage: Topic[StorageStatus] = Topic()
         self.wind_estimate: Topic[WindEstimate] = Topic()
         self.commander = CommanderModule(
             self.registry,
@@ -178,6 +180,7 @@ class ToyVehicle:
                 navigator_status=self.navigator_status,
                 geofence_status=self.geofence_status,
                 failure_detector_status=self.failure,
+                storage_status=self.storage,
                 sensor_imu=self.imu,
                 sensor_baro=self.baro,
                 sensor_mag=self.mag,

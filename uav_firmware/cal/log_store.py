@@ -27,6 +27,13 @@ class LogFile(Protocol):
 class LogStore(Protocol):
     """Keeps the newest logs, as many as there is room for."""
 
+    def free_bytes(self) -> int:
+        """Room that is left on the medium [bytes].
+
+        Raises:
+            OSError: if the medium does not tell.
+        """
+
     def create(self, time_utc_us: int) -> LogFile:
         """Begin a file named after a time [us since 1970]; the oldest files make room for it.
 

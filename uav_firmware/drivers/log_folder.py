@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
@@ -39,6 +40,17 @@ class LogFolder:
         """Whether a log still grows."""
         newest = self._newest
         return newest is not None and not newest.is_closed and newest.path == path
+
+    def free_bytes(self) -> int:
+        """Room that is left for this user [bytes], the folder being there or not.
+
+        Raises:
+            OSError: if the medium does not tell.
+        """
+        place = self._folder
+        while not place.exists() and place != place.parent:
+            place = place.parent
+        return shutil.disk_usage(place).free
 
     def create(self, time_utc_us: int) -> "GrowingFile":
         """Begin a file; a second one of the same second gets a number.

@@ -144,3 +144,11 @@ class StatusText(NamedTuple):
     time_us: int  # [us]
     severity: int  # [-] MAV_SEVERITY: 0 emergency to 7 debug
     text: str
+
+
+class StorageStatus(NamedTuple):
+    """The medium of the flight log. Written by logger every 2 s; read by commander."""
+
+    time_us: int  # [us]
+    free_bytes: int  # [bytes] 0 when the medium does not even tell
+    refused: bool  # It has refused the log that is wanted now

@@ -23,6 +23,7 @@ from uav_firmware.modules.commander.health_checks import (
     FIX_3D,
     GPS_STALE_S,
     SENSOR_STALE_S,
+    storage_full,
 )
 from uav_firmware.modules.commander.mode_requirements import Need
 from uav_firmware.modules.commander.vehicle_view import VehicleView
@@ -59,6 +60,7 @@ class Cause(Enum):
     WIND_STRONG = auto()
     WIND_TOO_STRONG = auto()
     FLIGHT_TIME_OVER = auto()
+    STORAGE_FULL = auto()
 
 
 class Moment(NamedTuple):
@@ -170,6 +172,10 @@ def _flight_time_over(moment: Moment, _present: bool) -> bool:  # noqa: FBT001  
     return 0 <= moment.params.flight_time_max_s < moment.airborne_s
 
 
+def _storage_full(moment: Moment, _present: bool) -> bool:  # noqa: FBT001  # one signature
+    return moment.params.storage_check > 0 and storage_full(moment.view.storage)
+
+
 def _offboard_action(moment: Moment) -> Action:
     """Back to the pilot, if there is one."""
     action = OFFBOARD_ACTIONS[moment.params.offboard_loss_action]
@@ -268,6 +274,9 @@ ROWS: Final[Mapping[Cause, Row]] = {
     ),
     Cause.FLIGHT_TIME_OVER: Row(
         "Flight time limit reached", _flight_time_over, _always(Action.RETURN)
+    ),
+    Cause.STORAGE_FULL: Row(
+        "Storage full, flying on without a log", _storage_full, _always(Action.WARN)
     ),
 }
 """The whole table; the README shows it."""

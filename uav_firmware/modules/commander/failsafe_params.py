@@ -74,6 +74,10 @@ class FailsafeParams:
         "COM_WIND_MAX_ACT", 3, unit="1", minimum=0, maximum=5,
         short="Too much wind: 0 nothing, 1 warns only, 2 hold, 3 return, 4 terminate, 5 land",
     )  # fmt: skip
+    storage_check: int = param(
+        "COM_ARM_SDCARD", 1, unit="1", minimum=0, maximum=2,
+        short="A medium without room for a flight log: 0 not looked at, 1 warns, 2 denies arming",
+    )  # fmt: skip
     flight_time_max_s: int = param(
         "COM_FLT_TIME_MAX", -1, unit="s", minimum=-1, maximum=86400,
         short="Time in the air after which the vehicle returns; -1 no limit",

@@ -8,12 +8,16 @@ from uav_firmware.lib.rotation import tilt_of
 from uav_firmware.modules.commander.params import CommanderParams
 from uav_firmware.modules.commander.vehicle_view import VehicleView
 from uav_firmware.msg.geofence import FenceAction
+from uav_firmware.msg.status import StorageStatus
 
 IMU_STALE_S: Final = 0.1
 SENSOR_STALE_S: Final = 1.0
 GPS_STALE_S: Final = 2.0
 FIX_3D: Final = 3
 SATELLITES_MIN: Final = 6
+STORAGE_MIN_BYTES: Final = 20_000_000  # [bytes] Less is not worth a beginning
+STORAGE_ENFORCED: Final = 2  # COM_ARM_SDCARD
+_BYTES_PER_MB: Final = 1_000_000
 _TILT_MAX: Final = math.radians(45.0)
 _TURN_MAX: Final = math.radians(30.0)  # [rad/s]
 _SPEED_MAX: Final = 1.0  # [m/s] More than the estimate drifts at rest
@@ -137,6 +141,19 @@ def not_broken(view: VehicleView, _params: CommanderParams) -> str | None:
     return "Motor failure detected" if failed else None
 
 
+def storage_full(storage: StorageStatus | None) -> bool:
+    """Whether the flight log has no room, or has been refused."""
+    return storage is not None and (storage.refused or storage.free_bytes < STORAGE_MIN_BYTES)
+
+
+def room_for_log(view: VehicleView, _params: CommanderParams) -> str | None:
+    """The medium has room for a flight log, if COM_ARM_SDCARD insists."""
+    storage = view.storage
+    if view.storage_check < STORAGE_ENFORCED or storage is None or not storage_full(storage):
+        return None
+    return f"Storage full: {storage.free_bytes // _BYTES_PER_MB} MB left for the flight log"
+
+
 ARMING_CHECKS: Final[tuple[Check, ...]] = (
     imu_fresh,
     baro_fresh,
@@ -148,6 +165,7 @@ ARMING_CHECKS: Final[tuple[Check, ...]] = (
     at_rest,
     not_broken,
     calm_enough,
+    room_for_log,
 )
 """Whatever the mode."""
 

@@ -53,6 +53,8 @@ class Observer:
             navigator=topics.navigator_status.value,
             fence=topics.geofence_status.value,
             failure=topics.failure_detector_status.value,
+            storage=topics.storage_status.value,
+            storage_check=params.storage_check,
             wind=topics.wind.value,
             wind_limit_m_s=params.wind_max_m_s,
             sticks=topics.manual_control_setpoint.value,

@@ -23,6 +23,7 @@ from uav_firmware.msg.status import (
     HomePosition,
     LandDetected,
     StatusText,
+    StorageStatus,
     VehicleCommand,
     VehicleCommandAck,
     VehicleStatus,
@@ -42,6 +43,7 @@ class CommanderTopics:
     mission_progress: Topic[MissionProgress] = field(default_factory=Topic)
     navigator_status: Topic[NavigatorStatus] = field(default_factory=Topic)
     geofence_status: Topic[GeofenceStatus] = field(default_factory=Topic)
+    storage_status: Topic[StorageStatus] = field(default_factory=Topic)
     failure_detector_status: Topic[FailureDetectorStatus] = field(default_factory=Topic)
     sensor_imu: Topic[SensorImu] = field(default_factory=Topic)
     sensor_baro: Topic[SensorBaro] = field(default_factory=Topic)

@@ -13,7 +13,7 @@ from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.geofence import GeofenceStatus
 from uav_firmware.msg.mission import MissionProgress, NavigatorStatus
 from uav_firmware.msg.sensors import SensorBattery, SensorGps
-from uav_firmware.msg.status import HomePosition, LandDetected
+from uav_firmware.msg.status import HomePosition, LandDetected, StorageStatus
 
 
 class SensorAges(NamedTuple):
@@ -44,6 +44,8 @@ class VehicleView(NamedTuple):
     navigator: NavigatorStatus | None
     fence: GeofenceStatus | None
     failure: FailureDetectorStatus | None
+    storage: StorageStatus | None
+    storage_check: int  # [-] COM_ARM_SDCARD
     wind: WindEstimate | None
     wind_limit_m_s: float  # [m/s] COM_WIND_MAX; negative: none
     sticks: ManualControlSetpoint | None

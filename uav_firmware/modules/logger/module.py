@@ -15,14 +15,15 @@ from uav_firmware.modules.logger.definitions import (
 )
 from uav_firmware.modules.logger.feed import LogFeed
 from uav_firmware.modules.logger.params import LoggerParams
-from uav_firmware.modules.logger.states import wanted
+from uav_firmware.modules.logger.states import Logging, wanted
 from uav_firmware.modules.logger.streams import HIGH_RATE_BIT, STREAMS, LoggerTopics
 from uav_firmware.modules.logger.writer import LogWriter
 from uav_firmware.msg.log import LogStreamChunk, LogStreamRequest
-from uav_firmware.msg.status import StatusText
+from uav_firmware.msg.status import StatusText, StorageStatus
 from uav_firmware.parameters import Registry
 
 _CHUNKS_PER_SECOND: Final = 2
+_TURNS_PER_LOOK: Final = 4  # At the room that is left
 _WARNING: Final = 4  # MAV_SEVERITY
 _BYTES_PER_MB: Final = 1_000_000
 
@@ -44,17 +45,21 @@ class LoggerModule:
         boot_time_utc_us: int,
         step_us: int,
         time_us: Callable[[], int],
+        storage_status: Topic[StorageStatus],
     ) -> None:
-        """Take what is read (`texts`, `stream_request`) and written (`status_text`, `stream`).
+        """Take what is read (`texts`, `stream_request`) and written (the others).
 
         Without a store nothing is logged.
         """
+        self._store = store
         self._writer = (
             None if store is None else LogWriter(store, boot_time_utc_us=boot_time_utc_us)
         )
         self._vehicle_status = topics.vehicle_status
         self._texts = texts
         self._status_text = status_text
+        self._storage_status = storage_status
+        self._room_turns_to_go = 1
         self._registry = registry
         self._identity = identity
         self._feed = LogFeed(stream_request, stream, self._definitions)
@@ -81,6 +86,7 @@ class LoggerModule:
         if self._steps_to_go == 0:
             self._steps_to_go = self._chunk_steps
             self._turn(self._writer)
+            self._tell_room(self._writer)
 
     def close(self) -> None:
         """Write what is left: the vehicle is being switched off."""
@@ -105,6 +111,20 @@ class LoggerModule:
         for name in sorted(self._collector.unfit - self._said_unfit):
             self._said_unfit.add(name)
             self._warn(f"Not logged: {name} holds a value that does not fit")
+
+    def _tell_room(self, writer: LogWriter) -> None:
+        """Every 2 s: how much room the medium has."""
+        self._room_turns_to_go -= 1
+        if self._room_turns_to_go > 0 or self._store is None:
+            return
+        self._room_turns_to_go = _TURNS_PER_LOOK
+        try:
+            free_bytes = self._store.free_bytes()
+        except OSError:
+            free_bytes = 0
+        self._storage_status.publish(
+            StorageStatus(self._time_us(), free_bytes, writer.state is Logging.BROKEN)
+        )
 
     def _take_chunk(self, writer: LogWriter) -> bytes:
         """Records, sentences and changed parameters since the former chunk.

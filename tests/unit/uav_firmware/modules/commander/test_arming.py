@@ -17,7 +17,13 @@ from uav_firmware.modules.commander.sensor_watch import SensorBit
 from uav_firmware.msg.estimate import WindEstimate
 from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.geofence import Fence
-from uav_firmware.msg.status import Command, CommandResult, NavigationState, VehicleStatus
+from uav_firmware.msg.status import (
+    Command,
+    CommandResult,
+    NavigationState,
+    StorageStatus,
+    VehicleStatus,
+)
 
 ACCEPTED = CommandResult.ACCEPTED
 NOT_NOW = CommandResult.TEMPORARILY_REJECTED
@@ -90,6 +96,11 @@ def storm(vehicle: ToyVehicle) -> None:
     vehicle.wind_estimate.publish(WindEstimate(vehicle.now_us, 0.0, -20.0))
 
 
+def fill_storage(vehicle: ToyVehicle) -> None:
+    vehicle.registry.set("COM_ARM_SDCARD", 2)
+    vehicle.storage.publish(StorageStatus(vehicle.now_us, 3_000_000, refused=False))
+
+
 def stand_outside(vehicle: ToyVehicle) -> None:
     forbidden = item(0, 5004, param1=5.0, frame=0, **at(0.0, 0.0))
     vehicle.fence.publish(Fence(vehicle.now_us, 1, (forbidden,)))
@@ -102,6 +113,7 @@ FAULTS = [
     (lose_accuracy, "Position accurate to 9 m only", SensorBit.PREARM_CHECK),
     (break_motor, "Motor failure detected", SensorBit.PREARM_CHECK),
     (storm, "Wind 20 m/s, above 14", SensorBit.PREARM_CHECK),
+    (fill_storage, "Storage full: 3 MB left", SensorBit.PREARM_CHECK),
     (stand_outside, "Outside the geofence", SensorBit.PREARM_CHECK),
     (lose_alignment, "Attitude and heading", SensorBit.AHRS),
     (lose_position, "Position", SensorBit.XY_POSITION_CONTROL),
@@ -133,6 +145,16 @@ def test_a_fault_keeps_the_vehicle_disarmed_and_says_why(
     assert before.sensors_health & bit
     assert not after_fault.sensors_health & bit
     assert not after_fault.sensors_health & SensorBit.PREARM_CHECK
+
+
+@pytest.mark.parametrize("setting", [0, 1])
+def test_a_full_storage_alone_keeps_nobody_on_the_ground(setting: int) -> None:
+    vehicle = ToyVehicle()
+    vehicle.run(1.0)
+    vehicle.registry.set("COM_ARM_SDCARD", setting)
+    vehicle.storage.publish(StorageStatus(vehicle.now_us, 0, refused=True))
+    vehicle.run(1.0)
+    assert vehicle.arm() is ACCEPTED
 
 
 def test_before_anything_is_known_the_vehicle_does_not_arm() -> None:

@@ -21,7 +21,7 @@ from uav_firmware.msg.estimate import WindEstimate
 from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.geofence import FenceAction, FenceBreach, GeofenceStatus
 from uav_firmware.msg.setpoints import TrajectorySetpoint
-from uav_firmware.msg.status import Command, NavigationState
+from uav_firmware.msg.status import Command, NavigationState, StorageStatus
 from uav_firmware.parameters import Registry
 
 State = NavigationState
@@ -375,6 +375,18 @@ def test_a_flight_ends_when_its_time_is_over(limit: int, mode: NavigationState) 
     vehicle = on_mission(COM_FLT_TIME_MAX=limit)
     vehicle.run(9.0)
     assert vehicle.mode is mode
+
+
+@pytest.mark.parametrize(("setting", "warns"), [(0, False), (1, True), (2, True)])
+def test_a_storage_that_fills_up_is_told_and_the_mission_goes_on(
+    setting: int, *, warns: bool
+) -> None:
+    vehicle = on_mission(COM_ARM_SDCARD=setting)
+    vehicle.storage.publish(StorageStatus(vehicle.now_us, 0, refused=True))
+    vehicle.run(3.0)
+    assert any("Storage full" in text for text in vehicle.texts) is warns
+    assert vehicle.mode is MISSION
+    assert vehicle.armed
 
 
 @pytest.mark.parametrize(

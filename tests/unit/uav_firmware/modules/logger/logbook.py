@@ -53,6 +53,11 @@ class MemoryStore:
         self.room = room
         self.broken = False
 
+    def free_bytes(self) -> int:
+        if self.broken:
+            raise OSError(errno.EIO, "Input/output error")
+        return self.room
+
     def create(self, time_utc_us: int) -> MemoryFile:
         if self.broken:
             raise OSError(errno.EROFS, "Read-only file system")
@@ -120,6 +125,7 @@ class Logbook:
             boot_time_utc_us=UTC_US,
             step_us=STEP_US,
             time_us=lambda: self.time_us,
+            storage_status=topics.storage_status,
         )
 
     def run(self, seconds: float) -> None:
@@ -131,6 +137,12 @@ class Logbook:
             )
             self.topics.actuator_motors.publish(ActuatorMotors(self.time_us, (0.1, 0.2, 0.3, 0.4)))
             self.logger.update()
+
+    def storage(self) -> tuple[int, bool]:
+        """Room left [bytes] and whether a log was refused, as last told."""
+        told = self.topics.storage_status.value
+        assert told is not None
+        return told.free_bytes, told.refused
 
     def set_armed(self, *, armed: bool) -> None:
         self.topics.vehicle_status.publish(status(self.time_us, armed=armed))

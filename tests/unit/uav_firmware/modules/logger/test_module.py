@@ -105,6 +105,27 @@ def test_a_medium_that_refuses_is_asked_again_for_the_next_flight() -> None:
     assert store.files[0].closed
 
 
+def test_the_room_that_is_left_is_told_and_what_was_refused() -> None:
+    store = MemoryStore(room=20_000)
+    book = Logbook(store)
+    book.run(1.0)
+    assert book.storage() == (20_000, False)
+    book.set_armed(armed=True)
+    book.run(30.0)
+    assert book.storage() == (20_000, True)
+    book.set_armed(armed=False)
+    book.run(5.0)
+    assert book.storage() == (20_000, False)  # The next flight tries again
+
+
+def test_a_medium_that_does_not_even_tell_has_no_room() -> None:
+    store = MemoryStore()
+    store.broken = True
+    book = Logbook(store)
+    book.run(3.0)
+    assert book.storage() == (0, False)
+
+
 def test_a_log_that_grows_too_large_goes_on_in_the_next_file_without_a_gap() -> None:
     store = MemoryStore()
     book = Logbook(store)
