@@ -4,7 +4,10 @@ import errno
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Final, NamedTuple
+
+REFUSALS_PER_LOOK: Final = 64
+"""To look a large folder through takes a while; who asks in vain shall not make it often."""
 
 
 class Content(NamedTuple):
@@ -38,6 +41,7 @@ class Room:
         self._entries_max = entries_max
         self._content = content
         self._taken: Content | None = None
+        self._refusals = 0
 
     @property
     def taken(self) -> Content:
@@ -50,12 +54,17 @@ class Room:
         """Make sure that so much more fits.
 
         Raises:
-            OSError: ENOSPC, if it does not, also after looking the folder through again.
+            OSError: ENOSPC, if it does not. Now and then the folder is looked through again
+                first, since others may have removed something.
         """
-        if not self._fits(size, entries):
+        if self._fits(size, entries):
+            return
+        self._refusals += 1
+        if self._refusals % REFUSALS_PER_LOOK == 1:
             self._taken = None
-            if not self._fits(size, entries):
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            if self._fits(size, entries):
+                return
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     def take(self, size: int = 0, entries: int = 0) -> None:
         """Count what has been added, or removed; before the first look there is no count."""

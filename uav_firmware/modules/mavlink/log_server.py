@@ -96,7 +96,7 @@ class LogServer:
             self._leave(sender.identity)
             return []
         if kind == "LOG_ERASE":
-            return self._erase()
+            return self._erase(now_us)
         client = self._client(sender)
         if client is not None:
             self._handlers[kind](message, client)
@@ -231,8 +231,12 @@ class LogServer:
         except OSError:
             return None
 
-    def _erase(self) -> list[Outgoing]:
+    def _erase(self, now_us: int) -> list[Outgoing]:
         """Remove all logs but the one being written; on the ground only."""
+        self._pace.refill(now_us)
+        if not self._pace.ready:
+            return []
+        self._pace.spend(_LIST_COST)
         if self._is_armed():
             return self._texts.say(_WARNING, "Logs not erased: the vehicle is armed")
         self._find()

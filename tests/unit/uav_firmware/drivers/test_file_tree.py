@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from uav_firmware.cal.files import OpenMode
-from uav_firmware.drivers.file_room import measure
+from uav_firmware.drivers.file_room import REFUSALS_PER_LOOK, Content, Room, measure
 from uav_firmware.drivers.file_tree import FileTree
 
 READ, CREATE, WRITE = OpenMode.READ, OpenMode.CREATE, OpenMode.WRITE
@@ -88,8 +88,25 @@ def test_room_that_others_have_made_is_found(tmp_path: Path) -> None:
     with refused(errno.ENOSPC):
         put(tree, "b", b"x")
     (tmp_path / "a").unlink()
-    put(tree, "b", bytes(100))
-    assert tree.room.taken.bytes == 100
+    for _ in range(REFUSALS_PER_LOOK):
+        with suppress(OSError):
+            put(tree, "b", bytes(100))
+    assert tree.room.taken == measure(tmp_path)
+    assert (tmp_path / "b").stat().st_size == 100
+
+
+def test_who_asks_in_vain_does_not_make_the_folder_be_looked_through() -> None:
+    looks = []
+
+    def look() -> Content:
+        looks.append(1)
+        return Content(bytes=100, entries=1)
+
+    room = Room(100, 10, look)
+    for _ in range(REFUSALS_PER_LOOK):
+        with refused(errno.ENOSPC):
+            room.demand(1)
+    assert len(looks) == 2  # At the beginning, and once more
 
 
 def test_to_create_again_gives_back_what_the_file_took(tmp_path: Path) -> None:

@@ -63,6 +63,7 @@ class FileClient:
         self._waiting: deque[Request] = deque()
         self._checksum: tuple[Place, Checksum, Request] | None = None
         self._listing: _Listing | None = None
+        self._extra_cost = 0  # Of the request in hand, beyond what its kind costs
         self.heard_us = now_us
         self._handlers: Mapping[int, _Handler] = {
             Opcode.NONE: lambda request, _now_us: acknowledge(request),
@@ -104,8 +105,9 @@ class FileClient:
         """Do one piece of work; gives what is to be sent, and the tokens that it cost."""
         if self._waiting:
             request = self._waiting.popleft()
-            cost = _COSTS.get(request.opcode, _OTHER_COST)
-            return self._answer(request, now_us), cost
+            self._extra_cost = 0
+            reply = self._answer(request, now_us)
+            return reply, _COSTS.get(request.opcode, _OTHER_COST) + self._extra_cost
         for session in self._sessions:
             if session.burst is not None:
                 return self._next_packet(session, session.burst), 1
@@ -160,6 +162,7 @@ class FileClient:
         if request.offset == 0 or listing is None or not known:
             entries = self._store.entries(place)
             listing = self._listing = _Listing(place, entries, now_us + LISTING_KEPT_US)
+            self._extra_cost = len(entries) // _ENTRIES_PER_TOKEN
         with_time = request.opcode == Opcode.LIST_DIRECTORY_WITH_TIME
         return acknowledge(request, page(listing.entries, request.offset, with_time=with_time))
 

@@ -370,6 +370,14 @@ def test_whatever_is_asked_the_work_is_bounded(desk: Desk) -> None:
     assert max(per_tick) <= TOKENS_PER_SECOND * 0.02 + 1
 
 
+def test_a_large_folder_costs_more_time(desk: Desk) -> None:
+    for i in range(1000):
+        (desk.files / f"{i:04}").write_bytes(b"")
+    answered = sum(len(desk.send(Opcode.LIST_DIRECTORY, CARD)) for _ in range(20))
+    answered += len(desk.tick(0.2))
+    assert 5 <= answered <= 10
+
+
 def test_a_client_that_takes_all_it_can_does_not_shut_others_out(desk: Desk) -> None:
     (desk.files / "a").write_bytes(noise(239 * 5000))
     for sender in (ALICE, BOB):
