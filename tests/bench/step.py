@@ -1,8 +1,10 @@
-"""Where a control step's time goes: `python -m tests.bench.step [runs]`.
+"""Where a control step's time goes: `python -m tests.bench.step [runs [alone]]`.
 
 The same flight is flown several times. It is deterministic, so that the n-th step does the same
 work in each of them: the least time of the runs is what the work takes, without what else the
 machine was busy with. The clock is read between the rate groups, at some 0.1 us a reading.
+`alone` is a vehicle without a broker that turns off what it does not read: PX4's onboard rates
+then go to the broker's address.
 """
 
 import statistics
@@ -69,11 +71,14 @@ class Stopwatch:
         return timed
 
 
-def fly(runs: int = RUNS, steps: int = STEPS) -> StepTimes:
+def fly(runs: int = RUNS, steps: int = STEPS, *, broker: bool = True) -> StepTimes:
     """Fly `runs` times and give the least times."""
     flights = []
     for _ in range(runs):
-        with tempfile.TemporaryDirectory() as folder, hovering_vehicle(1, Path(folder)) as tester:
+        with (
+            tempfile.TemporaryDirectory() as folder,
+            hovering_vehicle(1, Path(folder), broker=broker) as tester,
+        ):
             tester.run_for(WARM_UP_STEPS * tester.autopilot.vehicle.step_us * 1e-6)
             stopwatch = Stopwatch(tester)
             stopwatch.run(steps)
@@ -105,7 +110,8 @@ def table(times: StepTimes) -> str:
 
 def main() -> int:
     """Print the table."""
-    times = fly(int(sys.argv[1]) if len(sys.argv) > 1 else RUNS)
+    runs = int(sys.argv[1]) if len(sys.argv) > 1 else RUNS
+    times = fly(runs, broker="alone" not in sys.argv[2:])
     percentiles = [
         f"p{percent} {percentile(times.steps_us, percent):.1f} us" for percent in STEP_BAR_US
     ]
