@@ -208,7 +208,7 @@ class CommanderModule:
         if done and self._mode in mode_requirements.ENDING_IN_HOLD:
             self._mode = NavigationState.AUTO_LOITER
         following = self._timed_hold.next_mode(self._mode, view.now_us, at_rest=done)
-        if mode_requirements.missing(following, view) is None:
+        if following is not self._mode and mode_requirements.missing(following, view) is None:
             self._mode = following
         mission_state = view.progress.state if view.progress is not None else 0
         event = self._disarm_timer.due(
