@@ -103,7 +103,7 @@ format: $(DEV) ## format and fix what a tool can fix
 	$(VENV)/bin/ruff check --fix .
 
 .PHONY: bench
-bench: $(DEV) ## measure and write STATE_DIR/bench/results.json; BENCH=flight,speed,system,links chooses
+bench: $(DEV) ## measure and write STATE_DIR/bench/results.json; BENCH=flight,speed,system,links,missions chooses
 	@exec $(RUN) -m tests.bench
 
 .PHONY: clean

@@ -2,7 +2,7 @@
 
 `BENCH` chooses what, separated by commas: `flight` (how well it flies, some minutes on both
 cores), `speed` (how fast it is simulated), `system` (the running programs), `links`
-(files over MAVLink). Without it, all.
+(files over MAVLink), `missions` (their upload). Without it, all.
 """
 
 import os
@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Final
 
-from tests.bench import flight_quality, links, simulation, system
+from tests.bench import flight_quality, links, mission_upload, simulation, system
 from tests.bench.results import Result, page, write
 
 
@@ -26,6 +26,7 @@ PARTS: Final[Mapping[str, Callable[[], Iterable[Result]]]] = {
     "speed": simulation.measure,
     "system": _system,
     "links": links.measure,
+    "missions": mission_upload.measure,
 }
 
 

@@ -111,10 +111,11 @@ def to_message(item: StoredItem, seq: int, *, current: bool, mission_type: int) 
 
 def for_navigator(items: Sequence[StoredItem]) -> tuple[MissionItem, ...]:
     """The items in degrees and metres."""
-    return tuple(_mission_item(seq, item) for seq, item in enumerate(items))
+    return tuple(item_for_navigator(seq, item) for seq, item in enumerate(items))
 
 
-def _mission_item(seq: int, item: StoredItem) -> MissionItem:
+def item_for_navigator(seq: int, item: StoredItem) -> MissionItem:
+    """An item in degrees and metres."""
     scale = 1e7 if item.frame in GLOBAL_FRAMES else 1.0
     return MissionItem(
         seq=seq,

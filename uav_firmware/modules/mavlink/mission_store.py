@@ -17,6 +17,7 @@ from uav_firmware.modules.mavlink.mission_items import (
     ItemFault,
     StoredItem,
     for_navigator,
+    item_for_navigator,
     plan_id,
 )
 from uav_firmware.modules.mavlink.plan_file import PlanFileError
@@ -30,6 +31,7 @@ FILE_NAMES: Final = {
 }
 
 ACCEPTED: Final[int] = mavlink.MAV_MISSION_ACCEPTED
+_PACKED_PER_UNIT: Final = 8  # Items that are converted or packed in 5 us
 _FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT})
 
 Plan: TypeAlias = tuple[int, int, tuple[MissionItem, ...]]
@@ -84,29 +86,38 @@ class PlanStore:
             fault = getattr(error, "strerror", None) or str(error)
         else:
             fault = self._fault_of_stored(stored)
-        self._replace(0, () if fault else stored)
+        used = () if fault else stored
+        self._replace(0, used, plan_id(used), for_navigator(used))
         return f"{self._file} is not used: {fault}" if fault else ""
 
     def fault_of(self, seq: int, item: StoredItem) -> ItemFault | None:
         """Why an item can be no part of such a plan, wherever in it."""
-        (one,) = for_navigator([item])
-        rejection = self._check.item(one._replace(seq=seq))
+        rejection = self._check.item(item_for_navigator(seq, item))
         return None if rejection is None else ItemFault(rejection.result, rejection.reason)
 
     def accept(self, items: Sequence[StoredItem], now_us: int) -> Acceptance:
         """Put a plan in the place of the former one, or refuse it and keep that one."""
-        for_flight = for_navigator(items)
-        rejection = (yield from self._check.plan(for_flight)) if items else None
+        packing = len(items) // _PACKED_PER_UNIT
+        for_flight = []
+        for seq, item in enumerate(items):
+            for_flight.append(item_for_navigator(seq, item))
+            yield seq % _PACKED_PER_UNIT == 0
+        plan = tuple(for_flight)
+        rejection = (yield from self._check.plan(plan)) if plan else None
         if rejection is not None:
             return Verdict(rejection.result, reason=f"item {rejection.seq}: {rejection.reason}")
+        identifier = plan_id(items)
+        yield packing
+        contents = plan_file.encode(self._mission_type, items) if items else None
+        yield packing
         try:
-            self._keep(items)
+            self._keep(contents)
         except OSError as error:
             full = error.errno in _FULL
             result = mavlink.MAV_MISSION_NO_SPACE if full else mavlink.MAV_MISSION_ERROR
             return Verdict(result, reason=f"not saved: {error.strerror or error}")
-        self._replace(now_us, items, for_flight)
-        return Verdict(ACCEPTED, self.plan_id)
+        self._replace(now_us, tuple(items), identifier, plan)
+        return Verdict(ACCEPTED, identifier)
 
     def clear(self, now_us: int) -> Verdict:
         """Remove the plan."""
@@ -115,21 +126,20 @@ class PlanStore:
     def _replace(
         self,
         now_us: int,
-        items: Sequence[StoredItem],
-        for_flight: tuple[MissionItem, ...] | None = None,
+        items: tuple[StoredItem, ...],
+        identifier: int,
+        for_flight: tuple[MissionItem, ...],
     ) -> None:
-        self.items = tuple(items)
-        self.plan_id = plan_id(self.items)
-        handed_on = for_navigator(items) if for_flight is None else for_flight
-        self._publish((now_us, self.plan_id, handed_on))
+        self.items, self.plan_id = items, identifier
+        self._publish((now_us, identifier, for_flight))
 
-    def _keep(self, items: Sequence[StoredItem]) -> None:
+    def _keep(self, contents: bytes | None) -> None:
         if self._storage is None:
             return
-        if items:
-            self._storage.save(self._file, plan_file.encode(self._mission_type, items))
-        else:
+        if contents is None:
             self._storage.remove(self._file)  # works on a full medium too
+        else:
+            self._storage.save(self._file, contents)
 
     def _read(self) -> tuple[StoredItem, ...]:
         contents = None if self._storage is None else self._storage.load(self._file)
