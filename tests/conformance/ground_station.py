@@ -80,7 +80,8 @@ class GroundStation:
         messages = [
             m
             for m in self._codec.parse_buffer(datagram) or []
-            if m.get_type() != "BAD_DATA" and m.get_srcSystem() == self.vehicle
+            if m.get_type() != "BAD_DATA"
+            and (m.get_srcSystem(), m.get_srcComponent()) == (self.vehicle, 1)
         ]
         self.newest |= {m.get_type(): m for m in messages}
         return messages
@@ -124,7 +125,3 @@ class GroundStation:
         )
         return int(answer.result)
 
-    @property
-    def vehicle_s(self) -> float:
-        """The newest vehicle time heard [s]."""
-        return float(self.newest["ATTITUDE"].time_boot_ms) / 1e3

@@ -1,7 +1,10 @@
-"""QGroundControl's connection sequence and guided actions, replayed message by message."""
+"""QGroundControl's connection sequence and guided actions, replayed on a vehicle's process.
+
+That each answer comes in its time is held in `test_qgroundcontrol_actions.py`, in lockstep: here
+both ends share a machine with whatever else runs on it.
+"""
 
 import math
-import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -26,8 +29,6 @@ HOLD, MISSION, RETURN, LAND, TAKING_OFF = (
     0x02040000,
 )
 MODE_BIT, ARMED_BIT = 1, 128
-MODE_SHOWN_S = 1.3
-"""How long QGroundControl waits for the heartbeat to show the new mode, in vehicle time."""
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +47,6 @@ def station(tmp_path_factory: pytest.TempPathFactory) -> Iterator[GroundStation]
 
 
 def test_the_connection_sequence_is_answered(station: GroundStation) -> None:
-    began_s = time.monotonic()
     assert station.command(REQUEST_MESSAGE, 148) == ACCEPTED
     version = station.until(lambda m: m.get_type() == "AUTOPILOT_VERSION", "the version")
     assert version.flight_sw_version >= 0x01040100
@@ -74,7 +74,6 @@ def test_the_connection_sequence_is_answered(station: GroundStation) -> None:
     for kind in (0, 1, 2):
         plan = mavlink.MAVLink_mission_request_list_message(VEHICLE, 1, kind)
         assert station.ask(plan, "MISSION_COUNT", mission_type=kind).count == 0
-    assert time.monotonic() - began_s < 60.0
 
 
 def test_the_fly_view_gets_what_it_needs_unprompted(station: GroundStation) -> None:
@@ -86,8 +85,8 @@ def test_the_fly_view_gets_what_it_needs_unprompted(station: GroundStation) -> N
     station.until(lambda _: needed <= set(station.newest), f"all of {sorted(needed)}")
 
 
-def shows(station: GroundStation, since_s: float, mode: int, *, armed: bool = True) -> None:
-    """Assert that a heartbeat shows a mode soon enough after `since_s` of vehicle time."""
+def shows(station: GroundStation, mode: int, *, armed: bool = True) -> None:
+    """A heartbeat must show a mode."""
     station.until(
         lambda m: (
             m.get_type() == "HEARTBEAT"
@@ -96,15 +95,13 @@ def shows(station: GroundStation, since_s: float, mode: int, *, armed: bool = Tr
         ),
         f"mode {mode:#010x}",
     )
-    assert station.vehicle_s - since_s < MODE_SHOWN_S
 
 
 def set_mode(station: GroundStation, mode: int) -> None:
     """What QGroundControl's buttons send: SET_MODE, unanswered, then watch the heartbeat."""
     base = station.newest["HEARTBEAT"].base_mode | MODE_BIT
-    since_s = station.vehicle_s
     station.say(mavlink.MAVLink_set_mode_message(VEHICLE, base, mode))
-    shows(station, since_s, mode)
+    shows(station, mode)
 
 
 def height_m(message: Any) -> float:
@@ -117,18 +114,16 @@ def test_the_guided_actions(station: GroundStation) -> None:
     station.until(lambda _: "HOME_POSITION" in station.newest, "home")
     home = station.newest["HOME_POSITION"]
     amsl_m = home.altitude / 1e3
-    since_s = station.vehicle_s
     assert station.command(TAKEOFF, -1, 0, 0, NAN, NAN, NAN, amsl_m + 8) == ACCEPTED
     assert station.command(ARM, 1) == ACCEPTED
-    shows(station, since_s, TAKING_OFF)
+    shows(station, TAKING_OFF)
     station.until(lambda m: height_m(m) > 7.5, "8 m height")
     station.until(lambda m: m.get_type() == "HEARTBEAT" and m.custom_mode == HOLD, "hold")
 
-    since_s = station.vehicle_s
     north = home.latitude + 900
     go_to = (-1, 1, 0, NAN, north, home.longitude, amsl_m + 8)
     assert station.command_int(REPOSITION, 0, *go_to) == ACCEPTED
-    shows(station, since_s, HOLD)
+    shows(station, HOLD)
     station.until(
         lambda m: m.get_type() == "GLOBAL_POSITION_INT" and abs(m.lat - north) < 150, "10 m north"
     )

@@ -8,6 +8,11 @@ from uav_firmware.modules.mavlink.dialect import Message
 AUTOPILOT_COMPONENT: Final = 1
 """MAV_COMP_ID_AUTOPILOT1, the component that all of this module speaks for."""
 
+CAMERA_COMPONENT: Final = 100
+"""MAV_COMP_ID_CAMERA."""
+OWN_COMPONENTS: Final = frozenset({AUTOPILOT_COMPONENT, CAMERA_COMPONENT})
+"""What speaks for this vehicle; what else has its system id is a computer on board."""
+
 
 class Sender(NamedTuple):
     """The origin of a received message: its MAVLink ids and the way back."""

@@ -6,7 +6,7 @@ from typing import Final
 from uav_firmware.cal.files import Card
 from uav_firmware.cal.link import Address, Link
 from uav_firmware.cal.storage import Storage
-from uav_firmware.modules.mavlink.addressing import AUTOPILOT_COMPONENT, Outgoing, Sender
+from uav_firmware.modules.mavlink.addressing import OWN_COMPONENTS, Outgoing, Sender
 from uav_firmware.modules.mavlink.builders.context import BatteryThresholds, Context
 from uav_firmware.modules.mavlink.changes import ChangeDetector
 from uav_firmware.modules.mavlink.dialect import Message, parse
@@ -78,7 +78,7 @@ class MavlinkModule:
             raise ValueError(f"system_id: {system_id} is outside 1..250")
         self._link = link
         self._system_id = system_id
-        self._identity = (system_id, AUTOPILOT_COMPONENT)
+        self._own = {(system_id, component) for component in OWN_COMPONENTS}
         self._registry = registry
         self._topics = topics
         self._boot_time_utc_us = boot_time_utc_us
@@ -143,11 +143,11 @@ class MavlinkModule:
 
     def _take(self, message: Message, address: Address, now_us: int) -> None:
         """Serve one message, if it is to be listened to."""
+        sender = Sender(message.get_srcSystem(), message.get_srcComponent(), address)
+        if sender.identity in self._own:
+            return  # Sent back by a router, whom it must not make known either
         if self._reception.admit(message, address, now_us) is None:
             return
-        sender = Sender(message.get_srcSystem(), message.get_srcComponent(), address)
-        if sender.identity == self._identity:
-            return  # An own frame that a router sent back
         self._transmitter.send(self._dispatcher.handle(message, sender, now_us))
 
     def _tick(self, now_us: int) -> None:

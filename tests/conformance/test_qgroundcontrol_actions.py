@@ -1,0 +1,291 @@
+"""QGroundControl's requests and guided actions, each held to its time, in vehicle time.
+
+What is sent is what QGroundControl sends to a PX4 multirotor: parameter by parameter.
+"""
+
+import math
+import struct
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import development as mavlink
+
+from tests.conformance.lockstep import Lockstep
+
+pytestmark = pytest.mark.scenario
+
+VEHICLE = 4
+NAN = math.nan
+ACCEPTED, UNSUPPORTED = 0, 3
+ANSWERED_S = 1.0
+SHOWN_S = 1.3
+"""How long QGroundControl waits for the heartbeat to show a new mode."""
+ARMED_S = 1.5
+ARMED, CUSTOM = 128, 1
+POSITION, ORBIT, TAKEOFF = 0x00030000, 0x01030000, 0x02040000
+HOLD, MISSION, RETURN, LAND, FOLLOW = 0x03040000, 0x04040000, 0x05040000, 0x06040000, 0x08040000
+REQUEST, ARM, NAV_TAKEOFF, REPOSITION, DO_ORBIT = 512, 400, 22, 192, 34
+SPEED, ROI, ROI_NONE, SET_HOME, SET_CURRENT = 178, 195, 197, 179, 224
+
+
+@pytest.fixture(scope="module")
+def station(tmp_path_factory: pytest.TempPathFactory) -> Lockstep:
+    made = Lockstep(VEHICLE, tmp_path_factory.mktemp("vehicle"))
+    ready = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+    made.until(
+        lambda m: m.get_type() == "SYS_STATUS" and m.onboard_control_sensors_health & ready,
+        60.0,
+        "a vehicle that is ready",
+    )
+    made.until(lambda m: m.get_type() == "HOME_POSITION", 10.0, "home")
+    return made
+
+
+def is_a(kind: str, **fields: Any) -> Callable[[Any], bool]:
+    def check(message: Any) -> bool:
+        return message.get_type() == kind and all(
+            getattr(message, name) == value for name, value in fields.items()
+        )
+
+    return check
+
+
+def ask(station: Lockstep, message: Any, *answers: Callable[[Any], bool]) -> list[Any]:
+    """Say a message; every answer must come within a second."""
+    station.say(message)
+    left, found = list(answers), []
+    deadline_s = station.now_s + ANSWERED_S
+    while left and station.now_s < deadline_s:
+        for heard in station.step():
+            for answer in [a for a in left if a(heard)]:
+                left.remove(answer)
+                found.append(heard)
+    assert not left, f"{message.get_type()} has not got all its answers"
+    return found
+
+
+def long(number: int, *parameters: float, confirmation: int = 0) -> Any:
+    padded = [*parameters, *[0.0] * (7 - len(parameters))]
+    return mavlink.MAVLink_command_long_message(VEHICLE, 1, number, confirmation, *padded)
+
+
+def place(number: int, p1: float, p2: float, p3: float, p4: float, *at: float) -> Any:
+    """COMMAND_INT in frame 0: latitude and longitude times 1e7, altitude above mean sea level."""
+    x, y, z = at
+    return mavlink.MAVLink_command_int_message(
+        VEHICLE, 1, 0, number, 0, 0, p1, p2, p3, p4, round(x), round(y), z
+    )
+
+
+def command(station: Lockstep, message: Any) -> int:
+    """Result of a command's one final answer."""
+    (ack,) = ask(station, message, is_a("COMMAND_ACK", command=message.command))
+    return int(ack.result)
+
+
+def shows(station: Lockstep, mode: int, seconds: float = SHOWN_S, *, armed: bool = True) -> None:
+    """A heartbeat must show the mode in time."""
+    station.until(
+        lambda m: is_a("HEARTBEAT", custom_mode=mode)(m) and bool(m.base_mode & ARMED) == armed,
+        seconds,
+        f"mode {mode:#010x} in HEARTBEAT",
+    )
+
+
+def set_mode(station: Lockstep, mode: int, *, armed: bool = True) -> None:
+    """What the buttons send: SET_MODE, which has no answer but the heartbeat."""
+    base = station.newest["HEARTBEAT"].base_mode | CUSTOM
+    station.say(mavlink.MAVLink_set_mode_message(VEHICLE, base, mode))
+    shows(station, mode, armed=armed)
+
+
+def height_m(message: Any) -> float:
+    kind = message.get_type()
+    return float(message.relative_alt) / 1e3 if kind == "GLOBAL_POSITION_INT" else NAN
+
+
+# The connection.
+
+
+def test_the_version_comes_with_its_acknowledgement(station: Lockstep) -> None:
+    version, *_ = sorted(
+        ask(station, long(REQUEST, 148), is_a("AUTOPILOT_VERSION"), is_a("COMMAND_ACK", result=0)),
+        key=lambda m: str(m.get_type()),
+    )
+    assert version.flight_sw_version >= 0x01040100, "QGroundControl warns of older ones"
+    assert version.flight_sw_version & 0xFF < 255, "an official version would be held outdated"
+    assert version.capabilities & (16384 | 32768) == 16384 | 32768, "fence and rally"
+
+
+def test_the_modes_come_at_once_or_one_by_one(station: Lockstep) -> None:
+    station.say(long(REQUEST, 435, 0))
+    heard = station.run(ANSWERED_S)
+    modes = {m.mode_index: m for m in heard if m.get_type() == "AVAILABLE_MODES"}
+    count = next(iter(modes.values())).number_modes
+    assert set(modes) == set(range(1, count + 1))
+    for index in range(1, count + 1):
+        wanted = is_a("AVAILABLE_MODES", mode_index=index)
+        ask(station, long(REQUEST, 435, index), wanted, is_a("COMMAND_ACK", result=0))
+
+
+@pytest.mark.parametrize("message_id", [397, 395])
+def test_component_information_is_refused_so_that_it_goes_on(
+    station: Lockstep, message_id: int
+) -> None:
+    assert command(station, long(REQUEST, message_id)) == UNSUPPORTED
+
+
+def test_what_older_versions_ask_for(station: Lockstep) -> None:
+    assert command(station, long(519, 1)) == ACCEPTED
+    ask(station, long(520, 1), is_a("AUTOPILOT_VERSION"), is_a("COMMAND_ACK", result=0))
+
+
+def test_the_parameters_come_whole_and_missing_ones_again(station: Lockstep) -> None:
+    read = mavlink.MAVLink_param_request_read_message(VEHICLE, 1, b"_HASH_CHECK", -1)
+    (known,) = ask(station, read, is_a("PARAM_VALUE", param_id="_HASH_CHECK"))
+    station.say(mavlink.MAVLink_param_request_list_message(VEHICLE, 1))
+    values = [m.param_index for m in station.run(2.0) if m.get_type() == "PARAM_VALUE"]
+    assert values == [0xFFFF, *range(known.param_count)], "the hash first, then each once"
+    for index in range(0, known.param_count, 29):
+        again = mavlink.MAVLink_param_request_read_message(VEHICLE, 1, b"", index)
+        ask(station, again, is_a("PARAM_VALUE", param_index=index))
+
+
+def test_a_known_hash_ends_the_list(station: Lockstep) -> None:
+    station.say(mavlink.MAVLink_param_request_list_message(VEHICLE, 1))
+    first = station.until(is_a("PARAM_VALUE"), ANSWERED_S, "the hash")
+    assert first.param_id == "_HASH_CHECK"
+    station.say(mavlink.MAVLink_param_set_message(VEHICLE, 1, b"_HASH_CHECK", first.param_value, 5))
+    station.run(0.1)
+    assert not [m for m in station.run(1.0) if m.get_type() == "PARAM_VALUE"]
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["MPC_XY_VEL_MAX", "MIS_TAKEOFF_ALT", "RTL_RETURN_ALT", "SYS_AUTOSTART", "CAL_GYRO0_ID",
+     "CAL_MAG0_ID", "CAL_ACC0_ID", "COM_RC_IN_MODE", "NAV_DLL_ACT", "BAT1_CAPACITY"],
+)  # fmt: skip
+def test_the_parameters_of_the_setup_pages_are_there(station: Lockstep, name: str) -> None:
+    read = mavlink.MAVLink_param_request_read_message(VEHICLE, 1, name.encode(), -1)
+    (value,) = ask(station, read, is_a("PARAM_VALUE", param_id=name))
+    raw = struct.unpack("<i", struct.pack("<f", value.param_value))[0]
+    assert not name.startswith("CAL_") or raw != 0, "a red badge"
+
+
+@pytest.mark.parametrize("kind", [0, 1, 2])
+def test_the_plans_are_told(station: Lockstep, kind: int) -> None:
+    request = mavlink.MAVLink_mission_request_list_message(VEHICLE, 1, kind)
+    ask(station, request, is_a("MISSION_COUNT", mission_type=kind))
+
+
+def test_the_time_is_told_twice_and_nothing_happens(station: Lockstep) -> None:
+    for _ in range(2):
+        station.say(mavlink.MAVLink_system_time_message(1_700_000_000_000_000, 5))
+    assert station.until(is_a("HEARTBEAT"), 1.1, "a heartbeat").system_status == 3
+
+
+# Guided actions.
+
+
+def upload(station: Lockstep, home: Any) -> None:
+    """A plan as the plan view writes it: frame 3, degrees times 1e7, the first item current."""
+    legs = [(NAV_TAKEOFF, 0, 10.0), (16, 2000, 12.0), (16, 2500, 12.0)]
+    items = [
+        mavlink.MAVLink_mission_item_int_message(
+            VEHICLE, 1, seq, 3, number, int(seq == 0), 1, 0, 0, 0, NAN,
+            home.latitude + north, home.longitude, height, 0,
+        )
+        for seq, (number, north, height) in enumerate(legs)
+    ]  # fmt: skip
+    station.say(mavlink.MAVLink_mission_count_message(VEHICLE, 1, len(items), 0))
+    for item in items:
+        station.until(is_a("MISSION_REQUEST_INT", seq=item.seq), ANSWERED_S, "a request")
+        station.say(item)
+    assert station.until(is_a("MISSION_ACK"), ANSWERED_S, "MISSION_ACK").type == 0
+
+
+def take_off(station: Lockstep, amsl_m: float) -> None:
+    assert command(station, long(NAV_TAKEOFF, -1, 0, 0, NAN, NAN, NAN, amsl_m)) == ACCEPTED
+    shows(station, TAKEOFF, armed=False)
+    assert command(station, long(ARM, 1)) == ACCEPTED
+    shows(station, TAKEOFF, ARMED_S)
+
+
+def landed(station: Lockstep) -> None:
+    station.until(
+        lambda m: m.get_type() == "HEARTBEAT" and not m.base_mode & ARMED, 90.0, "disarming"
+    )
+    station.until(is_a("EXTENDED_SYS_STATE", landed_state=1), ANSWERED_S, "the ground")
+
+
+def test_the_guided_actions_show_in_time(station: Lockstep) -> None:
+    home = station.newest["HOME_POSITION"]
+    amsl_m = home.altitude / 1e3
+    here = (home.latitude, home.longitude)
+    upload(station, home)
+    take_off(station, amsl_m + 8.0)
+    station.until(is_a("HEARTBEAT", custom_mode=HOLD), 30.0, "the end of the take-off")
+
+    north = home.latitude + 900
+    assert command(station, place(REPOSITION, -1, 1, 0, NAN, north, here[1], amsl_m + 8)) == 0
+    shows(station, HOLD)
+    station.until(
+        lambda m: m.get_type() == "GLOBAL_POSITION_INT" and abs(m.lat - north) < 150, 30.0, "there"
+    )
+    assert command(station, long(REPOSITION, -1, 1, 0, NAN, NAN, NAN, NAN)) == ACCEPTED
+    assert command(station, long(REPOSITION, -1, 1, 0, NAN, NAN, NAN, amsl_m + 12)) == ACCEPTED
+    station.until(lambda m: height_m(m) > 11.5, 20.0, "12 m")
+    assert command(station, long(REPOSITION, -1, 1, 0, 1.0, NAN, NAN, NAN)) == ACCEPTED
+    station.until(
+        lambda m: m.get_type() == "ATTITUDE" and abs(m.yaw - 1.0) < 0.1, 20.0, "the heading"
+    )
+    assert command(station, long(SPEED, 1, 3.0, -1, 0)) == ACCEPTED
+
+    assert command(station, place(DO_ORBIT, 15, NAN, 5, NAN, *here, amsl_m + 12)) == ACCEPTED
+    shows(station, ORBIT)
+    station.until(is_a("ORBIT_EXECUTION_STATUS"), 1.0, "the circle")
+    assert command(station, long(REPOSITION, -1, 1, 0, NAN, NAN, NAN, NAN)) == ACCEPTED
+    shows(station, HOLD)
+
+    assert command(station, place(ROI, 0, 0, 0, 0, *here, amsl_m)) == ACCEPTED
+    assert command(station, long(ROI_NONE)) == ACCEPTED
+    degrees = (home.latitude / 1e7, home.longitude / 1e7)
+    assert command(station, long(SET_HOME, 0, 0, 0, NAN, *degrees, amsl_m)) == ACCEPTED
+
+    set_mode(station, FOLLOW)
+    set_mode(station, HOLD)
+    set_mode(station, MISSION)
+    (ack, current) = ask(
+        station,
+        long(SET_CURRENT, 2, 0),
+        is_a("COMMAND_ACK", command=SET_CURRENT, result=ACCEPTED),
+        is_a("MISSION_CURRENT", seq=2),
+    )
+    assert ack is not current
+    station.say(mavlink.MAVLink_mission_set_current_message(VEHICLE, 1, 1))
+    station.until(is_a("MISSION_CURRENT", seq=1), ANSWERED_S, "the item that was chosen")
+    set_mode(station, RETURN)
+    set_mode(station, HOLD)
+    set_mode(station, LAND)
+    landed(station)
+
+
+def test_a_mission_is_started_from_the_ground_and_stopped_in_an_emergency(
+    station: Lockstep,
+) -> None:
+    upload(station, station.newest["HOME_POSITION"])
+    set_mode(station, MISSION, armed=False)
+    assert command(station, long(ARM, 1)) == ACCEPTED
+    shows(station, MISSION, ARMED_S)
+    station.until(lambda m: height_m(m) > 2.0, 20.0, "a vehicle in the air")
+    assert command(station, long(ARM, 0, 0)) != ACCEPTED, "not in the air without force"
+    assert command(station, long(ARM, 0, 21196)) == ACCEPTED
+    shows(station, HOLD, ARMED_S, armed=False)
+
+
+def test_a_mode_picked_on_the_ground_is_shown(tmp_path_factory: pytest.TempPathFactory) -> None:
+    station = Lockstep(VEHICLE, tmp_path_factory.mktemp("on_the_ground"))
+    station.until(is_a("HOME_POSITION"), 60.0, "home")
+    for mode in (RETURN, LAND, POSITION, FOLLOW, HOLD, TAKEOFF, HOLD):
+        set_mode(station, mode, armed=False)
