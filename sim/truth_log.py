@@ -4,6 +4,7 @@ Rows reach the operating system at least once a simulated second, so that a kill
 loses no more than that. The same seed gives the same bytes.
 """
 
+import sys
 from pathlib import Path
 from typing import Final
 
@@ -42,8 +43,10 @@ _ROW: Final = (
 class TruthLog:
     """An open log file; folders on the way to it are made.
 
+    A medium that refuses later on ends the log, not the flight.
+
     Raises:
-        OSError: if the file cannot be created or written.
+        OSError: if the file cannot be created.
     """
 
     def __init__(self, path: Path) -> None:
@@ -54,20 +57,33 @@ class TruthLog:
         self._period_us = 1_000_000 // RATE_HZ
         self._next_us = 0
         self._rows = 0
+        self._ended = False
 
     def record(self, truth: Truth) -> None:
         """Write a row if one is due."""
-        if truth.time_us < self._next_us:
+        if truth.time_us < self._next_us or self._ended:
             return
         self._next_us += self._period_us
-        self._file.write(format_row(truth))
         self._rows += 1
-        if self._rows % RATE_HZ == 0:
-            self._file.flush()
+        try:
+            self._file.write(format_row(truth))
+            if self._rows % RATE_HZ == 0:
+                self._file.flush()
+        except OSError as error:
+            self._end(error)
 
     def close(self) -> None:
         """Write what is left and close the file; a second call does nothing."""
-        self._file.close()
+        try:
+            self._file.close()
+        except OSError as error:
+            self._end(error)
+
+    def _end(self, error: OSError) -> None:
+        """Write no more, and say why once."""
+        if not self._ended:
+            sys.stderr.write(f"Truth log ended: {error.strerror or error}\n")
+        self._ended = True
 
 
 def format_row(truth: Truth) -> str:

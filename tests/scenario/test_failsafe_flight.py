@@ -1,5 +1,6 @@
 """What breaks in flight, and how the flight ends; the simulator breaks it and its truth judges."""
 
+import errno
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +13,9 @@ from sim.config import SimulationConfig
 from sim.faults import Fault, Kind
 from tests.support.autopilot_tester import AutopilotTester
 from tests.support.stick_pilot import order
-from uav_firmware.msg.status import NavigationState
+from uav_firmware.cal.log_store import LogFile
+from uav_firmware.drivers.file_storage import FileStorage
+from uav_firmware.msg.status import Command, NavigationState
 
 pytestmark = pytest.mark.scenario
 
@@ -239,3 +242,52 @@ def test_a_vehicle_breaks_by_command_only_where_that_is_allowed(tmp_path: Path) 
     order(tester, common.MAV_CMD_INJECT_FAILURE, gps, off, 0.0)
     tester.run_for(4.0)
     assert said(tester, "GPS lost")
+
+
+class FullCard:
+    """A medium for flight logs that has no room for one."""
+
+    def free_bytes(self) -> int:
+        return 0
+
+    def create(self, time_utc_us: int) -> LogFile:
+        raise OSError(errno.ENOSPC, "No space left on device", f"{time_utc_us}.ulg")
+
+
+def test_a_full_disk_is_told_and_neither_grounds_nor_ends_a_flight(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_storage: FileStorage, _name: str, _contents: bytes) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(FileStorage, "save", refuse)
+    tester = AutopilotTester(SimulationConfig(seed=1), tmp_path, log_store=FullCard())
+    tester.wait_until_ready()
+    tester.take_off(5.0)
+    tester.autopilot.registry.set("MPC_XY_CRUISE", 4.0)  # A change that cannot be kept
+    tester.run_for(12.0)
+    assert said(tester, "Flight log stopped: No space left")
+    assert said(tester, "Parameters not saved: No space left")
+    assert said(tester, "Storage full")
+    tester.return_home()
+    tester.wait_until_landed()
+    assert not tester.simulation.wrecked
+
+
+def test_a_vehicle_that_lies_beyond_its_limits_says_so(tmp_path: Path) -> None:
+    """Hard on its side: told, while the controllers right it."""
+    tester = vehicle(tmp_path)
+    tester.autopilot.registry.set("FD_FAIL_R", 5.0)
+    tester.autopilot.registry.set("FD_FAIL_P", 5.0)
+    tester.autopilot.registry.set("MPC_XY_CRUISE", 10.0)
+    tester.wait_until_ready()
+    tester.take_off(10.0)
+    tester.run_for(8.0)
+    assert not said(tester, "Attitude beyond limits")
+    latitude, longitude, _ = tester.place(60.0, 0.0, 0.0)
+    tester.ground_station.command(
+        Command.DO_REPOSITION, -1.0, 1.0, 0.0, math.nan, latitude, longitude, math.nan
+    )
+    tester.run_for(6.0)
+    assert said(tester, "Attitude beyond limits")
+    assert tester.mode is NavigationState.AUTO_LOITER

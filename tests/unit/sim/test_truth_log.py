@@ -31,6 +31,21 @@ def test_the_header_names_every_column_with_its_unit(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
+FULL_DEVICE = Path("/dev/full")
+
+
+@pytest.mark.skipif(not FULL_DEVICE.exists(), reason="no device that is always full")
+def test_a_full_medium_ends_the_log_and_not_the_flight(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = TruthLog(tmp_path / "truth.csv")
+    log.close()
+    log._file = FULL_DEVICE.open("w", encoding="ascii")
+    record_seconds(log, 20.0)
+    log.close()
+    assert capsys.readouterr().err == "Truth log ended: No space left on device\n"
+
+
 def test_values_stand_under_their_names() -> None:
     state = truth(
         1_020_000,

@@ -78,3 +78,9 @@ def test_a_medium_that_refuses_says_so(tmp_path: Path) -> None:
 def test_no_room_at_all_is_refused(tmp_path: Path, files_max: int, bytes_max: int) -> None:
     with pytest.raises(ValueError, match="holds no log"):
         LogFolder(tmp_path, files_max=files_max, bytes_max=bytes_max)
+
+
+def test_room_is_told_before_there_is_a_folder(tmp_path: Path) -> None:
+    folder = tmp_path / "vehicle-1" / "log"
+    assert LogFolder(folder).free_bytes() > 0
+    assert not folder.exists()
