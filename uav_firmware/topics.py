@@ -18,10 +18,18 @@ from uav_firmware.msg.estimate import (
 )
 from uav_firmware.msg.failure import FailureDetectorStatus, RotorLossThrust
 from uav_firmware.msg.geofence import Fence, GeofenceStatus, RallyPoints
-from uav_firmware.msg.guidance import FollowTarget, OrbitStatus
+from uav_firmware.msg.guidance import FollowTarget, OrbitStatus, RegionOfInterest
 from uav_firmware.msg.link import RefusedFrames
 from uav_firmware.msg.log import LogStreamChunk, LogStreamRequest
 from uav_firmware.msg.mission import Mission, MissionProgress, NavigatorRequest, NavigatorStatus
+from uav_firmware.msg.payload import (
+    CameraEvent,
+    CameraLens,
+    CameraStatus,
+    GimbalStatus,
+    PayloadOrder,
+    TrackingState,
+)
 from uav_firmware.msg.sensors import (
     SensorBaro,
     SensorBattery,
@@ -81,6 +89,13 @@ class Topics:
     geofence_status: Topic[GeofenceStatus] = field(default_factory=Topic)
     follow_target: Topic[FollowTarget] = field(default_factory=Topic)
     orbit_status: Topic[OrbitStatus] = field(default_factory=Topic)
+    region_of_interest: Topic[RegionOfInterest] = field(default_factory=Topic)
+    payload_order: Queue[PayloadOrder] = field(default_factory=lambda: Queue(2048))
+    camera_event: Queue[CameraEvent] = field(default_factory=Queue)
+    camera_status: Topic[CameraStatus] = field(default_factory=Topic)
+    camera_lens: Topic[CameraLens] = field(default_factory=Topic)
+    gimbal_status: Topic[GimbalStatus] = field(default_factory=Topic)
+    tracking_state: Topic[TrackingState] = field(default_factory=Topic)
     trajectory_setpoint: Topic[TrajectorySetpoint] = field(default_factory=Topic)
     vehicle_attitude_setpoint: Topic[VehicleAttitudeSetpoint] = field(default_factory=Topic)
     vehicle_rates_setpoint: Topic[VehicleRatesSetpoint] = field(default_factory=Topic)

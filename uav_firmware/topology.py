@@ -42,6 +42,8 @@ from uav_firmware.modules.navigator import geofence_plan
 from uav_firmware.modules.navigator.module import NavigatorModule
 from uav_firmware.modules.offboard.module import OffboardModule
 from uav_firmware.modules.parameter_storage.module import ParameterStorageModule
+from uav_firmware.modules.payload.module import PERIOD_US as PAYLOAD_PERIOD_US
+from uav_firmware.modules.payload.module import PayloadModule
 from uav_firmware.modules.position_control.module import PositionControlModule
 from uav_firmware.modules.position_control.params import PositionControlParams
 from uav_firmware.modules.rate_control.module import RateControlModule
@@ -143,6 +145,8 @@ class Autopilot:
             geofence_status=topics.geofence_status,
             vehicle_command=topics.vehicle_command,
             status_text=topics.status_text,
+            payload_order=topics.payload_order,
+            region_of_interest=topics.region_of_interest,
         )
         self.commander = CommanderModule(
             registry,
@@ -262,6 +266,24 @@ class Autopilot:
                 setup=setup_signing,
             ),
         )
+        self.payload = PayloadModule(
+            registry,
+            system_id=system_id,
+            boot_time_utc_us=boot_time_utc_us,
+            orders=topics.payload_order,
+            region_of_interest=topics.region_of_interest,
+            attitude=topics.vehicle_attitude,
+            local_position=topics.vehicle_local_position,
+            home=topics.home_position,
+            vehicle_status=topics.vehicle_status,
+            command_ack=topics.vehicle_command_ack,
+            status_text=topics.status_text,
+            camera_event=topics.camera_event,
+            camera_status=topics.camera_status,
+            camera_lens=topics.camera_lens,
+            gimbal_status=topics.gimbal_status,
+            tracking_state=topics.tracking_state,
+        )
         self.console = ConsoleModule(
             write_line,
             status_text=topics.status_text.second,
@@ -338,6 +360,12 @@ class Autopilot:
                 lambda: self.control_allocator.update(vehicle.time_us),
             ),
             RateGroup("mavlink", _LINK_PERIOD_US, lambda: self.mavlink.update(vehicle.time_us), 1),
+            RateGroup(
+                "payload",
+                PAYLOAD_PERIOD_US,
+                lambda: self.payload.update(vehicle.time_us),
+                2,
+            ),
             RateGroup("console", _CONSOLE_PERIOD_US, self.console.update, 3),
             RateGroup("parameter_storage", _STORAGE_PERIOD_US, self.parameter_storage.update, 4),
             RateGroup("logger", step_us, self.logger.update),
@@ -416,6 +444,12 @@ def _mavlink_topics(topics: Topics) -> MavlinkTopics:
         attitude_setpoint=topics.vehicle_attitude_setpoint,
         rates_setpoint=topics.vehicle_rates_setpoint,
         wind=topics.wind,
+        payload_order=topics.payload_order,
+        camera_event=topics.camera_event,
+        camera_status=topics.camera_status,
+        camera_lens=topics.camera_lens,
+        gimbal_status=topics.gimbal_status,
+        tracking_state=topics.tracking_state,
         mag=topics.sensor_mag,
         refused_frames=topics.refused_frames,
         log_stream_request=topics.log_stream_request,

@@ -132,12 +132,6 @@ def _whole(number: int, what: str) -> _Rule:
     return rule
 
 
-def _sequence_of_one(parameters: Parameters) -> Fault | None:
-    if unset(parameters[3]) or parameters[2] == 1.0:
-        return None
-    return Fault(4, "numbers a single picture, and parameter 3 asks for others")
-
-
 def _yaw_frame(parameters: Parameters) -> Fault | None:
     flags = parameters[4]
     if math.isnan(flags):
@@ -253,7 +247,6 @@ _RULES: Final[Mapping[int, tuple[_Rule, ...]]] = {
         _interval,
         _whole(3, "number of pictures"),
         _whole(4, "sequence number"),
-        _sequence_of_one,
     ),
     PayloadCommand.IMAGE_STOP_CAPTURE: (_camera(1),),
     PayloadCommand.CAMERA_TRACK_POINT: (

@@ -3,6 +3,7 @@
 import math
 from typing import Final
 
+from uav_firmware.lib.payload_rules import GIMBAL_DEVICE
 from uav_firmware.modules.commander.command_parameters import (
     HEIGHT_MAX_M,
     BadParameterError,
@@ -109,14 +110,22 @@ def follow(command: VehicleCommand, situation: Situation) -> Decision:
 
 def look_at(command: VehicleCommand, situation: Situation) -> Decision:
     """DO_SET_ROI_LOCATION: the nose points there until told otherwise."""
-    refuse_set(command, 1, 2, 3, 4)
+    _refuse_other_gimbals(command)
+    refuse_set(command, 2, 3, 4)
     return _look_at(command, situation)
 
 
 def look_ahead(command: VehicleCommand, situation: Situation) -> Decision:
     """DO_SET_ROI_NONE."""
-    refuse_set(command, 1, 2, 3, 4, 5, 6, 7)
+    _refuse_other_gimbals(command)
+    refuse_set(command, 2, 3, 4, 5, 6, 7)
     return _tell_region(situation, _NOWHERE)
+
+
+def _refuse_other_gimbals(command: VehicleCommand) -> None:
+    """Parameter 1 may name the gimbal, which looks there too; there is one."""
+    if not unset(command.param1):
+        choice(command, 1, float(GIMBAL_DEVICE))
 
 
 def region_of_interest(command: VehicleCommand, situation: Situation) -> Decision:
@@ -137,8 +146,7 @@ def _look_at(command: VehicleCommand, situation: Situation) -> Decision:
 
 
 def _tell_region(situation: Situation, spot: Place) -> Decision:
-    if not situation.armed:
-        return not_now("the vehicle is disarmed")
+    """The gimbal looks there in any case, the nose while the vehicle is armed."""
     return accepted(Tell(RegionOfInterest(situation.view.now_us, *spot)))
 
 

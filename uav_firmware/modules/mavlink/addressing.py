@@ -6,8 +6,7 @@ from uav_firmware.cal.link import Address
 from uav_firmware.modules.mavlink.dialect import Message
 
 AUTOPILOT_COMPONENT: Final = 1
-"""MAV_COMP_ID_AUTOPILOT1, the component that all of this module speaks for."""
-
+"""MAV_COMP_ID_AUTOPILOT1: the vehicle, and its gimbal."""
 CAMERA_COMPONENT: Final = 100
 """MAV_COMP_ID_CAMERA."""
 OWN_COMPONENTS: Final = frozenset({AUTOPILOT_COMPONENT, CAMERA_COMPONENT})
@@ -32,6 +31,7 @@ class Outgoing(NamedTuple):
 
     message: Message
     to: Address | None = None
+    component: int = AUTOPILOT_COMPONENT  # That says it
 
 
 def is_for_us(message: Message, system_id: int, own_component: int = AUTOPILOT_COMPONENT) -> bool:

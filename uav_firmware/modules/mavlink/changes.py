@@ -4,10 +4,13 @@ from collections.abc import Callable, Hashable
 from typing import Any, Final, NamedTuple
 
 from uav_firmware.bus import Topic
+from uav_firmware.modules.mavlink.addressing import CAMERA_COMPONENT
 from uav_firmware.modules.mavlink.dialect import mavlink
+from uav_firmware.modules.mavlink.streams import stream_key
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
 from uav_firmware.msg.geofence import Fence, RallyPoints
 from uav_firmware.msg.mission import Mission, MissionProgress
+from uav_firmware.msg.payload import CameraStatus, GimbalStatus
 from uav_firmware.msg.status import HomePosition, LandDetected, VehicleStatus
 
 
@@ -32,8 +35,24 @@ def _progress_key(progress: MissionProgress) -> Hashable:
     return (mission, progress.seq_current, progress.state, progress.selection_count)
 
 
+def _capture_key(status: CameraStatus) -> Hashable:
+    return status[2:8]  # All that CAMERA_CAPTURE_STATUS tells, but for the room that is left
+
+
+def _camera_mode_key(status: CameraStatus) -> Hashable:
+    return status.mode
+
+
+def _storage_key(status: CameraStatus) -> Hashable:
+    return (status.total_mib, status.used_mib)
+
+
+def _gimbal_control_key(status: GimbalStatus) -> Hashable:
+    return (status.primary, status.secondary)
+
+
 class _Watch(NamedTuple):
-    """One topic, what of it counts as a change, and what is sent then."""
+    """One topic, what of it counts as a change, and what is sent then (as `stream_key`)."""
 
     topic: Callable[[MavlinkTopics], Topic[Any]]
     key: Callable[[Any], Hashable]
@@ -63,6 +82,26 @@ _WATCHES: Final = (
         lambda topics: topics.mission_progress,
         _progress_key,
         (mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,),
+    ),
+    _Watch(
+        lambda topics: topics.camera_status,
+        _capture_key,
+        (stream_key(CAMERA_COMPONENT, mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS),),
+    ),
+    _Watch(
+        lambda topics: topics.camera_status,
+        _camera_mode_key,
+        (stream_key(CAMERA_COMPONENT, mavlink.MAVLINK_MSG_ID_CAMERA_SETTINGS),),
+    ),
+    _Watch(
+        lambda topics: topics.camera_status,
+        _storage_key,
+        (stream_key(CAMERA_COMPONENT, mavlink.MAVLINK_MSG_ID_STORAGE_INFORMATION),),
+    ),
+    _Watch(
+        lambda topics: topics.gimbal_status,
+        _gimbal_control_key,
+        (mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_STATUS,),
     ),
 )
 

@@ -15,6 +15,7 @@ from uav_firmware.modules.mavlink.dialect_extensions import (
     MAV_RESULT_COMMAND_UNSUPPORTED_MAV_FRAME,
 )
 from uav_firmware.msg import status
+from uav_firmware.msg.payload import PayloadCommand
 
 Parameters: TypeAlias = tuple[float, float, float, float, float, float, float]
 
@@ -46,6 +47,19 @@ class Command(NamedTuple):
 
 FORWARDED: Final = frozenset(int(command) for command in status.Command)
 """Commands that the commander carries out; it also judges their parameters."""
+
+FOR_PAYLOAD: Final = frozenset(int(command) for command in PayloadCommand)
+"""Commands that camera and gimbal carry out; payload judges their parameters."""
+
+FOR_GIMBAL: Final = frozenset(
+    {
+        int(PayloadCommand.DO_MOUNT_CONFIGURE),
+        int(PayloadCommand.DO_MOUNT_CONTROL),
+        int(PayloadCommand.DO_GIMBAL_MANAGER_PITCHYAW),
+        int(PayloadCommand.DO_GIMBAL_MANAGER_CONFIGURE),
+    }
+)
+"""Those of them that concern the gimbal, whose manager is the autopilot."""
 
 POSITIONAL: Final = frozenset(
     {
@@ -80,7 +94,7 @@ ANSWERED_HERE: Final[Mapping[int, frozenset[int]]] = {
 """Commands that concern the link or the parameters, or another spelling of a forwarded one: the
 parameters that have an effect. Another one that is set is refused, since it is not honoured."""
 
-KNOWN: Final = FORWARDED | ANSWERED_HERE.keys()
+KNOWN: Final = FORWARDED | FOR_PAYLOAD | ANSWERED_HERE.keys()
 
 
 def from_long(message: Message) -> Command:

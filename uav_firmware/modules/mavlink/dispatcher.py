@@ -1,6 +1,7 @@
 """Which server takes which message: one table."""
 
 from collections.abc import Callable, Iterable, Mapping
+from itertools import count
 from typing import Final, NamedTuple, TypeAlias
 
 from uav_firmware.cal.files import Card
@@ -8,10 +9,12 @@ from uav_firmware.cal.link import Address
 from uav_firmware.cal.storage import Storage
 from uav_firmware.modules.mavlink.addressing import Outgoing, Sender, is_for_us
 from uav_firmware.modules.mavlink.builders.context import Context
+from uav_firmware.modules.mavlink.camera_component import CameraComponent, CommandRouter
 from uav_firmware.modules.mavlink.command_server import CommandServer
 from uav_firmware.modules.mavlink.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.file_service import FileService
 from uav_firmware.modules.mavlink.follow_input import FollowInput
+from uav_firmware.modules.mavlink.gimbal_input import GimbalInput
 from uav_firmware.modules.mavlink.log_stream import LogStream
 from uav_firmware.modules.mavlink.manual_input import ManualInput
 from uav_firmware.modules.mavlink.mission_server import MissionServer
@@ -96,6 +99,7 @@ class Dispatcher:
         )
         for fault in self._missions.load():
             topics.status_text.publish(StatusText(0, mavlink.MAV_SEVERITY_WARNING, fault))
+        router, tokens = CommandRouter(topics), count(1)
         self._log_stream = LogStream(
             system_id=system_id,
             request=topics.log_stream_request,
@@ -109,8 +113,19 @@ class Dispatcher:
                 StorageCommands(registry, save_parameters, topics.vehicle_status).answer,
                 self._log_stream.answer,
             ),
-            commander=topics.vehicle_command,
+            commander=router,
             mission_length=lambda: self._missions.mission_length,
+            cancel=router.cancel,
+            tokens=tokens,
+        )
+        self._camera = CameraComponent(
+            system_id=system_id,
+            topics=topics,
+            peers=peers,
+            context=context,
+            sink=router,
+            cancel=router.cancel,
+            tokens=tokens,
         )
         self._parameters = ParameterServer(
             system_id=system_id, registry=registry, save=save_parameters, texts=texts
@@ -125,6 +140,7 @@ class Dispatcher:
         )
         manual = ManualInput(system_id, topics.manual_control_setpoint)
         setpoints = SetpointInput(system_id, topics, texts)
+        gimbal = GimbalInput(system_id, topics.payload_order)
         self._handlers: Mapping[str, Handler] = {
             "HEARTBEAT": self._heartbeat,
             **dict.fromkeys(self._missions.message_types, self._missions.handle),
@@ -132,10 +148,11 @@ class Dispatcher:
             **dict.fromkeys(self._files.message_types, self._files.handle),
             "LOGGING_ACK": self._log_stream.acknowledged,
             "MANUAL_CONTROL": manual.handle,
+            **dict.fromkeys(gimbal.message_types, gimbal.handle),
             "FOLLOW_TARGET": FollowInput(topics.follow_target).handle,
-            "COMMAND_LONG": self._commands.handle,
-            "COMMAND_INT": self._commands.handle,
-            "COMMAND_CANCEL": self._commands.cancel,
+            "COMMAND_LONG": self._command,
+            "COMMAND_INT": self._command,
+            "COMMAND_CANCEL": self._cancel,
             "SET_MODE": self._commands.set_mode,
             "MISSION_SET_CURRENT": self._set_current,
             "PARAM_REQUEST_LIST": self._parameters.handle,
@@ -153,8 +170,10 @@ class Dispatcher:
 
     def tick(self, now_us: int) -> list[Outgoing]:
         """Everything that is due without having been asked for just now."""
-        outgoing = self._commands.answers(self._topics.command_ack.drain(), now_us)
+        acks = self._topics.command_ack.drain()
+        outgoing = self._commands.answers(acks, now_us)
         outgoing += self._commands.tick(now_us)
+        outgoing += self._camera.tick(acks, now_us)
         outgoing += self._missions.tick(now_us)
         outgoing += self._parameters.tick(now_us)
         outgoing += self._files.tick(now_us)
@@ -166,6 +185,16 @@ class Dispatcher:
         for address in addresses:
             self._parameters.forget(address)
             self._log_stream.forget(address)
+
+    def _command(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
+        """Hand a command to the one component that answers it."""
+        server = self._camera if self._camera.is_meant(message) else self._commands
+        return server.handle(message, sender, now_us)
+
+    def _cancel(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
+        """A command is cancelled wherever it runs."""
+        outgoing = self._commands.cancel(message, sender, now_us)
+        return outgoing + self._camera.cancel(message, sender, now_us)
 
     def _heartbeat(self, message: Message, _sender: Sender, now_us: int) -> list[Outgoing]:
         """Note that whoever commands the vehicle (ground station or broker) is there."""

@@ -48,7 +48,7 @@ class Channel:
     """The state of the link to one peer: its sequence counter, its schedule, its signatures."""
 
     __slots__ = (
-        "_sequence",
+        "_sequences",
         "address",
         "heard_us",
         "known_us",
@@ -72,7 +72,7 @@ class Channel:
         self.heard_us = now_us
         self.spoken = False  # Has said more than HEARTBEAT
         self.signer: Signer | None = None  # Signs what is sent; None: sent unsigned
-        self._sequence = 0
+        self._sequences: dict[int, int] = {}  # By component
 
     @property
     def patience_us(self) -> int:
@@ -80,10 +80,10 @@ class Channel:
         acquaintance_us = self.heard_us - self.known_us
         return min(max(acquaintance_us, SHORTEST_SILENCE_US), LONGEST_SILENCE_US)
 
-    def next_sequence(self) -> int:
-        """Sequence number of the next frame to this peer, 0 to 255 and round again."""
-        sequence = self._sequence
-        self._sequence = (sequence + 1) & 0xFF
+    def next_sequence(self, component: int) -> int:
+        """Sequence number of a component's next frame to this peer, 0 to 255 and round again."""
+        sequence = self._sequences.get(component, 0)
+        self._sequences[component] = (sequence + 1) & 0xFF
         return sequence
 
 

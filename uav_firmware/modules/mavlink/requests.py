@@ -4,14 +4,14 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
-from uav_firmware.modules.mavlink.addressing import Sender
+from uav_firmware.modules.mavlink.addressing import AUTOPILOT_COMPONENT, Sender
 from uav_firmware.modules.mavlink.builders.context import Context
 from uav_firmware.modules.mavlink.builders.identity import autopilot_version, available_modes
 from uav_firmware.modules.mavlink.commands import Command
 from uav_firmware.modules.mavlink.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.dialect_extensions import ProtocolVersion
 from uav_firmware.modules.mavlink.peers import Channel, PeerTable
-from uav_firmware.modules.mavlink.streams import BUILDERS, MIN_INTERVAL_US
+from uav_firmware.modules.mavlink.streams import BUILDERS, MIN_INTERVAL_US, stream_key
 
 _ACCEPTED: Final[int] = mavlink.MAV_RESULT_ACCEPTED
 _DENIED: Final[int] = mavlink.MAV_RESULT_DENIED
@@ -34,8 +34,17 @@ class Answer(NamedTuple):
 class RequestServer:
     """Answers the commands of the message-request and message-interval protocols."""
 
-    def __init__(self, peers: PeerTable, context: Callable[[int], Context]) -> None:
-        """Take the peers whose rates may be set, and a maker of contexts from the time [us]."""
+    def __init__(
+        self,
+        peers: PeerTable,
+        context: Callable[[int], Context],
+        component: int = AUTOPILOT_COMPONENT,
+    ) -> None:
+        """Take the peers whose rates may be set, and a maker of contexts from the time [us].
+
+        `component` is the one whose messages are asked for.
+        """
+        self._component = component
         self._peers = peers
         self._context = context
         self._answers: Mapping[int, Callable[[Command, Sender, int], Answer]] = {
@@ -53,17 +62,17 @@ class RequestServer:
         return None if handler is None else handler(command, sender, now_us)
 
     def _request_message(self, command: Command, _sender: Sender, now_us: int) -> Answer:
-        message_id, target = _whole(command.parameter(1)), _target(command)
+        message_id, target = whole(command.parameter(1)), _target(command)
         if message_id is None or target is None:
             return Answer(_DENIED)
         to_all = target == _TO_ALL
         if message_id == mavlink.MAVLINK_MSG_ID_AVAILABLE_MODES:
-            index = _whole(command.parameter(2))
+            index = whole(command.parameter(2))
             modes = tuple(available_modes(index)) if index is not None else ()
             return Answer(_ACCEPTED, modes, to_all) if modes else Answer(_DENIED)
         if message_id == mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
             return self._version(command, _sender, now_us)._replace(to_all=to_all)
-        builder = BUILDERS.get(message_id)
+        builder = BUILDERS.get(self._key(message_id))
         if builder is None:
             return Answer(_UNSUPPORTED)
         message = builder(self._context(now_us))
@@ -84,31 +93,35 @@ class RequestServer:
         return self._request_message(command._replace(parameters=asked), sender, now_us)
 
     def _set_interval(self, command: Command, sender: Sender, now_us: int) -> Answer:
-        message_id, target = _whole(command.parameter(1)), _target(command)
+        message_id, target = whole(command.parameter(1)), _target(command)
         interval = command.parameter(2)
         if message_id is None or target is None or not _is_interval(interval):
             return Answer(_DENIED)
-        if message_id not in BUILDERS:
+        key = self._key(message_id)
+        if key not in BUILDERS:
             return Answer(_UNSUPPORTED)
         if message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT and interval == _INTERVAL_OFF:
             return Answer(_DENIED)
         for channel in self._channels(sender, to_all=target == _TO_ALL):
-            _apply_interval(channel, message_id, round(interval), now_us)
+            _apply_interval(channel, key, round(interval), now_us)
         return Answer(_ACCEPTED)
 
     def _get_interval(self, command: Command, sender: Sender, _now_us: int) -> Answer:
         """Answer with MESSAGE_INTERVAL: -1 for a message that is off, 0 for one unknown."""
-        message_id, target = _whole(command.parameter(1)), _target(command)
+        message_id, target = whole(command.parameter(1)), _target(command)
         if message_id is None or target is None or message_id > 0xFFFF:
             return Answer(_DENIED)
-        channel = self._peers.get(sender.address)
-        interval = channel.schedule.interval_us(message_id) if channel is not None else 0
-        if interval == 0 and message_id in BUILDERS:
+        channel, key = self._peers.get(sender.address), self._key(message_id)
+        interval = channel.schedule.interval_us(key) if channel is not None else 0
+        if interval == 0 and key in BUILDERS:
             interval = _INTERVAL_OFF
         message = mavlink.MAVLink_message_interval_message(
             message_id=message_id, interval_us=interval
         )
         return Answer(_ACCEPTED, (message,), to_all=target == _TO_ALL)
+
+    def _key(self, message_id: int) -> int:
+        return stream_key(self._component, message_id)
 
     def _channels(self, sender: Sender, *, to_all: bool) -> list[Channel]:
         if to_all:
@@ -117,18 +130,18 @@ class RequestServer:
         return [] if channel is None else [channel]
 
 
-def _apply_interval(channel: Channel, message_id: int, interval_us: int, now_us: int) -> None:
+def _apply_interval(channel: Channel, key: int, interval_us: int, now_us: int) -> None:
     """Set an interval as SET_MESSAGE_INTERVAL writes it: 0 default, -1 off, else [us]."""
     if interval_us == 0:
-        interval_us = channel.schedule.default_interval_us(message_id)
+        interval_us = channel.schedule.default_interval_us(key)
     elif interval_us == _INTERVAL_OFF:
         interval_us = 0
     else:
         interval_us = max(interval_us, MIN_INTERVAL_US)
-    channel.schedule.set_interval(message_id, interval_us, now_us)
+    channel.schedule.set_interval(key, interval_us, now_us)
 
 
-def _whole(value: float) -> int | None:
+def whole(value: float) -> int | None:
     """A message id or an index; None when the number is not a whole one from 0."""
     if not math.isfinite(value) or value != int(value) or not 0.0 <= value <= 0xFFFFFF:
         return None

@@ -8,8 +8,11 @@ from collections.abc import Callable, Mapping
 from enum import IntEnum
 from typing import Final, NamedTuple, TypeAlias
 
+from uav_firmware.modules.mavlink.addressing import AUTOPILOT_COMPONENT, CAMERA_COMPONENT
 from uav_firmware.modules.mavlink.builders import (
+    camera,
     controls,
+    gimbal,
     guidance,
     link,
     pose,
@@ -30,6 +33,16 @@ MIN_INTERVAL_US: Final = 4000
 """Shortest interval that a peer may ask for: one control step."""
 
 
+def stream_key(component: int, message_id: int) -> int:
+    """What a stream is called in schedules: two components may send the same message."""
+    return message_id if component == AUTOPILOT_COMPONENT else component << 24 | message_id
+
+
+def component_of(key: int) -> int:
+    """Component that a stream is sent by."""
+    return key >> 24 or AUTOPILOT_COMPONENT
+
+
 class LinkMode(IntEnum):
     """What a link carries unprompted: the values of MAV_0_MODE and MAV_1_MODE, as PX4's."""
 
@@ -45,6 +58,12 @@ class Stream(NamedTuple):
     ground_station_hz: float  # [Hz] 0: only on request
     onboard_hz: float  # [Hz]
     builder: Builder
+    component: int = AUTOPILOT_COMPONENT
+
+    @property
+    def key(self) -> int:
+        """The stream's name in schedules."""
+        return stream_key(self.component, self.message_id)
 
     def rate_hz(self, mode: LinkMode) -> float:
         """Default rate [Hz] on a link of this mode."""
@@ -57,6 +76,19 @@ STREAMS: Final[tuple[Stream, ...]] = (
     Stream(mavlink.MAVLINK_MSG_ID_HEARTBEAT, 1, 1, status.heartbeat),
     Stream(mavlink.MAVLINK_MSG_ID_SYS_STATUS, 1, 5, status.sys_status),
     Stream(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME, 1, 1, status.system_time),
+    Stream(
+        mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_INFORMATION,
+        0,
+        0,
+        gimbal.gimbal_manager_information,
+    ),
+    Stream(mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_STATUS, 0.5, 0.5, gimbal.gimbal_manager_status),
+    Stream(
+        mavlink.MAVLINK_MSG_ID_GIMBAL_DEVICE_ATTITUDE_STATUS,
+        5,
+        10,
+        gimbal.gimbal_device_attitude_status,
+    ),
     Stream(mavlink.MAVLINK_MSG_ID_PING, 0.1, 1, link.ping),
     Stream(mavlink.MAVLINK_MSG_ID_TIMESYNC, 0, 10, link.timesync),
     Stream(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, 5, 10, sensors.gps_raw_int),
@@ -100,12 +132,31 @@ STREAMS: Final[tuple[Stream, ...]] = (
     Stream(ProtocolVersion.id, 0, 0, link.protocol_version),
 )
 
-BUILDERS: Final[Mapping[int, Builder]] = {s.message_id: s.builder for s in STREAMS}
+CAMERA_STREAMS: Final[tuple[Stream, ...]] = tuple(
+    Stream(message_id, rate_hz, rate_hz, builder, CAMERA_COMPONENT)
+    for message_id, rate_hz, builder in (
+        (mavlink.MAVLINK_MSG_ID_HEARTBEAT, 1, camera.heartbeat),
+        (mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION, 0, camera.camera_information),
+        (mavlink.MAVLINK_MSG_ID_CAMERA_SETTINGS, 0, camera.camera_settings),
+        (mavlink.MAVLINK_MSG_ID_STORAGE_INFORMATION, 0, camera.storage_information),
+        (mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS, 0, camera.camera_capture_status),
+        (
+            mavlink.MAVLINK_MSG_ID_CAMERA_TRACKING_IMAGE_STATUS,
+            0,
+            camera.camera_tracking_image_status,
+        ),
+        (mavlink.MAVLINK_MSG_ID_CAMERA_TRACKING_GEO_STATUS, 0, camera.camera_tracking_geo_status),
+    )
+)
+"""What the camera component sends, at the same rates on both links."""
+
+BUILDERS: Final[Mapping[int, Builder]] = {s.key: s.builder for s in STREAMS + CAMERA_STREAMS}
+"""By `stream_key`, which for the autopilot's own messages is the message id."""
 
 DEFAULT_INTERVALS_US: Final[Mapping[LinkMode, Mapping[int, int]]] = {
     mode: {
-        stream.message_id: round(1e6 / stream.rate_hz(mode))
-        for stream in STREAMS
+        stream.key: round(1e6 / stream.rate_hz(mode))
+        for stream in STREAMS + CAMERA_STREAMS
         if stream.rate_hz(mode) > 0
     }
     for mode in LinkMode

@@ -17,6 +17,14 @@ from uav_firmware.msg.guidance import FollowTarget, OrbitStatus
 from uav_firmware.msg.link import RefusedFrames
 from uav_firmware.msg.log import LogStreamChunk, LogStreamRequest
 from uav_firmware.msg.mission import Mission, MissionProgress
+from uav_firmware.msg.payload import (
+    CameraEvent,
+    CameraLens,
+    CameraStatus,
+    GimbalStatus,
+    PayloadOrder,
+    TrackingState,
+)
 from uav_firmware.msg.sensors import (
     SensorBaro,
     SensorBattery,
@@ -74,6 +82,12 @@ class MavlinkTopics:
     attitude_setpoint: Topic[VehicleAttitudeSetpoint] = field(default_factory=Topic)
     rates_setpoint: Topic[VehicleRatesSetpoint] = field(default_factory=Topic)
     wind: Topic[WindEstimate] = field(default_factory=Topic)
+    payload_order: Queue[PayloadOrder] = field(default_factory=Queue)
+    camera_event: Queue[CameraEvent] = field(default_factory=Queue)
+    camera_status: Topic[CameraStatus] = field(default_factory=Topic)
+    camera_lens: Topic[CameraLens] = field(default_factory=Topic)
+    gimbal_status: Topic[GimbalStatus] = field(default_factory=Topic)
+    tracking_state: Topic[TrackingState] = field(default_factory=Topic)
     mag: Topic[SensorMag] = field(default_factory=Topic)
     refused_frames: Topic[RefusedFrames] = field(default_factory=Topic)
     log_stream_request: Topic[LogStreamRequest] = field(default_factory=Topic)

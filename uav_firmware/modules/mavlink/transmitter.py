@@ -4,11 +4,11 @@ import struct
 from collections.abc import Iterable
 
 from uav_firmware.cal.link import Link
-from uav_firmware.modules.mavlink.addressing import AUTOPILOT_COMPONENT, Outgoing
+from uav_firmware.modules.mavlink.addressing import Outgoing
 from uav_firmware.modules.mavlink.builders.context import Context
 from uav_firmware.modules.mavlink.dialect import Payload, frame, pack
 from uav_firmware.modules.mavlink.peers import Channel, PeerTable
-from uav_firmware.modules.mavlink.streams import BUILDERS
+from uav_firmware.modules.mavlink.streams import BUILDERS, component_of
 
 
 class Transmitter:
@@ -25,50 +25,50 @@ class Transmitter:
 
     def send(self, messages: Iterable[Outgoing]) -> None:
         """Send each message to its address, or to every peer."""
-        for message, address in messages:
+        for message, address, component in messages:
             payload = pack(message)
             for channel in self._peers if address is None else self._peers.only(address):
-                self._frame(payload, channel)
+                self._frame(payload, channel, component)
 
     def stream(self, context: Context) -> None:
         """Send every peer the telemetry that is due."""
         packed: dict[int, Payload | None] = {}
         for channel in self._peers:
-            for message_id in channel.schedule.take_due(context.now_us):
-                if message_id not in packed:
-                    packed[message_id] = self._build(message_id, context)
-                payload = packed[message_id]
+            for key in channel.schedule.take_due(context.now_us):
+                if key not in packed:
+                    packed[key] = self._build(key, context)
+                payload = packed[key]
                 if payload is not None:
-                    self._frame(payload, channel)
+                    self._frame(payload, channel, component_of(key))
 
-    def broadcast(self, message_ids: Iterable[int], context: Context) -> None:
+    def broadcast(self, keys: Iterable[int], context: Context) -> None:
         """Send telemetry to every peer now, whether due or not."""
-        for message_id in message_ids:
-            payload = self._build(message_id, context)
+        for key in keys:
+            payload = self._build(key, context)
             if payload is not None:
                 for channel in self._peers:
-                    self._frame(payload, channel)
+                    self._frame(payload, channel, component_of(key))
 
-    def _build(self, message_id: int, context: Context) -> Payload | None:
+    def _build(self, key: int, context: Context) -> Payload | None:
         """Payload of a telemetry message; None while its contents are unknown.
 
         A value that fits no field (an estimate run off to infinity) costs that message, not
         the flight.
         """
         try:
-            message = BUILDERS[message_id](context)
+            message = BUILDERS[key](context)
             return None if message is None else pack(message)
         except (struct.error, OverflowError, ValueError):
             self.unpackable += 1
             return None
 
-    def _frame(self, payload: Payload, channel: Channel) -> None:
+    def _frame(self, payload: Payload, channel: Channel, component: int) -> None:
         signer = channel.signer
         datagram = frame(
             payload,
-            channel.next_sequence(),
+            channel.next_sequence(component),
             self._system_id,
-            AUTOPILOT_COMPONENT,
+            component,
             signed=signer is not None,
         )
         if signer is not None:

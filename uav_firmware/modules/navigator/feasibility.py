@@ -20,6 +20,7 @@ from uav_firmware.modules.navigator.item_rules import (
     reject,
 )
 from uav_firmware.modules.navigator.mission_route import (
+    PAYLOAD,
     POSITIONAL,
     altitude_amsl,
     unset,
@@ -57,8 +58,9 @@ _HONOURED: Final[Mapping[int, frozenset[int]]] = {
     MissionCommand.CONDITION_YAW: frozenset({1, 2, 3, 4}),
     MissionCommand.DO_SET_HOME: frozenset({1, 4, 5, 6, 7}),
     MissionCommand.DO_SET_ROI: frozenset({1, 5, 6, 7}),
-    MissionCommand.DO_SET_ROI_LOCATION: frozenset({5, 6, 7}),
-    MissionCommand.DO_SET_ROI_NONE: frozenset(),
+    MissionCommand.DO_SET_ROI_LOCATION: frozenset({1, 5, 6, 7}),
+    MissionCommand.DO_SET_ROI_NONE: frozenset({1}),
+    **dict.fromkeys(PAYLOAD, frozenset(range(1, 8))),  # Judged by what payload itself applies
 }
 
 

@@ -13,7 +13,7 @@ from uav_firmware.modules.navigator.params import NavigatorParams
 from uav_firmware.modules.navigator.path_follower import PathFollower
 from uav_firmware.modules.navigator.yaw import YawSlew
 from uav_firmware.msg.estimate import VehicleLocalPosition
-from uav_firmware.msg.guidance import OrbitStatus
+from uav_firmware.msg.guidance import OrbitStatus, RegionOfInterest
 from uav_firmware.msg.mission import MissionItem
 from uav_firmware.msg.setpoints import TrajectorySetpoint
 from uav_firmware.msg.status import HomePosition
@@ -83,6 +83,8 @@ class Flight:
     turn_rate: float = NAN  # [rad/s] Of that turn
     orbit_status: OrbitStatus | None = None  # Of the circle flown in this step
     home_orders: list[MissionItem] = field(default_factory=list)  # DO_SET_HOME items reached
+    payload_orders: list[MissionItem] = field(default_factory=list)  # Items for camera and gimbal
+    regions: list[RegionOfInterest] = field(default_factory=list)  # For the gimbal to look at too
     texts: list[tuple[int, str]] = field(default_factory=list)  # Severity, for the operator
     _aim: tuple[float, float] | None = None  # [rad, rad/s] Heading of this step alone
 

@@ -8,7 +8,8 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from uav_firmware.modules.navigator.mission_route import unset
+from uav_firmware.lib.payload_rules import GIMBAL_DEVICE, fault_of
+from uav_firmware.modules.navigator.mission_route import PAYLOAD, unset
 from uav_firmware.modules.navigator.params import NavigatorParams
 from uav_firmware.msg.mission import (
     MissionCommand,
@@ -116,6 +117,19 @@ def _mode_of_home_and_roi(
     return None
 
 
+def _payload(
+    item: MissionItem, _items: Sequence[MissionItem], _home: object, _params: object
+) -> MissionRejection | None:
+    """What camera and gimbal can honour; a place to look at may name the one gimbal."""
+    if item.command in {MissionCommand.DO_SET_ROI_LOCATION, MissionCommand.DO_SET_ROI_NONE}:
+        known = unset(item.param1) or item.param1 == GIMBAL_DEVICE
+        return None if known else reject(item, 1, f"is {item.param1:g}, no gimbal")
+    if item.command not in PAYLOAD:
+        return None
+    fault = fault_of(item.command, item[5:12])
+    return None if fault is None else reject(item, fault.parameter, fault.reason)
+
+
 def _speed(
     item: MissionItem, _items: Sequence[MissionItem], _home: object, _params: object
 ) -> MissionRejection | None:
@@ -151,6 +165,7 @@ RULES: Final[tuple[Check, ...]] = (
     _circle,
     _condition,
     _mode_of_home_and_roi,
+    _payload,
     _speed,
 )
 """Rules about an item by itself."""

@@ -9,6 +9,7 @@ from uav_firmware.modules.navigator.land import Land
 from uav_firmware.modules.navigator.mission_cursor import MissionCursor
 from uav_firmware.modules.navigator.mission_route import (
     HOVERING,
+    PAYLOAD,
     Route,
     altitude_amsl,
     awaited_before,
@@ -16,6 +17,7 @@ from uav_firmware.modules.navigator.mission_route import (
     following,
     from_the_ground,
     speeds_after,
+    stop_pictures,
     target_of,
     unset,
 )
@@ -168,7 +170,7 @@ class MissionMode(NavigatorMode):
         return Land(flight, target, item.param4)
 
     def _return(self, item: MissionItem, flight: Flight) -> Task:
-        del item  # it has no parameters
+        flight.payload_orders.append(stop_pictures(item))
         self._route = _NO_ROUTE
         return ReturnHome(flight)
 
@@ -222,6 +224,9 @@ class MissionMode(NavigatorMode):
     def _set_home(self, item: MissionItem, flight: Flight) -> None:
         flight.home_orders.append(item)
 
+    def _order_payload(self, item: MissionItem, flight: Flight) -> None:
+        flight.payload_orders.append(item)
+
     def _look(self, item: MissionItem, flight: Flight) -> None:
         none = item.command == MissionCommand.DO_SET_ROI_NONE or (
             item.command == MissionCommand.DO_SET_ROI and unset(item.param1)
@@ -252,4 +257,5 @@ class MissionMode(NavigatorMode):
         MissionCommand.DO_SET_ROI: _look,
         MissionCommand.DO_SET_ROI_LOCATION: _look,
         MissionCommand.DO_SET_ROI_NONE: _look,
+        **dict.fromkeys(PAYLOAD, _order_payload),
     }

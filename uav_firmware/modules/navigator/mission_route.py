@@ -41,7 +41,23 @@ LOOKING = frozenset(
         MissionCommand.DO_SET_ROI_NONE,
     }
 )
-INSTANT = LOOKING | {MissionCommand.DO_CHANGE_SPEED, MissionCommand.DO_SET_HOME}
+PAYLOAD = frozenset(
+    {
+        MissionCommand.DO_DIGICAM_CONTROL,
+        MissionCommand.DO_MOUNT_CONFIGURE,
+        MissionCommand.DO_MOUNT_CONTROL,
+        MissionCommand.DO_SET_CAM_TRIGG_DIST,
+        MissionCommand.SET_CAMERA_MODE,
+        MissionCommand.DO_GIMBAL_MANAGER_PITCHYAW,
+        MissionCommand.DO_GIMBAL_MANAGER_CONFIGURE,
+        MissionCommand.IMAGE_START_CAPTURE,
+        MissionCommand.IMAGE_STOP_CAPTURE,
+        MissionCommand.VIDEO_START_CAPTURE,
+        MissionCommand.VIDEO_STOP_CAPTURE,
+    }
+)
+"""Items that camera and gimbal carry out."""
+INSTANT = LOOKING | PAYLOAD | {MissionCommand.DO_CHANGE_SPEED, MissionCommand.DO_SET_HOME}
 """Items that take no time and do not interrupt a route."""
 ON_THE_WAY = frozenset({MissionCommand.CONDITION_DELAY, MissionCommand.CONDITION_DISTANCE})
 """Items that wait while the vehicle flies on to the next position, which is then a stop."""
@@ -72,6 +88,21 @@ def target_of(item: MissionItem, flight: Flight) -> Vector3:
     here = unset(item.x) and unset(item.y) and item.command not in HOVERING
     latitude, longitude = (math.nan, math.nan) if here else (item.x, item.y)
     return flight.to_ned(latitude, longitude, altitude_amsl(item, home))
+
+
+def stop_pictures(item: MissionItem) -> MissionItem:
+    """IMAGE_STOP_CAPTURE in the place of an item: a way home takes no more pictures."""
+    nothing = math.nan
+    return item._replace(
+        command=MissionCommand.IMAGE_STOP_CAPTURE,
+        param1=0.0,
+        param2=nothing,
+        param3=nothing,
+        param4=nothing,
+        x=nothing,
+        y=nothing,
+        z=nothing,
+    )
 
 
 def radius_of(item: MissionItem, flight: Flight) -> float:

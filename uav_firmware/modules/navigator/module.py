@@ -44,6 +44,7 @@ from uav_firmware.msg.mission import (
     PlanReview,
     SpeedRequest,
 )
+from uav_firmware.msg.payload import PayloadOrder
 from uav_firmware.msg.setpoints import TrajectorySetpoint
 from uav_firmware.msg.status import (
     HomePosition,
@@ -86,6 +87,8 @@ class NavigatorModule:
         follow_target: Topic[FollowTarget],
         status_text: Queue[StatusText],
         vehicle_command: Queue[VehicleCommand],
+        payload_order: Queue[PayloadOrder] | None = None,
+        region_of_interest: Topic[RegionOfInterest] | None = None,
         vehicle_control_mode: Topic[VehicleControlMode] | None = None,
     ) -> None:
         registry.add(NavigatorParams)
@@ -99,7 +102,13 @@ class NavigatorModule:
         self._setpoint = trajectory_setpoint
         self._reporter = Reporter(
             ReportTopics(
-                mission_progress, navigator_status, orbit_status, status_text, vehicle_command
+                mission_progress,
+                navigator_status,
+                orbit_status,
+                status_text,
+                vehicle_command,
+                payload_order or Queue(),
+                region_of_interest or Topic(),
             )
         )
         self._area = AreaKeeper(fence, rally_points)

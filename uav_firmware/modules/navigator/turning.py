@@ -38,6 +38,7 @@ def take_heading(flight: Flight, request: HeadingRequest) -> None:
 
 def take_region_of_interest(flight: Flight, region: RegionOfInterest) -> None:
     """Look at a place from now on, or at none any more; then the nose stays as it is."""
+    flight.regions.append(region)
     if math.isnan(region.latitude_deg):
         if flight.roi is not None:
             flight.course = flight.yaw.yaw

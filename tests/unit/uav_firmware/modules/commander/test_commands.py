@@ -336,5 +336,5 @@ def test_a_start_that_arrives_with_the_mission_finds_it() -> None:
     vehicle = grounded()
     vehicle.upload(takeoff(), waypoint(1, 10, 0))
     assert vehicle.send(Command.MISSION_START) is ACCEPTED
-    vehicle.upload(item(0, 2000), mission_id=8)
+    vehicle.upload(item(0, 2800), mission_id=8)
     assert vehicle.send(Command.MISSION_START) is NOT_NOW

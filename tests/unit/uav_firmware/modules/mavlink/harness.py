@@ -27,6 +27,17 @@ from uav_firmware.msg.estimate import (
 from uav_firmware.msg.geofence import FenceAction, FenceBreach, GeofenceStatus
 from uav_firmware.msg.guidance import OrbitStatus
 from uav_firmware.msg.mission import MissionItem, MissionRejection, PlanReview
+from uav_firmware.msg.payload import (
+    CameraLens,
+    CameraMode,
+    CameraStatus,
+    Controller,
+    GimbalStatus,
+    ImageStatus,
+    TrackingMode,
+    TrackingState,
+    TrackingStatus,
+)
 from uav_firmware.msg.sensors import SensorBaro, SensorBattery, SensorGps, SensorImu, SensorTruth
 from uav_firmware.msg.setpoints import (
     TrajectorySetpoint,
@@ -122,6 +133,45 @@ LOCAL = VehicleLocalPosition(
 )
 
 
+GIMBAL = GimbalStatus(
+    time_us=0,
+    pitch=math.radians(-30.0),
+    yaw=math.radians(100.0),
+    heading=math.radians(90.0),
+    rate_pitch_yaw=(0.1, 0.2),
+    heading_rate=0.05,
+    yaw_locked=False,
+    neutral=False,
+    primary=Controller(255, 190),
+    secondary=Controller(0, 0),
+    pitch_range=(math.radians(-90.0), math.radians(30.0)),
+)
+CAMERA = CameraStatus(
+    time_us=0,
+    mode=CameraMode.IMAGE,
+    image_status=ImageStatus.IDLE,
+    image_interval_s=0.0,
+    image_count=3,
+    recording_since_us=-1,
+    report_interval_us=0,
+    total_mib=1000.0,
+    used_mib=250.0,
+)
+TRACKING = TrackingState(
+    time_us=0,
+    status=TrackingStatus.ACTIVE,
+    mode=TrackingMode.RECTANGLE,
+    centre=(0.5, 0.6),
+    extent=(0.1, 0.2),
+    latitude_deg=LATITUDE_DEG,
+    longitude_deg=LONGITUDE_DEG,
+    altitude_amsl_m=ALTITUDE_M,
+    velocity_ned=ZERO,
+    distance_m=12.0,
+    heading=math.nan,
+)
+
+
 def flying_topics() -> MavlinkTopics:
     """Topics of a vehicle in the air, 10 m above home."""
     topics = empty_topics()
@@ -175,6 +225,10 @@ def flying_topics() -> MavlinkTopics:
             turned=1.0,
         )
     )
+    topics.gimbal_status.publish(GIMBAL)
+    topics.camera_lens.publish(CameraLens(4.5, 6.3, 4.725, 2048, 1536))
+    topics.camera_status.publish(CAMERA)
+    topics.tracking_state.publish(TRACKING)
     topics.geofence_status.publish(
         GeofenceStatus(0, FenceBreach.NONE, FenceBreach.NONE, FenceAction.HOLD, 12.0, 0, 0)
     )
@@ -290,10 +344,18 @@ class Bench:
             self.now_us += STEP_US
             self.module.update(self.now_us)
 
-    def hear(self, name: str | None = None, *, at: Address = GROUND) -> list[Any]:
-        """Messages sent to a peer since the last call, of one type if a name is given."""
-        heard = [m for data, to in self.memory.sent if to == at for m in parse(data).messages]
-        self.memory.sent = [(data, to) for data, to in self.memory.sent if to != at]
+    def hear(
+        self, name: str | None = None, *, at: Address = GROUND, component: int = 1
+    ) -> list[Any]:
+        """Messages sent to a peer since the last call, of one type if a name is given.
+
+        Of the autopilot, unless another component is given.
+        """
+        wanted = [sent for sent in self.memory.sent if sent[1] == at and sent[0][6] == component]
+        self.memory.sent = [
+            sent for sent in self.memory.sent if sent[1] != at or sent[0][6] != component
+        ]
+        heard = [m for data, _ in wanted for m in parse(data).messages]
         return [m for m in heard if name is None or m.get_type() == name]
 
     def ask(self, message: Any, answer: str, **sender: Any) -> list[Any]:

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 import uav_firmware.modules.mavlink as package
-from uav_firmware.modules.mavlink.commands import ANSWERED_HERE, FORWARDED
+from uav_firmware.modules.mavlink.commands import ANSWERED_HERE, FOR_PAYLOAD, FORWARDED
 from uav_firmware.modules.mavlink.dialect import mavlink
 from uav_firmware.modules.mavlink.modes import MODES, OFFERED
-from uav_firmware.modules.mavlink.streams import STREAMS
+from uav_firmware.modules.mavlink.streams import CAMERA_STREAMS, STREAMS
 
 FOLDER = Path(str(package.__file__)).parent
 TEXT = (FOLDER / "README.md").read_text()
@@ -36,9 +36,17 @@ def test_the_table_of_streams() -> None:
     }
 
 
+def test_the_table_of_the_cameras_messages() -> None:
+    told = {name: float(rate) for name, rate, _ in rows("The camera component")}
+    assert told == {
+        mavlink.mavlink_map[stream.message_id].msgname: stream.onboard_hz
+        for stream in CAMERA_STREAMS
+    }
+
+
 def test_the_table_of_commands_names_every_command() -> None:
     told = {int(n) for row in rows("Commands") for n in re.findall(r"\b\d{2,4}\b", row[0])}
-    assert told == FORWARDED | ANSWERED_HERE.keys()
+    assert told == FORWARDED | FOR_PAYLOAD | ANSWERED_HERE.keys()
 
 
 def test_the_table_of_modes_tells_which_are_listed() -> None:

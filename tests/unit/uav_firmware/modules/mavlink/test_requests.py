@@ -45,7 +45,7 @@ def test_the_version_tells_only_what_is_true(request_of: tuple[int, int]) -> Non
     result, messages = asked(Bench(), command_long(*request_of))
     (version,) = [m for m in messages if m.get_type() == "AUTOPILOT_VERSION"]
     assert result == ACCEPTED
-    promised = {1, 2, 4, 8, 16, 32, 64, 128, 256, 2048, 8192, 16384, 32768}
+    promised = {1, 2, 4, 8, 16, 32, 64, 128, 256, 2048, 8192, 16384, 32768, 262144}
     assert {1 << i for i in range(64) if version.capabilities >> i & 1} == promised
     assert version.flight_sw_version == 0x01100000
     assert version.uid == SYSTEM

@@ -48,8 +48,16 @@ def test_a_good_mission_is_accepted_with_and_without_home(mission: tuple[Mission
 
 
 BAD = [
-    (item(0, 2000), MissionResult.UNSUPPORTED),
-    (item(0, 1000), MissionResult.UNSUPPORTED),
+    (item(0, 2004), MissionResult.UNSUPPORTED),
+    (item(0, 2800), MissionResult.UNSUPPORTED),
+    (item(0, 2000, param1=4.0), MissionResult.INVALID_PARAM1),
+    (item(0, 2000, param2=0.1, param3=3.0), MissionResult.INVALID_PARAM2),
+    (item(0, 206, param1=10.0, param2=50.0), MissionResult.INVALID_PARAM2),
+    (item(0, 530, param2=7.0), MissionResult.INVALID_PARAM2),
+    (item(0, 1000, param1=45.0), MissionResult.INVALID_PARAM1),
+    (item(0, 205, param1=-45.0, z=3.0), MissionResult.INVALID_PARAM7),
+    (item(0, 2500, param1=2.0), MissionResult.INVALID_PARAM1),
+    (item(0, 197, param1=4.0), MissionResult.INVALID_PARAM1),
     (item(0, 34), MissionResult.UNSUPPORTED),
     (waypoint(0, 1, 1, frame=2), MissionResult.UNSUPPORTED_FRAME),
     (waypoint(0, 1, 1, frame=10), MissionResult.UNSUPPORTED_FRAME),

@@ -1,0 +1,138 @@
+"""The gimbal manager on the wire."""
+
+import math
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.unit.uav_firmware.modules.mavlink.harness import GIMBAL, SYSTEM, Bench, command_long
+from uav_firmware.lib.rotation import from_euler, multiply, to_euler
+from uav_firmware.modules.mavlink.builders.context import BatteryThresholds, Context
+from uav_firmware.modules.mavlink.builders.gimbal import gimbal_device_attitude_status
+from uav_firmware.modules.mavlink.dialect import mavlink
+from uav_firmware.msg.payload import Controller, GimbalFlags, GimbalOrder, PayloadCommand
+from uav_firmware.msg.status import VehicleCommand
+from uav_firmware.msg.vectors import Quaternion
+
+NAN = math.nan
+BOTH = GimbalFlags.YAW_IN_VEHICLE_FRAME | GimbalFlags.YAW_IN_EARTH_FRAME
+
+
+def attitude(**changes: Any) -> Any:
+    bench = Bench()
+    bench.topics.gimbal_status.publish(GIMBAL._replace(**changes))
+    context = Context(bench.topics, 0, 0, SYSTEM, BatteryThresholds(0, 0, 0), (0.0, 0.0, 0.0))
+    return gimbal_device_attitude_status(context)
+
+
+@given(st.floats(-1.5, 0.5), st.floats(-3.1, 3.1), st.floats(-3.1, 3.1), st.booleans())
+def test_both_frames_of_yaw_tell_the_same_direction(
+    pitch: float, yaw: float, heading: float, locked: bool
+) -> None:
+    told = attitude(pitch=pitch, yaw=yaw, heading=heading, yaw_locked=locked)
+    w, x, y, z = told.q
+    q: Quaternion = (w, x, y, z)
+    if told.flags & GimbalFlags.YAW_IN_VEHICLE_FRAME:
+        assert not locked
+        q = multiply(from_euler(0.0, 0.0, told.delta_yaw), q)
+    else:
+        assert told.flags & GimbalFlags.YAW_IN_EARTH_FRAME
+        assert told.flags & GimbalFlags.YAW_LOCK
+    roll, seen_pitch, seen_yaw = to_euler(q)
+    assert roll == pytest.approx(0.0, abs=1e-6)
+    assert seen_pitch == pytest.approx(pitch, abs=1e-6)
+    assert math.cos(seen_yaw - yaw) == pytest.approx(1.0)
+
+
+def test_roll_and_pitch_are_held_against_the_horizon_and_the_device_is_the_first() -> None:
+    told = attitude()
+    assert told.flags & GimbalFlags.ROLL_LOCK
+    assert told.flags & GimbalFlags.PITCH_LOCK
+    assert told.gimbal_device_id == 1
+    assert told.angular_velocity_y == pytest.approx(0.1)
+    assert told.angular_velocity_z > 0.0
+
+
+def test_the_manager_tells_its_range_and_who_is_in_control() -> None:
+    bench = Bench()
+    (ack,) = bench.ask(command_long(512, 280), "COMMAND_ACK")
+    assert ack.result == 0
+    (information,) = bench.ask(command_long(512, 280), "GIMBAL_MANAGER_INFORMATION")
+    assert math.degrees(information.pitch_min) == pytest.approx(-90.0)
+    assert math.degrees(information.pitch_max) == pytest.approx(30.0)
+    assert information.gimbal_device_id == 1
+    bench.topics.gimbal_status.publish(GIMBAL._replace(primary=Controller(9, 8)))
+    bench.run()
+    status = bench.hear("GIMBAL_MANAGER_STATUS")[-1]
+    assert (status.primary_control_sysid, status.primary_control_compid) == (9, 8)
+
+
+def test_the_attitude_is_streamed_unprompted() -> None:
+    bench = Bench()
+    bench.run(4_000_000)
+    assert len(bench.hear("GIMBAL_DEVICE_ATTITUDE_STATUS")) == pytest.approx(20, abs=1)
+
+
+def test_a_gimbal_command_goes_to_payload_with_its_sender() -> None:
+    bench = Bench()
+    bench.say(command_long(int(PayloadCommand.DO_GIMBAL_MANAGER_PITCHYAW), -30.0, 10.0, NAN, NAN))
+    bench.run()
+    (order,) = bench.topics.payload_order.drain()
+    assert isinstance(order, VehicleCommand)
+    assert (order.command, order.param1) == (PayloadCommand.DO_GIMBAL_MANAGER_PITCHYAW, -30.0)
+    assert bench.commands() == []
+
+
+def pitch_yaw(*values: float, flags: int = 0, device: int = 0, target: int = SYSTEM) -> Any:
+    return mavlink.MAVLink_gimbal_manager_set_pitchyaw_message(target, 1, flags, device, *values)
+
+
+def streamed(message: Any) -> list[Any]:
+    bench = Bench()
+    bench.say(message)
+    bench.run()
+    return bench.topics.payload_order.drain()
+
+
+def test_streamed_angles_reach_payload() -> None:
+    (order,) = streamed(pitch_yaw(-0.5, 0.25, NAN, NAN, flags=16))
+    assert isinstance(order, GimbalOrder)
+    assert (order.pitch, order.yaw, order.flags) == (-0.5, 0.25, 16)
+    assert order.source == Controller(255, 190)
+    assert not order.normalised
+
+
+def test_a_streamed_attitude_is_read_as_pitch_and_yaw() -> None:
+    q = list(from_euler(0.0, -0.5, 0.75))
+    message = mavlink.MAVLink_gimbal_manager_set_attitude_message(SYSTEM, 1, 0, 1, q, 0, 0.1, 0.2)
+    (order,) = streamed(message)
+    assert (order.pitch, order.yaw) == pytest.approx((-0.5, 0.75), abs=1e-6)
+    assert (order.pitch_rate, order.yaw_rate) == pytest.approx((0.1, 0.2))
+
+
+def test_a_stick_is_marked_as_one() -> None:
+    message = mavlink.MAVLink_gimbal_manager_set_manual_control_message(
+        SYSTEM, 1, 0, 0, NAN, NAN, -1.0, 0.5
+    )
+    (order,) = streamed(message)
+    assert order.normalised
+    assert order.pitch_rate == -1.0
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        pitch_yaw(0.0, 0.0, 0.0, 0.0, target=SYSTEM + 1),
+        pitch_yaw(0.0, 0.0, 0.0, 0.0, device=3),
+        pitch_yaw(0.0, 0.0, 0.0, 0.0, flags=BOTH),
+        pitch_yaw(0.0, 0.0, 0.0, 0.0, flags=GimbalFlags.RETRACT),
+        pitch_yaw(math.inf, 0.0, 0.0, 0.0),
+        pitch_yaw(0.0, 1e30, 0.0, 0.0),
+        mavlink.MAVLink_gimbal_manager_set_attitude_message(SYSTEM, 1, 0, 1, [0.0] * 4, 0, 0, 0),
+        mavlink.MAVLink_gimbal_manager_set_manual_control_message(SYSTEM, 1, 0, 0, 2, 0, 0, 0),
+    ],
+)
+def test_a_wish_that_cannot_be_meant_is_dropped(message: Any) -> None:
+    assert streamed(message) == []

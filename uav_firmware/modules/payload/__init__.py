@@ -1,0 +1,1 @@
+"""Camera and gimbal: pictures, video, pointing, tracking, panoramas."""

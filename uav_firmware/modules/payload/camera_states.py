@@ -1,0 +1,61 @@
+"""What the camera may begin when: one table.
+
+Video is recorded besides, in any of these states.
+"""
+
+from collections.abc import Mapping
+from enum import Enum
+from typing import Final
+
+
+class CameraState(Enum):
+    """What the shutter is busy with."""
+
+    IDLE = "idle"
+    SINGLE = "single"  # Single pictures, until the last of them is saved
+    SERIES = "series"  # A picture every so many seconds
+    DISTANCE = "distance"  # A picture every so many metres
+    PANORAMA = "panorama"  # Pictures all round, the gimbal turning between
+
+
+class CameraEvent(Enum):
+    """What changes the state."""
+
+    SHOOT = "shoot"
+    BEGIN_SERIES = "begin series"
+    BEGIN_DISTANCE = "begin distance"
+    BEGIN_PANORAMA = "begin panorama"
+    SAVED = "saved"  # No picture waits any more
+    STOP = "stop"  # By command, by count, by a full storage, by the end of the flight
+
+
+TRANSITIONS: Final[Mapping[tuple[CameraState, CameraEvent], CameraState]] = {
+    (CameraState.IDLE, CameraEvent.SHOOT): CameraState.SINGLE,
+    (CameraState.IDLE, CameraEvent.BEGIN_SERIES): CameraState.SERIES,
+    (CameraState.IDLE, CameraEvent.BEGIN_DISTANCE): CameraState.DISTANCE,
+    (CameraState.IDLE, CameraEvent.BEGIN_PANORAMA): CameraState.PANORAMA,
+    (CameraState.SINGLE, CameraEvent.SHOOT): CameraState.SINGLE,
+    (CameraState.SINGLE, CameraEvent.SAVED): CameraState.IDLE,
+    (CameraState.SINGLE, CameraEvent.STOP): CameraState.IDLE,
+    (CameraState.SERIES, CameraEvent.STOP): CameraState.IDLE,
+    (CameraState.DISTANCE, CameraEvent.SHOOT): CameraState.DISTANCE,
+    (CameraState.DISTANCE, CameraEvent.BEGIN_DISTANCE): CameraState.DISTANCE,
+    (CameraState.DISTANCE, CameraEvent.STOP): CameraState.IDLE,
+    (CameraState.PANORAMA, CameraEvent.STOP): CameraState.IDLE,
+}
+
+
+class CameraBusyError(Exception):
+    """An event that the state does not allow; the state stays. Becomes TEMPORARILY_REJECTED."""
+
+
+def after(state: CameraState, event: CameraEvent) -> CameraState:
+    """State after an event.
+
+    Raises:
+        CameraBusyError: if the table has no such transition.
+    """
+    try:
+        return TRANSITIONS[state, event]
+    except KeyError:
+        raise CameraBusyError(f"the camera is busy ({state.value})") from None

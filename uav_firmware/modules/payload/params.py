@@ -1,0 +1,31 @@
+"""Parameters of camera and gimbal."""
+
+from dataclasses import dataclass
+
+from uav_firmware.parameters import param
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PayloadParams:
+    """Rates of the gimbal, size of pictures and storage."""
+
+    gimbal_rate_max_deg: float = param(
+        "MNT_SLEW_MAX", 90.0, unit="deg/s", minimum=5.0, maximum=360.0,
+        short="Fastest turn of the gimbal, in pitch and in yaw",
+    )  # fmt: skip
+    manual_rate_pitch_deg: float = param(
+        "MNT_RATE_PITCH", 30.0, unit="deg/s", minimum=1.0, maximum=90.0,
+        short="Pitch rate of the gimbal at full deflection of its manual control",
+    )  # fmt: skip
+    manual_rate_yaw_deg: float = param(
+        "MNT_RATE_YAW", 30.0, unit="deg/s", minimum=1.0, maximum=90.0,
+        short="Yaw rate of the gimbal at full deflection of its manual control",
+    )  # fmt: skip
+    image_width_px: int = param(
+        "CAM_IMAGE_WIDTH", 2048, unit="px", minimum=1152, maximum=4000,
+        short="Width of pictures, which are three quarters as high",
+    )  # fmt: skip
+    storage_mib: float = param(
+        "CAM_STORAGE_SIZE", 16384.0, unit="MiB", minimum=1.0, maximum=1048576.0,
+        short="Size of the storage for pictures; read at start and at each format",
+    )  # fmt: skip

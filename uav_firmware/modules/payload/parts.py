@@ -1,0 +1,60 @@
+"""The parts of the payload, put together once."""
+
+from collections import deque
+from dataclasses import dataclass, field
+
+from uav_firmware.modules.payload.camera import Camera
+from uav_firmware.modules.payload.gimbal import Aim, Gimbal
+from uav_firmware.modules.payload.gimbal_control import GimbalControl
+from uav_firmware.modules.payload.ledger import CaptureLedger
+from uav_firmware.modules.payload.panorama import Panorama
+from uav_firmware.modules.payload.params import PayloadParams
+from uav_firmware.modules.payload.storage import JPEG_BYTES_PER_PIXEL, Storage
+from uav_firmware.modules.payload.tracking import Tracker
+from uav_firmware.msg.payload import CameraEvent
+from uav_firmware.msg.status import VehicleCommand
+
+
+@dataclass(slots=True)
+class PanoramaWork:
+    """A panorama under way."""
+
+    panorama: Panorama
+    command: VehicleCommand  # That it answers
+    former_aim: Aim  # To go back to
+    told_us: int  # [us] When progress was last reported
+
+
+@dataclass(slots=True)
+class Parts:
+    """Camera, gimbal and what belongs to them."""
+
+    params: PayloadParams
+    storage: Storage
+    camera: Camera = field(default_factory=Camera)
+    gimbal: Gimbal = field(default_factory=Gimbal)
+    control: GimbalControl = field(default_factory=GimbalControl)
+    tracker: Tracker = field(default_factory=Tracker)
+    ledger: CaptureLedger = field(default_factory=CaptureLedger)
+    panorama: PanoramaWork | None = None
+    neutral: bool = True  # Nobody has pointed the gimbal
+    mission_orders: deque[VehicleCommand] = field(default_factory=deque)
+    events: list[CameraEvent] = field(default_factory=list)  # To publish
+    erase_due: bool = False  # The device's pictures are to be removed
+
+    @property
+    def picture_bytes(self) -> float:
+        """Size of a picture [B] that no device has stored yet."""
+        width = self.params.image_width_px
+        return width * (width * 3 // 4) * JPEG_BYTES_PER_PIXEL
+
+    @property
+    def has_room(self) -> bool:
+        """Whether one more picture fits."""
+        return self.storage.has_room(self.picture_bytes)
+
+    def point(self, aim: Aim) -> None:
+        """Turn the gimbal on somebody's order, which ends tracking."""
+        self.tracker.stop()
+        self.neutral = False
+        self.gimbal.follow(aim)

@@ -1,0 +1,75 @@
+"""What the payload knows of the vehicle at one instant, and what becomes of an order."""
+
+import math
+from typing import Final, NamedTuple
+
+from uav_firmware.lib.geo import LocalFrame
+from uav_firmware.msg.payload import Controller
+from uav_firmware.msg.status import CommandResult, HomePosition, NavigationState
+from uav_firmware.msg.vectors import Vector3
+
+NOWHERE: Final[Vector3] = (math.nan, math.nan, math.nan)
+
+
+class Situation(NamedTuple):
+    """One instant."""
+
+    now_us: int  # [us]
+    own: Controller  # The vehicle itself, as which its mission acts
+    heading: float  # [rad]
+    position_ned: Vector3 | None  # [m] None while unknown
+    frame: LocalFrame | None  # About the estimate's origin
+    home: HomePosition | None
+    state: NavigationState
+    armed: bool
+
+    @property
+    def mission_flown(self) -> bool:
+        """Whether the mission is under way."""
+        return self.armed and self.state is NavigationState.AUTO_MISSION
+
+    @property
+    def ground_down(self) -> float | None:
+        """Down coordinate [m] of a level ground at home's height."""
+        return None if self.home is None else self.home.position_ned[2]
+
+    def to_ned(
+        self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float
+    ) -> Vector3 | None:
+        """Local position [m, NED]; an altitude of NaN is home's. None while it is unknown."""
+        if self.frame is None:
+            return None
+        if math.isnan(altitude_amsl_m):
+            if self.home is None:
+                return None
+            altitude_amsl_m = self.home.altitude_amsl_m
+        return self.frame.to_ned(latitude_deg, longitude_deg, altitude_amsl_m)
+
+    def to_geodetic(self, position_ned: Vector3) -> Vector3:
+        """Latitude, longitude [deg], altitude above mean sea level [m]; NaN while unknown."""
+        return NOWHERE if self.frame is None else self.frame.to_geodetic(position_ned)
+
+
+class Outcome(NamedTuple):
+    """Answer to an order."""
+
+    result: CommandResult
+    reason: str = ""  # Sentence for the operator; empty when there is nothing to say
+
+
+ACCEPTED: Final = Outcome(CommandResult.ACCEPTED)
+
+
+def denied(reason: str) -> Outcome:
+    """A parameter is wrong, whenever it is sent, or the sender may not order this."""
+    return Outcome(CommandResult.DENIED, reason)
+
+
+def not_now(reason: str) -> Outcome:
+    """Right, but at the wrong moment."""
+    return Outcome(CommandResult.TEMPORARILY_REJECTED, reason)
+
+
+def failed(reason: str) -> Outcome:
+    """Right, but there is nothing that it could be done with."""
+    return Outcome(CommandResult.FAILED, reason)
