@@ -19,6 +19,7 @@ from tests.support.mission_clients import (
     MavsdkDownload,
     MavsdkUpload,
     Message,
+    PersistentUpload,
     QgcDownload,
     QgcUpload,
 )
@@ -31,6 +32,7 @@ UPLOADS: tuple[Callable[[Sequence[Message]], Client], ...] = (
     QgcUpload,
     MavsdkUpload,
     MavproxyUpload,
+    PersistentUpload,
 )
 DOWNLOADS: tuple[Callable[[], Download], ...] = (QgcDownload, MavsdkDownload, MavproxyDownload)
 MATRIX = list(product(LOSSES, ROUND_TRIPS_S, (False, True)))
@@ -102,6 +104,16 @@ def test_a_download_ends_right_or_in_a_definite_error(
     else:
         assert loss > 0.0 or round_trip_s > 1.0
     assert holds(field, NEW)
+
+
+@pytest.mark.parametrize("round_trip_s", [0.02, 0.3])
+def test_a_persistent_client_brings_a_hundred_of_a_hundred_up_at_a_fifth_lost(
+    round_trip_s: float,
+) -> None:
+    for seed in range(50):
+        field = a_field_with(OLD, conditions(0.2, round_trip_s, muddled=seed % 2 == 1), seed)
+        assert field.run(PersistentUpload(NEW)) == DONE
+        assert holds(field, NEW)
 
 
 def test_five_requests_outstanding_bring_a_hundred_of_a_hundred_at_a_fifth_lost() -> None:

@@ -9,7 +9,8 @@
 What they have in common is little: QGroundControl repeats MISSION_COUNT until the first request
 and then lives from the vehicle's requests, each within 1.5 s; MAVSDK waits 0.5 s five times and
 counts every repeated request as one of them; MAVProxy announces once, answers for as long as
-requests come within 10 s, and believes that it has finished when it has sent the last item.
+requests come within 10 s, and believes that it has finished when it has sent the last item. The
+fourth, the persistent one, does all that the specification allows against loss.
 """
 
 from collections.abc import Sequence
@@ -305,6 +306,47 @@ class MavproxyUpload:
         if self.outcome is None and now_s - self._heard_s > 2 * self.PATIENCE_S:
             self.outcome = "nothing more came"
         return []
+
+
+class PersistentUpload:
+    """MISSION_COUNT every second until the first request; the last item every 3 s until an ACK."""
+
+    COUNT_S: Final = 1.0
+    LAST_ITEM_S: Final = 3.0
+
+    def __init__(self, items: Sequence[Message]) -> None:
+        self._items = items
+        self._complete = False
+        self._due_s = 0.0
+        self._begun = False
+        self.outcome: str | None = None
+
+    def start(self, now_s: float) -> list[Message]:
+        """Announce the plan."""
+        self._due_s = now_s + self.COUNT_S
+        return [count_of(self._items)]
+
+    def hear(self, message: Message, now_s: float) -> list[Message]:
+        """Answer every request; an ACK ends it."""
+        if self.outcome is not None or message.mission_type != self._items[0].mission_type:
+            return []
+        if message.get_type() == "MISSION_ACK":
+            self.outcome = DONE if message.type == ACCEPTED else f"vehicle: {message.type}"
+        if message.get_type() not in _REQUESTS:
+            return []
+        self._begun = True
+        self._complete = self._complete or message.seq == len(self._items) - 1
+        self._due_s = now_s + self.LAST_ITEM_S
+        return [self._items[message.seq]]
+
+    def tick(self, now_s: float) -> list[Message]:
+        """Say again what starts or ends the transfer."""
+        if self.outcome is not None or now_s < self._due_s:
+            return []
+        if not self._begun:
+            return self.start(now_s)
+        self._due_s = now_s + self.LAST_ITEM_S
+        return [self._items[-1]] if self._complete else []
 
 
 class MavproxyDownload:
