@@ -2,6 +2,7 @@
 
 import base64
 import io
+import json
 import queue
 import random
 from collections.abc import Callable, Iterator
@@ -11,6 +12,7 @@ from typing import Any, NamedTuple
 import pytest
 from mavsdk import ComponentType, Configuration, Mavsdk
 from mavsdk.plugins.action import Action
+from mavsdk.plugins.component_metadata import ComponentMetadata, MetadataType
 from mavsdk.plugins.ftp import FilesystemEntry, Ftp, FtpError, FtpResult
 from mavsdk.plugins.log_files import LogFiles, LogFilesError, LogFilesResult
 from mavsdk.plugins.log_streaming import LogStreaming
@@ -35,6 +37,7 @@ class Client(NamedTuple):
     files: Any
     logs: Any
     stream: Any
+    metadata: Any
     telemetry: Any
     folder: Path
 
@@ -52,6 +55,7 @@ def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
             files=Ftp(system),
             logs=LogFiles(system),
             stream=LogStreaming(system),
+            metadata=ComponentMetadata(system),
             telemetry=Telemetry(system),
             folder=state / f"vehicle-{SYSTEM}",
         )
@@ -124,6 +128,20 @@ def test_a_long_folder_is_listed_whole(client: Client) -> None:
     for i in range(120):
         (folder / f"picture-{i:04}.jpg").write_bytes(b"x")
     assert names(client, f"{CARD}/many")[1] == sorted(path.name for path in folder.iterdir())
+
+
+def test_the_parameters_are_described(client: Client) -> None:
+    updates: queue.Queue[Any] = queue.Queue()
+    client.metadata.subscribe_metadata_available(
+        lambda update, _user_data=None: updates.put(update)
+    )
+    client.metadata.request_autopilot_component()
+    while (update := updates.get(timeout=PATIENCE_S)).type != MetadataType.PARAMETER:
+        assert update.type != MetadataType.ALL_COMPLETED
+    told = {each["name"]: each for each in json.loads(update.json_metadata)["parameters"]}
+    height = told["MIS_TAKEOFF_ALT"]
+    assert (height["type"], height["units"], height["default"]) == ("Float", "m", 2.5)
+    assert height["min"] < height["default"] < height["max"]
 
 
 def test_refusals_are_understood(client: Client, tmp_path: Path) -> None:

@@ -84,6 +84,7 @@ def test_the_tree_can_be_walked(client: Client) -> None:
     assert [(e.name, e.is_dir) for e in listed] == [
         ("@MAV_LOG", True),
         ("@PARAM", True),
+        ("etc", True),
         ("fs", True),
     ]
     images = client.ftp.cmd_list([f"{CARD}/image"]).directory_listing

@@ -123,6 +123,23 @@ class CommandCancel(_Extended):
 
 
 @register
+class ComponentMetadata(_Extended):
+    """COMPONENT_METADATA(397): where a component's general metadata file lies."""
+
+    id = 397
+    msgname = "COMPONENT_METADATA"
+    fieldnames: list[str] = ["time_boot_ms", "file_crc", "uri"]  # noqa: RUF012 - pymavlink's layout
+    ordered_fieldnames: list[str] = fieldnames
+    fieldtypes: list[str] = ["uint32_t", "uint32_t", "char"]  # noqa: RUF012 - as above
+    native_format = bytearray(b"<IIc")
+    orders: list[int] = [0, 1, 2]  # noqa: RUF012 - as above
+    lengths: list[int] = [1, 1, 1]  # noqa: RUF012 - as above
+    array_lengths: list[int] = [0, 0, 100]  # noqa: RUF012 - as above
+    crc_extra = 182
+    unpacker = struct.Struct("<II100s")
+
+
+@register
 class ProtocolVersion(_Extended):
     """PROTOCOL_VERSION(300): which versions of MAVLink are spoken, as numbers times 100."""
 

@@ -13,10 +13,12 @@ from uav_firmware.modules.mavlink.camera_component import CameraComponent, Comma
 from uav_firmware.modules.mavlink.command_server import CommandServer
 from uav_firmware.modules.mavlink.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.file_service import FileService
+from uav_firmware.modules.mavlink.files.metadata_files import MetadataFiles
 from uav_firmware.modules.mavlink.follow_input import FollowInput
 from uav_firmware.modules.mavlink.gimbal_input import GimbalInput
 from uav_firmware.modules.mavlink.log_stream import LogStream
 from uav_firmware.modules.mavlink.manual_input import ManualInput
+from uav_firmware.modules.mavlink.metadata_request import MetadataRequest
 from uav_firmware.modules.mavlink.mission_server import MissionServer
 from uav_firmware.modules.mavlink.mission_store import Plan, PlanCheck, PlanStore
 from uav_firmware.modules.mavlink.parameter_server import ParameterServer
@@ -100,6 +102,7 @@ class Dispatcher:
         for fault in self._missions.load():
             topics.status_text.publish(StatusText(0, mavlink.MAV_SEVERITY_WARNING, fault))
         router, tokens = CommandRouter(topics), count(1)
+        metadata = MetadataFiles(registry)
         self._log_stream = LogStream(
             system_id=system_id,
             request=topics.log_stream_request,
@@ -109,6 +112,7 @@ class Dispatcher:
         self._commands = CommandServer(
             system_id=system_id,
             answerers=(
+                MetadataRequest(lambda: metadata.general_checksum).answer,
                 RequestServer(peers, context).answer,
                 StorageCommands(registry, save_parameters, topics.vehicle_status).answer,
                 self._log_stream.answer,
@@ -137,6 +141,7 @@ class Dispatcher:
             topics=topics,
             texts=texts,
             parameters=self._parameters,
+            metadata=metadata,
         )
         manual = ManualInput(system_id, topics.manual_control_setpoint)
         setpoints = SetpointInput(system_id, topics, texts)

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from uav_firmware.cal.files import Card
 from uav_firmware.modules.mavlink.addressing import Outgoing, Sender
 from uav_firmware.modules.mavlink.dialect import Message, mavlink
+from uav_firmware.modules.mavlink.files.metadata_files import MetadataFiles
 from uav_firmware.modules.mavlink.files.parameter_files import ParameterFiles
 from uav_firmware.modules.mavlink.files.roots import vehicle_tree
 from uav_firmware.modules.mavlink.files.server import FileServer
@@ -28,6 +29,7 @@ class FileService:
         topics: MavlinkTopics,
         texts: StatusTexts,
         parameters: ParameterServer,
+        metadata: MetadataFiles,
     ) -> None:
         """Take what the files are about; `parameters` tells peers of an uploaded parameter file."""
         self._topics = topics
@@ -35,7 +37,9 @@ class FileService:
         self._parameters = parameters
         self._asides: list[Outgoing] = []
         files = ParameterFiles(registry, taken=self._taken, refused=self._refused)
-        self._server = FileServer(system_id=system_id, store=vehicle_tree(card, files), pace=Pace())
+        self._server = FileServer(
+            system_id=system_id, store=vehicle_tree(card, files, metadata), pace=Pace()
+        )
         self._logs = (
             None
             if card is None

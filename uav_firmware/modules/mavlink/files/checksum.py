@@ -13,6 +13,11 @@ PIECE_BYTES: Final = 256 * 1024
 _ALL_ONES: Final = 0xFFFFFFFF
 
 
+def checksum_of(data: bytes) -> int:
+    """Checksum of bytes that are at hand."""
+    return zlib.crc32(data, _ALL_ONES) ^ _ALL_ONES
+
+
 class Checksum:
     """A checksum that is being computed."""
 

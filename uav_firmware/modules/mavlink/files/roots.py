@@ -3,6 +3,8 @@
 from typing import Final
 
 from uav_firmware.cal.files import Card, FileStore, Place
+from uav_firmware.modules.mavlink.files import metadata_files
+from uav_firmware.modules.mavlink.files.metadata_files import MetadataFiles
 from uav_firmware.modules.mavlink.files.parameter_files import ParameterFiles
 from uav_firmware.modules.mavlink.files.tree import MountedTree
 
@@ -13,9 +15,11 @@ LOGS_BY_SERVICE: Final[Place] = ("@MAV_LOG",)
 PARAMETERS: Final[Place] = ("@PARAM",)
 
 
-def vehicle_tree(card: Card | None, parameters: ParameterFiles) -> MountedTree:
-    """The whole tree; without a card there are only the parameters."""
-    mounts: dict[Place, FileStore] = {PARAMETERS: parameters}
+def vehicle_tree(
+    card: Card | None, parameters: ParameterFiles, metadata: MetadataFiles
+) -> MountedTree:
+    """The whole tree; without a card there are only the parameters and what they mean."""
+    mounts: dict[Place, FileStore] = {PARAMETERS: parameters, metadata_files.FOLDER: metadata}
     if card is not None:
         mounts |= {
             CARD: card.files,

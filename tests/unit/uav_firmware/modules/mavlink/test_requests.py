@@ -84,7 +84,7 @@ def test_home_has_a_command_of_its_own() -> None:
     assert asked(Bench(topics=empty_topics()), command_long(REQUEST, HOME))[0] == NOT_YET
 
 
-@pytest.mark.parametrize("message_id", [397, 395, 0xFFFFFF])
+@pytest.mark.parametrize("message_id", [396, 395, 0xFFFFFF])
 def test_what_is_not_spoken_is_refused_at_once(message_id: int) -> None:
     assert asked(Bench(), command_long(REQUEST, message_id))[0] == UNSUPPORTED
     assert asked(Bench(), command_long(SET_INTERVAL, message_id, 1e6))[0] == UNSUPPORTED

@@ -10,6 +10,7 @@ from uav_firmware.drivers.file_tree import FileTree
 from uav_firmware.modules.mavlink.addressing import Outgoing, Sender
 from uav_firmware.modules.mavlink.dialect import mavlink, pack
 from uav_firmware.modules.mavlink.files.codec import Opcode
+from uav_firmware.modules.mavlink.files.metadata_files import MetadataFiles
 from uav_firmware.modules.mavlink.files.parameter_files import ParameterFiles
 from uav_firmware.modules.mavlink.files.roots import vehicle_tree
 from uav_firmware.modules.mavlink.files.server import FileServer
@@ -79,7 +80,7 @@ class Desk:
         )
         self.server = FileServer(
             system_id=SYSTEM,
-            store=vehicle_tree(stores, parameters),
+            store=vehicle_tree(stores, parameters, MetadataFiles(registry or Registry())),
             pace=Pace(),
         )
         self.now_us = 0

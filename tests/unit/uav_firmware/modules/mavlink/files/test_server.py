@@ -49,7 +49,7 @@ def test_any_contents_come_back(tmp_path_factory: pytest.TempPathFactory, data: 
 def test_the_root_shows_what_is_mounted(desk: Desk) -> None:
     (desk.images / "1.jpg").write_bytes(b"12345")
     (desk.files / "notes").mkdir()
-    assert desk.names("/") == ["D@MAV_LOG", "D@PARAM", "Dfs"]
+    assert desk.names("/") == ["D@MAV_LOG", "D@PARAM", "Detc", "Dfs"]
     assert desk.names("") == desk.names("/")
     assert desk.names("/fs") == ["Dmicrosd"]
     assert desk.names(f"{CARD}/") == ["Dimage", "Dlog", "Dnotes"]
@@ -137,7 +137,7 @@ def test_the_checksum_is_the_one_that_clients_compute(desk: Desk) -> None:
         (Opcode.TRUNCATE_FILE, f"{CARD}/none", Fault.FILE_NOT_FOUND),
         (Opcode.CALC_FILE_CRC32, f"{CARD}/none", Fault.FILE_NOT_FOUND),
         (Opcode.LIST_DIRECTORY, f"{CARD}/none", Fault.FILE_NOT_FOUND),
-        (Opcode.LIST_DIRECTORY, "/etc", Fault.FILE_NOT_FOUND),
+        (Opcode.LIST_DIRECTORY, "/dev", Fault.FILE_NOT_FOUND),
         (Opcode.RENAME, f"{CARD}/none\0{CARD}/b", Fault.FILE_NOT_FOUND),
         (Opcode.RENAME, f"{CARD}/a\0{CARD}/b", Fault.FILE_EXISTS),
         (Opcode.RENAME, f"{CARD}/a", Fault.INVALID_DATA_SIZE),
@@ -148,6 +148,8 @@ def test_the_checksum_is_the_one_that_clients_compute(desk: Desk) -> None:
         (Opcode.CREATE_FILE, "/fs/x", Fault.FILE_NOT_FOUND),
         (Opcode.REMOVE_DIRECTORY, CARD, Fault.FILE_PROTECTED),
         (Opcode.REMOVE_FILE, "@PARAM/param.pck", Fault.FILE_PROTECTED),
+        (Opcode.CREATE_FILE, "/etc/extras/parameters.json.xz", Fault.FILE_PROTECTED),
+        (Opcode.OPEN_FILE_RO, "/etc/passwd", Fault.FILE_NOT_FOUND),
         (Opcode.REMOVE_FILE, "", Fault.INVALID_DATA_SIZE),
         (Opcode.READ_FILE, "", Fault.INVALID_SESSION),
         (Opcode.WRITE_FILE, "x", Fault.INVALID_SESSION),
