@@ -14,8 +14,7 @@ from typing import Final, NamedTuple
 _MAX_SLOTS: Final = 10_000  # a longer pattern means that the periods do not fit together
 LONGEST_BATCH_US: Final = 80_000  # [us] Vehicle time that nobody looks at too closely
 _BATCH_S: Final = (0.02, 0.08)  # [s] Shortest and longest batch by the wall clock
-_LEAD_S: Final = 0.032  # [s] Steps wait until they are ahead of the wall clock by no more
-_LARGEST_LEAD_S: Final = 0.16  # [s] Steps that somebody waits for run ahead by no more
+_LARGEST_LEAD_S: Final = 0.2  # [s] Steps that somebody waits for run ahead by no more
 _CATCH_UP_S: Final = 0.1  # [s] Lateness that is made up; what exceeds it is given up
 
 
@@ -80,10 +79,10 @@ class Pacer:
 
     Steps run in batches, ahead of the clock, because the first step after a wait costs five
     times as much as the tenth: the processor's caches have gone cold. How long a batch may be
-    is asked anew for each, in vehicle time; it takes 20 to 80 ms of the wall clock. A lead of
-    32 ms is kept, so that a slow first step is not a late one, nor one that has to queue for a
-    processor. When somebody waits for an answer that only the next steps can give, they run at
-    once, up to 160 ms ahead.
+    is asked anew for each, in vehicle time; it takes 20 to 80 ms of the wall clock. A batch
+    begins one batch ahead of the clock and ends two ahead, so that a slow first step is not a
+    late one, nor one that has to queue for a processor. When somebody waits for an answer that
+    only the next steps can give, they run at once, up to 200 ms ahead.
 
     A step is due when the wall clock reaches the simulated time at its end; one that ends later
     has missed its deadline and is an overrun. Lateness up to a tenth of a second is made up by
@@ -142,15 +141,15 @@ class Pacer:
                 self._origin_s += late_s
 
     def _end_batch(self, due_s: float) -> None:
-        """Wait until the step due at `due_s` of the clock is ahead by the lead alone."""
-        wake_s = due_s - _LEAD_S
-        while (left_s := wake_s - self._clock()) > 0.0:
-            if left_s < _LARGEST_LEAD_S - _LEAD_S and self._is_asked():
+        """Wait until the step due at `due_s` of the clock is ahead by the next batch alone."""
+        shortest_s, longest_s = _BATCH_S
+        batch_s = min(max(self._batch_us() * 1e-6 / self.speed, shortest_s), longest_s)
+        self._batch_ends_s = 2.0 * batch_s
+        begin_s = due_s - batch_s
+        while (left_s := begin_s - self._clock()) > 0.0:
+            if left_s + batch_s < _LARGEST_LEAD_S and self._is_asked():
                 return
             self._wait(left_s)
-        shortest_s, longest_s = _BATCH_S
-        batch_s = self._batch_us() * 1e-6 / self.speed
-        self._batch_ends_s = _LEAD_S + min(max(batch_s, shortest_s), longest_s)
 
 
 class LateSteps:

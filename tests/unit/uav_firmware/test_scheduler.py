@@ -77,7 +77,7 @@ def test_the_wall_clock_passes_at_the_wanted_ratio(speed: float) -> None:
     for step in range(1, 10_001):
         clock.now_s += 0.0001
         pacer.pace(step * 4000)
-    assert clock.now_s - 100.0 == pytest.approx(40.0 / speed, abs=0.12)
+    assert clock.now_s - 100.0 == pytest.approx(40.0 / speed, abs=0.17)
     assert pacer.overruns == 0
 
 
@@ -89,8 +89,8 @@ def test_unpaced_never_waits() -> None:
     assert clock.waits == []
 
 
-@pytest.mark.parametrize("hindered_s", [0.0, 0.025])
-def test_a_batch_that_begins_late_by_less_than_the_lead_misses_no_deadline(
+@pytest.mark.parametrize("hindered_s", [0.0, 0.06])
+def test_a_batch_that_begins_late_by_less_than_a_batch_misses_no_deadline(
     hindered_s: float,
 ) -> None:
     clock = Clock()
@@ -103,7 +103,7 @@ def test_a_batch_that_begins_late_by_less_than_the_lead_misses_no_deadline(
         clock.now_s += 0.0005
         pacer.pace(step * 4000)
     assert pacer.overruns == 0
-    assert 25 < len(clock.waits) < 120
+    assert 20 < len(clock.waits) < 120
 
 
 def paced(
@@ -119,9 +119,9 @@ def paced(
 
 
 @given(batch_us=st.integers(0, 1_000_000), speed=st.floats(0.1, 20.0))
-def test_no_step_is_late_nor_further_ahead_than_lead_and_batch(batch_us: int, speed: float) -> None:
+def test_no_step_is_late_nor_further_ahead_than_two_batches(batch_us: int, speed: float) -> None:
     for wall_s, own_s in paced(Clock(), 4.0, batch_us=batch_us, speed=speed):
-        assert -1e-9 <= own_s - wall_s <= 0.032 + 0.08 + 0.004 / speed + 1e-9
+        assert -1e-9 <= own_s - wall_s <= 2 * 0.08 + 0.004 / speed + 1e-9
 
 
 @pytest.mark.parametrize(("batch_us", "waits_a_second"), [(20_000, 50), (40_000, 25), (80_000, 12)])
@@ -157,17 +157,17 @@ def test_whoever_asks_without_end_does_not_drive_the_flight_ahead_of_the_clock()
     pacer = Pacer(1.0, clock=clock, wait=clock.wait, is_asked=lambda: True)
     for step in range(1, 2501):
         pacer.pace(step * 4000)
-    assert clock.now_s - 100.0 == pytest.approx(10.0, abs=0.2)
+    assert clock.now_s - 100.0 == pytest.approx(10.0, abs=0.25)
 
 
 def test_a_late_step_is_counted_and_made_up() -> None:
     clock = Clock()
     pacer = Pacer(1.0, clock=clock, wait=clock.wait)
     for step in range(1, 101):
-        clock.now_s += 0.1 if step == 50 else 0.001
+        clock.now_s += 0.18 if step == 50 else 0.001
         pacer.pace(step * 4000)
     assert 1 <= pacer.overruns < 30
-    assert clock.now_s - 100.001 == pytest.approx(99 * 0.004, abs=0.06)
+    assert clock.now_s - 100.001 == pytest.approx(99 * 0.004, abs=0.17)
     assert pacer.given_up_s == 0.0
 
 
@@ -182,8 +182,8 @@ def test_after_a_long_pause_only_a_bounded_part_is_made_up() -> None:
             waits_before = len(clock.waits)
         elif step > 500 and len(clock.waits) == waits_before:
             burst += 1
-    assert 10 < burst < 80
-    assert pacer.given_up_s == pytest.approx(60.0, abs=0.2)
+    assert 10 < burst < 100
+    assert pacer.given_up_s == pytest.approx(60.0, abs=0.3)
 
 
 @pytest.mark.parametrize("speed", [-1.0, float("nan"), float("inf")])
@@ -198,7 +198,7 @@ def test_late_steps_are_told_once_in_ten_seconds_and_only_if_there_are_any() -> 
     pacer = Pacer(1.0, clock=clock, wait=clock.wait)
     late = LateSteps(pacer, lambda time_us, text: told.append((time_us, text)))
     for step in range(1, 3 * LateSteps.EVERY_STEPS + 1):
-        clock.now_s += 0.09 if step == LateSteps.EVERY_STEPS + 500 else 0.0001
+        clock.now_s += 0.2 if step == LateSteps.EVERY_STEPS + 500 else 0.0001
         pacer.pace(step * 4000)
         if pacer.steps == late.due:
             late.tell(step * 4000)
