@@ -102,9 +102,8 @@ def test_a_place_is_looked_at(client: Client) -> None:
     wait_for(lambda: client.telemetry.position().latitude_deg > 0.0, "the position")
     here = client.telemetry.position()
     east = here.longitude_deg + 100.0 / 84_700.0
-    client.gimbal.set_roi_location(
-        client.number, here.latitude_deg, east, here.absolute_altitude_m - 50.0
-    )
+    # MAVSDK names a frame with altitudes relative to home.
+    client.gimbal.set_roi_location(client.number, here.latitude_deg, east, -50.0)
     read = pointed(client, "north")
     wait_for(lambda: abs(read()[1] - 90.0) < 3.0 and abs(read()[0] + 26.6) < 3.0, "the place")
 
