@@ -5,12 +5,17 @@ from typing import Final, NamedTuple
 
 from uav_firmware.lib.geo import distance_and_bearing
 from uav_firmware.modules.commander.vehicle_view import VehicleView
-from uav_firmware.msg.status import VehicleCommand
+from uav_firmware.msg.status import Command, HomePosition, VehicleCommand
 
 REACH_MAX_M: Final = 10_000.0  # [m] beyond it a target is a mistake, such as 0, 0
 HEIGHT_MAX_M: Final = 5_000.0  # [m] above home
 _FRAME_AMSL: Final = 0
 _FRAME_RELATIVE: Final = 3
+_FRAME_RELATIVE_INT: Final = 6
+_PERHAPS_AMSL: Final = frozenset({Command.DO_ORBIT, Command.DO_SET_HOME})
+"""MAVSDK sends their altitude above mean sea level and leaves frame 3 in place, since PX4 does not
+look at it. Read as a height above home, it would send the vehicle up by the altitude of the site.
+"""
 NAN: Final = math.nan
 
 
@@ -86,18 +91,25 @@ def place(command: VehicleCommand, view: VehicleView, *, zero_is_unset: bool) ->
 
 
 def _altitude(command: VehicleCommand, view: VehicleView) -> float:
-    if command.frame not in {_FRAME_AMSL, _FRAME_RELATIVE}:
+    if command.frame not in {_FRAME_AMSL, _FRAME_RELATIVE, _FRAME_RELATIVE_INT}:
         raise BadParameterError(f"frame {command.frame} is not supported")
     altitude, home = command.param7, view.home
     if math.isnan(altitude):
         return altitude
-    if command.frame == _FRAME_RELATIVE:
+    if _is_relative(command, home):
         if home is None:
             raise BadParameterError("parameter 7 is relative to home, which is not set")
         altitude += home.altitude_amsl_m
     if home is not None and altitude > home.altitude_amsl_m + HEIGHT_MAX_M:
         raise BadParameterError(f"parameter 7: more than {HEIGHT_MAX_M:.0f} m above home")
     return altitude
+
+
+def _is_relative(command: VehicleCommand, home: HomePosition | None) -> bool:
+    """Whether an altitude is above home; in doubt it is where it can be above sea level."""
+    if command.frame == _FRAME_RELATIVE and command.command in _PERHAPS_AMSL:
+        return home is not None and command.param7 < home.altitude_amsl_m
+    return command.frame != _FRAME_AMSL
 
 
 def refuse_below_home(altitude_amsl_m: float, view: VehicleView) -> None:

@@ -38,7 +38,7 @@ class Command(NamedTuple):
 
     number: int  # MAV_CMD
     parameters: Parameters  # p5 and p6 in degrees where they are a position; NaN is unset
-    frame: int  # FRAME_AMSL or FRAME_RELATIVE, of p7
+    frame: int  # FRAME_AMSL or FRAME_RELATIVE of p7; as sent where FRAME_KEPT
 
     def parameter(self, index: int) -> float:
         """Parameter `index` counted from 1, as MAVLink counts."""
@@ -87,6 +87,7 @@ ANSWERED_HERE: Final[Mapping[int, frozenset[int]]] = {
     mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION: frozenset({1}),
     mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: frozenset({1}),
     mavlink.MAV_CMD_PREFLIGHT_STORAGE: frozenset({1, 2}),
+    mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: frozenset({1, 2, 3, 4}),
     mavlink.MAV_CMD_LOGGING_START: frozenset({1}),
     mavlink.MAV_CMD_LOGGING_STOP: frozenset(),
     MAV_CMD_DO_SET_STANDARD_MODE: frozenset({1}),
@@ -95,6 +96,10 @@ ANSWERED_HERE: Final[Mapping[int, frozenset[int]]] = {
 parameters that have an effect. Another one that is set is refused, since it is not honoured."""
 
 KNOWN: Final = FORWARDED | FOR_PAYLOAD | ANSWERED_HERE.keys()
+
+
+FRAME_KEPT: Final = frozenset({int(status.Command.DO_ORBIT), int(status.Command.DO_SET_HOME)})
+"""Commands of which the commander has to see the very frame: not all clients mean what they say."""
 
 
 def from_long(message: Message) -> Command:
@@ -109,6 +114,7 @@ def from_int(message: Message) -> Command | None:
     if frame not in GLOBAL_FRAMES and frame != FRAME_MISSION:
         return None
     scale = 1e7 if message.command in POSITIONAL else 1.0
+    kept = message.command in FRAME_KEPT and GLOBAL_FRAMES.get(frame) == FRAME_RELATIVE
     return Command(
         message.command,
         (
@@ -120,7 +126,7 @@ def from_int(message: Message) -> Command | None:
             _unscaled(message.y, scale),
             message.z,
         ),
-        GLOBAL_FRAMES.get(frame, FRAME_AMSL),
+        frame if kept else GLOBAL_FRAMES.get(frame, FRAME_AMSL),
     )
 
 

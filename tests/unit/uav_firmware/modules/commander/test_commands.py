@@ -322,6 +322,20 @@ def test_home_can_be_set_to_a_place_and_stays_there() -> None:
     assert vehicle.home.value.position_ned == pytest.approx((10.0, 5.0, 0.0), abs=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("frame", "given_m", "height_m"),
+    [(0, HOME[2] + 20.0, 20.0), (6, 20.0, 20.0), (3, 20.0, 20.0), (3, HOME[2] + 20.0, 20.0)],
+    ids=["above sea level", "above home", "above home too", "as MAVSDK says it"],
+)
+def test_home_takes_the_altitude_that_is_meant(frame: int, given_m: float, height_m: float) -> None:
+    vehicle = grounded()
+    place = at(10.0, 5.0)
+    params = (0.0, 0.0, 0.0, 0.0, place["x"], place["y"], given_m)
+    assert vehicle.send(Command.DO_SET_HOME, *params, frame=frame) is ACCEPTED
+    assert vehicle.home.value is not None
+    assert vehicle.home.value.altitude_amsl_m == pytest.approx(HOME[2] + height_m, abs=1e-3)
+
+
 def test_commands_that_arrive_together_are_each_answered_in_order() -> None:
     vehicle = loaded()
     for token, command in enumerate((Command.MISSION_START, Command.COMPONENT_ARM_DISARM, 9999)):

@@ -30,6 +30,14 @@ def test_frames_give_the_datum_of_the_altitude(frame: int, datum: int) -> None:
     assert command.frame == datum
 
 
+@pytest.mark.parametrize("number", [34, 179])
+@pytest.mark.parametrize(("frame", "kept"), [(0, 0), (5, 0), (3, 3), (6, 6)])
+def test_an_orbit_and_home_keep_the_frame_of_a_height(number: int, frame: int, kept: int) -> None:
+    command = from_int(command_int(number, frame=frame))
+    assert command is not None
+    assert command.frame == kept
+
+
 @pytest.mark.parametrize("frame", [1, 4, 7, 8, 9, 10, 11, 12, 20, 21, 255])
 def test_frames_that_are_not_flown_in_are_no_command(frame: int) -> None:
     assert from_int(command_int(192, frame=frame)) is None
