@@ -18,6 +18,7 @@ VEHICLE_PORT_BASE ?= 14580
 STATE_DIR ?= var
 TRUTH ?= 0
 PLAN ?=
+FRAMES ?= 1000000
 OUT ?=
 export VEHICLES SPEED WIND SEED EDGE_PORT CLOUD_PORT MAVLINK_PORT GCS_PORT VEHICLE_PORT_BASE STATE_DIR TRUTH PLAN OUT
 
@@ -105,6 +106,10 @@ format: $(DEV) ## format and fix what a tool can fix
 .PHONY: bench
 bench: $(DEV) ## measure and write STATE_DIR/bench/results.json; BENCH=flight,speed,system,links,missions chooses
 	@exec $(RUN) -m tests.bench
+
+.PHONY: fuzz
+fuzz: $(DEV) ## fly a mission under FRAMES (1000000) hostile frames; 0 if nothing moved by them
+	@exec env FRAMES=$(FRAMES) $(RUN) -m tests.bench.fuzz
 
 .PHONY: clean
 clean: ## remove the state and the virtual environment

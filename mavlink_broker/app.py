@@ -10,10 +10,13 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Final, Protocol
 
+from mavlink_broker.codec import Decoder, Encoder
 from mavlink_broker.config import Config
-from mavlink_broker.dialect import Decoder, Encoder, Message, Source, source_of
+from mavlink_broker.dialect import Message, Source, source_of
 from mavlink_broker.effects import Acknowledgement, Effects, ForEdge
+from mavlink_broker.guard import Guard
 from mavlink_broker.inbox import Inbox, WorkError
+from mavlink_broker.key_ring import KeyRing
 from mavlink_broker.link import Address
 from mavlink_broker.posts import post_for
 from mavlink_broker.protocol.heartbeat import is_vehicle
@@ -89,6 +92,7 @@ class App:
         self._clock = clock
         self._new_ulid = new_ulid
         self._inbox = Inbox()
+        self._guard = _guard(config, clock)
         self._peers: dict[int, _Peer] = {}
         self._decoders: dict[Address, Decoder] = {}
 
@@ -103,7 +107,8 @@ class App:
         now = self._clock.monotonic()
         for address, datagram in datagrams:
             for message in self._decoder(address).decode(datagram):
-                self._dispatch(message, address, now)
+                if self._guard.admits(message, now):
+                    self._dispatch(message, address, now)
         for raw in self._edge.take_work():
             self._take(raw, now)
         for peer in self._peers.values():
@@ -202,9 +207,14 @@ class App:
     def _carry_out(self, effects: Effects, peer: _Peer) -> None:
         if peer.address is not None:
             for message in effects.messages:
-                self._link.send(peer.address, peer.encoder.encode(message))
+                self._link.send(peer.address, self._encoded(message, peer))
         for word in effects.for_edge:
             self._tell(word, peer.session.vehicle.vehicle_id)
+
+    def _encoded(self, message: Message, peer: _Peer) -> bytes:
+        system = peer.session.vehicle.route.target_system
+        signing = self._guard.signing_for(system, self._clock.monotonic())
+        return peer.encoder.encode(message, None if signing is None else signing.for_sending())
 
     def _tell(self, word: ForEdge, vehicle_id: int) -> None:
         post = post_for(
@@ -214,3 +224,11 @@ class App:
             key=self._new_ulid(),
         )
         self._edge.post(post)
+
+
+def _guard(config: Config, clock: Clock) -> Guard:
+    """Ask for signatures if there is a folder of keys."""
+    ring = None if config.signing_keys is None else KeyRing(config.signing_keys)
+    if ring is None:
+        _LOG.warning("MAVLink is unsigned: whoever reaches the port can speak for a vehicle")
+    return Guard(ring, config.unsigned_systems, clock.utc)

@@ -28,6 +28,8 @@ class Config:
     system_id: int = DEFAULT_SYSTEM_ID
     component_id: int = ONBOARD_COMPUTER
     vehicle_of_system: Mapping[int, int] = field(default_factory=dict)
+    signing_keys: Path | None = None  # Folder of signing-N.key; None: nothing is signed
+    unsigned_systems: frozenset[int] = frozenset()  # Those that cannot sign
     state_vector_every_s: float = DEFAULT_STATE_VECTOR_INTERVAL_S
     battery_capacity_ah: float = DEFAULT_BATTERY_CAPACITY_AH
     log_level: str = "INFO"
@@ -63,6 +65,21 @@ def parse_vehicle_ids(text: str) -> dict[int, int]:
     return of_system
 
 
+def parse_systems(text: str) -> frozenset[int]:
+    """Read `3,7` as system ids.
+
+    Raises:
+        ValueError: if it is written otherwise, or a number is none of a system.
+    """
+    try:
+        systems = frozenset(int(part) for part in text.split(",") if part.strip())
+    except ValueError:
+        raise ValueError(f"systems must look like 3,7, not {text!r}") from None
+    if not systems <= frozenset(range(1, 256)):
+        raise ValueError(f"systems are 1 to 255, not {text!r}")
+    return systems
+
+
 def load(arguments: Sequence[str], environment: Mapping[str, str]) -> Config:
     """Read the configuration; a fault ends the program with a sentence and status 2."""
     parser = _parser(environment)
@@ -82,6 +99,8 @@ def load(arguments: Sequence[str], environment: Mapping[str, str]) -> Config:
         mavlink_port=options.mavlink_port,
         system_id=options.system_id,
         vehicle_of_system=options.vehicle_ids,
+        signing_keys=options.signing_keys,
+        unsigned_systems=options.unsigned_systems,
         state_vector_every_s=options.state_vector_interval,
         battery_capacity_ah=options.battery_capacity,
         log_level=options.log_level.upper(),
@@ -101,6 +120,8 @@ def _parser(environment: Mapping[str, str]) -> argparse.ArgumentParser:
         ("MAVLINK_PORT", int, DEFAULT_MAVLINK_PORT, "UDP port to listen on"),
         ("MAVLINK_SYSTEM_ID", int, DEFAULT_SYSTEM_ID, "the broker's own MAVLink system id"),
         ("VEHICLE_IDS", parse_vehicle_ids, "", "vehicle_id:system_id, ... where they differ"),
+        ("SIGNING_KEYS", Path, None, "folder of signing-N.key, one per system; else unsigned"),
+        ("UNSIGNED_SYSTEMS", parse_systems, "", "systems that cannot sign, as in 3,7"),
         ("STATE_VECTOR_INTERVAL", float, DEFAULT_STATE_VECTOR_INTERVAL_S, "seconds"),
         ("BATTERY_CAPACITY", float, DEFAULT_BATTERY_CAPACITY_AH, "Ah, if a vehicle is silent"),
         ("LOG_LEVEL", str, "INFO", "DEBUG, INFO, WARNING or ERROR"),

@@ -12,7 +12,8 @@ from typing import Final, TypeAlias
 Address: TypeAlias = tuple[str, int]
 
 RECEIVE_BUFFER_BYTES: Final = 1 << 20
-LARGEST_DATAGRAM_BYTES: Final = 65_535
+LARGEST_DATAGRAM_BYTES: Final = 4096
+"""Longer ones are cut: no sender packs more frames than a network packet holds."""
 DATAGRAMS_AT_ONCE: Final = 256
 """So that a flood cannot keep the loop from its other duties."""
 

@@ -6,6 +6,7 @@ import time
 from types import FrameType
 from typing import Self
 
+from sim import signing_keys
 from sim.console import Screen
 from sim.farm_client import FarmClient, NotReadyError, RefusedError
 from sim.processes import programs
@@ -41,6 +42,10 @@ class System:
         self.client = FarmClient(settings)
         self._programs = programs(settings)
         check_ports(self._programs)
+        try:
+            signing_keys.prepare(settings)
+        except OSError as error:
+            raise SupervisorError(f"keys cannot be written: {error}") from error
         environment = {
             **os.environ,
             "PYTHONUNBUFFERED": "1",

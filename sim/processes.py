@@ -23,16 +23,26 @@ def programs(settings: Settings) -> list[Program]:
     return [
         Program("cloud", _module("sim.cloud"), tcp_port=settings.cloud_port),
         Program("edge", _module("edge_server"), tcp_port=settings.edge_port),
-        Program("broker", _module("mavlink_broker"), udp_port=settings.mavlink_port),
+        Program(
+            "broker",
+            (*_module("mavlink_broker"), "--signing-keys", str(settings.keys_dir)),
+            udp_port=settings.mavlink_port,
+        ),
         *(
             Program(
                 f"vehicle-{system_id}",
-                (*_module("uav_firmware"), "--system-id", str(system_id)),
+                _vehicle(settings, system_id),
                 udp_port=settings.vehicle_port(system_id),
             )
             for system_id in range(1, settings.vehicles + 1)
         ),
     ]
+
+
+def _vehicle(settings: Settings, system_id: int) -> tuple[str, ...]:
+    key = str(settings.signing_key_path(system_id))
+    flags = ("--system-id", str(system_id), "--broker-signing-key", key)
+    return (*_module("uav_firmware"), *flags)
 
 
 def _module(name: str) -> tuple[str, ...]:

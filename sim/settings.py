@@ -36,9 +36,18 @@ class Settings:
         """Base address of the mock cloud."""
         return f"http://127.0.0.1:{self.cloud_port}"
 
+    @property
+    def keys_dir(self) -> Path:
+        """Folder of all keys."""
+        return self.state_dir / "keys"
+
     def key_path(self, role: str) -> Path:
         """File that holds the access key of a role."""
-        return self.state_dir / "keys" / f"{role}.key"
+        return self.keys_dir / f"{role}.key"
+
+    def signing_key_path(self, system_id: int) -> Path:
+        """File that holds the key of the link between a vehicle and the broker."""
+        return self.keys_dir / f"signing-{system_id}.key"
 
     def vehicle_port(self, system_id: int) -> int:
         """UDP port that a vehicle listens on."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from mavlink_broker import dialect as broker_dialect
+from mavlink_broker import codec as broker_codec
 from mavlink_broker.dialect import Message
 from mavlink_broker.protocol.mission_download import Downloaded, MissionDownload
 from mavlink_broker.protocol.mission_upload import MissionUpload, NotStored, Stored, Uncertain
@@ -120,8 +120,8 @@ class Field:
         self.vehicle = Vehicle()
         self.now_us = 0
         self._link = LossyLink(trouble.at(loss), trouble.at(loss), seed=seed)
-        self._encoder = broker_dialect.Encoder(ROUTE.own_system, ROUTE.own_component)
-        self._decoder = broker_dialect.Decoder()
+        self._encoder = broker_codec.Encoder(ROUTE.own_system, ROUTE.own_component)
+        self._decoder = broker_codec.Decoder()
 
     def run(self, activity: Activity, patience_s: float = PATIENCE_S) -> None:
         """Let time pass until the activity has its outcome."""

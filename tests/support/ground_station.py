@@ -25,6 +25,7 @@ _HEARD: Final = frozenset(
     }
 )
 _OVERHEAD_V2: Final = 12
+_SIGNATURE: Final = 13
 _REQUESTS: Final = frozenset({"MISSION_REQUEST_INT", "MISSION_REQUEST"})
 
 
@@ -63,6 +64,11 @@ class GroundStation:
         self.acks: list[tuple[int, int]] = []  # command, result
         self.mission_ack: int | None = None
         self.items_reached: list[int] = []
+
+    def sign(self, key: bytes) -> None:
+        """Sign what is said, and listen to nothing that is not signed."""
+        self._codec.signing.secret_key = key
+        self._codec.signing.sign_outgoing = True
 
     def heartbeat(self) -> None:
         """Say that a ground station is there."""
@@ -158,7 +164,8 @@ class GroundStation:
 
 
 def _is_one_frame(datagram: bytes) -> bool:
-    return len(datagram) == _OVERHEAD_V2 + datagram[1]
+    signature = _SIGNATURE if datagram[2] & 1 else 0
+    return len(datagram) == _OVERHEAD_V2 + datagram[1] + signature
 
 
 def _message_id(frame: bytes) -> int:

@@ -6,7 +6,8 @@ knows nothing of the broker but its frames. Time is simulated; bytes in, bytes o
 
 import math
 
-from mavlink_broker.dialect import Decoder, Encoder, Message, MissionCurrent, mavlink
+from mavlink_broker.codec import Decoder, Encoder
+from mavlink_broker.dialect import Message, MissionCurrent, mavlink
 from tests.support.scripted_missions import ARDUPILOT, PX4, Script, ScriptedMissions
 
 __all__ = ["ARDUPILOT", "PX4", "Script", "ScriptedVehicle"]

@@ -15,6 +15,7 @@ from typing import Any, Self
 
 import requests
 
+from sim import signing_keys
 from sim.farm_client import rows
 from sim.processes import programs
 from sim.settings import Settings, from_environment
@@ -96,6 +97,7 @@ class FarmSystem:
 
     def __enter__(self) -> Self:
         self.state_dir.mkdir(parents=True, exist_ok=True)
+        signing_keys.prepare(self.settings)
         return self
 
     def __exit__(self, *_: object) -> None:

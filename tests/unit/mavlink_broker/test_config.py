@@ -62,3 +62,22 @@ def test_a_fault_ends_the_program_with_status_2(
         load(arguments, {})
     assert caught.value.code == 2
     assert arguments[0] in capsys.readouterr().err
+
+
+def test_nothing_is_signed_unless_asked() -> None:
+    config = load([], {"SIGNING_KEYS": "", "UNSIGNED_SYSTEMS": ""})
+    assert config.signing_keys is None
+    assert config.unsigned_systems == frozenset()
+
+
+def test_a_folder_of_keys_and_the_systems_that_cannot_sign() -> None:
+    config = load(["--unsigned-systems", "3, 7"], {"SIGNING_KEYS": "var/keys"})
+    assert config.signing_keys == Path("var/keys")
+    assert config.unsigned_systems == {3, 7}
+
+
+@pytest.mark.parametrize("text", ["x", "0", "256", "-1", "3;7"])
+def test_what_is_no_system_is_refused(text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        load([f"--unsigned-systems={text}"], {})
+    assert "--unsigned-systems" in capsys.readouterr().err

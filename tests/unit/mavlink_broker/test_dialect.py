@@ -7,10 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mavlink_broker.codec import Decoder, Encoder
 from mavlink_broker.dialect import (
     RESULT_NAMES,
-    Decoder,
-    Encoder,
     MissionAck,
     MissionCount,
     MissionCurrent,

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from afarcloud.enumerations import CommandType
 from afarcloud.plan import Mission
-from mavlink_broker.dialect import Decoder, Encoder, mavlink
+from mavlink_broker.codec import Decoder, Encoder
+from mavlink_broker.dialect import mavlink
 from mavlink_broker.translation.commands import TRANSLATORS
 from mavlink_broker.translation.families import ARDUPILOT, FAMILIES, GENERIC, PX4, Family
 from mavlink_broker.translation.mission import FlightPlan, Home, RefusedError, translate

@@ -1,0 +1,102 @@
+"""Datagrams to messages and back, on pymavlink's codec.
+
+A datagram is searched for whole, correct frames; nothing is carried over to the next datagram,
+so a broken or hostile one costs only itself.
+"""
+
+from typing import Any, Final
+
+from mavlink_broker.dialect import Message, Source, mavlink, source_of
+
+_MARKERS: Final = {0xFE: 8, 0xFD: 12}
+"""First byte of a frame, and how many bytes it has beside its payload."""
+_SIGNED_FLAG: Final = 0x01
+_SIGNATURE_LENGTH: Final = 13
+_SEQUENCES: Final = 256
+_MAX_FAULTS_PER_DATAGRAM: Final = 16
+"""So that a datagram full of frames' first bytes cannot keep the broker busy."""
+
+
+class Encoder:
+    """Frames messages for one peer, with a sequence counter of its own."""
+
+    def __init__(self, system: int, component: int) -> None:
+        self._codec = mavlink.MAVLink(None, srcSystem=system, srcComponent=component)
+        self._unsigned = self._codec.signing
+
+    def encode(self, message: Message, signing: Any = None) -> bytes:
+        """Give the next frame on this link; `signing` is what pymavlink signs by, if at all.
+
+        Raises:
+            struct.error: if a field does not fit its wire type.
+        """
+        self._codec.signing = self._unsigned if signing is None else signing
+        frame: bytes = message.pack(self._codec)
+        self._codec.seq = (self._codec.seq + 1) % _SEQUENCES
+        return frame
+
+
+class Decoder:
+    """Reads one peer's datagrams and counts what was lost, by the gaps in its sequences."""
+
+    def __init__(self) -> None:
+        self._codec = mavlink.MAVLink(None)
+        self._expected: dict[Source, int] = {}
+        self.received = 0
+        self.lost = 0
+        self.faults = 0
+
+    def decode(self, datagram: bytes) -> list[Message]:
+        """Find every whole, correct frame whose message the dialect knows."""
+        messages: list[Message] = []
+        position = 0
+        faults_allowed = self.faults + _MAX_FAULTS_PER_DATAGRAM
+        while position < len(datagram) and self.faults < faults_allowed:
+            end = _frame_end(datagram, position)
+            message = self._frame(datagram[position:end])
+            if message is None:
+                self.faults += 1
+                position = _next_marker(datagram, position + 1)
+                continue
+            position = end
+            if not isinstance(message, mavlink.MAVLink_unknown):
+                self._count(message)
+                messages.append(message)
+        return messages
+
+    def _frame(self, frame: bytes) -> Message | None:
+        if not frame:
+            return None
+        try:
+            return self._codec.decode(bytearray(frame))
+        except mavlink.MAVError:
+            return None
+
+    def _count(self, message: Message) -> None:
+        source, sequence = source_of(message), message.get_seq()
+        gap = (sequence - self._expected.get(source, sequence)) % _SEQUENCES
+        self.received += 1
+        if gap < _SEQUENCES // 2:  # Beyond half a turn it is a late or repeated frame
+            self.lost += gap
+            self._expected[source] = (sequence + 1) % _SEQUENCES
+
+
+def _frame_end(datagram: bytes, position: int) -> int:
+    """End of the frame that begins at `position`; `position` itself where none does."""
+    remaining = len(datagram) - position
+    overhead = _MARKERS.get(datagram[position], 0)
+    if not overhead or remaining < overhead:
+        return position
+    length = datagram[position + 1] + overhead
+    if datagram[position] == 0xFD:
+        flags = datagram[position + 2]
+        if flags & ~_SIGNED_FLAG:
+            return position  # An incompatibility that we do not know: not to be read
+        length += _SIGNATURE_LENGTH if flags & _SIGNED_FLAG else 0
+    return position + length if length <= remaining else position
+
+
+def _next_marker(datagram: bytes, position: int) -> int:
+    while position < len(datagram) and datagram[position] not in _MARKERS:
+        position += 1
+    return position
