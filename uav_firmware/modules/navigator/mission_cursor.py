@@ -54,13 +54,17 @@ class MissionCursor:
         self.seq = self._landing_of(seq)
 
     def select(self, seq: int, *, reset: bool) -> None:
-        """DO_SET_MISSION_CURRENT: fly `seq` next (-1: as before); reset forgets completion."""
+        """DO_SET_MISSION_CURRENT: fly `seq` next (-1: as before).
+
+        An item that is named leaves completion behind; a reset does so without one, and lets
+        every jump be taken as often as at the beginning.
+        """
         self._selections += 1
-        target = self.seq if seq < 0 else seq
-        if reset or self.complete:
-            self.rewind(0 if seq < 0 and self.complete else target)
-        else:
-            self.seq = self._landing_of(target)
+        target = self.seq if seq < 0 else self._resolved(seq)
+        if reset:
+            self.rewind(target)
+        elif seq >= 0:
+            self.complete, self.seq = False, target
 
     def reach(self) -> None:
         """Count the current item as reached."""
@@ -99,6 +103,17 @@ class MissionCursor:
         if active:
             return MissionState.ACTIVE
         return MissionState.PAUSED if self.begun else MissionState.NOT_STARTED
+
+    def _resolved(self, seq: int) -> int:
+        """Where a jump that is chosen leads, whatever is left of its repetitions.
+
+        Jumps that lead only to each other lead past the end.
+        """
+        for _ in range(len(self.items)):
+            if seq >= len(self.items) or self.items[seq].command != MissionCommand.DO_JUMP:
+                return seq
+            seq = int(self.items[seq].param1)
+        return len(self.items)
 
     def _landing_of(self, seq: int) -> int:
         """Follow DO_JUMP items to one that can be flown; past the end when there is none."""
