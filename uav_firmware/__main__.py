@@ -7,11 +7,13 @@ import sys
 import time
 from collections.abc import Callable
 from types import FrameType
+from typing import NoReturn
 
 from uav_firmware.config import ConfigError, VehicleConfig, read_config
 from uav_firmware.drivers.jammed_link import JammedLink
 from uav_firmware.drivers.udp_link import UdpLink
 from uav_firmware.modules.mavlink.peers import Peer, Profile
+from uav_firmware.modules.mavlink.power_commands import PowerAction
 from uav_firmware.modules.mavlink.signing_setup import SetupTrust
 from uav_firmware.modules.mavlink.signing_store import SigningStoreError
 from uav_firmware.scheduler import LateSteps, Pacer
@@ -27,8 +29,14 @@ class Stop:
 
     def __init__(self) -> None:
         self.requested = False
+        self.reboots = False
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._request)
+
+    def ask(self, action: PowerAction) -> None:
+        """End the loop as a peer wishes, and begin anew after a reboot."""
+        self.requested = True
+        self.reboots = action is PowerAction.REBOOT
 
     def _request(self, _number: int, _frame: FrameType | None) -> None:
         self.requested = True
@@ -57,6 +65,7 @@ def main() -> int:
             card=hardware.card,
             world_us=_world_us,
             setup_signing=SetupTrust(config.setup_signing),
+            request_power=stop.ask,
         )
         if not any(peer.signing_key for peer in peers) and config.bind != _LOOPBACK:
             warning = f"MAVLink on {config.bind} is unsigned: whoever reaches it can fly this"
@@ -66,7 +75,14 @@ def main() -> int:
         return _refuse(error)
     finally:
         hardware.close()
+    if stop.reboots:
+        _begin_anew()
     return 0
+
+
+def _begin_anew() -> NoReturn:
+    """Run the same program in this process; a simulated vehicle stands at home again."""
+    os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])  # noqa: S606 - its own command line
 
 
 def _world_us() -> int:

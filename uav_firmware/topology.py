@@ -33,6 +33,7 @@ from uav_firmware.modules.mavlink.link_params import LinkParams
 from uav_firmware.modules.mavlink.mission_store import PlanCheck
 from uav_firmware.modules.mavlink.module import MavlinkModule
 from uav_firmware.modules.mavlink.peers import Peer
+from uav_firmware.modules.mavlink.power_commands import PowerAction
 from uav_firmware.modules.mavlink.reception import SigningOptions
 from uav_firmware.modules.mavlink.signing_params import SigningParams
 from uav_firmware.modules.mavlink.signing_setup import SetupTrust
@@ -95,6 +96,7 @@ class Autopilot:
         write_line: Callable[[int, str], None],
         log_store: LogStore | None = None,
         card: Card | None = None,
+        request_power: Callable[[PowerAction], None] | None = None,
         world_us: Callable[[], int] | None = None,
         setup_signing: SetupTrust = SetupTrust.NEVER,
     ) -> None:
@@ -260,6 +262,7 @@ class Autopilot:
             save_parameters=self.parameter_storage.save,
             params=registry.read(LinkParams),
             card=card,
+            request_power=request_power,
             signing=SigningOptions(
                 world_us=world_us or (lambda: boot_time_utc_us + vehicle.time_us),
                 storage=storage,

@@ -124,4 +124,3 @@ class GroundStation:
             f"an answer to {number}",
         )
         return int(answer.result)
-

@@ -137,3 +137,11 @@ def test_the_guided_actions(station: GroundStation) -> None:
     set_mode(station, LAND)
     station.until(lambda m: m.get_type() == "HEARTBEAT" and not m.base_mode & ARMED_BIT, "disarmed")
     assert station.newest["EXTENDED_SYS_STATE"].landed_state == 1
+
+
+def test_a_reboot_begins_anew(station: GroundStation) -> None:
+    before_ms = station.until(lambda m: m.get_type() == "SYSTEM_TIME", "the time").time_boot_ms
+    assert station.command(246, 1, 1, 1, 1) == ACCEPTED
+    station.until(
+        lambda m: m.get_type() == "SYSTEM_TIME" and m.time_boot_ms < before_ms, "a new beginning"
+    )

@@ -23,6 +23,7 @@ from uav_firmware.modules.mavlink.mission_server import MissionServer
 from uav_firmware.modules.mavlink.mission_store import Plan, PlanCheck, PlanStore
 from uav_firmware.modules.mavlink.parameter_server import ParameterServer
 from uav_firmware.modules.mavlink.peers import PeerTable
+from uav_firmware.modules.mavlink.power_commands import PowerAction, PowerCommands
 from uav_firmware.modules.mavlink.requests import RequestServer
 from uav_firmware.modules.mavlink.setpoint_input import SetpointInput
 from uav_firmware.modules.mavlink.status_text import StatusTexts
@@ -88,6 +89,7 @@ class Dispatcher:
         save_parameters: Callable[[], None],
         texts: StatusTexts,
         card: Card | None,
+        request_power: Callable[[PowerAction], None] | None,
         set_up_signing: Handler,
     ) -> None:
         self._system_id = system_id
@@ -115,6 +117,7 @@ class Dispatcher:
                 MetadataRequest(lambda: metadata.general_checksum).answer,
                 RequestServer(peers, context).answer,
                 StorageCommands(registry, save_parameters, topics.vehicle_status).answer,
+                PowerCommands(request_power, topics.vehicle_status).answer,
                 self._log_stream.answer,
             ),
             commander=router,

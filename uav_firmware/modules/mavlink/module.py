@@ -14,6 +14,7 @@ from uav_firmware.modules.mavlink.dispatcher import Dispatcher, PlanChecks
 from uav_firmware.modules.mavlink.link_params import LinkParams
 from uav_firmware.modules.mavlink.mission_progress import ReachedAnnouncer
 from uav_firmware.modules.mavlink.peers import Peer, PeerTable
+from uav_firmware.modules.mavlink.power_commands import PowerAction
 from uav_firmware.modules.mavlink.reception import Reception, SigningOptions
 from uav_firmware.modules.mavlink.signing_setup import SetupTrust, SigningSetup
 from uav_firmware.modules.mavlink.status_text import StatusTexts
@@ -52,6 +53,7 @@ class MavlinkModule:
         save_parameters: Callable[[], None] = lambda: None,
         params: LinkParams | None = None,
         card: Card | None = None,
+        request_power: Callable[[PowerAction], None] | None = None,
         signing: SigningOptions | None = None,
     ) -> None:
         """Open channels to the configured peers.
@@ -67,6 +69,7 @@ class MavlinkModule:
             boot_time_utc_us: World time at vehicle time zero [us since 1970]; 0 unknown.
             save_parameters: Called after a peer changed a parameter; may raise OSError.
             params: What is streamed unprompted; PX4's defaults if not given.
+            request_power: Called when a peer reboots the vehicle or shuts it down.
             card: Where files and logs lie; without one only the parameters are a file.
             signing: What signatures need beside the keys of the peers.
 
@@ -108,6 +111,7 @@ class MavlinkModule:
             save_parameters=save_parameters,
             texts=self._texts,
             card=card,
+            request_power=request_power,
             set_up_signing=self._signing_setup(options.setup).handle,
         )
         self._battery_thresholds = BatteryThresholds(0.0, 0.0, 0.0)

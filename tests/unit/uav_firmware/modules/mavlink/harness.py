@@ -15,6 +15,7 @@ from uav_firmware.modules.mavlink.module import MavlinkModule
 from uav_firmware.modules.mavlink.peers import Peer, Profile
 from uav_firmware.modules.mavlink.reception import SigningOptions
 from uav_firmware.modules.mavlink.signing import Signer
+from uav_firmware.modules.mavlink.power_commands import PowerAction
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
 from uav_firmware.msg.actuators import ActuatorMotors
 from uav_firmware.msg.estimate import (
@@ -292,6 +293,7 @@ class Bench:
         save: Callable[[], None] = lambda: None,
         link: Link | None = None,
         params: LinkParams | None = None,
+        power: Callable[[PowerAction], None] | None = None,
         storage: Storage | None = None,
         peers: Sequence[Peer] | None = None,
         signing: SigningOptions | None = None,
@@ -316,6 +318,7 @@ class Bench:
             boot_time_utc_us=1_700_000_000_000_000,
             save_parameters=save,
             params=params,
+            request_power=power,
         )
         self._sequence = 0
 
