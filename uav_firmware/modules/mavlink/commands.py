@@ -88,7 +88,6 @@ ANSWERED_HERE: Final[Mapping[int, frozenset[int]]] = {
     mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: frozenset({1}),
     mavlink.MAV_CMD_PREFLIGHT_STORAGE: frozenset({1, 2}),
     mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: frozenset({1, 2, 3, 4}),
-    mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: frozenset({1, 2, 3, 4}),
     mavlink.MAV_CMD_LOGGING_START: frozenset({1}),
     mavlink.MAV_CMD_LOGGING_STOP: frozenset(),
     MAV_CMD_DO_SET_STANDARD_MODE: frozenset({1}),
