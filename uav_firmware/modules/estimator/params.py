@@ -67,7 +67,7 @@ class EstimatorParams:
         short="Correlation time of the slow error of GPS height",
     )  # fmt: skip
     baro_noise: float = param(
-        "EKF2_BARO_NOISE", 0.2, unit="m", minimum=0.01, maximum=15.0,
+        "EKF2_BARO_NOISE", 0.4, unit="m", minimum=0.01, maximum=15.0,
         short="Noise of the barometric height",
     )  # fmt: skip
     baro_walk: float = param(
