@@ -5,16 +5,23 @@
                                      WAIT --RTL_LAND_DELAY < 0--> done, stays there
 
 From within RTL_MIN_DIST of where it lands it does not climb first. "Home" stands for the place
-chosen: the return point of a fence that was breached, else the nearest of home and the rally
-points, of those that can be reached within the fence if there are any.
+chosen: the return point of a fence that was breached, else of home and the rally points the one
+with the shortest way within the geofence, round what it excludes. Where there is no such way it
+returns straight, and says so.
 """
 
 import math
+import operator
 from enum import Enum, auto
+from typing import Final
 
 from uav_firmware.modules.navigator.flight import Flight
+from uav_firmware.modules.navigator.geofence import Point
 from uav_firmware.modules.navigator.land import Land, land_here
+from uav_firmware.modules.navigator.way_round import length, way_round
 from uav_firmware.msg.vectors import Vector3
+
+_WARNING: Final = 4  # MAV_SEVERITY
 
 
 class ReturnPhase(Enum):
@@ -34,11 +41,11 @@ class ReturnHome:
         self._waiting_since_us = 0
         self._over_home: Vector3 = flight.rest_point()
         flight.face(math.nan)
-        self._goal = choose_goal(flight)
+        self._goal, turns = choose_way(flight)
         if self._goal is None:
             self._begin_landing(flight)
         else:
-            self._travel(flight, self._goal)
+            self._travel(flight, self._goal, turns)
 
     def step(self, flight: Flight) -> bool:
         """Whether the vehicle has landed, or waits for ever above home."""
@@ -54,7 +61,7 @@ class ReturnHome:
         landed = self._land is not None and self._land.step(flight)
         return landed or (self.phase is ReturnPhase.WAIT and delay < 0.0 and flight.path.resting)
 
-    def _travel(self, flight: Flight, goal: Vector3) -> None:
+    def _travel(self, flight: Flight, goal: Vector3, turns: tuple[Point, ...]) -> None:
         here = flight.rest_point()
         distance = math.hypot(goal[0] - here[0], goal[1] - here[1])
         down = here[2]
@@ -63,7 +70,8 @@ class ReturnHome:
             down = min(down, flight.home_down(min(height, flight.fence.height_max)))
         self._over_home = (goal[0], goal[1], down)
         climb = flight.stop_at((here[0], here[1], down))
-        flight.fly(climb, flight.stop_at(self._over_home))
+        on_the_way = [flight.stop_at((*turn, down)) for turn in turns]
+        flight.fly(climb, *on_the_way, flight.stop_at(self._over_home))
 
     def _arrive(self, flight: Flight) -> None:
         if flight.params.return_land_delay == 0.0:
@@ -84,13 +92,26 @@ class ReturnHome:
             self._land = Land(flight, ground, math.nan)
 
 
-def choose_goal(flight: Flight) -> Vector3 | None:
-    """Where a return leads [m, NED]; a rally point's height is the least that it is flown to at."""
+def choose_way(flight: Flight) -> tuple[Vector3 | None, tuple[Point, ...]]:
+    """Where a return leads [m, NED], and where it turns on the way.
+
+    A rally point's height is the least that it is flown to at.
+    """
     if flight.breached and flight.fence_return is not None:
-        return flight.fence_return
+        return flight.fence_return, ()
     here = flight.rest_point()[:2]
     home = () if flight.home is None else (flight.home.position_ned,)
     allowed = tuple(point for point in flight.rally_points if flight.fence.allows(point[:2]))
     places = (*home, *allowed)
-    within = [point for point in places if flight.fence.line_allowed(here, point[:2])]
-    return min(within or places, key=lambda point: math.dist(here, point[:2]), default=None)
+    ways = [
+        (length(here, turns, place[:2]), place, turns)
+        for place in places
+        if (turns := way_round(flight.fence, here, place[:2])) is not None
+    ]
+    if ways:
+        _, place, turns = min(ways, key=operator.itemgetter(0))
+        return place, turns
+    nearest = min(places, key=lambda point: math.dist(here, point[:2]), default=None)
+    if nearest is not None and not flight.breached:
+        flight.say(_WARNING, "No way home within the geofence")
+    return nearest, ()
