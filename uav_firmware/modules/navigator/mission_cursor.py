@@ -1,7 +1,8 @@
 """Which item of the mission is next, what has been reached, and how often a jump was taken.
 
 NO_MISSION --load--> NOT_STARTED --begin--> ACTIVE <--begin/pause--> PAUSED
-ACTIVE --past the last item--> COMPLETE --set_current, reset--> NOT_STARTED
+ACTIVE --past the last item--> COMPLETE --reset--> NOT_STARTED
+COMPLETE --set_current--> PAUSED
 """
 
 from collections import deque
