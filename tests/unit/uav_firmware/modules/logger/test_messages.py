@@ -31,6 +31,7 @@ VALUES: dict[Any, st.SearchStrategy[Any]] = {
     LandedState: st.sampled_from(LandedState),
     tuple[float, float, float]: st.tuples(NUMBER, NUMBER, NUMBER),
     tuple[float, float, float, float]: st.tuples(NUMBER, NUMBER, NUMBER, NUMBER),
+    tuple[int, ...]: st.just(()),  # A list of numbers is not logged
 }
 
 
