@@ -38,8 +38,8 @@ def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
         link = mavutil.mavlink_connection(f"udpin:127.0.0.1:{ground}", source_system=255)
         assert link.wait_heartbeat(timeout=PATIENCE_S) is not None
         ftp = MAVFTP(link, SYSTEM, 1)
-        # These operations end by silence; what they wait for comes at once.
-        ftp.ftp_settings.idle_detection_time = 1.2
+        # It takes silence for the end; a busy machine may be silent for a while.
+        ftp.ftp_settings.idle_detection_time = 4.5
         yield Client(ftp, link, state / f"vehicle-{SYSTEM}")
         link.close()
 
