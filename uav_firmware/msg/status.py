@@ -85,6 +85,7 @@ class VehicleStatus(NamedTuple):
     sensors_present: int  # [-] MAV_SYS_STATUS_SENSOR bits
     sensors_enabled: int  # [-]
     sensors_health: int  # [-]
+    airborne_since_us: int = 0  # [us] 0 on the ground and while disarmed
 
 
 class LandDetected(NamedTuple):

@@ -281,6 +281,7 @@ class CommanderModule:
             health.present,
             health.present,
             health.healthy,
+            self._airborne_since_us or 0,
         )
         old = self._topics.vehicle_status.value
         stale = old is None or view.now_us - old.time_us >= STATUS_PERIOD_US

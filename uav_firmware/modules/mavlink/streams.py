@@ -124,6 +124,7 @@ STREAMS: Final[tuple[Stream, ...]] = (
     Stream(mavlink.MAVLINK_MSG_ID_VIBRATION, 0.1, 0.5, sensors.vibration),
     Stream(mavlink.MAVLINK_MSG_ID_HOME_POSITION, 0.5, 0.5, pose.home_position),
     Stream(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 1, 5, status.extended_sys_state),
+    Stream(mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION, 0, 0, status.flight_information),
     Stream(mavlink.MAVLINK_MSG_ID_CURRENT_MODE, 0.5, 0.5, status.current_mode),
     Stream(mavlink.MAVLINK_MSG_ID_AVAILABLE_MODES, 0.3, 0.3, link.available_modes_in_turn),
     Stream(

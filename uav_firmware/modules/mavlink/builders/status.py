@@ -51,6 +51,23 @@ def heartbeat(context: Context) -> Message:
     )
 
 
+def flight_information(context: Context) -> Message | None:
+    """FLIGHT_INFORMATION: times of this flight since boot, as PX4 gives them, 0 when disarmed.
+
+    A flight is named by the UTC time of its arming, which no two share.
+    """
+    status = context.topics.vehicle_status.value
+    if status is None:
+        return None
+    armed_us = status.armed_since_us
+    return mavlink.MAVLink_flight_information_message(
+        time_boot_ms=boot_ms(context.now_us),
+        arming_time_utc=armed_us,
+        takeoff_time_utc=status.airborne_since_us,
+        flight_uuid=context.boot_time_utc_us + armed_us if armed_us else 0,
+    )
+
+
 def sys_status(context: Context) -> Message | None:
     """SYS_STATUS; PREARM_CHECK is healthy when arming would be accepted."""
     status = context.topics.vehicle_status.value

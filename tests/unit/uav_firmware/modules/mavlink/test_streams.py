@@ -296,6 +296,20 @@ def test_the_truth_is_sent_only_on_request() -> None:
     assert (truth.vx, truth.zacc, truth.true_airspeed) == (100, -1000, 220)
 
 
+def test_a_flight_is_told_with_its_times_and_a_name_of_its_own() -> None:
+    topics = flying_topics()
+    status = topics.vehicle_status.value
+    assert status is not None
+    since = status._replace(armed_since_us=2_000_000, airborne_since_us=3_500_000)
+    topics.vehicle_status.publish(since)
+    flight = built("FLIGHT_INFORMATION", topics)
+    assert (flight.arming_time_utc, flight.takeoff_time_utc) == (2_000_000, 3_500_000)
+    topics.vehicle_status.publish(since._replace(armed_since_us=2_000_001))
+    assert built("FLIGHT_INFORMATION", topics).flight_uuid != flight.flight_uuid
+    topics.vehicle_status.publish(since._replace(armed_since_us=0, airborne_since_us=0))
+    assert built("FLIGHT_INFORMATION", topics).flight_uuid == 0
+
+
 def test_mission_current_tells_the_state_of_the_stored_mission() -> None:
     topics = flying_topics()
     assert built("MISSION_CURRENT", topics).mission_state == mavlink.MISSION_STATE_NO_MISSION
