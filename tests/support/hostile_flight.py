@@ -34,13 +34,20 @@ _TRACK_EVERY_STEPS: Final = 250
 class FireLink(MemoryLink):
     """The operator's link, on which an enemy speaks too: from his own address, from forged ones."""
 
-    def __init__(self, frames: HostileFrames, count: int, calls: int) -> None:
-        """Send so many hostile frames, evenly over so many calls."""
+    def __init__(
+        self, frames: HostileFrames, count: int, calls: int, *, is_operator_forged: bool
+    ) -> None:
+        """Send so many hostile frames, evenly over so many calls.
+
+        With the operator's own address forged too, answers to the enemy's questions would go to
+        the operator; so that is for links on which an enemy is not answered.
+        """
         super().__init__()
         self._frames = frames
         self._random = random.Random(1)
         self._count = count
         self._expected_calls = max(calls, 1)
+        self._is_operator_forged = is_operator_forged
         self.calls = 0
         self.sent: Counter[str] = Counter()
         self.answered_bytes = 0  # To whoever is not the operator
@@ -68,7 +75,7 @@ class FireLink(MemoryLink):
         chance = self._random.random()
         if chance < 0.6:
             return _ENEMY
-        if chance < 0.9:
+        if chance < 0.9 or not self._is_operator_forged:
             return (f"198.51.100.{self._random.randrange(1, 255)}", self._random.randrange(65536))
         return ADDRESS
 
@@ -91,7 +98,7 @@ class Outcome:
 def fly(folder: Path, frames: int, *, is_signed: bool, calls: int = 1, seed: int = 1) -> Outcome:
     """Fly a square mission under `frames` hostile frames, spread over `calls` of the link."""
     enemy = HostileFrames(seed, SYSTEM_ID, is_harmless=not is_signed)
-    link = FireLink(enemy, frames, calls)
+    link = FireLink(enemy, frames, calls, is_operator_forged=is_signed)
     key = KEY if is_signed else None
     operator = Peer(address=ADDRESS, profile=Profile.GROUND_STATION, signing_key=key)
     config = SimulationConfig(seed=seed, sensor_noise_factor=0.05)

@@ -119,3 +119,17 @@ def test_unset_fields_do_not_fit_the_wire() -> None:
 
 def test_every_result_has_a_name() -> None:
     assert all(RESULT_NAMES[number].startswith("MAV_RESULT") for number in range(11))
+
+
+@pytest.mark.parametrize("data", [b"\xfd" * 4096, b"\xfe\x00" * 2048, b"\xfd\xff\x00" * 1365])
+def test_a_datagram_full_of_beginnings_is_given_up_early(data: bytes) -> None:
+    decoder = Decoder()
+    assert decoder.decode(data) == []
+    assert decoder.faults == 16
+
+
+def test_a_fault_in_one_datagram_costs_nothing_of_the_next() -> None:
+    decoder, encoder = Decoder(), Encoder(1, 1)
+    for _ in range(50):
+        decoder.decode(b"\xfd" * 4096)
+    assert len(decoder.decode(encoder.encode(heartbeat()))) == 1
