@@ -25,8 +25,8 @@ from uav_firmware.modules.mavlink.vehicle_facts import note_battery_size
 from uav_firmware.modules.mavlink.vibration import VibrationMeter
 from uav_firmware.parameters import Registry, UnknownParameterError
 
-MAX_MESSAGES_PER_CALL: Final = 256
-"""Some 2 ms of work; what a flood brings beyond it is dropped, as a full buffer would."""
+MAX_MESSAGES_PER_CALL: Final = 128
+"""One step's worth of work; what a flood brings beyond it is dropped, as a full buffer would."""
 _TICK_US: Final = 20_000
 """50 Hz, the rate of the commander whose answers and changes are passed on."""
 _HOUSEKEEPING_US: Final = 1_000_000
@@ -136,13 +136,15 @@ class MavlinkModule:
         """Answer the datagrams that have arrived; of a flood, as many as a step can bear."""
         taken = 0
         for datagram, address in self._link.receive():
-            if taken >= MAX_MESSAGES_PER_CALL:
+            left = MAX_MESSAGES_PER_CALL - taken
+            if left <= 0:
                 self.refused.flood += 1
                 continue
             parsed = parse(datagram)
+            self.refused.flood += len(parsed.messages) > left
             self.refused.malformed += parsed.faults
             taken += len(parsed.messages) + parsed.faults
-            for message in parsed.messages:
+            for message in parsed.messages[:left]:
                 self._take(message, address, now_us)
 
     def _take(self, message: Message, address: Address, now_us: int) -> None:
