@@ -173,7 +173,7 @@ def test_force_arms_in_spite_of_a_fault() -> None:
 def test_an_infeasible_mission_is_neither_started_nor_armed_for() -> None:
     vehicle = ToyVehicle()
     vehicle.run(0.5)
-    vehicle.upload(takeoff(), item(1, 2000))
+    vehicle.upload(takeoff(), item(1, 84))
     vehicle.run(0.1)
     assert vehicle.set_mode(4) is NOT_NOW
     assert vehicle.send(Command.MISSION_START) is NOT_NOW
