@@ -318,7 +318,8 @@ class Autopilot:
     def is_asked(self) -> bool:
         """Whether a peer waits for what the next steps do with its command."""
         topics = self.topics
-        return len(topics.vehicle_command) > 0 or len(topics.vehicle_command_ack) > 0
+        queues = (topics.vehicle_command, topics.payload_order, topics.vehicle_command_ack)
+        return any(len(queue) > 0 for queue in queues)
 
     def batch_us(self) -> int:
         """How much time [us] may pass in one go without a wait for the wall clock.

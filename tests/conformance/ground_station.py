@@ -50,7 +50,9 @@ def vehicle_process(
 class GroundStation:
     """Says messages, hears messages; keeps the vehicle's newest state."""
 
-    def __init__(self, own_port: int, vehicle_port: int, vehicle: int) -> None:
+    def __init__(
+        self, own_port: int, vehicle_port: int, vehicle: int, components: tuple[int, ...] = (1,)
+    ) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", own_port))
         self._socket.settimeout(0.05)
@@ -59,6 +61,7 @@ class GroundStation:
         self._codec.robust_parsing = True
         self._heartbeat_s = 0.0
         self.vehicle = vehicle
+        self._components = components  # That are listened to
         self.newest: dict[str, Any] = {}
 
     def close(self) -> None:
@@ -81,7 +84,8 @@ class GroundStation:
             m
             for m in self._codec.parse_buffer(datagram) or []
             if m.get_type() != "BAD_DATA"
-            and (m.get_srcSystem(), m.get_srcComponent()) == (self.vehicle, 1)
+            and m.get_srcSystem() == self.vehicle
+            and m.get_srcComponent() in self._components
         ]
         self.newest |= {m.get_type(): m for m in messages}
         return messages

@@ -107,8 +107,8 @@ class NavigatorModule:
                 orbit_status,
                 status_text,
                 vehicle_command,
-                payload_order or Queue(),
-                region_of_interest or Topic(),
+                Queue() if payload_order is None else payload_order,
+                Topic() if region_of_interest is None else region_of_interest,
             )
         )
         self._area = AreaKeeper(fence, rally_points)
