@@ -19,6 +19,7 @@ from edge_server.api import (
     errors,
     health,
     plans,
+    surveys,
     telemetry,
     urls,
     vehicles,
@@ -40,7 +41,17 @@ class _Json(DefaultJSONProvider):
         return super().dumps(obj, allow_nan=False, **options)
 
 
-_PARTS = (plans, telemetry, bulk, dead_letters, vehicles, broker, health, documentation)
+_PARTS = (
+    plans,
+    surveys,
+    telemetry,
+    bulk,
+    dead_letters,
+    vehicles,
+    broker,
+    health,
+    documentation,
+)
 """Whoever makes routes."""
 
 

@@ -35,6 +35,7 @@ _QUERY: Final[dict[str, tuple[str, dict[str, Any]]]] = {
     ),
     "vehicle_id": ("Only of this vehicle", {"type": "integer", "minimum": 1, "maximum": 2**31 - 1}),
     "kind": ("Only of this kind", {"enum": [kind.value for kind in TELEMETRY]}),
+    "preview": ("Only plan, keep nothing", {"type": "boolean"}),
     "wait": ("Seconds to wait for work", {"type": "number", "minimum": 0, "maximum": 25}),
 }
 _TAG: Final = {"type": "string"}

@@ -10,6 +10,7 @@ from afarcloud.state import Report
 from afarcloud.wire import MODELS, TELEMETRY, Kind
 from edge_server.api.broker import Acknowledged
 from edge_server.services.vehicles import VehicleState
+from edge_server.survey.request import SurveyRequest
 
 REFERENCE: Final = "#/components/schemas/{model}"
 _TIME: Final = {"type": "string", "format": "date-time"}
@@ -41,6 +42,24 @@ ERROR: Final[dict[str, Any]] = {
     "required": ["message", "detail"],
 }
 
+SURVEY: Final[dict[str, Any]] = {
+    "type": "object",
+    "description": "Figures of a survey, and its plans in the order of flight.",
+    "properties": {
+        "area_m2": {"type": "number"},
+        "angle_deg": {"type": "number"},
+        "lines": {"type": "integer"},
+        "line_spacing_m": {"type": "number"},
+        "picture_spacing_m": {"type": ["number", "null"]},
+        "pictures": {"type": "integer"},
+        "flights": {"type": "integer"},
+        "length_m": {"type": "number"},
+        "duration_s": {"type": "number"},
+        "plans": {"type": "array", "items": {"type": "object"}},
+    },
+    "required": ["area_m2", "angle_deg", "lines", "flights", "length_m", "duration_s", "plans"],
+}
+
 
 def name_of(kind: Kind) -> str:
     """Name of the schema of a kind."""
@@ -54,7 +73,7 @@ def stored_name(kind: Kind) -> str:
 
 def components() -> dict[str, Any]:
     """Give every schema by name."""
-    own: list[type[Model]] = [VehicleState, Acknowledged]
+    own: list[type[Model]] = [VehicleState, Acknowledged, SurveyRequest]
     _, document = models_json_schema(
         [(model, "validation") for model in [*MODELS.values(), *own]], ref_template=REFERENCE
     )
@@ -68,6 +87,7 @@ def components() -> dict[str, Any]:
         closed=False,
     )
     found |= _bulk() | _work() | _dead_letters()
+    found["Survey"] = SURVEY
     return found
 
 

@@ -19,6 +19,8 @@ from edge_server.store import plans, vehicles, work
 from edge_server.store.idempotency import Answered
 from edge_server.store.plans import StoredPlan
 
+_SEVERAL = "plans"
+
 
 def create(context: Context, plan: Plan, caller: Caller) -> dict[str, Any]:
     """Keep a plan and queue its missions; returns it as stored.
@@ -38,6 +40,33 @@ def create(context: Context, plan: Plan, caller: Caller) -> dict[str, Any]:
             answered = Answered(route, body_sha256, row, None, now)
             once.remember(connection, caller, answered)
         shown = _show(connection, _find(connection, answered.object_id))
+    context.bell.ring()
+    return shown
+
+
+def create_all(
+    context: Context, documents: Sequence[Plan], caller: Caller, asked: dict[str, Any]
+) -> list[dict[str, Any]]:
+    """Keep several plans in one transaction, in their order; returns them as stored.
+
+    `asked` is what they were made from, by which a repeated request is known.
+
+    Raises:
+        as `create`; then none of them is kept.
+    """
+    body_sha256 = once.hash_body(asked)
+    with context.database.write() as connection:
+        answered = once.earlier(connection, caller, _SEVERAL, body_sha256)
+        if answered is None:
+            now = context.clock()
+            rows = [_create(connection, context, plan, now) for plan in documents]
+            # Ids of one transaction follow each other, so the first one tells them all
+            answered = Answered(_SEVERAL, body_sha256, rows[0], None, now)
+            once.remember(connection, caller, answered)
+        first = answered.object_id
+        shown = [
+            _show(connection, _find(connection, first + index)) for index in range(len(documents))
+        ]
     context.bell.ring()
     return shown
 

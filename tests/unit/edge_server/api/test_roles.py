@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from edge_server.api.surveys import EXAMPLE as SURVEY
 from edge_server.app import context_of, create_app
 from edge_server.config import Config
 from edge_server.store.keys import Role
@@ -34,6 +35,7 @@ MATRIX: list[tuple[str, str, set[str], Any]] = [
     ("GET", "/broker/commands", {"broker"}, None),
     ("POST", "/broker/commands/1/ack", {"broker"}, {"status": "accepted"}),
     ("POST", "/latest_state_vector/", PEOPLE, {"sequence_number": 3}),
+    ("POST", "/surveys/", {"farmer", "operator", "admin"}, dict(SURVEY)),
     ("GET", "/dead_letters/", {"operator", "admin"}, None),
     ("GET", "/dead_letters/1", {"operator", "admin"}, None),
     ("POST", "/dead_letters/1/retry", {"operator", "admin"}, None),

@@ -1,0 +1,69 @@
+"""`/surveys/`: the boundary of a field in, the plans that cover it out."""
+
+from typing import Final
+
+from apiflask import APIBlueprint
+from flask import request
+from flask.typing import ResponseReturnValue
+from werkzeug.exceptions import Forbidden
+
+from afarcloud.faults import Fault
+from edge_server.api import bodies, urls
+from edge_server.api.auth import PLANNERS, allow, audit, caller
+from edge_server.api.contract import Contract, describe
+from edge_server.api.errors import RequestError
+from edge_server.services import surveys
+from edge_server.store.keys import Role
+from edge_server.survey.request import SurveyRequest
+
+EXAMPLE: Final = {
+    "name": "North field",
+    "boundary": [
+        [40.4430, -3.7392],
+        [40.4440, -3.7392],
+        [40.4440, -3.7380],
+        [40.4430, -3.7380],
+    ],
+    "camera": {"sensor_width_mm": 13.2, "sensor_height_mm": 8.8, "focal_length_mm": 8.8},
+    "altitude": 30.0,
+    "vehicles": [1],
+}
+_FLAGS: Final = {None: False, "false": False, "true": True}
+
+
+def blueprint() -> APIBlueprint:
+    """Make the route."""
+    routes = APIBlueprint("surveys", __name__)
+    urls.add(routes, ("surveys", "survey"), "create", create, "POST")
+    return routes
+
+
+@allow(PLANNERS | {Role.FARMER})
+@describe(
+    Contract(
+        {200: "Survey", 201: "Survey"},
+        body="SurveyRequest",
+        query=("preview",),
+        repeatable=True,
+        errors=(409,),
+        example=EXAMPLE,
+    )
+)
+def create() -> ResponseReturnValue:
+    """Plan a survey of a field; with `preview=true` nothing is kept."""
+    wanted = bodies.model(SurveyRequest)
+    if _is_preview():
+        return surveys.preview(bodies.context(), wanted), 200
+    if caller().role == Role.FARMER and wanted.dispatch:
+        raise Forbidden('a farmer may post drafts only: {"dispatch": false}')
+    planned = surveys.create(bodies.context(), wanted, caller())
+    audit(f"planned a survey: plans {[plan['id'] for plan in planned['plans']]}")
+    return planned, 201
+
+
+def _is_preview() -> bool:
+    raw = request.args.get("preview")
+    if raw not in _FLAGS:
+        fault = Fault("preview", "must be true or false")
+        raise RequestError(422, "the query cannot be used", (fault,))
+    return _FLAGS[raw]

@@ -1,0 +1,1 @@
+"""From the boundary of a field to the flights that cover it."""

@@ -1,0 +1,151 @@
+"""The field on a plane: metres along (x) and across (y) the flight lines. Pure.
+
+An area is an outer ring less its holes. Rings are lists of corners without the first repeated.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeAlias
+
+from afarcloud.geometry import METRES_PER_DEGREE
+
+Point: TypeAlias = tuple[float, float]
+Ring: TypeAlias = Sequence[Point]
+Interval: TypeAlias = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A plane that touches the globe at an origin; x runs along `bearing_deg` from north."""
+
+    latitude_deg: float
+    longitude_deg: float
+    bearing_deg: float
+
+    def to_plane(self, place: Point) -> Point:
+        """From (latitude, longitude) [deg] to (along, across) [m]; across is to the right."""
+        d_longitude = (place[1] - self.longitude_deg + 180.0) % 360.0 - 180.0
+        east = d_longitude * METRES_PER_DEGREE * math.cos(math.radians(self.latitude_deg))
+        north = (place[0] - self.latitude_deg) * METRES_PER_DEGREE
+        cosine, sine = self._turn()
+        return north * cosine + east * sine, east * cosine - north * sine
+
+    def to_globe(self, point: Point) -> Point:
+        """From (along, across) [m] to (latitude, longitude) [deg]."""
+        cosine, sine = self._turn()
+        north = point[0] * cosine - point[1] * sine
+        east = point[0] * sine + point[1] * cosine
+        narrowing = METRES_PER_DEGREE * math.cos(math.radians(self.latitude_deg))
+        longitude = (self.longitude_deg + east / narrowing + 180.0) % 360.0 - 180.0
+        return self.latitude_deg + north / METRES_PER_DEGREE, longitude
+
+    def _turn(self) -> Point:
+        angle = math.radians(self.bearing_deg)
+        return math.cos(angle), math.sin(angle)
+
+
+@dataclass(frozen=True)
+class Area:
+    """What is to be covered, and where alone a vehicle may be."""
+
+    outer: Ring
+    holes: Sequence[Ring] = ()
+
+    @cached_property
+    def edges(self) -> list[tuple[Point, Point]]:
+        """Every side of every ring."""
+        return [
+            (start, end)
+            for ring in (self.outer, *self.holes)
+            for start, end in zip(ring, [*ring[1:], ring[0]], strict=True)
+        ]
+
+    def row(self, y: float) -> list[Interval]:
+        """Where the line at `y` lies in the area: intervals of x from left to right."""
+        inside = _crossings(self.outer, y)
+        for hole in self.holes:
+            inside = _without(inside, _crossings(hole, y))
+        return inside
+
+    def holds(self, point: Point) -> bool:
+        """Whether a point lies in the area."""
+        return any(low <= point[0] <= high for low, high in self.row(point[1]))
+
+    def is_free(self, start: Point, end: Point) -> bool:
+        """Whether the straight way between two points of the area stays in it."""
+        if any(_cross(start, end, *edge) for edge in self.edges):
+            return False
+        return self.holds(((start[0] + end[0]) / 2.0, (start[1] + end[1]) / 2.0))
+
+    @cached_property
+    def square_metres(self) -> float:
+        """Its size."""
+        return abs(_signed(self.outer)) - sum(abs(_signed(hole)) for hole in self.holes)
+
+    def corners(self, clearance_m: float) -> Iterator[Point]:
+        """Where a way round an obstacle may bend: its corners, moved into the area."""
+        for ring, is_hole in [(self.outer, False), *((hole, True) for hole in self.holes)]:
+            turn = 1.0 if (_signed(ring) > 0) != is_hole else -1.0
+            for before, corner, after in zip(
+                [ring[-1], *ring], ring, [*ring[1:], ring[0]], strict=False
+            ):
+                point = _moved_inside(before, corner, after, turn, clearance_m)
+                if point is not None and self.holds(point):
+                    yield point
+
+
+def _crossings(ring: Ring, y: float) -> list[Interval]:
+    """Intervals of the line at `y` inside a ring (even-odd rule)."""
+    crossings = sorted(
+        start[0] + (y - start[1]) * (end[0] - start[0]) / (end[1] - start[1])
+        for start, end in zip(ring, [*ring[1:], ring[0]], strict=True)
+        if (start[1] > y) != (end[1] > y)
+    )
+    return list(zip(crossings[::2], crossings[1::2], strict=True))
+
+
+def _without(intervals: Sequence[Interval], removed: Sequence[Interval]) -> list[Interval]:
+    """Cut intervals out of intervals."""
+    left = list(intervals)
+    for low, high in removed:
+        cut = []
+        for start, end in left:
+            cut += [(start, min(end, low)), (max(start, high), end)]
+        left = [(start, end) for start, end in cut if end > start]
+    return left
+
+
+def _cross(a: Point, b: Point, c: Point, d: Point) -> bool:
+    """Whether the segments ab and cd cross in their insides."""
+    return _side(a, b, c) * _side(a, b, d) < 0.0 and _side(c, d, a) * _side(c, d, b) < 0.0
+
+
+def _side(a: Point, b: Point, c: Point) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def _signed(ring: Ring) -> float:
+    """Area of a ring, positive when its corners run anticlockwise (shoelace formula)."""
+    pairs = zip(ring, [*ring[1:], ring[0]], strict=True)
+    return sum(a[0] * b[1] - b[0] * a[1] for a, b in pairs) / 2.0
+
+
+def _moved_inside(
+    before: Point, corner: Point, after: Point, turn: float, clearance_m: float
+) -> Point | None:
+    """A corner at which the area bulges in, moved into the area; None for any other corner."""
+    if _side(before, corner, after) * turn >= 0.0:
+        return None
+    first, second = _unit(before, corner), _unit(after, corner)
+    x, y = first[0] + second[0], first[1] + second[1]
+    length = math.hypot(x, y)
+    if length == 0.0:
+        return None
+    return corner[0] + x / length * clearance_m, corner[1] + y / length * clearance_m
+
+
+def _unit(start: Point, end: Point) -> Point:
+    length = math.dist(start, end) or 1.0
+    return (end[0] - start[0]) / length, (end[1] - start[1]) / length

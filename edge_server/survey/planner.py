@@ -1,0 +1,220 @@
+"""A survey request turned into plans: lines, route, parts, flights, commands. Pure.
+
+NoSurveyError  the request is well-formed and cannot be flown; names the field
+"""
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, Final, NamedTuple
+
+from afarcloud.plan import Polygon
+from edge_server.survey import lines, route, sorties
+from edge_server.survey.plane import Area, Frame, Point
+from edge_server.survey.request import Place, SurveyRequest
+from edge_server.survey.route import Stop
+
+MARGIN_M: Final = 0.3
+"""Places keep this far from the edge: a fence is exact, a vehicle is not."""
+MOST_CORNERS: Final = 500
+MOST_PLACES: Final = 20_000
+MOST_ANGLES: Final = 36
+CLOSEST_M: Final = 0.05
+
+
+class NoSurveyError(Exception):
+    """The request cannot be flown; `field` names what to change."""
+
+    def __init__(self, field: str, message: str) -> None:
+        super().__init__(message)
+        self.field = field
+
+
+class Survey(NamedTuple):
+    """Plans as documents, in the order in which they are to be flown, and the figures."""
+
+    plans: list[dict[str, Any]]
+    figures: dict[str, Any]
+
+
+def survey(request: SurveyRequest, home: Place, first_mission_id: int) -> Survey:
+    """Plan a survey.
+
+    Raises:
+        NoSurveyError: if the field cannot be covered so.
+    """
+    _check_size(request)
+    _check_work(request)
+    bearing_deg = request.angle if request.angle is not None else _best_bearing(request)
+    frame, area = _laid_out(request, bearing_deg)
+    rows = lines.lines_of(area, request.footprint, MARGIN_M)
+    if sum(len(line.places) for row in rows for line in row) > MOST_PLACES:
+        raise NoSurveyError("boundary", f"gives more than {MOST_PLACES} places; split the field")
+    flight = sorties.Flight(
+        home=frame.to_plane((home.latitude, home.longitude)),
+        height_m=request.altitude,
+        speed_m_s=request.maximum_speed,
+        endurance_s=request.endurance,
+        takes_pictures=request.camera is not None,
+        most_commands=request.most_commands,
+    )
+    stops = _stops(area, rows)
+    parts = _parts(stops, request, flight)
+    plans = list(_plans(request, frame, parts, first_mission_id))
+    flown = [stops for flights in parts for stops in flights]
+    return Survey(plans, _figures(request, area, rows, flown, flight, bearing_deg))
+
+
+def _check_size(request: SurveyRequest) -> None:
+    rings = [request.boundary, *request.holes, *request.exclusions]
+    if sum(len(ring) for ring in rings) > MOST_CORNERS:
+        raise NoSurveyError("boundary", f"and its holes have more than {MOST_CORNERS} corners")
+
+
+def _check_work(request: SurveyRequest) -> None:
+    """Refuse what would take for ever, before any of it is done."""
+    _, area = _laid_out(request, 0.0)
+    footprint = request.footprint
+    xs, ys = zip(*area.outer, strict=True)
+    lines_at_most = math.hypot(max(xs) - min(xs), max(ys) - min(ys)) / footprint.line_spacing_m
+    pictures = 0.0
+    if footprint.place_spacing_m:
+        pictures = area.square_metres / footprint.line_spacing_m / footprint.place_spacing_m
+    if max(lines_at_most, pictures) > MOST_PLACES / 4:
+        raise NoSurveyError("boundary", "is too large for lines this narrow; split the field")
+
+
+def _laid_out(request: SurveyRequest, bearing_deg: float) -> tuple[Frame, Area]:
+    frame = Frame(*request.boundary[0], bearing_deg)
+    outer = _ring(frame, request.boundary)
+    if len(outer) < 3:
+        raise NoSurveyError("boundary", "has no area")
+    holes = [ring for one in (*request.holes, *request.exclusions) if (ring := _ring(frame, one))]
+    area = Area(outer, holes)
+    if area.square_metres < 1.0:
+        raise NoSurveyError("boundary", "has less than one square metre to cover")
+    return frame, area
+
+
+def _ring(frame: Frame, polygon: Polygon) -> list[Point]:
+    """Corners on the plane, without repeated ones."""
+    ring: list[Point] = []
+    for vertex in polygon:
+        point = frame.to_plane(vertex)
+        if not ring or math.dist(ring[-1], point) > CLOSEST_M:
+            ring.append(point)
+    while len(ring) > 1 and math.dist(ring[0], ring[-1]) <= CLOSEST_M:
+        ring.pop()
+    return ring
+
+
+def _best_bearing(request: SurveyRequest) -> float:
+    """Along the edge that gives the fewest lines, each of which costs a turn."""
+    _, area = _laid_out(request, 0.0)
+    edges = sorted(area.edges, key=lambda edge: -math.dist(*edge))[:MOST_ANGLES]
+    bearings = {
+        round(math.degrees(math.atan2(end[1] - start[1], end[0] - start[0])) % 180.0, 2)
+        for start, end in edges
+    }
+    spacing = request.footprint.line_spacing_m
+    return min(
+        sorted(bearings),
+        key=lambda bearing: lines.count_lines(_laid_out(request, bearing)[1], spacing),
+    )
+
+
+def _stops(area: Area, rows: Sequence[Sequence[lines.Line]]) -> list[Stop]:
+    try:
+        stops = route.route(area, route.order(rows), MARGIN_M)
+    except route.NoWayError as error:
+        raise NoSurveyError("exclusions", str(error)) from None
+    if not stops:
+        raise NoSurveyError("boundary", "has no room for a line")
+    return stops
+
+
+def _parts(
+    stops: Sequence[Stop], request: SurveyRequest, flight: sorties.Flight
+) -> list[list[list[Stop]]]:
+    """The flights of each vehicle."""
+    try:
+        return [
+            sorties.flights(part, flight)
+            for part in sorties.split(stops, len(request.vehicles), flight)
+        ]
+    except sorties.TooFarError as error:
+        raise NoSurveyError("endurance", str(error)) from None
+
+
+def _plans(
+    request: SurveyRequest, frame: Frame, parts: Sequence[Sequence[Sequence[Stop]]], first: int
+) -> Iterator[dict[str, Any]]:
+    """One plan for each round of batteries: the n-th flight of every vehicle."""
+    mission_id = first
+    for number in range(max(len(flights) for flights in parts)):
+        missions = []
+        for vehicle_id, flights in zip(request.vehicles, parts, strict=False):
+            if number < len(flights):
+                missions.append(_mission(request, frame, flights[number], mission_id, vehicle_id))
+                mission_id += 1
+        plan: dict[str, Any] = {"missions": missions, "dispatch": request.dispatch}
+        if request.name is not None:
+            plan["name"] = f"{request.name} {number + 1}"[:255]
+        if request.geofence is not None:
+            plan["geofence"] = request.geofence.model_dump(mode="json", exclude_none=True)
+        if request.expires_at is not None:
+            plan["expires_at"] = request.expires_at.isoformat()
+        yield plan
+
+
+def _mission(
+    request: SurveyRequest, frame: Frame, stops: Sequence[Stop], mission_id: int, vehicle_id: int
+) -> dict[str, Any]:
+    commands: list[tuple[int, dict[str, Any]]] = []
+    for stop in stops:
+        latitude, longitude = frame.to_globe(stop.point)
+        place = {
+            "latitude": round(latitude, 8),
+            "longitude": round(longitude, 8),
+            "altitude": request.altitude,
+        }
+        if not commands:
+            commands.append((1, place))
+        commands.append((3, place))
+        if stop.is_work and request.camera is not None:
+            commands.append((4, {"pitch_angle": -90}))
+    commands.append((11, {"landing": True}))
+    return {
+        "mission_id": mission_id,
+        "vehicle_id": vehicle_id,
+        "maximum_speed": request.maximum_speed,
+        "command_array": [
+            {"command_id": index, "command_type_id": kind, "parameters": parameters}
+            for index, (kind, parameters) in enumerate(commands, start=1)
+        ],
+    }
+
+
+def _figures(
+    request: SurveyRequest,
+    area: Area,
+    rows: Sequence[Sequence[lines.Line]],
+    flown: Sequence[Sequence[Stop]],
+    flight: sorties.Flight,
+    bearing_deg: float,
+) -> dict[str, Any]:
+    footprint = request.footprint
+    points = [[stop.point for stop in stops] for stops in flown]
+    length = sum(math.dist(a, b) for one in points for a, b in itertools.pairwise(one))
+    pictures = sum(stop.is_work for stops in flown for stop in stops)
+    return {
+        "area_m2": round(area.square_metres, 1),
+        "angle_deg": round(bearing_deg, 2),
+        "lines": sum(len(row) for row in rows),
+        "line_spacing_m": round(footprint.line_spacing_m, 3),
+        "picture_spacing_m": round(footprint.place_spacing_m, 3) if request.camera else None,
+        "pictures": pictures if request.camera else 0,
+        "flights": len(flown),
+        "length_m": round(length, 1),
+        "duration_s": round(sum(sorties.seconds_of(stops, flight) for stops in flown), 1),
+    }

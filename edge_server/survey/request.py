@@ -1,0 +1,98 @@
+"""What a survey is asked for, and with what pictures or swath. Angles in degrees, lengths in m."""
+
+from typing import Annotated
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from afarcloud.model import Model, field_error
+from afarcloud.numbers import (
+    Boolean,
+    Int32,
+    Latitude,
+    Longitude,
+    PositiveHeightAboveHome,
+    ShortText,
+    Time,
+    VehicleId,
+    Yaw,
+    json_integer,
+    json_number,
+)
+from afarcloud.plan import DEFAULT_SPEED_M_S, Geofence, Polygon, Speed
+from edge_server.survey.lines import Footprint
+
+Overlap = Annotated[float, Field(ge=0, le=0.95), BeforeValidator(json_number)]
+Millimetres = Annotated[float, Field(gt=0, le=1000), BeforeValidator(json_number)]
+Metres = Annotated[float, Field(ge=0.5, le=500), BeforeValidator(json_number)]
+SMALLEST_SPACING_M = 0.5
+
+
+class Camera(Model):
+    """A camera that looks straight down; its width lies across the line of flight."""
+
+    sensor_width_mm: Millimetres
+    sensor_height_mm: Millimetres
+    focal_length_mm: Millimetres
+
+
+class Place(Model):
+    """A place on the ground."""
+
+    latitude: Latitude
+    longitude: Longitude
+
+
+class SurveyRequest(Model):
+    """A field, how it is to be covered, and by whom."""
+
+    name: ShortText | None = None
+    boundary: Polygon
+    holes: Annotated[tuple[Polygon, ...], Field(max_length=50)] = ()
+    exclusions: Annotated[tuple[Polygon, ...], Field(max_length=50)] = ()
+    geofence: Geofence | None = None
+    camera: Camera | None = None
+    swath_width: Metres | None = None
+    altitude: PositiveHeightAboveHome
+    side_overlap: Overlap = 0.6
+    front_overlap: Overlap = 0.75
+    angle: Yaw | None = None
+    maximum_speed: Speed = DEFAULT_SPEED_M_S
+    vehicles: Annotated[tuple[VehicleId, ...], Field(min_length=1, max_length=16)]
+    home: Place | None = None
+    endurance: Annotated[float, Field(ge=60, le=86_400), BeforeValidator(json_number)] = 900.0
+    most_commands: Annotated[int, Field(ge=4, le=700), BeforeValidator(json_integer)] = 100
+    first_mission_id: Int32 | None = None
+    expires_at: Time | None = None
+    dispatch: Boolean = False
+
+    @model_validator(mode="after")
+    def _fields_fit(self) -> "SurveyRequest":
+        if (self.camera is None) == (self.swath_width is None):
+            raise field_error("camera", "goes in place of swath_width: give exactly one of them")
+        if len(set(self.vehicles)) != len(self.vehicles):
+            raise field_error("vehicles", "names a vehicle twice")
+        footprint = self.footprint
+        spacings = [footprint.line_spacing_m]
+        spacings += [footprint.place_spacing_m] if footprint.along_m else []
+        if min(spacings) < SMALLEST_SPACING_M:
+            raise field_error(
+                "altitude",
+                f"and overlaps put places {min(spacings):.2f} m apart; at least "
+                f"{SMALLEST_SPACING_M} m can be flown",
+            )
+        return self
+
+    @property
+    def footprint(self) -> Footprint:
+        """What one picture, or the swath, covers on level ground."""
+        if self.camera is None:
+            across = self.swath_width or 0.0
+            return Footprint(across, 0.0, across * (1.0 - self.side_overlap), 0.0)
+        scale = self.altitude / self.camera.focal_length_mm
+        across, along = self.camera.sensor_width_mm * scale, self.camera.sensor_height_mm * scale
+        return Footprint(
+            across,
+            along,
+            across * (1.0 - self.side_overlap),
+            along * (1.0 - self.front_overlap),
+        )

@@ -1,0 +1,102 @@
+"""Who flies which part, and where a battery ends and the next flight goes on. Pure."""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from edge_server.survey.plane import Point
+from edge_server.survey.route import Stop
+
+CLIMB_M_S = 1.5
+STOP_S = 2.0
+"""Time that slowing down and speeding up again costs at a place."""
+PICTURE_S = 1.5
+RESERVE = 1.3
+"""A flight is planned to need the battery's time divided by this."""
+
+
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """What bounds one flight of one vehicle."""
+
+    home: Point
+    height_m: float
+    speed_m_s: float
+    endurance_s: float
+    takes_pictures: bool
+    most_commands: int
+
+
+def seconds_between(start: Point, end: Point, flight: Flight) -> float:
+    """Time to fly from one place to the next and stop there."""
+    return math.dist(start, end) / flight.speed_m_s + STOP_S
+
+
+def seconds_of(stops: Sequence[Stop], flight: Flight) -> float:
+    """Time of a flight from home over these stops and home again."""
+    if not stops:
+        return 0.0
+    points = [flight.home, *(stop.point for stop in stops), flight.home]
+    legs = itertools.pairwise(points)
+    pictures = sum(stop.is_work for stop in stops) * PICTURE_S if flight.takes_pictures else 0.0
+    climb = 2.0 * flight.height_m / CLIMB_M_S
+    return sum(seconds_between(a, b, flight) for a, b in legs) + pictures + climb
+
+
+def commands_of(stops: Sequence[Stop], flight: Flight) -> int:
+    """How many commands these stops become, take-off and return included."""
+    pictures = sum(stop.is_work for stop in stops) if flight.takes_pictures else 0
+    return len(stops) + pictures + 2
+
+
+class TooFarError(Exception):
+    """A single place cannot be reached and left again on one battery."""
+
+
+def split(stops: Sequence[Stop], parts: int, flight: Flight) -> list[list[Stop]]:
+    """Cut a route into so many parts of about the same time, in its order."""
+    costs = [
+        seconds_between(before.point, stop.point, flight) + PICTURE_S * flight.takes_pictures
+        for before, stop in zip([stops[0], *stops], stops, strict=False)
+    ]
+    share = sum(costs) / parts
+    found: list[list[Stop]] = [[] for _ in range(parts)]
+    passed = 0.0
+    for stop, cost in zip(stops, costs, strict=True):
+        found[min(int(passed / share), parts - 1)].append(stop)
+        passed += cost
+    return [trimmed for part in found if (trimmed := _trimmed(part))]
+
+
+def flights(stops: Sequence[Stop], flight: Flight) -> list[list[Stop]]:
+    """Cut a vehicle's part into flights; each goes on where the one before ended.
+
+    Raises:
+        TooFarError: if even one place is too much for a battery.
+    """
+    found: list[list[Stop]] = [[]]
+    for stop in stops:
+        longer = [*found[-1], stop]
+        if _fits(longer, flight):
+            found[-1] = longer
+            continue
+        if not _fits([stop], flight):
+            distance = math.dist(flight.home, stop.point)
+            raise TooFarError(
+                f"a place {distance:.0f} m from home cannot be reached and left on one battery"
+            )
+        found.append([stop])
+    return [trimmed for part in found if (trimmed := _trimmed(part))]
+
+
+def _fits(stops: Sequence[Stop], flight: Flight) -> bool:
+    if commands_of(stops, flight) > flight.most_commands:
+        return False
+    return seconds_of(stops, flight) * RESERVE <= flight.endurance_s
+
+
+def _trimmed(stops: Sequence[Stop]) -> list[Stop]:
+    """Without the bends at either end, which lead nowhere any more."""
+    work = [index for index, stop in enumerate(stops) if stop.is_work]
+    return list(stops[work[0] : work[-1] + 1]) if work else []

@@ -1,0 +1,176 @@
+"""Every field is covered, from inside it, with the overlap that was asked for."""
+
+import itertools
+import math
+from typing import Any
+
+import pytest
+from hypothesis import assume, given, settings
+
+from afarcloud.enumerations import CommandType
+from edge_server.survey import lines
+from edge_server.survey.planner import MARGIN_M, NoSurveyError, Survey, survey
+from edge_server.survey.request import SurveyRequest
+from tests.unit.edge_server.survey.fields import CAMERA, HOME, coverage, fly, place, requests
+
+SQUARE = [place(-60, -40), place(60, -40), place(60, 40), place(-60, 40)]
+
+
+def planned(**changes: Any) -> Survey:
+    body: dict[str, Any] = {
+        "boundary": SQUARE,
+        "swath_width": 10.0,
+        "altitude": 10.0,
+        "vehicles": [1],
+        "side_overlap": 0.0,
+        **changes,
+    }
+    return survey(SurveyRequest.model_validate(body), HOME, 1)
+
+
+def try_survey(request: SurveyRequest) -> Survey:
+    """Plan it, unless a pond cuts the field in two."""
+    try:
+        return survey(request, HOME, 1)
+    except NoSurveyError as error:
+        assume(error.field != "exclusions")
+        raise
+
+
+@settings(max_examples=60)
+@given(requests())
+def test_a_field_is_covered_from_inside(request: SurveyRequest) -> None:
+    flown = fly(request, try_survey(request))
+    points = [point for flight in flown.flights for point in flight]
+    assert all(flown.area.holds(point) for point in points)
+    for flight in flown.flights:
+        for start, end in itertools.pairwise(flight):
+            assert start == end or flown.area.is_free(start, end)
+    assume(flown.area.square_metres > 1_000)
+    assert coverage(request, flown) >= 0.995
+
+
+@settings(max_examples=30)
+@given(requests())
+def test_pictures_overlap_as_asked_for(request: SurveyRequest) -> None:
+    assume(request.camera is not None)
+    flown = fly(request, try_survey(request))
+    footprint = request.footprint
+    rows = lines.lines_of(flown.area, footprint, MARGIN_M)
+    gaps = [
+        abs(after[0] - before[0])
+        for row in rows
+        for line in row
+        for before, after in itertools.pairwise(line.places)
+    ]
+    for gap in gaps:
+        overlap = 1.0 - gap / footprint.along_m
+        assert overlap == pytest.approx(request.front_overlap, rel=0.05, abs=0.01)
+    heights = [row[0].y for row in rows if row]
+    for before, after in itertools.pairwise(heights):
+        overlap = 1.0 - (after - before) / footprint.across_m
+        assert overlap == pytest.approx(request.side_overlap, rel=0.05, abs=0.01) or overlap < 0
+
+
+def test_lines_lie_one_spacing_apart() -> None:
+    request = {"side_overlap": 0.6, "angle": 90.0}
+    outcome = planned(**request)
+    flown = fly(
+        SurveyRequest.model_validate(
+            {"boundary": SQUARE, "swath_width": 10.0, "altitude": 10.0, "vehicles": [1], **request}
+        ),
+        outcome,
+    )
+    rows = sorted({round(y, 2) for flight in flown.flights for _, y in flight})
+    assert [b - a for a, b in itertools.pairwise(rows)] == pytest.approx(
+        [4.0] * (len(rows) - 1), abs=0.02
+    )
+
+
+def test_the_angle_with_the_fewest_turns_is_along_the_long_side() -> None:
+    assert planned().figures["angle_deg"] == pytest.approx(90.0, abs=0.1)
+    assert planned().figures["lines"] == 8
+    assert planned(angle=0.0).figures["lines"] == 12
+
+
+def test_each_line_is_flown_the_other_way() -> None:
+    commands = planned().plans[0]["missions"][0]["command_array"]
+    longitudes = [c["parameters"]["longitude"] for c in commands if c["command_type_id"] == 3]
+    directions = [b > a for a, b in zip(longitudes[::2], longitudes[1::2], strict=True)]
+    assert directions == [index % 2 == int(not directions[0]) for index in range(len(directions))]
+
+
+def test_a_mission_takes_off_works_and_comes_home() -> None:
+    commands = planned(camera=CAMERA, swath_width=None).plans[0]["missions"][0]["command_array"]
+    kinds = [CommandType(command["command_type_id"]) for command in commands]
+    assert kinds[0] == CommandType.NAV_TAKEOFF
+    assert kinds[-1] == CommandType.NAV_HOME
+    assert set(kinds[1:-1]) == {CommandType.NAV_WAYPOINT, CommandType.CAMERA_IMAGE}
+    assert [command["command_id"] for command in commands] == list(range(1, len(commands) + 1))
+
+
+def test_vehicles_share_the_field_evenly() -> None:
+    outcome = planned(vehicles=[4, 7], swath_width=4.0)
+    (plan,) = outcome.plans
+    assert [mission["vehicle_id"] for mission in plan["missions"]] == [4, 7]
+    sizes = [len(mission["command_array"]) for mission in plan["missions"]]
+    assert abs(sizes[0] - sizes[1]) <= 2
+
+
+@pytest.mark.parametrize("bound", [{"endurance": 300.0}, {"most_commands": 12}])
+def test_a_battery_or_a_full_mission_ends_a_flight_and_the_next_goes_on(
+    bound: dict[str, Any],
+) -> None:
+    whole, cut = (
+        planned(swath_width=4.0, endurance=86_400, most_commands=700),
+        planned(swath_width=4.0, **bound),
+    )
+    assert len(cut.plans) > len(whole.plans) == 1
+    assert waypoints(cut) == waypoints(whole)
+    ids = [mission["mission_id"] for plan in cut.plans for mission in plan["missions"]]
+    assert ids == list(range(1, len(cut.plans) + 1))
+
+
+def waypoints(outcome: Survey) -> list[dict[str, Any]]:
+    return [
+        command["parameters"]
+        for plan in outcome.plans
+        for mission in plan["missions"]
+        for command in mission["command_array"]
+        if command["command_type_id"] == 3
+    ]
+
+
+def test_nothing_is_flown_over_a_hole_or_an_exclusion() -> None:
+    pond = [place(-5, -10), place(5, -10), place(5, 10), place(-5, 10)]
+    for name in ("holes", "exclusions"):
+        body = {
+            "boundary": SQUARE,
+            "swath_width": 5.0,
+            "altitude": 10.0,
+            "vehicles": [1],
+            name: [pond],
+        }
+        request = SurveyRequest.model_validate(body)
+        flown = fly(request, survey(request, HOME, 1))
+        for start, end in itertools.pairwise(flown.flights[0]):
+            assert math.dist(start, end) == 0.0 or flown.area.is_free(start, end)
+
+
+@pytest.mark.parametrize(
+    ("changes", "field"),
+    [
+        (
+            {"exclusions": [[place(-1, -50), place(1, -50), place(1, 50), place(-1, 50)]]},
+            "exclusions",
+        ),
+        ({"boundary": [SQUARE[0]] * 3}, "boundary"),
+        ({"boundary": [place(0, 0), place(50, 0), place(100, 0)]}, "boundary"),
+        ({"holes": [SQUARE]}, "boundary"),
+        ({"home": None, "endurance": 60.0, "altitude": 60.0}, "endurance"),
+    ],
+)
+def test_what_cannot_be_flown_is_refused_by_field(changes: dict[str, Any], field: str) -> None:
+    with pytest.raises(NoSurveyError) as caught:
+        planned(**changes)
+    assert caught.value.field == field
