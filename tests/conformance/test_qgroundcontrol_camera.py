@@ -65,6 +65,10 @@ def vehicle_s(station: GroundStation) -> float:
     return float(station.newest["ATTITUDE"].time_boot_ms) / 1e3
 
 
+def wait_until(station: GroundStation, time_s: float) -> None:
+    station.until(lambda _message: vehicle_s(station) >= time_s, f"{time_s} s")
+
+
 def test_the_camera_is_seen_by_its_heartbeat(station: GroundStation) -> None:
     beat = station.until(
         lambda m: m.get_type() == "HEARTBEAT" and m.get_srcComponent() == CAMERA, "the camera"
@@ -76,7 +80,7 @@ def test_the_camera_is_seen_by_its_heartbeat(station: GroundStation) -> None:
 def test_every_attempt_to_find_the_camera_is_answered(station: GroundStation) -> None:
     begin_s = vehicle_s(station)
     for attempt, time_s in enumerate(ASKING_TIMES_S):
-        station.until(lambda _m, due=begin_s + time_s: vehicle_s(station) >= due, "the time to ask")
+        wait_until(station, begin_s + time_s)
         request = order(521, 1.0) if attempt % 2 else order(512, 259.0)
         result, information = answered(station, request, "CAMERA_INFORMATION")
         assert result == ACCEPTED

@@ -185,7 +185,7 @@ class PayloadModule:
         parts = self._parts
         rate = math.radians(parts.params.gimbal_rate_max_deg)
         parts.gimbal.update(situation.heading, situation.position_ned, rate, dt)
-        if situation.position_ned is not None:
+        if parts.tracker.target is not None and situation.position_ned is not None:
             view = View(situation.position_ned, parts.gimbal.q_ned_camera)
             if parts.tracker.update(view, situation.now_us):
                 parts.gimbal.hold()
