@@ -166,6 +166,15 @@ ACCEPTED_ITEMS: Final = {
     "look there": item(195),
     "look ahead": order(197),
     "look there, formerly": item(201, 3.0),
+    "photo by distance": order(206, 25.0),
+    "photos": order(2000, 0.0, 2.0, 3.0, 0.0),
+    "one photo": order(2000, 0.0, 0.0, 1.0, 0.0),
+    "no more photos": order(2001),
+    "video": order(2500),
+    "no more video": order(2501),
+    "gimbal angles": order(1000, -45.0, 0.0, NAN, NAN),
+    "gimbal control": order(1001, -2.0, 0.0, -1.0, -1.0),
+    "mount angles": order(205, -45.0, z=2.0),
 }
 
 
@@ -205,7 +214,8 @@ REFUSED_ITEMS: Final = [
     (item(18, 1.0, 1.0), P2),
     (order(115, 720.0), P1),
     (order(115, 90.0, 0.0, 2.0), P3),
-    (order(197, 1.0), P1),
+    (order(197, 0.0, 1.0), P2),
+    (order(2000, 0.0, 1.0, 2.0, 0.0, x=5), P5),
 ]
 
 
