@@ -133,6 +133,9 @@ def test_a_taken_port_is_one_sentence(tmp_path: Path, broker: socket.socket) -> 
         (["--system-id", "0"], "--system-id"),
         (["--broker", "no.such.host.invalid:1"], "--broker"),
         (["--state-dir", "/dev/null/nowhere"], "/dev/null"),
+        (["--broker-signing-key", "/nowhere.key"], "/nowhere.key"),
+        (["--gcs-signing-key", "/dev/null"], "--gcs-signing-key"),
+        (["--setup-signing", "everybody"], "--setup-signing"),
     ],
 )
 def test_what_cannot_be_used_is_one_sentence(tmp_path: Path, flags: list[str], named: str) -> None:
@@ -142,3 +145,24 @@ def test_what_cannot_be_used_is_one_sentence(tmp_path: Path, flags: list[str], n
     assert run.returncode == 2
     assert run.stderr.count("\n") == 1
     assert named in run.stderr
+
+
+def test_a_signing_state_that_cannot_be_understood_is_one_sentence(tmp_path: Path) -> None:
+    folder = tmp_path / "vehicle-9"
+    folder.mkdir()
+    (folder / "signing.json").write_text("?")
+    run = subprocess.run(command_line(tmp_path), check=False, capture_output=True, text=True)
+    assert run.returncode == 2
+    assert run.stderr.count("\n") == 1
+    assert "signing.json" in run.stderr
+
+
+def test_beyond_loopback_a_vehicle_without_a_key_says_that_it_is_open(tmp_path: Path) -> None:
+    with subprocess.Popen(
+        command_line(tmp_path, "--bind", "0.0.0.0"), stdout=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            assert process.stdout is not None
+            assert "is unsigned" in process.stdout.readline()
+        finally:
+            process.kill()

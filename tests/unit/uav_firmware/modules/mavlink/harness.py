@@ -13,9 +13,9 @@ from uav_firmware.modules.mavlink.link_params import LinkParams
 from uav_firmware.modules.mavlink.mission_store import PlanCheck
 from uav_firmware.modules.mavlink.module import MavlinkModule
 from uav_firmware.modules.mavlink.peers import Peer, Profile
+from uav_firmware.modules.mavlink.power_commands import PowerAction
 from uav_firmware.modules.mavlink.reception import SigningOptions
 from uav_firmware.modules.mavlink.signing import Signer
-from uav_firmware.modules.mavlink.power_commands import PowerAction
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
 from uav_firmware.msg.actuators import ActuatorMotors
 from uav_firmware.msg.estimate import (

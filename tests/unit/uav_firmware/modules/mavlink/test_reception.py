@@ -1,9 +1,11 @@
 """Which link must be signed, what becomes of the rest, and keys that come over a link."""
 
+import errno
 from typing import Any
 
 import pytest
 
+from tests.support.memory_storage import MemoryStorage
 from tests.unit.uav_firmware.modules.mavlink.harness import SYSTEM, Bench, command_long, status
 from uav_firmware.cal.link import Address
 from uav_firmware.modules.mavlink.dialect import is_signed, mavlink
@@ -29,25 +31,16 @@ SECOND_US = 1_000_000
 NEVER, BEYOND_LOOPBACK, ALWAYS = 0, 1, 2
 
 
-class MemoryStorage:
-    """Implements `uav_firmware.cal.storage.Storage` in a dictionary."""
+class CountingStorage(MemoryStorage):
+    """Storage that knows how often it was written."""
 
     def __init__(self) -> None:
-        self.files: dict[str, bytes] = {}
-        self.is_full = False
+        super().__init__()
         self.saves = 0
 
-    def load(self, name: str) -> bytes | None:
-        return self.files.get(name)
-
     def save(self, name: str, contents: bytes) -> None:
-        if self.is_full:
-            raise OSError(28, "No space left on device")
+        super().save(name, contents)
         self.saves += 1
-        self.files[name] = contents
-
-    def remove(self, name: str) -> None:
-        self.files.pop(name, None)
 
 
 def signer(key: bytes = KEY, *, behind_us: int = 0) -> Signer:
@@ -289,7 +282,7 @@ def test_after_a_restart_with_a_lost_clock_old_recordings_are_still_refused() ->
 
 
 def test_the_time_is_stored_once_a_minute_and_not_without_a_key() -> None:
-    storage = MemoryStorage()
+    storage = CountingStorage()
     now = [WORLD_US]
     bench = Bench(
         peers=(Peer(address=BROKER, profile=Profile.ONBOARD, signing_key=KEY),),
@@ -300,14 +293,14 @@ def test_the_time_is_stored_once_a_minute_and_not_without_a_key() -> None:
         bench.run(SECOND_US)
         bench.hear(at=BROKER)
     assert storage.saves == pytest.approx(10, abs=1)
-    without = MemoryStorage()
+    without = CountingStorage()
     secured(broker=None, storage=without).run(SECOND_US)
     assert without.saves == 0
 
 
 def test_a_full_medium_is_told_once_and_does_not_stop_the_vehicle() -> None:
     storage = MemoryStorage()
-    storage.is_full = True
+    storage.refusal = errno.ENOSPC
     bench = secured(storage=storage)
     bench.run(10 * SECOND_US)
     texts = [m.text for m in bench.hear("STATUSTEXT", at=GROUND)]
@@ -401,7 +394,7 @@ class TestSetupSigning:
     def test_a_key_that_cannot_be_stored_is_not_taken(self) -> None:
         storage = MemoryStorage()
         bench = self.disarmed(SetupTrust.LOOPBACK, storage)
-        storage.is_full = True
+        storage.refusal = errno.ENOSPC
         bench.say(setup_message(), source=GROUND)
         assert "cannot be stored" in texts(bench)
         assert not is_heard(bench, source=REMOTE, signer=signer(GROUND_KEY))
