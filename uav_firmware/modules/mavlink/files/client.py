@@ -181,7 +181,8 @@ class FileClient:
         place = read_place(request.data)
         session = self._sessions.fresh(place, mode, request.session)
         if session is None:
-            number = self._sessions.free_number(request.session, now_us)
+            number = request.session
+            self._sessions.make_free(number, now_us)
             file = self._store.open(place, mode)
             session = Session(number, file, place, mode, now_us)
             self._sessions.add(session)

@@ -1,8 +1,9 @@
 """Open files of one client, by session number.
 
 A file gets the number that its client has put into the request: MAVProxy hears answers under no
-other, as ArduPilot gives it. Most clients put 0 and read the number from the answer, so one that
-is taken makes way to the lowest free one. Each client has its own space.
+other, and MAVSDK asks for 0 and goes on with 0 whatever the answer says. So a number that is taken
+is refused, as PX4 refuses a second file, until the file has not been wanted for a while: then its
+client has forgotten it. Each client has its own space of numbers.
 """
 
 from collections.abc import Iterator
@@ -17,8 +18,12 @@ MAX_SESSIONS: Final = 8
 """For each client."""
 IDLE_LIMIT_US: Final = 60_000_000
 """A file of which nothing is wanted for so long is closed."""
+TAKE_OVER_US: Final = 3_000_000
+"""A file of which nothing was wanted for so long gives its number to a new one."""
 RECLAIM_US: Final = 10_000_000
-"""A file of which nothing was wanted for so long gives way to a new one."""
+"""A file of which nothing was wanted for so long gives way when too many are open."""
+MAX_REPETITIONS: Final = 10
+"""So often a client repeats a request for lack of an answer."""
 
 
 @dataclass(slots=True)
@@ -41,6 +46,7 @@ class Session:
     mode: OpenMode
     touched_us: int
     used: bool = False  # Whether it has been read or written
+    repetitions: int = 0  # Of its opening, under other sequence numbers
     burst: Burst | None = None
 
 
@@ -56,31 +62,34 @@ class SessionTable:
     def __len__(self) -> int:
         return len(self._sessions)
 
-    def fresh(self, place: Place, mode: OpenMode, wanted: int) -> Session | None:
-        """A session on a file that was opened the same way and not used yet.
+    def fresh(self, place: Place, mode: OpenMode, number: int) -> Session | None:
+        """The session of a number, if this opens the same file again before it was used.
 
-        Clients that number a repetition anew would hold one more session with each.
+        Clients that give a repeated request a new sequence number would be refused otherwise.
         """
-        taken = wanted in self._sessions
-        for session in self._sessions.values():
-            same = session.place == place and session.mode is mode and not session.used
-            if same and (taken or session.number == wanted):
-                return session
-        return None
+        session = self._sessions.get(number)
+        if session is None or session.used or session.repetitions >= MAX_REPETITIONS:
+            return None
+        if (session.place, session.mode) != (place, mode):
+            return None
+        session.repetitions += 1
+        return session
 
-    def free_number(self, wanted: int, now_us: int) -> int:
-        """The number that the next session gets: the wanted one if it is free.
+    def make_free(self, number: int, now_us: int) -> None:
+        """Make sure that a number can be given to a new session.
 
         Raises:
-            FileError: if as many files are open as may be.
+            FileError: if it is in use, or as many files are open as may be.
         """
+        holder = self._sessions.get(number)
+        if holder is not None:
+            if now_us - holder.touched_us < TAKE_OVER_US:
+                raise FileError(Fault.NO_SESSIONS_AVAILABLE)
+            self._drop(holder)
         if len(self._sessions) >= MAX_SESSIONS:
             self.close_idle(now_us - RECLAIM_US)
         if len(self._sessions) >= MAX_SESSIONS:
             raise FileError(Fault.NO_SESSIONS_AVAILABLE)
-        if wanted not in self._sessions:
-            return wanted
-        return next(number for number in range(MAX_SESSIONS) if number not in self._sessions)
 
     def add(self, session: Session) -> None:
         """Keep a new session."""

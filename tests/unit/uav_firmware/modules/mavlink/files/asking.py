@@ -124,9 +124,9 @@ class Desk:
             answers += self._read(self.server.tick(self.now_us), sender)
         return answers
 
-    def open(self, path: str, opcode: int = Opcode.OPEN_FILE_RO) -> int:
+    def open(self, path: str, opcode: int = Opcode.OPEN_FILE_RO, session: int = 0) -> int:
         """Open a file; gives the session."""
-        answer = self.ask(opcode, path)
+        answer = self.ask(opcode, path, session=session)
         assert answer.acknowledged, answer
         return answer.session
 

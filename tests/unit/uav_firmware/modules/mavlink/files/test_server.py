@@ -13,8 +13,10 @@ from uav_firmware.modules.mavlink.files.client import BURST_PACKETS
 from uav_firmware.modules.mavlink.files.codec import Fault, Opcode
 from uav_firmware.modules.mavlink.files.sessions import (
     IDLE_LIMIT_US,
+    MAX_REPETITIONS,
     MAX_SESSIONS,
     RECLAIM_US,
+    TAKE_OVER_US,
 )
 from uav_firmware.modules.mavlink.pace import TOKENS_MAX, TOKENS_PER_SECOND
 
@@ -246,15 +248,36 @@ def test_a_repeated_open_opens_once(desk: Desk) -> None:
     assert (renumbered.session, renumbered.seq) == (first.session, 9)
 
 
-def test_a_file_gets_the_number_that_the_client_names_if_it_is_free(desk: Desk) -> None:
+def test_a_file_gets_the_number_that_the_client_names(desk: Desk) -> None:
     """MAVProxy counts its sessions itself and hears no answer under another number."""
-    for name in ("a", "b", "c"):
+    for name in ("a", "b"):
         (desk.files / name).write_bytes(name.encode())
-    assert desk.ask(Opcode.OPEN_FILE_RO, f"{CARD}/a", session=200).session == 200
-    assert desk.ask(Opcode.OPEN_FILE_RO, f"{CARD}/b", session=200).session == 0
-    assert desk.ask(Opcode.OPEN_FILE_RO, f"{CARD}/a", session=201).session == 201
+    assert desk.open(f"{CARD}/a", session=200) == 200
+    assert desk.open(f"{CARD}/b", session=0) == 0
     assert desk.ask(Opcode.READ_FILE, session=200, size=9).data == b"a"
     assert desk.ask(Opcode.READ_FILE, session=0, size=9).data == b"b"
+
+
+def test_a_number_in_use_is_not_given_to_another_file(desk: Desk) -> None:
+    """MAVSDK names 0 and reads from 0, whatever the answer says."""
+    for name in ("a", "b"):
+        (desk.files / name).write_bytes(name.encode())
+    desk.open(f"{CARD}/a")
+    assert desk.ask(Opcode.OPEN_FILE_RO, f"{CARD}/b").fault == Fault.NO_SESSIONS_AVAILABLE
+    assert desk.ask(Opcode.READ_FILE, session=0, size=9).data == b"a"
+    desk.tick(TAKE_OVER_US / 1e6 + 0.1)
+    assert desk.open(f"{CARD}/b") == 0
+    assert desk.ask(Opcode.READ_FILE, session=0, size=9).data == b"b"
+
+
+def test_who_opens_without_end_is_refused_in_the_end(desk: Desk) -> None:
+    (desk.files / "a").write_bytes(b"x")
+    answers = []
+    for _ in range(2 * MAX_REPETITIONS):
+        answers.append(desk.ask(Opcode.OPEN_FILE_RO, f"{CARD}/a"))
+        desk.tick()
+    assert answers[MAX_REPETITIONS].acknowledged
+    assert answers[-1].fault == Fault.NO_SESSIONS_AVAILABLE
 
 
 def test_a_client_that_starts_anew_is_not_taken_for_the_former(desk: Desk) -> None:
@@ -283,22 +306,23 @@ def test_senders_have_their_own_numbers_and_sessions(desk: Desk) -> None:
 def test_sessions_are_limited_and_given_back(desk: Desk) -> None:
     for i in range(MAX_SESSIONS + 1):
         (desk.files / str(i)).write_bytes(b"x")
-    sessions = [desk.open(f"{CARD}/{i}") for i in range(MAX_SESSIONS)]
-    assert sessions == list(range(MAX_SESSIONS))
+    for i in range(MAX_SESSIONS):
+        assert desk.open(f"{CARD}/{i}", session=i) == i
     more = f"{CARD}/{MAX_SESSIONS}"
-    assert desk.ask(Opcode.OPEN_FILE_RO, more).fault == Fault.NO_SESSIONS_AVAILABLE
+    refused = desk.ask(Opcode.OPEN_FILE_RO, more, session=MAX_SESSIONS)
+    assert refused.fault == Fault.NO_SESSIONS_AVAILABLE
     assert desk.ask(Opcode.TERMINATE_SESSION, session=3).acknowledged
-    assert desk.open(more) == 3
+    assert desk.open(more, session=3) == 3
 
 
 def test_a_forgotten_session_gives_way(desk: Desk) -> None:
     for i in range(MAX_SESSIONS + 1):
         (desk.files / str(i)).write_bytes(b"x")
         if i < MAX_SESSIONS:
-            desk.open(f"{CARD}/{i}")
+            desk.open(f"{CARD}/{i}", session=i)
     desk.tick(RECLAIM_US / 1e6 + 1.0)
     assert desk.ask(Opcode.READ_FILE, session=2, size=10).acknowledged
-    desk.open(f"{CARD}/{MAX_SESSIONS}")
+    desk.open(f"{CARD}/{MAX_SESSIONS}", session=MAX_SESSIONS)
     assert desk.ask(Opcode.READ_FILE, session=2, size=10).acknowledged
     assert desk.ask(Opcode.READ_FILE, session=5, size=10).fault == Fault.INVALID_SESSION
 
