@@ -5,6 +5,7 @@ import re
 import tempfile
 from pathlib import Path
 
+_UNFINISHED = ".unfinished"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 
 
@@ -12,13 +13,15 @@ class FileStorage:
     """Implements `uav_firmware.cal.storage.Storage` in a folder that it creates."""
 
     def __init__(self, folder: Path) -> None:
-        """Make the folder.
+        """Make the folder, and remove what a write that was cut short has left in it.
 
         Raises:
             OSError: if it cannot be created.
         """
         self._folder = folder
         folder.mkdir(parents=True, exist_ok=True)
+        for unfinished in folder.glob(f".*{_UNFINISHED}"):
+            unfinished.unlink(missing_ok=True)
 
     def load(self, name: str) -> bytes | None:
         """Contents stored under `name`, or None.
@@ -40,7 +43,9 @@ class FileStorage:
             OSError: if the medium refuses; the former contents stay.
         """
         path = self._path(name)
-        descriptor, temporary = tempfile.mkstemp(prefix=f".{name}.", dir=self._folder)
+        descriptor, temporary = tempfile.mkstemp(
+            prefix=f".{name}.", suffix=_UNFINISHED, dir=self._folder
+        )
         try:
             with os.fdopen(descriptor, "wb") as file:
                 file.write(contents)

@@ -66,3 +66,21 @@ def test_file_and_folder_reach_the_medium(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr("os.fsync", note)
     FileStorage(tmp_path).save("a.json", b"contents")
     assert synced == [False, True]
+
+
+def test_what_a_killed_process_left_half_written_is_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    storage = FileStorage(tmp_path)
+    storage.save("a.json", b"former")
+
+    def killed(_descriptor: int) -> None:
+        raise KeyboardInterrupt  # as little cleaning up as a kill
+
+    monkeypatch.setattr("os.fsync", killed)
+    with pytest.raises(KeyboardInterrupt):
+        storage.save("a.json", b"new")
+    monkeypatch.undo()
+    assert len(list(tmp_path.iterdir())) == 2
+    assert FileStorage(tmp_path).load("a.json") == b"former"
+    assert [path.name for path in tmp_path.iterdir()] == ["a.json"]
