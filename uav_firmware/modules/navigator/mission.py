@@ -112,7 +112,7 @@ class MissionMode(NavigatorMode):
             super().on_speeds(flight)
             return
         behind = self._route.waypoints[: self._route.seqs.index(item.seq)]
-        rest = build(self.cursor.items, item.seq, flight).waypoints
+        rest = build(self.cursor.items, item.seq, flight, self.cursor.landing_of).waypoints
         self._route = self._route._replace(waypoints=(*behind, *rest))
         flight.path.reshape(self._route.waypoints)
 
@@ -142,7 +142,7 @@ class MissionMode(NavigatorMode):
     def _fly_to(self, item: MissionItem, flight: Flight, *, stopping: bool = False) -> Task:
         """Join the route being flown, or begin one."""
         if item.seq not in self._route.seqs or stopping:
-            route = build(self.cursor.items, item.seq, flight)
+            route = build(self.cursor.items, item.seq, flight, self.cursor.landing_of)
             if stopping:
                 first = route.waypoints[0]._replace(tolerance=0.0)
                 route = route._replace(waypoints=(first, *route.waypoints[1:]))
@@ -201,7 +201,7 @@ class MissionMode(NavigatorMode):
 
     def _fly_on(self, item: MissionItem, flight: Flight) -> MissionItem | None:
         """Go on to the next position while an item waits; None where there is none to fly to."""
-        goal = following(self.cursor.items, item.seq)
+        goal = following(self.cursor.items, item.seq, self.cursor.landing_of)
         if goal is None or goal.command not in HOVERING or flight.landed:
             return None
         if goal.seq not in self._route.seqs:

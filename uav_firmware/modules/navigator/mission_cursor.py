@@ -116,15 +116,22 @@ class MissionCursor:
             seq = int(self.items[seq].param1)
         return len(self.items)
 
+    def landing_of(self, seq: int) -> int:
+        """Item that would be flown if `seq` came next; past the end when there is none."""
+        return self._follow_jumps(seq, dict(self._jumps_taken))
+
     def _landing_of(self, seq: int) -> int:
-        """Follow DO_JUMP items to one that can be flown; past the end when there is none."""
+        """The same, and the jumps on the way are taken."""
+        return self._follow_jumps(seq, self._jumps_taken)
+
+    def _follow_jumps(self, seq: int, jumps_taken: dict[int, int]) -> int:
         for _ in range(len(self.items) + 1):
             if seq >= len(self.items) or self.items[seq].command != MissionCommand.DO_JUMP:
                 return seq
             jump = self.items[seq]
-            taken = self._jumps_taken.get(seq, 0)
+            taken = jumps_taken.get(seq, 0)
             if jump.param2 < 0 or taken < jump.param2:
-                self._jumps_taken[seq] = taken + 1
+                jumps_taken[seq] = taken + 1
                 seq = int(jump.param1)
             else:
                 seq += 1

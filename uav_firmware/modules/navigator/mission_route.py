@@ -7,7 +7,7 @@ waits on the way is a stop too.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from uav_firmware.lib.smoothing import Waypoint
@@ -65,10 +65,14 @@ ON_THE_WAY = frozenset({MissionCommand.CONDITION_DELAY, MissionCommand.CONDITION
 _FRAME_RELATIVE = 3
 
 
+BEHIND_A_JUMP = -2
+"""In a route: a position that is flown to once more, after a jump back."""
+
+
 class Route(NamedTuple):
     """Waypoints to fly without a stop between, and the items that they are."""
 
-    seqs: tuple[int, ...]  # [-] Item of each waypoint; -1 for a climb from the ground
+    seqs: tuple[int, ...]  # [-] Item of each waypoint; -1: a climb from the ground
     waypoints: tuple[Waypoint, ...]
 
 
@@ -130,11 +134,16 @@ def flown_through(item: MissionItem, following: MissionItem | None) -> bool:
     )
 
 
-def following(items: Sequence[MissionItem], seq: int) -> MissionItem | None:
-    """Next item that is neither instant nor waits on the way."""
-    for item in items[seq + 1 :]:
-        if item.command not in INSTANT | ON_THE_WAY:
-            return item
+def following(
+    items: Sequence[MissionItem], seq: int, landing: Callable[[int], int]
+) -> MissionItem | None:
+    """Next item that is neither instant nor waits on the way; `landing` follows the jumps."""
+    for _ in items:
+        seq = landing(seq + 1)
+        if seq >= len(items):
+            return None
+        if items[seq].command not in INSTANT | ON_THE_WAY:
+            return items[seq]
     return None
 
 
@@ -146,8 +155,14 @@ def awaited_before(items: Sequence[MissionItem], seq: int) -> bool:
     return False
 
 
-def build(items: Sequence[MissionItem], seq: int, flight: Flight) -> Route:
-    """Route from item `seq`, a hovering one, with the present speeds."""
+def build(
+    items: Sequence[MissionItem], seq: int, flight: Flight, landing: Callable[[int], int]
+) -> Route:
+    """Route from item `seq`, a hovering one, with the present speeds.
+
+    `landing` tells which item is flown if one comes next. After a jump back the route is built
+    anew; up to there it leads on to the first position behind the jump.
+    """
     seqs: list[int] = []
     waypoints: list[Waypoint] = []
     speeds = flight.speeds
@@ -159,15 +174,19 @@ def build(items: Sequence[MissionItem], seq: int, flight: Flight) -> Route:
         elif item.command in ON_THE_WAY:
             awaited = True
         elif item.command not in INSTANT:
-            through = not awaited and flown_through(item, following(items, seq))
+            goal = following(items, seq, landing)
+            through = not awaited and flown_through(item, goal)
             tolerance = TURN_SHARE * radius_of(item, flight) if through else 0.0
             waypoints.append(
                 Waypoint(target_of(item, flight), tolerance, flight.limits_with(speeds))
             )
             seqs.append(seq)
-            if not through:
+            if goal is None or not through:
                 return Route(tuple(seqs), tuple(waypoints))
-        seq += 1
+            if goal.seq <= seq:
+                behind = Waypoint(target_of(goal, flight), 0.0, flight.limits_with(speeds))
+                return Route((*seqs, BEHIND_A_JUMP), (*waypoints, behind))
+        seq = landing(seq + 1)
 
 
 def from_the_ground(route: Route, flight: Flight) -> Route:

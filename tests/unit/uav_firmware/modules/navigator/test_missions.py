@@ -229,6 +229,20 @@ def test_a_jump_repeats_its_part() -> None:
     assert vehicle.reached == [0, 1, 2, 1, 2, 1, 2]
 
 
+@pytest.mark.parametrize("count", [2.0, -1.0])
+def test_a_jump_is_flown_through_and_the_laps_keep_their_speed(count: float) -> None:
+    square = ((30.0, 0.0), (30.0, 30.0), (0.0, 30.0), (0.0, 5.0))
+    points = [waypoint(seq, *corner) for seq, corner in enumerate(square, 1)]
+    vehicle = start(ready(), takeoff(), *points, item(5, 177, param1=1.0, param2=count))
+    vehicle.run_until(lambda v: len(v.reached) == 2)
+    slowest = math.inf
+    while len(vehicle.reached) < 12:
+        vehicle.run(0.02)
+        slowest = min(slowest, math.hypot(vehicle.velocity[0], vehicle.velocity[1]))
+    assert vehicle.reached == [0, *[1, 2, 3, 4] * 2, 1, 2, 3]
+    assert slowest > 0.5
+
+
 def test_a_finished_mission_begins_again_from_its_first_item() -> None:
     vehicle = start(ready(), takeoff(), waypoint(1, 10, 0), waypoint(2, 0, 10))
     vehicle.run_until(completed)
