@@ -91,3 +91,14 @@ def test_every_state_and_event_stands_in_its_diagram(module: object) -> None:
     for state, event in vars(module)["TRANSITIONS"]:
         assert state.name in diagram
         assert event.name in diagram
+
+
+def test_every_line_of_the_checklist_has_proofs_and_every_proof_exists() -> None:
+    table = rows("What ground stations can rely on")
+    assert [line for line, _, _ in table] == [f"A{number}" for number in range(1, 15)]
+    for line, _, proof in table:
+        named = re.findall(r"`(tests/\S+?\.py)::(test_\w+)`", proof)
+        assert len(named) == proof.count("`") // 2 > 0, line
+        for path, name in named:
+            text = (PACKAGE.parent / path).read_text(encoding="utf-8")
+            assert re.search(rf"^def {name}\(", text, re.MULTILINE), f"{line}: {path}::{name}"
