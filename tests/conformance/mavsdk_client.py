@@ -82,8 +82,13 @@ class Pilot:
     def watch(self, duration_s: float, look: Callable[[], float]) -> list[float]:
         """What a look gives over some of the vehicle's time."""
         until_s = self.time_s + duration_s
-        seen = [look()]
-        wait_for(lambda: seen.append(look()) or self.time_s > until_s, f"{duration_s} s")
+        seen: list[float] = []
+
+        def over() -> bool:
+            seen.append(look())
+            return self.time_s > until_s
+
+        wait_for(over, f"{duration_s} s of the vehicle's time")
         return seen
 
     def take_off(self, height_m: float = 8.0) -> None:
