@@ -13,8 +13,11 @@ from sim.config import SimulationConfig
 from sim.faults import Fault, Kind
 from tests.support.autopilot_tester import AutopilotTester
 from tests.support.stick_pilot import order
+from tests.support.toy_vehicle import item
 from uav_firmware.cal.log_store import LogFile
 from uav_firmware.drivers.file_storage import FileStorage
+from uav_firmware.modules.navigator.geofence import Polygon
+from uav_firmware.msg.geofence import Fence
 from uav_firmware.msg.status import Command, NavigationState
 
 pytestmark = pytest.mark.scenario
@@ -291,3 +294,36 @@ def test_a_vehicle_that_lies_beyond_its_limits_says_so(tmp_path: Path) -> None:
     tester.run_for(6.0)
     assert said(tester, "Attitude beyond limits")
     assert tester.mode is NavigationState.AUTO_LOITER
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_return_beside_a_fence_goes_round_it_and_lands_at_home(tmp_path: Path, seed: int) -> None:
+    """An exclusion between the vehicle and home, in a breeze: not touched, and home in 100 s."""
+    tester = vehicle(tmp_path, seed=seed, wind_speed_m_s=5.0)
+    tester.take_off(10.0)
+    tester.run_for(10.0)
+    latitude, longitude, _ = tester.place(80.0, 0.0, 0.0)
+    tester.ground_station.command(
+        Command.DO_REPOSITION, -1.0, 1.0, 0.0, math.nan, latitude, longitude, math.nan
+    )
+    tester.wait_until(lambda: tester.true_position()[0] > 78.0, 60.0, "80 m out")
+    wall = ((30.0, -40.0), (30.0, 15.0), (50.0, 15.0), (50.0, -40.0))
+    corners = [tester.place(*corner, 0.0) for corner in wall]
+    tester.autopilot.topics.fence.publish(
+        Fence(
+            tester.truth.time_us,
+            1,
+            tuple(
+                item(seq, 5002, frame=3, param1=4.0, x=place[0], y=place[1])
+                for seq, place in enumerate(corners)
+            ),
+        )
+    )
+    forbidden = Polygon(False, wall)
+    inside: list[bool] = []
+    tester.watch(lambda: inside.append(forbidden.contains(tester.true_position()[:2])))
+    tester.run_for(1.0)
+    tester.return_home()
+    tester.wait_until(lambda: not tester.status.armed, 100.0, "landed at home")
+    assert not any(inside)
+    assert math.hypot(*tester.true_position()[:2]) < 1.0
