@@ -67,11 +67,13 @@ def aim_of(
 
 
 def take_stream(order: GimbalOrder, parts: Parts) -> bool:
-    """Follow a streamed order; False when its sender is not in control, or a panorama runs.
+    """Follow a streamed order; False when it cannot be meant or its sender is not in control.
 
     Pitch beyond the range ends at the range: a stick has nobody to tell.
     """
     if not parts.control.admits(order.source) or parts.panorama is not None:
+        return False
+    if any(map(math.isinf, (order.pitch, order.yaw, order.pitch_rate, order.yaw_rate))):
         return False
     if order.normalised:
         order = _scaled(order, parts.params)
