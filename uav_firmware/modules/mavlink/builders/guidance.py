@@ -52,7 +52,10 @@ def mission_current(context: Context) -> Message:
 
 
 def nav_controller_output(context: Context) -> Message | None:
-    """NAV_CONTROLLER_OUTPUT: bearing, distance and height of the set-point; the rest is NaN."""
+    """NAV_CONTROLLER_OUTPUT: bearing, distance and height of the set-point; the rest is NaN.
+
+    Where no place or height is asked for there is no error: distance and height are 0.
+    """
     target = context.topics.trajectory_setpoint.value
     local = context.topics.local_position.value
     if target is None or local is None:
@@ -68,7 +71,7 @@ def nav_controller_output(context: Context) -> Message | None:
         nav_bearing=int16(bearing_deg),
         target_bearing=int16(bearing_deg),
         wp_dist=uint16(math.hypot(north, east), unknown=0),
-        alt_error=-down,
+        alt_error=0.0 if math.isnan(down) else -down,
         aspd_error=NAN,
         xtrack_error=NAN,
     )
