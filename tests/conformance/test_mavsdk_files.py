@@ -214,8 +214,11 @@ def fly(client: Client, flight: int) -> None:
     sizes: list[int] = []
 
     def closed() -> bool:
-        """Whether the log has ceased to grow."""
+        """Whether the log has ceased to grow, behind the disarming."""
         sizes.append(logs()[-1].stat().st_size)
-        return len(sizes) > 20 and len(set(sizes[-20:])) == 1
+        if len(sizes) <= 20 or len(set(sizes[-20:])) > 1:
+            return False
+        states = ULog(str(logs()[-1])).get_dataset("vehicle_status").data["arming_state"]
+        return bool(states[-1] == 1)
 
     wait_for(closed, "the end of the log")
