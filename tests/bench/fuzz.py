@@ -14,15 +14,17 @@ from typing import Final
 from tests.support.hostile_flight import Outcome, fly
 
 DEFAULT_FRAMES: Final = 1_000_000
+HOLD_S: Final = 20.0
+"""Long enough that a million come no faster than a step can look at."""
 
 
 def under_fire(frames: int, *, is_signed: bool) -> bool:
     """Fly in peace and under fire, tell how it went; whether the flights were the same."""
     with tempfile.TemporaryDirectory() as folder:
-        calm = fly(Path(folder), 0, is_signed=is_signed)
+        calm = fly(Path(folder), 0, is_signed=is_signed, hold_s=HOLD_S)
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
-        outcome = fly(Path(folder), frames, is_signed=is_signed, calls=calm.calls)
+        outcome = fly(Path(folder), frames, is_signed=is_signed, calls=calm.calls, hold_s=HOLD_S)
     is_same = outcome.track == calm.track and outcome.items_reached == calm.items_reached
     verdict = "the flight is that in peace, bit for bit" if is_same else "THE FLIGHT IS ANOTHER"
     page = _page("signed" if is_signed else "open", calm, outcome, time.monotonic() - began)

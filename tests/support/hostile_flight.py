@@ -95,8 +95,19 @@ class Outcome:
     growth_mb: float  # [MB] Of the process's largest size since take-off
 
 
-def fly(folder: Path, frames: int, *, is_signed: bool, calls: int = 1, seed: int = 1) -> Outcome:
-    """Fly a square mission under `frames` hostile frames, spread over `calls` of the link."""
+def fly(
+    folder: Path,
+    frames: int,
+    *,
+    is_signed: bool,
+    calls: int = 1,
+    hold_s: float = 2.0,
+    seed: int = 1,
+) -> Outcome:
+    """Fly a square mission under `frames` hostile frames, spread over `calls` of the link.
+
+    `hold_s` is how long the vehicle hovers at each corner.
+    """
     enemy = HostileFrames(seed, SYSTEM_ID, is_harmless=not is_signed)
     link = FireLink(enemy, frames, calls, is_operator_forged=is_signed)
     key = KEY if is_signed else None
@@ -106,15 +117,15 @@ def fly(folder: Path, frames: int, *, is_signed: bool, calls: int = 1, seed: int
     if is_signed:
         tester.autopilot.registry.set("MAV_SIGN_CFG", SIGN_ALWAYS)
         tester.ground_station.sign(KEY)
-    return _measured(tester, link)
+    return _measured(tester, link, hold_s)
 
 
-def _measured(tester: AutopilotTester, link: FireLink) -> Outcome:
+def _measured(tester: AutopilotTester, link: FireLink, hold_s: float) -> Outcome:
     track: list[Any] = []
     clock = _StepClock(tester, track)
     tester.watch(clock.note)
     began, size = time.process_time(), _largest_size_mb()
-    _fly_square(tester)
+    _fly_square(tester, hold_s)
     return Outcome(
         calls=link.calls,
         items_reached=sorted(set(tester.ground_station.items_reached)),
@@ -148,18 +159,19 @@ class _StepClock:
         self._steps += 1
 
 
-def _fly_square(tester: AutopilotTester) -> None:
+def _fly_square(tester: AutopilotTester, hold_s: float) -> None:
     station = tester.ground_station
     places = [
         tester.place(north, east, 5.0) for north, east in ((0, 0), (20, 0), (20, 20), (0, 20))
     ]
     items = [station.mission_item(0, 22, places[0])]
-    items += [station.mission_item(seq, 16, place, 2.0) for seq, place in enumerate(places[1:], 1)]
+    corners = enumerate(places[1:], 1)
+    items += [station.mission_item(seq, 16, place, hold_s) for seq, place in corners]
     items.append(station.return_item(len(items)))
     tester.wait_until_ready()
     tester.upload(items)
     tester.start_mission()
-    tester.wait_until_landed()
+    tester.wait_until_landed(120.0 + 4 * hold_s)
 
 
 def _largest_size_mb() -> float:
