@@ -4,13 +4,20 @@ import math
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any, NamedTuple
 
 import pytest
 from mavsdk import ComponentType, Configuration, Mavsdk
 from mavsdk.plugins.action import Action
 from mavsdk.plugins.manual_control import ManualControl, ManualControlError
-from mavsdk.plugins.offboard import Offboard, OffboardError, PositionNedYaw, VelocityNedYaw
+from mavsdk.plugins.offboard import (
+    Attitude,
+    Offboard,
+    OffboardError,
+    PositionNedYaw,
+    VelocityNedYaw,
+)
 from mavsdk.plugins.telemetry import FlightMode, Telemetry
 
 from tests.conformance.ground_station import vehicle_process
@@ -41,7 +48,8 @@ def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
         system = wait_for(lambda: sdk.first_autopilot(timeout_s=5.0), "MAVSDK's discovery")
         made = Client(Action(system), ManualControl(system), Offboard(system), Telemetry(system))
         wait_for(made.telemetry.health_all_ok, "a vehicle that is ready")
-        made.telemetry.set_rate_position_velocity_ned(10.0)
+        made.telemetry.set_rate_position_velocity_ned(20.0)
+        made.telemetry.set_rate_attitude_euler(20.0)
         wait_for(lambda: all(map(math.isfinite, place(made))), "a position")
         yield made
         sdk.destroy()
@@ -94,6 +102,49 @@ def test_take_off_points_and_velocity_by_offboard(client: Client) -> None:
     wait_for(lambda: within(client, (5.0, -5.0, -4.0), 0.5), "the point")
     client.offboard.set_velocity_ned(VelocityNedYaw(2.0, 0.0, 0.0, 90.0))
     wait_for(lambda: place(client)[0] > 10.0, "the way north")
+    client.offboard.stop()
+    wait_for(lambda: mode(client) is FlightMode.HOLD, "hold")
+
+
+def time_s(client: Client) -> float:
+    """The vehicle's own time, whatever the speed of the simulation."""
+    return float(client.telemetry.attitude_euler().timestamp_us) / 1e6
+
+
+def test_five_points_are_each_reached_in_ten_seconds(client: Client) -> None:
+    """Within 0.3 m, as a PX4 multicopter does."""
+    north, east, _ = place(client)
+    client.offboard.set_position_ned(PositionNedYaw(north, east, -4.0, 0.0))
+    client.offboard.start()
+    wait_for(lambda: within(client, (north, east, -4.0), 0.3), "the first place")
+    for to_north, to_east, down in (
+        (5.0, 0.0, -4.0),
+        (5.0, 5.0, -5.0),
+        (0.0, 5.0, -5.0),
+        (-3.0, 0.0, -4.0),
+        (0.0, 0.0, -4.0),
+    ):
+        began_s = time_s(client)
+        point = (north + to_north, east + to_east, down)
+        client.offboard.set_position_ned(PositionNedYaw(*point, 0.0))
+        wait_for(partial(within, client, point, 0.3), f"the point {point}")
+        assert time_s(client) - began_s < 10.0
+
+
+def test_a_pitch_of_minus_twenty_degrees_is_held(client: Client) -> None:
+    """Within 5 degrees, as a PX4 multicopter does."""
+    attitude = client.telemetry.attitude_euler
+    client.offboard.set_attitude(Attitude(0.0, -20.0, 0.0, 0.25))
+    wait_for(lambda: abs(attitude().pitch_deg + 20.0) < 5.0, "the attitude")
+    until_s = time_s(client) + 1.0
+    held: list[float] = []
+
+    def over() -> bool:
+        held.append(attitude().pitch_deg)
+        return time_s(client) > until_s
+
+    wait_for(over, "a second")
+    assert max(abs(pitch + 20.0) for pitch in held) < 5.0
     client.offboard.stop()
     wait_for(lambda: mode(client) is FlightMode.HOLD, "hold")
 
