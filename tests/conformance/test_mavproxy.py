@@ -15,6 +15,7 @@ from tests.conformance.ground_station import vehicle_process
 from tests.conformance.mavproxy_session import MavProxy
 from tests.support.parameter_table import autopilot
 from tests.support.system import free_ports, wait_for
+from uav_firmware.modules.mavlink.vehicle_facts import FACTS
 
 pytestmark = pytest.mark.scenario
 
@@ -110,31 +111,16 @@ RALLY: tuple[Row, ...] = (
 
 def saved_parameters(path: Path) -> dict[str, float]:
     pairs = (line.split() for line in path.read_text().splitlines() if line.strip())
-    return {name: float(value) for name, value in pairs}
+    apart = {"_HASH_CHECK", *FACTS}
+    return {name: float(value) for name, value in pairs if name not in apart}
 
 
 @pytest.fixture(scope="module")
 def declared(tmp_path_factory: pytest.TempPathFactory) -> dict[str, float]:
+    """Every parameter of a new vehicle, but for the facts that it finds out by itself."""
     registry = autopilot(tmp_path_factory.mktemp("declared")).registry
-    return {name: registry.declaration(name).default for name in registry.names()}
-
-
-def test_every_parameter_and_its_default_come_by_file(
-    session: Session, declared: dict[str, float]
-) -> None:
-    for name in (f"mav_{SYSTEM}_1.parm", "defaults.parm"):
-        fetched = saved_parameters(session.proxy.log_folder / name)
-        assert fetched == pytest.approx(declared, rel=1e-5)
-
-
-def test_every_parameter_comes_by_list(session: Session, declared: dict[str, float]) -> None:
-    proxy = session.proxy
-    proxy.type("set param_ftp False")
-    proxy.ask("param fetch", rf"Received {len(declared)} parameters\s")
-    saved = Path(proxy.until(r"Saved \d+ parameters to (\S+)").group(1))
-    fetched = saved_parameters(saved)
-    fetched.pop("_HASH_CHECK", None)
-    assert fetched == pytest.approx(declared, rel=1e-5)
+    names = set(registry.names()) - FACTS
+    return {name: registry.declaration(name).default for name in names}
 
 
 def value_of(session: Session, name: str) -> float:
@@ -145,6 +131,29 @@ def value_of(session: Session, name: str) -> float:
 def set_parameter(session: Session, name: str, value: float) -> None:
     session.proxy.type(f"param set {name} {value:g}")
     wait_for(lambda: value_of(session, name) == value, f"{name} = {value}")
+
+
+def test_every_parameter_and_its_default_come_by_file(
+    session: Session, declared: dict[str, float]
+) -> None:
+    for name in (f"mav_{SYSTEM}_1.parm", "defaults.parm"):
+        fetched = saved_parameters(session.proxy.log_folder / name)
+        assert fetched == pytest.approx(declared, rel=1e-5)
+
+
+def test_an_integer_is_set_by_a_client_that_knows_no_types(session: Session) -> None:
+    """The file that MAVProxy has read makes it send each value as a real."""
+    set_parameter(session, "NAV_RCL_ACT", 3.0)
+    set_parameter(session, "NAV_RCL_ACT", 2.0)
+
+
+def test_every_parameter_comes_by_list(session: Session, declared: dict[str, float]) -> None:
+    proxy = session.proxy
+    proxy.type("set param_ftp False")
+    proxy.ask("param fetch", rf"Received {len(declared) + len(FACTS)} parameters\s")
+    saved = Path(proxy.until(r"Saved \d+ parameters to (\S+)").group(1))
+    fetched = saved_parameters(saved)
+    assert fetched == pytest.approx(declared, rel=1e-5)
 
 
 def test_a_parameter_is_set_and_guarded(session: Session) -> None:
