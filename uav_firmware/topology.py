@@ -12,7 +12,6 @@ from uav_firmware.cal.vehicle import Vehicle
 from uav_firmware.modules.attitude_control.module import AttitudeControlModule
 from uav_firmware.modules.attitude_control.params import AttitudeControlParams
 from uav_firmware.modules.commander.module import CommanderModule
-from uav_firmware.modules.commander.topics import CommanderTopics
 from uav_firmware.modules.console.module import ConsoleModule
 from uav_firmware.modules.control_allocator.module import ControlAllocatorModule
 from uav_firmware.modules.control_allocator.params import ControlAllocatorParams
@@ -24,7 +23,6 @@ from uav_firmware.modules.land_detector.params import LandDetectorParams
 from uav_firmware.modules.logger.definitions import Identity
 from uav_firmware.modules.logger.module import LoggerModule
 from uav_firmware.modules.logger.params import LoggerParams
-from uav_firmware.modules.logger.streams import LoggerTopics
 from uav_firmware.modules.manual_control.module import ManualControlModule
 from uav_firmware.modules.manual_control.params import ManualControlParams
 from uav_firmware.modules.mavlink.builders.identity import FLIGHT_SW_VERSION
@@ -37,7 +35,6 @@ from uav_firmware.modules.mavlink.power_commands import PowerAction
 from uav_firmware.modules.mavlink.reception import SigningOptions
 from uav_firmware.modules.mavlink.signing_params import SigningParams
 from uav_firmware.modules.mavlink.signing_setup import SetupTrust
-from uav_firmware.modules.mavlink.topics import MavlinkTopics
 from uav_firmware.modules.mavlink.vehicle_facts import VehicleFacts
 from uav_firmware.modules.navigator import geofence_plan
 from uav_firmware.modules.navigator.module import NavigatorModule
@@ -54,6 +51,7 @@ from uav_firmware.modules.vehicle_io.module import VehicleIoModule
 from uav_firmware.msg.control_mode import ControlSource
 from uav_firmware.parameters import Registry
 from uav_firmware.scheduler import RateGroup, Scheduler
+from uav_firmware.topic_bundles import commander_topics, logger_topics, mavlink_topics
 from uav_firmware.topics import Topics
 
 _POSITION_PERIOD_US: Final = 16_000  # 62.5 Hz: navigator and position control
@@ -152,7 +150,7 @@ class Autopilot:
         )
         self.commander = CommanderModule(
             registry,
-            _commander_topics(topics),
+            commander_topics(topics),
             inject=_injection_of(vehicle),
             refusal_of=self.navigator.refusal_of,
         )
@@ -248,7 +246,7 @@ class Autopilot:
             link=link,
             system_id=system_id,
             registry=registry,
-            topics=_mavlink_topics(topics),
+            topics=mavlink_topics(topics),
             checks=PlanChecks(
                 mission=PlanCheck(self.navigator.check_item, self.navigator.review_mission),
                 fence=PlanCheck(geofence_plan.check_fence_item, geofence_plan.review_fence),
@@ -297,7 +295,7 @@ class Autopilot:
         )
         self.logger = LoggerModule(
             log_store,
-            topics=_logger_topics(topics),
+            topics=logger_topics(topics),
             texts=topics.status_text.third,
             status_text=topics.status_text,
             stream_request=topics.log_stream_request,
@@ -381,106 +379,3 @@ def _injection_of(vehicle: Vehicle) -> Callable[[int, int, int], bool]:
     if isinstance(vehicle, FaultInjector):
         return vehicle.inject
     return lambda _unit, _failure_type, _instance: False
-
-
-def _commander_topics(topics: Topics) -> CommanderTopics:
-    """What the commander reads and writes."""
-    return CommanderTopics(
-        vehicle_command=topics.vehicle_command,
-        vehicle_attitude=topics.vehicle_attitude,
-        vehicle_local_position=topics.vehicle_local_position,
-        estimator_status=topics.estimator_status,
-        land_detected=topics.land_detected,
-        mission=topics.mission,
-        mission_progress=topics.mission_progress,
-        navigator_status=topics.navigator_status,
-        geofence_status=topics.geofence_status,
-        failure_detector_status=topics.failure_detector_status,
-        storage_status=topics.storage_status,
-        sensor_imu=topics.sensor_imu,
-        sensor_baro=topics.sensor_baro,
-        sensor_mag=topics.sensor_mag,
-        sensor_gps=topics.sensor_gps,
-        sensor_battery=topics.sensor_battery,
-        ground_station_heartbeat=topics.ground_station_heartbeat,
-        manual_control_setpoint=topics.manual_control_setpoint,
-        offboard_setpoint=topics.offboard_setpoint,
-        vehicle_command_ack=topics.vehicle_command_ack,
-        vehicle_status=topics.vehicle_status,
-        vehicle_control_mode=topics.vehicle_control_mode,
-        home_position=topics.home_position,
-        wind=topics.wind,
-        navigator_request=topics.navigator_request,
-        status_text=topics.status_text,
-    )
-
-
-def _mavlink_topics(topics: Topics) -> MavlinkTopics:
-    """What the MAVLink module reads and writes."""
-    return MavlinkTopics(
-        attitude=topics.vehicle_attitude,
-        local_position=topics.vehicle_local_position,
-        global_position=topics.vehicle_global_position,
-        estimator_status=topics.estimator_status,
-        gps=topics.sensor_gps,
-        imu=topics.sensor_imu,
-        baro=topics.sensor_baro,
-        battery=topics.sensor_battery,
-        vehicle_status=topics.vehicle_status,
-        land_detected=topics.land_detected,
-        home=topics.home_position,
-        mission_progress=topics.mission_progress,
-        trajectory_setpoint=topics.trajectory_setpoint,
-        actuator_motors=topics.actuator_motors,
-        truth=topics.sensor_truth,
-        command_ack=topics.vehicle_command_ack,
-        status_text=topics.status_text,
-        vehicle_command=topics.vehicle_command,
-        mission=topics.mission,
-        fence=topics.fence,
-        rally_points=topics.rally_points,
-        geofence_status=topics.geofence_status,
-        orbit_status=topics.orbit_status,
-        follow_target=topics.follow_target,
-        ground_station_heartbeat=topics.ground_station_heartbeat,
-        manual_control_setpoint=topics.manual_control_setpoint,
-        offboard_setpoint=topics.offboard_setpoint,
-        attitude_setpoint=topics.vehicle_attitude_setpoint,
-        rates_setpoint=topics.vehicle_rates_setpoint,
-        wind=topics.wind,
-        payload_order=topics.payload_order,
-        camera_event=topics.camera_event,
-        camera_status=topics.camera_status,
-        camera_lens=topics.camera_lens,
-        gimbal_status=topics.gimbal_status,
-        tracking_state=topics.tracking_state,
-        mag=topics.sensor_mag,
-        refused_frames=topics.refused_frames,
-        log_stream_request=topics.log_stream_request,
-        log_stream=topics.log_stream,
-    )
-
-
-def _logger_topics(topics: Topics) -> LoggerTopics:
-    """What the logger reads."""
-    return LoggerTopics(
-        attitude=topics.vehicle_attitude,
-        local_position=topics.vehicle_local_position,
-        global_position=topics.vehicle_global_position,
-        estimator_status=topics.estimator_status,
-        imu=topics.sensor_imu,
-        baro=topics.sensor_baro,
-        mag=topics.sensor_mag,
-        gps=topics.sensor_gps,
-        battery=topics.sensor_battery,
-        trajectory_setpoint=topics.trajectory_setpoint,
-        attitude_setpoint=topics.vehicle_attitude_setpoint,
-        rates_setpoint=topics.vehicle_rates_setpoint,
-        torque_thrust=topics.vehicle_torque_thrust_setpoint,
-        allocator_status=topics.control_allocator_status,
-        motors=topics.actuator_motors,
-        vehicle_status=topics.vehicle_status,
-        land_detected=topics.land_detected,
-        home=topics.home_position,
-        mission_progress=topics.mission_progress,
-    )
