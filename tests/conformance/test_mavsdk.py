@@ -183,9 +183,21 @@ def test_a_mission_can_be_cleared(client: Client) -> None:
 
 def test_what_does_not_fit_the_moment_is_refused(client: Client) -> None:
     with pytest.raises(ActionError):
-        client.action.land()
+        client.action.goto_location(40.4435, -3.7382, 660.0, math.nan)
+    with pytest.raises(ActionError):
+        client.action.set_current_speed(3.0)
     with pytest.raises(ActionError):
         client.action.transition_to_fixedwing()
+
+
+def test_a_mode_of_the_air_is_chosen_on_the_ground_but_not_armed_in(client: Client) -> None:
+    telemetry, action = client.telemetry, client.action
+    action.land()
+    wait_for(lambda: FlightMode(telemetry.flight_mode()) is FlightMode.LAND, "the mode")
+    with pytest.raises(ActionError):
+        action.arm()
+    action.hold()
+    wait_for(lambda: FlightMode(telemetry.flight_mode()) is FlightMode.HOLD, "hold")
 
 
 def test_take_off_hold_and_land(client: Client) -> None:
