@@ -129,11 +129,11 @@ def test_the_modes_come_at_once_or_one_by_one(station: Lockstep) -> None:
         ask(station, long(REQUEST, 435, index), wanted, is_a("COMMAND_ACK", result=0))
 
 
-@pytest.mark.parametrize("message_id", [397, 395])
-def test_component_information_is_refused_so_that_it_goes_on(
-    station: Lockstep, message_id: int
+def test_component_information_is_told_in_its_present_form_and_refused_in_the_old(
+    station: Lockstep,
 ) -> None:
-    assert command(station, long(REQUEST, message_id)) == UNSUPPORTED
+    ask(station, long(REQUEST, 397), is_a("COMPONENT_METADATA"), is_a("COMMAND_ACK", result=0))
+    assert command(station, long(REQUEST, 395)) == UNSUPPORTED
 
 
 def test_what_older_versions_ask_for(station: Lockstep) -> None:
