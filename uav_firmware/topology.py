@@ -144,6 +144,7 @@ class Autopilot:
             rally_points=topics.rally_points,
             geofence_status=topics.geofence_status,
             vehicle_command=topics.vehicle_command,
+            failure_detector_status=topics.failure_detector_status,
             status_text=topics.status_text,
             payload_order=topics.payload_order,
             region_of_interest=topics.region_of_interest,

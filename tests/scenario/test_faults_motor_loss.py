@@ -88,6 +88,22 @@ def test_with_a_motor_lost_it_comes_down_softly_at_its_place(
     assert watch.touch_down_m_s < 1.0
 
 
+@pytest.mark.parametrize(
+    ("seed", "wind_m_s"),
+    [(1, 3.0), (11, 3.0), (3, 8.0), (5, 8.0)],  # Tip over when they touch down at 0.4 m/s
+)
+def test_the_feet_of_a_spinning_vehicle_do_not_trip_it(
+    tmp_path: Path, seed: int, wind_m_s: float
+) -> None:
+    tester = hovering(tmp_path, seed=seed, wind_speed_m_s=wind_m_s)
+    lose(tester, 1 + seed % 4)
+    watch = Watch(tester)
+    tester.wait_until_landed(60.0)
+    assert not tester.simulation.wrecked
+    assert watch.touch_down_m_s is not None
+    assert watch.touch_down_m_s < 0.35
+
+
 def test_it_holds_place_and_height_spinning_the_way_that_the_two_rotors_push(
     tmp_path: Path,
 ) -> None:

@@ -138,11 +138,13 @@ class ToyVehicle:
         self.rally_points: Topic[RallyPoints] = Topic()
         self.geofence_status: Topic[GeofenceStatus] = Topic()
         self.follow_target: Topic[FollowTarget] = Topic()
+        self.failure: Topic[FailureDetectorStatus] = Topic()
         self.orbit_status: Topic[OrbitStatus] = Topic()
         self.setpoint: Topic[TrajectorySetpoint] = Topic()
         self.registry.add(PositionControlParams)
         self.navigator = NavigatorModule(
             self.registry,
+            failure_detector_status=self.failure,
             vehicle_local_position=self.local_position,
             vehicle_status=self.status,
             land_detected=self.land,
@@ -163,7 +165,6 @@ class ToyVehicle:
         self.sticks: Topic[ManualControlSetpoint] = Topic()
         self.stream: Topic[OffboardSetpoint] = Topic()
         self.control: Topic[VehicleControlMode] = Topic()
-        self.failure: Topic[FailureDetectorStatus] = Topic()
         self.storage: Topic[StorageStatus] = Topic()
         self.wind_estimate: Topic[WindEstimate] = Topic()
         self.commander = CommanderModule(

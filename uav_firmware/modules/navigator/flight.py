@@ -66,6 +66,7 @@ class Flight:
     frame: LocalFrame | None = None  # About the estimate's origin
     home: HomePosition | None = None
     landed: bool = True
+    motor_lost: bool = False
     ceiling: Vector3 = (math.inf, math.inf, math.inf)  # [m/s] Horizontal, up, down
     speeds: Speeds = field(default_factory=Speeds)
     path: PathFollower = field(default_factory=PathFollower)

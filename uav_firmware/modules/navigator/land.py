@@ -3,7 +3,8 @@
     TRANSIT --over the point--> DESCENT --MPC_LAND_ALT3--> TOUCHDOWN --landed--> done
 
 DESCENT slows to MPC_LAND_SPEED at MPC_LAND_ALT2 above the landing point and keeps sinking, so
-that a wrong height of the ground only makes it longer.
+that a wrong height of the ground only makes it longer. With a motor lost the vehicle spins as it
+comes down, and TOUCHDOWN takes half the speed.
 """
 
 import math
@@ -13,6 +14,7 @@ from uav_firmware.modules.navigator.flight import Flight
 from uav_firmware.msg.vectors import Vector3
 
 _CRAWL_SHARE = 0.6  # of MPC_LAND_SPEED, for the last stretch
+_SPINNING_CRAWL_SHARE = 0.3  # The friction of the first foot is a blow in proportion to the sink
 _OVER_THE_POINT_M = 1.0  # [m] horizontal error at which the descent may begin
 
 
@@ -50,7 +52,8 @@ class Land:
             and height < params.land_crawl_height
         ):
             self.phase = LandPhase.TOUCHDOWN
-            flight.path.descend(0.0, _CRAWL_SHARE * params.land_speed, flight.limits())
+            share = _SPINNING_CRAWL_SHARE if flight.motor_lost else _CRAWL_SHARE
+            flight.path.descend(0.0, share * params.land_speed, flight.limits())
         return self.phase is not LandPhase.TRANSIT and flight.landed
 
     def _over_the_point(self, flight: Flight) -> bool:

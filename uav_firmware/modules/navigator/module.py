@@ -22,6 +22,7 @@ from uav_firmware.modules.navigator.surroundings import ceiling, frame_of, tilt_
 from uav_firmware.modules.navigator.turning import take_heading, take_region_of_interest
 from uav_firmware.msg.control_mode import ControlSource, VehicleControlMode
 from uav_firmware.msg.estimate import VehicleLocalPosition
+from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.geofence import Fence, FenceBreach, GeofenceStatus, RallyPoints
 from uav_firmware.msg.guidance import (
     FollowOrder,
@@ -90,6 +91,7 @@ class NavigatorModule:
         payload_order: Queue[PayloadOrder] | None = None,
         region_of_interest: Topic[RegionOfInterest] | None = None,
         vehicle_control_mode: Topic[VehicleControlMode] | None = None,
+        failure_detector_status: Topic[FailureDetectorStatus] | None = None,
     ) -> None:
         registry.add(NavigatorParams)
         self._registry = registry
@@ -116,6 +118,7 @@ class NavigatorModule:
         self._fence_status = geofence_status
         self._judged_by = 0  # Version of the area by which the present mode was let in
         self._control_mode = vehicle_control_mode
+        self._failure_status = failure_detector_status
         self._params_version: int | None = None
         self._flight = Flight(registry.read(NavigatorParams))
         self._mission = MissionMode()
@@ -191,6 +194,8 @@ class NavigatorModule:
         flight.home = self._home_position.value
         land = self._land_detected.value
         flight.landed = land is None or land.landed
+        failure = None if self._failure_status is None else self._failure_status.value
+        flight.motor_lost = failure is not None and failure.failed_motors != 0
         if estimate is not None:
             flight.frame = frame_of(estimate, flight.frame)
         self._area.update(flight)

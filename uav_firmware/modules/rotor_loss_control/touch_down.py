@@ -7,7 +7,7 @@ changes with the thrust, but over seconds. Both together are the ground. The sig
 should it err in the air, the vehicle falls, the sign is gone and the thrust is back.
 """
 
-_LEAST_WANTED_SINK_M_S = 0.2
+_LEAST_WANTED_SINK_M_S = 0.1
 _SINK_SHARE = 0.4  # Of the wanted sink speed
 _SPIN_SHARE = 0.95  # Of what it was
 _SPIN_TIME_S = 3.0  # In which a former spin is forgotten

@@ -5,6 +5,7 @@ import math
 import pytest
 
 from tests.support.toy_vehicle import HOME, ToyVehicle, at
+from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.status import Command, NavigationState
 
 ACCEPTED, NOT_NOW = 0, 1
@@ -115,6 +116,19 @@ def test_landing_on_the_spot_disarms() -> None:
     vehicle.run_until(lambda v: not v.armed, 60.0)
     assert math.dist(vehicle.position, (5, 5, 0)) < 0.1
     assert vehicle.mode is NavigationState.AUTO_LOITER
+
+
+def touch_down_speed(vehicle: ToyVehicle) -> float:
+    """Sink [m/s] that is asked for just above the ground."""
+    assert vehicle.set_mode(6) == ACCEPTED
+    vehicle.run_until(lambda v: v.height < 0.1, 60.0)
+    return vehicle.setpoints[-1].velocity_ned[2]
+
+
+def test_a_vehicle_that_spins_on_three_rotors_touches_down_at_half_the_speed() -> None:
+    whole, broken = airborne(), airborne()
+    broken.failure.publish(FailureDetectorStatus(broken.now_us, False, False, 0b0100))
+    assert touch_down_speed(broken) == pytest.approx(0.5 * touch_down_speed(whole), rel=0.02)
 
 
 def test_a_land_command_with_a_place_lands_there() -> None:

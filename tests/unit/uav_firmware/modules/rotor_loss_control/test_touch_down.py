@@ -12,12 +12,18 @@ def spinning() -> TouchDownSign:
     return sign
 
 
-def seen(sign: TouchDownSign, seconds: float, *, sink: float, spin: float) -> bool:
-    return any(sign.update(0.4, sink, spin, DT) for _ in range(round(seconds / DT)))
+def seen(
+    sign: TouchDownSign, seconds: float, *, sink: float, spin: float, wanted: float = 0.4
+) -> bool:
+    return any(sign.update(wanted, sink, spin, DT) for _ in range(round(seconds / DT)))
 
 
 def test_sinking_that_stops_with_a_braked_spin_is_the_ground() -> None:
     assert seen(spinning(), 0.2, sink=0.0, spin=-15.0)
+
+
+def test_the_ground_is_told_at_the_slow_sink_of_a_spinning_landing_too() -> None:
+    assert seen(spinning(), 0.2, sink=0.0, spin=-15.0, wanted=0.21)
 
 
 def test_a_gust_that_stops_the_sinking_is_not() -> None:
