@@ -21,6 +21,11 @@ _NOT_YET: Final[int] = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
 _TO_ALL: Final = 2.0
 _TARGETS: Final = frozenset({0.0, 1.0, _TO_ALL})
 _INTERVAL_OFF: Final = -1
+_LONGEST_INTERVAL_US: Final = 2**31 - 1
+"""MESSAGE_INTERVAL tells of intervals in an int32 [us]: what it cannot tell is not taken."""
+
+_SLOWEST_HEARTBEAT_US: Final = 1_000_000
+"""By the protocol a heartbeat is sent once a second, whatever anybody asks [us]."""
 
 
 class Answer(NamedTuple):
@@ -100,7 +105,7 @@ class RequestServer:
         key = self._key(message_id)
         if key not in BUILDERS:
             return Answer(_UNSUPPORTED)
-        if message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT and interval == _INTERVAL_OFF:
+        if message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT and not _keeps_alive(interval):
             return Answer(_DENIED)
         for channel in self._channels(sender, to_all=target == _TO_ALL):
             _apply_interval(channel, key, round(interval), now_us)
@@ -155,4 +160,8 @@ def _target(command: Command) -> float | None:
 
 
 def _is_interval(interval: float) -> bool:
-    return math.isfinite(interval) and (interval >= 0.0 or interval == _INTERVAL_OFF)
+    return 0.0 <= interval <= _LONGEST_INTERVAL_US or interval == _INTERVAL_OFF
+
+
+def _keeps_alive(interval: float) -> bool:
+    return 0.0 <= interval <= _SLOWEST_HEARTBEAT_US

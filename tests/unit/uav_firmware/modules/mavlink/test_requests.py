@@ -2,6 +2,8 @@ import math
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tests.unit.uav_firmware.modules.mavlink.harness import (
     BROKER,
@@ -105,7 +107,7 @@ def test_numbers_that_are_no_message_are_denied(number: float) -> None:
         assert asked(Bench(), command_long(command, number))[0] == DENIED
 
 
-@pytest.mark.parametrize("interval", [math.nan, -2.0, -0.5, math.inf])
+@pytest.mark.parametrize("interval", [math.nan, -2.0, -0.5, math.inf, 2.0**31, 1e30])
 def test_intervals_that_cannot_be_meant_are_denied(interval: float) -> None:
     assert asked(Bench(), command_long(SET_INTERVAL, ATTITUDE, interval))[0] == DENIED
 
@@ -144,8 +146,19 @@ def test_the_truth_streams_when_asked_for() -> None:
     assert rate(bench, "HIL_STATE_QUATERNION") == pytest.approx(15.0, abs=0.2)
 
 
-def test_the_heartbeat_cannot_be_turned_off() -> None:
-    assert asked(Bench(), command_long(SET_INTERVAL, 0, -1))[0] == DENIED
+@pytest.mark.parametrize("interval_us", [-1.0, 2e6, 2e9])
+def test_the_heartbeat_can_neither_be_turned_off_nor_thinned_out(interval_us: float) -> None:
+    assert asked(Bench(), command_long(SET_INTERVAL, 0, interval_us))[0] == DENIED
+
+
+@given(st.floats(min_value=0.0, width=32, allow_infinity=False))
+def test_every_interval_that_is_taken_can_be_told(interval_us: float) -> None:
+    bench = Bench()
+    taken = asked(bench, command_long(SET_INTERVAL, ATTITUDE, interval_us))[0] == ACCEPTED
+    result, messages = asked(bench, command_long(GET_INTERVAL, ATTITUDE))
+    assert result == ACCEPTED
+    assert "MESSAGE_INTERVAL" in {m.get_type() for m in messages}
+    assert taken == (interval_us < 2**31)
 
 
 @pytest.mark.parametrize(
