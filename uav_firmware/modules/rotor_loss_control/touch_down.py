@@ -9,11 +9,11 @@ should it err in the air, the vehicle falls, the sign is gone and the thrust is 
 
 _LEAST_WANTED_SINK_M_S = 0.1
 _SINK_SHARE = 0.4  # Of the wanted sink speed
-_SPIN_SHARE = 0.95  # Of what it was
-_SPIN_TIME_S = 3.0  # In which a former spin is forgotten
+_SPIN_SHARE = 0.97  # Of what it was
+_SPIN_TIME_S = 10.0  # In which a former spin is forgotten; the ground may brake it slowly
 _LEAST_SPIN_RAD_S = 3.0
 _FALL_M_S = 1.0  # A tenth of a second of free fall
-_TIME_S = 0.03
+_TIME_S = 0.02
 
 
 class TouchDownSign:

@@ -26,6 +26,10 @@ def test_the_ground_is_told_at_the_slow_sink_of_a_spinning_landing_too() -> None
     assert seen(spinning(), 0.2, sink=0.0, spin=-15.0, wanted=0.21)
 
 
+def test_feet_that_brush_the_ground_brake_little_and_slowly() -> None:
+    assert seen(spinning(), 0.2, sink=-0.05, spin=-16.4, wanted=0.21)
+
+
 def test_a_gust_that_stops_the_sinking_is_not() -> None:
     assert not seen(spinning(), 1.0, sink=0.0, spin=-17.0)
 
@@ -35,7 +39,7 @@ def test_a_spin_that_slows_while_sinking_is_not() -> None:
 
 
 def test_a_moment_is_not_enough() -> None:
-    assert not seen(spinning(), 0.02, sink=0.0, spin=-15.0)
+    assert not seen(spinning(), 0.012, sink=0.0, spin=-15.0)
 
 
 def test_a_vehicle_that_is_not_to_sink_does_not_touch_down() -> None:
