@@ -47,6 +47,10 @@ class MemoryLink:
         assert address == ADDRESS
         self.from_vehicle.append(datagram)
 
+    def refused_addresses(self) -> Sequence[Address]:
+        """Somebody always listens."""
+        return ()
+
     def close(self) -> None:
         """Nothing to release."""
 

@@ -47,6 +47,10 @@ class LinkEnd:
         """Send to the other end; there is only one."""
         self._link.carry(datagram, self)
 
+    def refused_addresses(self) -> list[Address]:
+        """Somebody always listens."""
+        return []
+
     def close(self) -> None:
         """Nothing to release."""
 

@@ -15,5 +15,11 @@ class Link(Protocol):
     def send(self, datagram: bytes, address: Address) -> None:
         """Send one datagram; an unreachable address is no error."""
 
+    def refused_addresses(self) -> Sequence[Address]:
+        """Where datagrams have been turned away since the last call: nobody listens there.
+
+        A link that cannot know gives none.
+        """
+
     def close(self) -> None:
         """Release the socket."""

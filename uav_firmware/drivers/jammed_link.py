@@ -32,6 +32,10 @@ class JammedLink:
         if not self._vehicle.link_lost:
             self._link.send(datagram, address)
 
+    def refused_addresses(self) -> Sequence[Address]:
+        """Where nobody listens."""
+        return self._link.refused_addresses()
+
     def wait(self, seconds: float) -> bool:
         """Wait for datagrams no longer than `seconds`; whether there are some."""
         return self._link.wait(seconds)

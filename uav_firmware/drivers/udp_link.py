@@ -2,6 +2,7 @@
 
 import select
 import socket
+import sys
 from collections.abc import Sequence
 from typing import Final
 
@@ -11,13 +12,17 @@ MAX_DATAGRAMS_PER_CALL: Final = 64
 """A flood is served in slices, so that the control loop keeps its step time."""
 MAX_DATAGRAM_BYTES: Final = 4096
 _BUFFER_BYTES: Final = 1 << 20
+_IP_RECVERR: Final = 11
+"""Linux's socket option (ip(7)): tell of the destinations that nobody listens at."""
+_ANCILLARY_BYTES: Final = 512
 
 
 class UdpLink:
     """A bound UDP socket; implements `uav_firmware.cal.link.Link`.
 
     A datagram that cannot be sent is lost and counted, as it would be on a radio: nobody
-    listens, no route, or the buffer is full.
+    listens, no route, or the buffer is full. Where nobody listens is told by
+    `refused_addresses`, on Linux.
     """
 
     def __init__(self, host: str, port: int) -> None:
@@ -31,6 +36,8 @@ class UdpLink:
             self._socket.settimeout(0.0)
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER_BYTES)
+            if sys.platform == "linux":
+                self._socket.setsockopt(socket.IPPROTO_IP, _IP_RECVERR, 1)
             self._socket.bind((host, port))
         except OSError:
             self._socket.close()
@@ -39,6 +46,7 @@ class UdpLink:
         self._poll = select.poll()
         self._poll.register(self._socket, select.POLLIN)
         self.send_faults: int = 0
+        self._refused: set[Address] = set()
 
     @property
     def address(self) -> Address:
@@ -66,15 +74,41 @@ class UdpLink:
                 break
             except OSError:
                 # The answer of a former destination that nobody listens on; not a datagram.
-                continue
+                self._note_refusals()
         return datagrams
 
     def send(self, datagram: bytes, address: Address) -> None:
         """Send one datagram; an unreachable address is no error."""
         try:
-            self._socket.sendto(datagram, address)
+            self._send(datagram, address)
         except OSError:
             self.send_faults += 1
+
+    def refused_addresses(self) -> Sequence[Address]:
+        """Where datagrams have been turned away since the last call."""
+        self._note_refusals()
+        refused, self._refused = tuple(self._refused), set()
+        return refused
+
+    def _send(self, datagram: bytes, address: Address) -> None:
+        try:
+            self._socket.sendto(datagram, address)
+        except ConnectionRefusedError:
+            # Told of an earlier datagram to anybody; this one has not been sent yet.
+            self._note_refusals()
+            self._socket.sendto(datagram, address)
+
+    def _note_refusals(self) -> None:
+        """Empty the socket's queue of errors."""
+        if sys.platform != "linux":
+            return
+        for _ in range(MAX_DATAGRAMS_PER_CALL):
+            try:
+                _, _, _, address = self._socket.recvmsg(1, _ANCILLARY_BYTES, socket.MSG_ERRQUEUE)
+            except OSError:
+                return  # Nothing is left in it
+            if address:
+                self._refused.add(address)
 
     def close(self) -> None:
         """Release the socket."""

@@ -167,6 +167,7 @@ class MavlinkModule:
         if now_us >= self._housekeeping_us:
             self._housekeeping_us = now_us + _HOUSEKEEPING_US
             note_battery_size(self._registry, self._topics.battery)
+            self._peers.note_refused(self._link.refused_addresses(), now_us)
             self._dispatcher.forget(self._peers.forget_silent(now_us))
             self._reception.tell(now_us)
 

@@ -8,7 +8,7 @@ one datagram with a forged sender does not make the vehicle pour telemetry on a 
 Who keeps a place when all are taken is settled in `place_for`; see the README's "Peers".
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Final
@@ -26,6 +26,9 @@ LONGEST_SILENCE_US: Final = 60_000_000
 MAX_CALLERS: Final = 4096
 """Addresses remembered for a second or two, of those for which there is no place."""
 _CALLERS_PERIOD_US: Final = 1_000_000
+REFUSED_FOR_US: Final = 2_500_000
+"""How long a peer at whose address nobody listens is sent nothing but HEARTBEAT: until two of
+these have not been turned away."""
 
 
 class Profile(Enum):
@@ -55,6 +58,7 @@ class Channel:
         "learnt",
         "link_id",
         "profile",
+        "refused_us",
         "schedule",
         "signer",
         "spoken",
@@ -71,6 +75,7 @@ class Channel:
         self.known_us = now_us
         self.heard_us = now_us
         self.spoken = False  # Has said more than HEARTBEAT
+        self.refused_us = -REFUSED_FOR_US  # When nobody listened there last
         self.signer: Signer | None = None  # Signs what is sent; None: sent unsigned
         self._sequences: dict[int, int] = {}  # By component
 
@@ -79,6 +84,10 @@ class Channel:
         """How long this peer may be silent before it is forgotten."""
         acquaintance_us = self.heard_us - self.known_us
         return min(max(acquaintance_us, SHORTEST_SILENCE_US), LONGEST_SILENCE_US)
+
+    def is_deaf(self, now_us: int) -> bool:
+        """Whether nobody listens at its address, as far as is known."""
+        return self.refused_us > self.heard_us and now_us - self.refused_us < REFUSED_FOR_US
 
     def next_sequence(self, component: int) -> int:
         """Sequence number of a component's next frame to this peer, 0 to 255 and round again."""
@@ -165,6 +174,13 @@ class PeerTable:
             ),
             default=LONGEST_INTERVAL_US,
         )
+
+    def note_refused(self, addresses: Iterable[Address], now_us: int) -> None:
+        """Note where datagrams have been turned away."""
+        for address in addresses:
+            channel = self._channels.get(address)
+            if channel is not None:
+                channel.refused_us = now_us
 
     def forget_silent(self, now_us: int) -> list[Address]:
         """Close the channels to learnt peers that have been silent for too long.

@@ -43,6 +43,11 @@ def component_of(key: int) -> int:
     return key >> 24 or AUTOPILOT_COMPONENT
 
 
+def message_of(key: int) -> int:
+    """Message id of a stream."""
+    return key & 0xFFFFFF
+
+
 class LinkMode(IntEnum):
     """What a link carries unprompted: the values of MAV_0_MODE and MAV_1_MODE, as PX4's."""
 

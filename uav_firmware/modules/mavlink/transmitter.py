@@ -2,13 +2,16 @@
 
 import struct
 from collections.abc import Iterable
+from typing import Final
 
 from uav_firmware.cal.link import Link
 from uav_firmware.modules.mavlink.addressing import Outgoing
 from uav_firmware.modules.mavlink.builders.context import Context
-from uav_firmware.modules.mavlink.dialect import Payload, frame, pack
+from uav_firmware.modules.mavlink.dialect import Payload, frame, mavlink, pack
 from uav_firmware.modules.mavlink.peers import Channel, PeerTable
-from uav_firmware.modules.mavlink.streams import BUILDERS, component_of
+from uav_firmware.modules.mavlink.streams import BUILDERS, component_of, message_of
+
+_HEARTBEAT: Final = mavlink.MAVLINK_MSG_ID_HEARTBEAT
 
 
 class Transmitter:
@@ -31,10 +34,13 @@ class Transmitter:
                 self._frame(payload, channel, component)
 
     def stream(self, context: Context) -> None:
-        """Send every peer the telemetry that is due."""
+        """Send every peer the telemetry that is due; where nobody listens, only HEARTBEAT."""
         packed: dict[int, Payload | None] = {}
         for channel in self._peers:
-            for key in channel.schedule.take_due(context.now_us):
+            keys = channel.schedule.take_due(context.now_us)
+            if channel.is_deaf(context.now_us):
+                keys = [key for key in keys if message_of(key) == _HEARTBEAT]
+            for key in keys:
                 if key not in packed:
                     packed[key] = self._build(key, context)
                 payload = packed[key]

@@ -1,3 +1,4 @@
+import sys
 from collections.abc import Iterator
 
 import pytest
@@ -73,3 +74,28 @@ def test_a_datagram_too_large_for_udp_is_counted_and_no_error(
 def test_a_port_in_use_is_refused(links: tuple[UdpLink, UdpLink]) -> None:
     with pytest.raises(OSError, match="in use"):
         UdpLink(*links[0].address)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells it")
+def test_where_nobody_listens_is_told_once(links: tuple[UdpLink, UdpLink]) -> None:
+    one, other = links
+    gone = other.address
+    other.close()
+    one.send(b"anybody?", gone)
+    assert list(one.refused_addresses()) == [gone]
+    assert list(one.refused_addresses()) == []
+
+
+def test_a_datagram_for_another_is_not_lost_to_who_does_not_listen(
+    links: tuple[UdpLink, UdpLink],
+) -> None:
+    one, other = links
+    gone = UdpLink(HOST, 0)
+    nowhere = gone.address
+    gone.close()
+    for number in range(5):
+        one.send(b"anybody?", nowhere)
+        one.send(bytes((number,)), other.address)
+    assert other.wait(1.0)
+    assert [datagram for datagram, _ in other.receive()] == [bytes((n,)) for n in range(5)]
+    assert list(one.receive()) == []

@@ -268,6 +268,8 @@ class MemoryLink:
     def __init__(self) -> None:
         self.incoming: list[tuple[bytes, Address]] = []
         self.sent: list[tuple[bytes, Address]] = []
+        self.deaf: set[Address] = set()  # Where nobody listens
+        self._refused: set[Address] = set()
 
     def receive(self) -> list[tuple[bytes, Address]]:
         arrived, self.incoming = self.incoming, []
@@ -275,6 +277,12 @@ class MemoryLink:
 
     def send(self, datagram: bytes, address: Address) -> None:
         self.sent.append((datagram, address))
+        if address in self.deaf:
+            self._refused.add(address)
+
+    def refused_addresses(self) -> list[Address]:
+        refused, self._refused = list(self._refused), set()
+        return refused
 
     def close(self) -> None:
         pass

@@ -185,3 +185,37 @@ def test_the_commander_hears_of_ground_station_and_broker_but_not_of_other_vehic
         assert heard.count == expected
     assert heard.value is not None
     assert heard.value <= bench.now_us
+
+
+def test_where_nobody_listens_only_heartbeats_go() -> None:
+    bench = Bench()
+    bench.memory.deaf.add(BROKER)
+    bench.run(2 * SECOND_US)
+    bench.hear(at=BROKER)
+    bench.run(5 * SECOND_US)
+    told = bench.hear(at=BROKER)
+    assert {message.get_type() for message in told} == {"HEARTBEAT"}
+    assert len(told) >= 4
+    assert len(bench.hear("ATTITUDE", at=GROUND)) > 60
+
+
+def test_whoever_begins_to_listen_has_all_streams_within_seconds() -> None:
+    bench = Bench()
+    bench.memory.deaf.add(BROKER)
+    bench.run(5 * SECOND_US)
+    bench.memory.deaf.clear()
+    bench.run(4 * SECOND_US)
+    bench.hear(at=BROKER)
+    bench.run(SECOND_US)
+    assert len(bench.hear("ATTITUDE", at=BROKER)) > 50
+
+
+def test_whoever_speaks_has_all_streams_at_once() -> None:
+    bench = Bench()
+    bench.memory.deaf.add(BROKER)
+    bench.run(5 * SECOND_US)
+    bench.memory.deaf.clear()
+    bench.say(HEARTBEAT, source=BROKER)
+    bench.hear(at=BROKER)
+    bench.run(SECOND_US)
+    assert len(bench.hear("ATTITUDE", at=BROKER)) > 50
