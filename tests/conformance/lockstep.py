@@ -36,6 +36,10 @@ class _Wire:
     def send(self, datagram: bytes, address: Address) -> None:
         self.from_vehicle.append((datagram, address))
 
+    def refused_addresses(self) -> Sequence[Address]:
+        """Somebody always listens."""
+        return ()
+
     def close(self) -> None:
         pass
 
