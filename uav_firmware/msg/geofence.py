@@ -55,3 +55,4 @@ class GeofenceStatus(NamedTuple):
     margin_m: float  # [m] To the nearest horizontal boundary, negative beyond; inf without one
     breach_count: int  # [-] Breaches since the start
     breach_time_us: int  # [us] Of the last one; 0 when there was none
+    enabled: bool = True  # Not switched off by DO_FENCE_ENABLE

@@ -32,6 +32,7 @@ class MissionCommand(IntEnum):
     DO_JUMP = 177
     DO_CHANGE_SPEED = 178
     DO_SET_HOME = 179
+    DO_LAND_START = 189
     DO_SET_ROI_LOCATION = 195
     DO_SET_ROI_NONE = 197
     DO_SET_ROI = 201
@@ -39,6 +40,7 @@ class MissionCommand(IntEnum):
     DO_MOUNT_CONFIGURE = 204
     DO_MOUNT_CONTROL = 205
     DO_SET_CAM_TRIGG_DIST = 206
+    DO_FENCE_ENABLE = 207
     SET_CAMERA_MODE = 530
     DO_GIMBAL_MANAGER_PITCHYAW = 1000
     DO_GIMBAL_MANAGER_CONFIGURE = 1001
@@ -164,11 +166,23 @@ class MissionCurrentRequest(NamedTuple):
     reset: bool  # Forget completion and jump counters
 
 
+class FenceSwitch(NamedTuple):
+    """Whether the geofence is held to, until the vehicle is disarmed. Written by commander."""
+
+    time_us: int  # [us]
+    enabled: bool
+
+
 ModeTarget: TypeAlias = NavigatorTarget | OrbitTarget | FollowOrder
 """An order that belongs to one mode and comes just before it."""
 
 NavigatorRequest: TypeAlias = (
-    ModeTarget | SpeedRequest | MissionCurrentRequest | RegionOfInterest | HeadingRequest
+    ModeTarget
+    | SpeedRequest
+    | MissionCurrentRequest
+    | RegionOfInterest
+    | HeadingRequest
+    | FenceSwitch
 )
 """What the navigator's request queue carries."""
 

@@ -40,7 +40,7 @@ from uav_firmware.modules.commander.decision import (
 from uav_firmware.modules.commander.flight_commands import Situation
 from uav_firmware.modules.commander.mode_requirements import Need
 from uav_firmware.modules.commander.pilot import unsafe_throttle
-from uav_firmware.msg.mission import MissionCurrentRequest, MissionState
+from uav_firmware.msg.mission import FenceSwitch, MissionCurrentRequest, MissionState
 from uav_firmware.msg.status import Command, CommandResult, NavigationState, VehicleCommand
 
 FORCE: Final = 21196.0
@@ -201,6 +201,13 @@ def _set_home(command: VehicleCommand, situation: Situation) -> Decision:
     return accepted(SetHome(spot, yaw))
 
 
+def _fence_enable(command: VehicleCommand, situation: Situation) -> Decision:
+    """Only the whole fence can be switched: it has no floor, which 2 would take away."""
+    enabled = choice(command, 1, 0.0, 1.0) == 1.0
+    refuse_set(command, 2, 3, 4, 5, 6, 7)
+    return accepted(Tell(FenceSwitch(situation.view.now_us, enabled)))
+
+
 def _terminate(command: VehicleCommand, situation: Situation) -> Decision:
     wanted = choice(command, 1, 0.0, 1.0) == 1.0
     refuse_set(command, 2, 3, 4, 5, 6, 7)
@@ -241,6 +248,7 @@ HANDLERS: Final[Mapping[int, Handler]] = {
     Command.DO_CHANGE_SPEED: flight_commands.change_speed,
     Command.DO_SET_HOME: _set_home,
     Command.DO_FLIGHTTERMINATION: _terminate,
+    Command.DO_FENCE_ENABLE: _fence_enable,
     Command.DO_REPOSITION: flight_commands.reposition,
     Command.DO_PAUSE_CONTINUE: _pause_continue,
     Command.DO_SET_MISSION_CURRENT: _set_current,

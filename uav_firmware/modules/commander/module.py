@@ -279,7 +279,7 @@ class CommanderModule:
             health.ready,
             self._armed_since_us,
             health.present,
-            health.present,
+            health.enabled,
             health.healthy,
             self._airborne_since_us or 0,
         )

@@ -4,7 +4,7 @@ from typing import Final, NamedTuple
 
 from uav_firmware.modules.commander.commands import arming_refusal
 from uav_firmware.modules.commander.flight_commands import Situation
-from uav_firmware.modules.commander.sensor_watch import healthy_bits, present_bits
+from uav_firmware.modules.commander.sensor_watch import enabled_bits, healthy_bits, present_bits
 from uav_firmware.msg.status import NavigationState
 
 EXAMINE_PERIOD_US: Final = 100_000
@@ -19,6 +19,7 @@ class Health(NamedTuple):
     armed: bool
     ready: bool = False  # Arming would be accepted
     present: int = 0  # [-] MAV_SYS_STATUS_SENSOR bits
+    enabled: int = 0  # [-]
     healthy: int = 0  # [-]
 
 
@@ -26,11 +27,13 @@ def examine(situation: Situation) -> Health:
     """Look at everything once."""
     view = situation.view
     ready = arming_refusal(situation) is None
+    present = present_bits(view.ages)
     return Health(
         view.now_us + EXAMINE_PERIOD_US,
         situation.mode,
         situation.armed,
         ready,
-        present_bits(view.ages),
+        present,
+        enabled_bits(view, present),
         healthy_bits(view, ready=ready),
     )

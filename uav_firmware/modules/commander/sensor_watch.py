@@ -80,6 +80,12 @@ def present_bits(ages: SensorAges) -> int:
     return bits
 
 
+def enabled_bits(view: VehicleView, present: int) -> int:
+    """What of the things present is in use: all but a geofence that is switched off."""
+    off = view.fence is not None and not view.fence.enabled
+    return present & ~SensorBit.GEOFENCE if off else present
+
+
 def healthy_bits(view: VehicleView, *, ready: bool) -> int:
     """Sensors that deliver and controllers that have what they need."""
     ages, estimate = view.ages, view.position

@@ -31,6 +31,13 @@ class AreaKeeper:
         self._rally = rally_points
         self._known: tuple[Any, ...] = ()
         self.version = 0  # Grows with every change
+        self._armed = False
+
+    def follow_arming(self, flight: Flight, *, armed: bool) -> None:
+        """A geofence that was switched off is back when the flight is over."""
+        if self._armed and not armed:
+            flight.switch_fence(enabled=True)
+        self._armed = armed
 
     def update(self, flight: Flight) -> None:
         """Work all out again when a plan, the origin, home or a parameter has changed."""
@@ -40,6 +47,7 @@ class AreaKeeper:
             flight.frame,
             None if flight.home is None else flight.home.position_ned,
             flight.params,
+            flight.fence_enabled,
         )
         if state != self._known:
             self._known = state
@@ -50,6 +58,8 @@ class AreaKeeper:
 
     def _geofence(self, flight: Flight) -> Geofence:
         fence, frame, params = self._fence.value, flight.frame, flight.params
+        if not flight.fence_enabled:
+            return Geofence()
         areas = () if fence is None or frame is None else geofence_plan.areas_of(fence.items, frame)
         around_home = None
         if params.fence_distance > 0.0 and flight.home is not None:

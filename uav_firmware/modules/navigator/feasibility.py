@@ -57,6 +57,8 @@ _HONOURED: Final[Mapping[int, frozenset[int]]] = {
     MissionCommand.CONDITION_DISTANCE: frozenset({1}),
     MissionCommand.CONDITION_YAW: frozenset({1, 2, 3, 4}),
     MissionCommand.DO_SET_HOME: frozenset({1, 4, 5, 6, 7}),
+    MissionCommand.DO_LAND_START: frozenset({5, 6, 7}),
+    MissionCommand.DO_FENCE_ENABLE: frozenset({1}),
     MissionCommand.DO_SET_ROI: frozenset({1, 5, 6, 7}),
     MissionCommand.DO_SET_ROI_LOCATION: frozenset({1, 5, 6, 7}),
     MissionCommand.DO_SET_ROI_NONE: frozenset({1}),

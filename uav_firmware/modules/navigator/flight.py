@@ -23,6 +23,7 @@ NAN = math.nan
 UNSET: Vector3 = (NAN, NAN, NAN)
 IDLE_SINK_SPEED_M_S = 0.7  # [m/s] asked for on the ground, so that the thrust stays down
 
+_WARNING, _NOTICE = 4, 5  # MAV_SEVERITY
 _FACING_SPEED = 0.3  # [m/s] horizontal set-point speed above which the nose follows it
 _NEAREST_LOOK_M = 1.0  # [m] a place nearer than this has no direction worth turning to
 
@@ -76,6 +77,7 @@ class Flight:
     abort_down: float = NAN  # [m] Down coordinate to climb back to when a landing is broken off
     tilt_max: float = 0.5 * math.pi  # [rad] Of the position controller
     fence: Geofence = field(default_factory=Geofence)
+    fence_enabled: bool = True  # Off, `fence` is without bounds
     rally_points: tuple[Vector3, ...] = ()  # [m, NED]
     fence_return: Vector3 | None = None  # [m, NED] Where a return from a breach leads
     breached: bool = False  # The vehicle is where it may not be
@@ -172,6 +174,12 @@ class Flight:
     def turned(self) -> bool:
         """Whether the nose points where it shall, or need not point anywhere."""
         return math.isnan(self.turn_left) and (math.isnan(self.yaw_target) or self.yaw.settled)
+
+    def switch_fence(self, *, enabled: bool) -> None:
+        """Hold to the geofence or not; told when it changes."""
+        if enabled is not self.fence_enabled:
+            self.fence_enabled = enabled
+            self.say(_NOTICE if enabled else _WARNING, f"Geofence {'on' if enabled else 'off'}")
 
     def say(self, severity: int, text: str) -> None:
         """Tell the operator something."""

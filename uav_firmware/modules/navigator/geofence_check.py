@@ -35,12 +35,18 @@ class Surroundings(NamedTuple):
 
 
 def review_mission(items: Sequence[MissionItem], surroundings: Surroundings) -> PlanReview:
-    """First item that leaves the fence, on the way to it or at it; None when all stay within."""
+    """First item that leaves the fence, on the way to it or at it; None when all stay within.
+
+    Where the mission itself has switched the fence off, it may leave it.
+    """
     if surroundings.fence == Geofence():
         return None
+    whole, without = surroundings, surroundings._replace(fence=Geofence())
     work = work_of(surroundings.fence)
     before: Point | None = None
     for item in items:
+        if item.command == MissionCommand.DO_FENCE_ENABLE:
+            surroundings = whole if item.param1 == 1.0 else without
         reason, before = _step(item, items, before, surroundings)
         if reason:
             name = MissionCommand(item.command).name

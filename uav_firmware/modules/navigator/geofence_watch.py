@@ -40,7 +40,14 @@ class GeofenceWatch:
             self._since_us = flight.now_us
         action = FenceAction(flight.params.fence_action)
         self.status = GeofenceStatus(
-            flight.now_us, breach, predicted, action, margin, self._count, self._since_us
+            flight.now_us,
+            breach,
+            predicted,
+            action,
+            margin,
+            self._count,
+            self._since_us,
+            flight.fence_enabled,
         )
         return self.status
 

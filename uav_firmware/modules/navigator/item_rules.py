@@ -117,6 +117,16 @@ def _mode_of_home_and_roi(
     return None
 
 
+def _fence(
+    item: MissionItem, _items: Sequence[MissionItem], _home: object, _params: object
+) -> MissionRejection | None:
+    if item.command != MissionCommand.DO_FENCE_ENABLE or item.param1 in {0.0, 1.0}:
+        return None
+    if item.param1 == 2.0:
+        return reject(item, 1, "is 2, but the geofence has no floor to switch off")
+    return reject(item, 1, f"is {item.param1:g}, neither 0 nor 1")
+
+
 def _payload(
     item: MissionItem, _items: Sequence[MissionItem], _home: object, _params: object
 ) -> MissionRejection | None:
@@ -165,6 +175,7 @@ RULES: Final[tuple[Check, ...]] = (
     _circle,
     _condition,
     _mode_of_home_and_roi,
+    _fence,
     _payload,
     _speed,
 )

@@ -224,6 +224,12 @@ class MissionMode(NavigatorMode):
     def _set_home(self, item: MissionItem, flight: Flight) -> None:
         flight.home_orders.append(item)
 
+    def _switch_fence(self, item: MissionItem, flight: Flight) -> None:
+        flight.switch_fence(enabled=item.param1 == 1.0)
+
+    def _pass_mark(self, item: MissionItem, flight: Flight) -> None:
+        """DO_LAND_START only marks where the way to a landing begins."""
+
     def _order_payload(self, item: MissionItem, flight: Flight) -> None:
         flight.payload_orders.append(item)
 
@@ -254,6 +260,8 @@ class MissionMode(NavigatorMode):
         MissionCommand.CONDITION_YAW: _turn,
         MissionCommand.DO_CHANGE_SPEED: _change_speed,
         MissionCommand.DO_SET_HOME: _set_home,
+        MissionCommand.DO_LAND_START: _pass_mark,
+        MissionCommand.DO_FENCE_ENABLE: _switch_fence,
         MissionCommand.DO_SET_ROI: _look,
         MissionCommand.DO_SET_ROI_LOCATION: _look,
         MissionCommand.DO_SET_ROI_NONE: _look,

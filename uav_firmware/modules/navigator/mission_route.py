@@ -57,7 +57,16 @@ PAYLOAD = frozenset(
     }
 )
 """Items that camera and gimbal carry out."""
-INSTANT = LOOKING | PAYLOAD | {MissionCommand.DO_CHANGE_SPEED, MissionCommand.DO_SET_HOME}
+INSTANT = (
+    LOOKING
+    | PAYLOAD
+    | {
+        MissionCommand.DO_CHANGE_SPEED,
+        MissionCommand.DO_SET_HOME,
+        MissionCommand.DO_LAND_START,
+        MissionCommand.DO_FENCE_ENABLE,
+    }
+)
 """Items that take no time and do not interrupt a route."""
 ON_THE_WAY = frozenset({MissionCommand.CONDITION_DELAY, MissionCommand.CONDITION_DISTANCE})
 """Items that wait while the vehicle flies on to the next position, which is then a stop."""

@@ -33,6 +33,7 @@ from uav_firmware.msg.guidance import (
     RegionOfInterest,
 )
 from uav_firmware.msg.mission import (
+    FenceSwitch,
     Mission,
     MissionCurrentRequest,
     MissionItem,
@@ -235,6 +236,8 @@ class NavigatorModule:
                         self._active.on_speeds(flight)
                 case RegionOfInterest():
                     take_region_of_interest(self._flight, request)
+                case FenceSwitch(enabled=enabled):
+                    self._flight.switch_fence(enabled=enabled)
                 case HeadingRequest():
                     take_heading(self._flight, request)
                 case MissionCurrentRequest():
@@ -245,8 +248,10 @@ class NavigatorModule:
         """Leave and enter modes; a target that came with none of them is forgotten."""
         status = self._vehicle_status.value
         armed = status is not None and status.armed and self._leads
-        if status is not None and not status.armed:
-            self._flight.roi = None
+        if status is not None:
+            self._area.follow_arming(self._flight, armed=status.armed)
+            if not status.armed:
+                self._flight.roi = None
         if status is None or not armed or self._flight.estimate is None:
             self._enter(None)
             return
