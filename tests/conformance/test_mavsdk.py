@@ -5,15 +5,15 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import pytest
-from mavsdk import Autopilot, ComponentType, Configuration, Mavsdk
+from mavsdk import Autopilot
 from mavsdk.plugins.action import Action, ActionError
 from mavsdk.plugins.info import Info
 from mavsdk.plugins.mission_raw import MissionItem, MissionRaw, MissionRawError, MissionRawResult
 from mavsdk.plugins.param import Param, ParamError, ParamResult
 from mavsdk.plugins.telemetry import FlightMode, LandedState, Telemetry
 
-from tests.conformance.ground_station import vehicle_process
-from tests.support.system import free_ports, wait_for
+from tests.conformance.mavsdk_client import connected
+from tests.support.system import wait_for
 
 pytestmark = pytest.mark.scenario
 
@@ -37,12 +37,7 @@ class Client(NamedTuple):
 
 @pytest.fixture(scope="module")
 def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
-    own, broker, ground = free_ports(3)
-    state = tmp_path_factory.mktemp("vehicle")
-    with vehicle_process(SYSTEM, SPEED, (own, broker, ground), state):
-        sdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
-        sdk.add_any_connection(f"udpin://127.0.0.1:{ground}")
-        system = wait_for(lambda: sdk.first_autopilot(timeout_s=5.0), "MAVSDK's discovery")
+    with connected(SYSTEM, SPEED, tmp_path_factory.mktemp("vehicle")) as system:
         made = Client(
             system=system,
             action=Action(system),
@@ -51,9 +46,7 @@ def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
             parameters=Param(system),
             telemetry=Telemetry(system),
         )
-        wait_for(made.telemetry.health_all_ok, "a vehicle that is ready")
         yield made
-        sdk.destroy()
 
 
 def item(seq: int, command: int = WAYPOINT, **fields: Any) -> MissionItem:

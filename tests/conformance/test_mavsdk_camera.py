@@ -5,14 +5,13 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import pytest
-from mavsdk import ComponentType, Configuration, Mavsdk
 from mavsdk.plugins.action import Action
 from mavsdk.plugins.camera import Camera, CameraError, CameraResult, Mode, PhotosRange
 from mavsdk.plugins.gimbal import ControlMode, Gimbal, GimbalMode, SendMode
 from mavsdk.plugins.telemetry import Telemetry
 
-from tests.conformance.ground_station import vehicle_process
-from tests.support.system import free_ports, wait_for
+from tests.conformance.mavsdk_client import connected
+from tests.support.system import wait_for
 
 pytestmark = pytest.mark.scenario
 
@@ -33,12 +32,7 @@ class Client(NamedTuple):
 
 @pytest.fixture(scope="module")
 def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
-    own, broker, ground = free_ports(3)
-    state = tmp_path_factory.mktemp("vehicle")
-    with vehicle_process(SYSTEM, SPEED, (own, broker, ground), state):
-        sdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
-        sdk.add_any_connection(f"udpin://127.0.0.1:{ground}")
-        system = wait_for(lambda: sdk.first_autopilot(timeout_s=5.0), "MAVSDK's discovery")
+    with connected(SYSTEM, SPEED, tmp_path_factory.mktemp("vehicle")) as system:
         captures: list[Any] = []
         made = Client(
             camera=Camera(system),
@@ -50,11 +44,9 @@ def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
         made.camera.subscribe_capture_info(
             lambda capture, _user_data=None: captures.append(capture)
         )
-        wait_for(made.telemetry.health_all_ok, "a vehicle that is ready")
         wait_for(lambda: made.camera.camera_list().cameras, "MAVSDK's discovery of the camera")
         wait_for(lambda: made.gimbal.gimbal_list().gimbals, "MAVSDK's discovery of the gimbal")
         yield made
-        sdk.destroy()
 
 
 def more_captures(client: Client, before: int, count: int) -> list[Any]:

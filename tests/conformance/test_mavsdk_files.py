@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
-from mavsdk import ComponentType, Configuration, Mavsdk
 from mavsdk.plugins.action import Action
 from mavsdk.plugins.component_metadata import ComponentMetadata, MetadataType
 from mavsdk.plugins.ftp import FilesystemEntry, Ftp, FtpError, FtpResult
@@ -19,8 +18,8 @@ from mavsdk.plugins.log_streaming import LogStreaming
 from mavsdk.plugins.telemetry import Telemetry
 from pyulog import ULog  # type: ignore[import-untyped]  # pyulog tells no types
 
-from tests.conformance.ground_station import vehicle_process
-from tests.support.system import free_ports, wait_for
+from tests.conformance.mavsdk_client import connected
+from tests.support.system import wait_for
 
 pytestmark = pytest.mark.scenario
 
@@ -44,12 +43,8 @@ class Client(NamedTuple):
 
 @pytest.fixture(scope="module")
 def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
-    own, broker, ground = free_ports(3)
     state = tmp_path_factory.mktemp("vehicle")
-    with vehicle_process(SYSTEM, SPEED, (own, broker, ground), state):
-        sdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
-        sdk.add_any_connection(f"udpin://127.0.0.1:{ground}")
-        system = wait_for(lambda: sdk.first_autopilot(timeout_s=5.0), "MAVSDK's discovery")
+    with connected(SYSTEM, SPEED, state) as system:
         made = Client(
             action=Action(system),
             files=Ftp(system),
@@ -59,9 +54,7 @@ def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
             telemetry=Telemetry(system),
             folder=state / f"vehicle-{SYSTEM}",
         )
-        wait_for(made.telemetry.health_all_ok, "a vehicle that is ready")
         yield made
-        sdk.destroy()
 
 
 def outcome(begin: Callable[..., None], *arguments: Any, more: int) -> Any:

@@ -4,12 +4,11 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import pytest
-from mavsdk import ComponentType, Configuration, Mavsdk
 from mavsdk.plugins.gimbal import ControlMode, Gimbal, GimbalError, GimbalMode, SendMode
 from mavsdk.plugins.telemetry import Telemetry
 
-from tests.conformance.ground_station import vehicle_process
-from tests.support.system import free_ports, wait_for
+from tests.conformance.mavsdk_client import connected
+from tests.support.system import wait_for
 
 pytestmark = pytest.mark.scenario
 
@@ -27,17 +26,10 @@ class Client(NamedTuple):
 
 @pytest.fixture(scope="module")
 def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
-    own, broker, ground = free_ports(3)
-    state = tmp_path_factory.mktemp("vehicle")
-    with vehicle_process(SYSTEM, SPEED, (own, broker, ground), state):
-        sdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
-        sdk.add_any_connection(f"udpin://127.0.0.1:{ground}")
-        system = wait_for(lambda: sdk.first_autopilot(timeout_s=5.0), "MAVSDK's discovery")
+    with connected(SYSTEM, SPEED, tmp_path_factory.mktemp("vehicle")) as system:
         gimbal, telemetry = Gimbal(system), Telemetry(system)
-        wait_for(telemetry.health_all_ok, "a vehicle that is ready")
         (found,) = wait_for(lambda: gimbal.gimbal_list().gimbals, "MAVSDK's discovery")
         yield Client(gimbal, telemetry, found.gimbal_id)
-        sdk.destroy()
 
 
 def control(client: Client) -> ControlMode:

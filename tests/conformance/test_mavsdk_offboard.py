@@ -8,7 +8,6 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import pytest
-from mavsdk import ComponentType, Configuration, Mavsdk
 from mavsdk.plugins.action import Action
 from mavsdk.plugins.manual_control import ManualControl, ManualControlError
 from mavsdk.plugins.offboard import (
@@ -20,8 +19,8 @@ from mavsdk.plugins.offboard import (
 )
 from mavsdk.plugins.telemetry import FlightMode, Telemetry
 
-from tests.conformance.ground_station import vehicle_process
-from tests.support.system import free_ports, wait_for
+from tests.conformance.mavsdk_client import connected
+from tests.support.system import wait_for
 
 pytestmark = pytest.mark.scenario
 
@@ -40,19 +39,12 @@ class Client(NamedTuple):
 
 @pytest.fixture(scope="module")
 def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
-    own, broker, ground = free_ports(3)
-    state = tmp_path_factory.mktemp("vehicle")
-    with vehicle_process(SYSTEM, SPEED, (own, broker, ground), state):
-        sdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
-        sdk.add_any_connection(f"udpin://127.0.0.1:{ground}")
-        system = wait_for(lambda: sdk.first_autopilot(timeout_s=5.0), "MAVSDK's discovery")
+    with connected(SYSTEM, SPEED, tmp_path_factory.mktemp("vehicle")) as system:
         made = Client(Action(system), ManualControl(system), Offboard(system), Telemetry(system))
-        wait_for(made.telemetry.health_all_ok, "a vehicle that is ready")
         made.telemetry.set_rate_position_velocity_ned(20.0)
         made.telemetry.set_rate_attitude_euler(20.0)
         wait_for(lambda: all(map(math.isfinite, place(made))), "a position")
         yield made
-        sdk.destroy()
 
 
 def place(client: Client) -> tuple[float, float, float]:
