@@ -145,6 +145,7 @@ class Autopilot:
             geofence_status=topics.geofence_status,
             vehicle_command=topics.vehicle_command,
             failure_detector_status=topics.failure_detector_status,
+            manual_control_setpoint=topics.manual_control_setpoint,
             status_text=topics.status_text,
             payload_order=topics.payload_order,
             region_of_interest=topics.region_of_interest,

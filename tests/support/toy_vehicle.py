@@ -139,12 +139,14 @@ class ToyVehicle:
         self.geofence_status: Topic[GeofenceStatus] = Topic()
         self.follow_target: Topic[FollowTarget] = Topic()
         self.failure: Topic[FailureDetectorStatus] = Topic()
+        self.sticks: Topic[ManualControlSetpoint] = Topic()
         self.orbit_status: Topic[OrbitStatus] = Topic()
         self.setpoint: Topic[TrajectorySetpoint] = Topic()
         self.registry.add(PositionControlParams)
         self.navigator = NavigatorModule(
             self.registry,
             failure_detector_status=self.failure,
+            manual_control_setpoint=self.sticks,
             vehicle_local_position=self.local_position,
             vehicle_status=self.status,
             land_detected=self.land,
@@ -162,7 +164,6 @@ class ToyVehicle:
             vehicle_command=self.commands,
             status_text=self.status_text,
         )
-        self.sticks: Topic[ManualControlSetpoint] = Topic()
         self.stream: Topic[OffboardSetpoint] = Topic()
         self.control: Topic[VehicleControlMode] = Topic()
         self.storage: Topic[StorageStatus] = Topic()

@@ -252,7 +252,7 @@ class CommanderModule:
         """Let a pilot who moves a stick fly on in position mode."""
         params = self._params
         sticks = view.sticks if view.sticks_fresh else None
-        moved = self._take_over.moved(sticks, params.stick_override_percent * 0.01)
+        moved = self._take_over.moved(sticks, params.stick_override_percent * 0.01, self._mode)
         bit = 2 if self._mode is NavigationState.OFFBOARD else 1
         waiting = self._failsafe.state is Failsafe.WAITING
         if not moved or waiting or self._mode in PILOTED or not params.stick_override & bit:

@@ -17,12 +17,18 @@ class TakeOver:
     def __init__(self) -> None:
         self._rested = False
 
-    def moved(self, sticks: ManualControlSetpoint | None, threshold: float) -> bool:
-        """Whether roll, pitch or yaw stick has just left the centre; None when they are lost."""
+    def moved(
+        self, sticks: ManualControlSetpoint | None, threshold: float, mode: NavigationState
+    ) -> bool:
+        """Whether roll, pitch or yaw stick has just left the centre; None when they are lost.
+
+        In an orbit the yaw stick belongs to the orbit, which may let it turn the nose.
+        """
         if sticks is None:
             self._rested = False
             return False
-        largest = max(abs(sticks.forward), abs(sticks.right), abs(sticks.yaw))
+        yaw = 0.0 if mode is NavigationState.ORBIT else abs(sticks.yaw)
+        largest = max(abs(sticks.forward), abs(sticks.right), yaw)
         moved = self._rested and largest > threshold
         self._rested = largest <= threshold
         return moved

@@ -68,6 +68,7 @@ class Flight:
     home: HomePosition | None = None
     landed: bool = True
     motor_lost: bool = False
+    yaw_stick: float = 0.0  # [-] -1 to 1, of a pilot who is there; positive clockwise
     ceiling: Vector3 = (math.inf, math.inf, math.inf)  # [m/s] Horizontal, up, down
     speeds: Speeds = field(default_factory=Speeds)
     path: PathFollower = field(default_factory=PathFollower)

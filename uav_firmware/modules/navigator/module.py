@@ -18,9 +18,13 @@ from uav_firmware.modules.navigator.mode import NavigatorMode
 from uav_firmware.modules.navigator.params import NavigatorParams
 from uav_firmware.modules.navigator.reports import Reporter, ReportTopics
 from uav_firmware.modules.navigator.simple_modes import LandMode, ReturnMode, TakeoffMode
-from uav_firmware.modules.navigator.surroundings import ceiling, frame_of, tilt_max
+from uav_firmware.modules.navigator.surroundings import ceiling, frame_of, tilt_max, yaw_of
 from uav_firmware.modules.navigator.turning import take_heading, take_region_of_interest
-from uav_firmware.msg.control_mode import ControlSource, VehicleControlMode
+from uav_firmware.msg.control_mode import (
+    ControlSource,
+    ManualControlSetpoint,
+    VehicleControlMode,
+)
 from uav_firmware.msg.estimate import VehicleLocalPosition
 from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.geofence import Fence, FenceBreach, GeofenceStatus, RallyPoints
@@ -93,6 +97,7 @@ class NavigatorModule:
         region_of_interest: Topic[RegionOfInterest] | None = None,
         vehicle_control_mode: Topic[VehicleControlMode] | None = None,
         failure_detector_status: Topic[FailureDetectorStatus] | None = None,
+        manual_control_setpoint: Topic[ManualControlSetpoint] | None = None,
     ) -> None:
         registry.add(NavigatorParams)
         self._registry = registry
@@ -120,6 +125,7 @@ class NavigatorModule:
         self._judged_by = 0  # Version of the area by which the present mode was let in
         self._control_mode = vehicle_control_mode
         self._failure_status = failure_detector_status
+        self._sticks = manual_control_setpoint
         self._params_version: int | None = None
         self._flight = Flight(registry.read(NavigatorParams))
         self._mission = MissionMode()
@@ -199,6 +205,8 @@ class NavigatorModule:
         flight.motor_lost = failure is not None and failure.failed_motors != 0
         if estimate is not None:
             flight.frame = frame_of(estimate, flight.frame)
+        sticks = None if self._sticks is None else self._sticks.value
+        flight.yaw_stick = yaw_of(sticks, now_us)
         self._area.update(flight)
 
     def _take_mission(self) -> None:

@@ -74,6 +74,7 @@ class Orbit:
         self._entry, self._bearing = circle.entry(flight.rest_point(), flight.yaw.yaw)
         self._turned = 0.0
         self._own_heading = flight.yaw.yaw
+        self._turned_us = flight.now_us  # When the pilot's stick was last obeyed
         self._speed = self._choose_speed(flight, speed)
         flight.face(math.nan)
         flight.fly(flight.stop_at(self._entry))
@@ -139,9 +140,19 @@ class Orbit:
         heading = OrbitHeading.FORWARDS if self._heading is None else self._heading
         yaw = heading_at(heading, self._bearing, self._circle.radius)
         if math.isnan(yaw):
-            flight.aim(self._own_heading)
+            flight.aim(self._own_heading, self._obey_pilot(flight))
             return
         north, east, _ = flight.path.state.velocity
         circling = self.phase is OrbitPhase.CIRCLE
         rate = math.hypot(north, east) / self._circle.radius if circling else 0.0
         flight.aim(yaw, rate)
+
+    def _obey_pilot(self, flight: Flight) -> float:
+        """Turn the vehicle's own heading by the yaw stick; the rate [rad/s]."""
+        elapsed_s = (flight.now_us - self._turned_us) * 1e-6
+        self._turned_us = flight.now_us
+        if self._heading is not OrbitHeading.PILOT:
+            return 0.0
+        rate = flight.yaw_stick * math.radians(flight.params.yaw_rate_max_deg)
+        self._own_heading = wrap_pi(self._own_heading + rate * elapsed_s)
+        return rate

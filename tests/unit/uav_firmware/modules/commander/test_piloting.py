@@ -65,14 +65,17 @@ def test_every_other_mode_is_the_navigators() -> None:
 def test_a_stick_takes_over_when_it_leaves_the_centre_and_not_while_it_is_held() -> None:
     watch, held = TakeOver(), CENTRED._replace(right=0.5)
     # Held from the start, centred, moved, held on, lost, held again.
-    seen = [watch.moved(sticks, 0.3) for sticks in (held, CENTRED, held, held, None, held)]
+    seen = [
+        watch.moved(sticks, 0.3, NavigationState.AUTO_LOITER)
+        for sticks in (held, CENTRED, held, held, None, held)
+    ]
     assert seen == [False, False, True, False, False, False]
 
 
 def test_the_throttle_takes_nothing_over() -> None:
     watch = TakeOver()
-    watch.moved(CENTRED, 0.3)
-    assert not watch.moved(CENTRED._replace(up=-1.0), 0.3)
+    watch.moved(CENTRED, 0.3, NavigationState.AUTO_LOITER)
+    assert not watch.moved(CENTRED._replace(up=-1.0), 0.3, NavigationState.AUTO_LOITER)
 
 
 @pytest.mark.parametrize(

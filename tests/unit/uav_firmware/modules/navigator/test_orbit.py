@@ -13,6 +13,7 @@ from uav_firmware.lib.motion import Arc, MotionLimits
 from uav_firmware.lib.rotation import wrap_pi
 from uav_firmware.lib.vector import norm
 from uav_firmware.modules.navigator.orbit_law import heading_at, speed_on
+from uav_firmware.msg.control_mode import ManualControlSetpoint
 from uav_firmware.msg.guidance import OrbitHeading
 from uav_firmware.msg.status import Command, NavigationState
 
@@ -203,3 +204,39 @@ def test_the_set_point_never_jumps_on_the_way_through_an_orbit() -> None:
         assert math.dist(before.position_ned, after.position_ned) < 5.0 * 0.008 + 1e-3
         assert math.dist(before.velocity_ned, after.velocity_ned) < 5.5 * 0.008 + 1e-3
         assert math.dist(before.acceleration_ned, after.acceleration_ned) < 25.5 * 0.008 + 1e-3
+
+
+def on_a_circle_with_sticks(yaw_stick: float, seconds: float, **sticks: float) -> ToyVehicle:
+    """A vehicle on a circle whose heading is the pilot's, after the stick has been held."""
+    vehicle = airborne()
+    assert order(vehicle, 10.0, 2.0, float(OrbitHeading.PILOT)) == ACCEPTED
+    vehicle.run_until(lambda v: turned_on_the_circle(v) > 0.1, 60.0)
+    values = {"forward": 0.0, "right": 0.0, "up": 0.0, "yaw": 0.0}
+    for held in ({}, {"yaw": yaw_stick, **sticks}):
+        for _ in range(5 if not held else round(seconds / 0.1)):
+            vehicle.sticks.publish(ManualControlSetpoint(vehicle.now_us, **{**values, **held}))
+            vehicle.run(0.1)
+    return vehicle
+
+
+@pytest.mark.parametrize("stick", [-1.0, -0.5, 0.5, 1.0])
+def test_a_pilot_turns_the_nose_on_the_circle_by_the_yaw_stick(stick: float) -> None:
+    before = on_a_circle_with_sticks(0.0, 2.0).setpoints[-1].yaw
+    vehicle = on_a_circle_with_sticks(stick, 2.0)
+    assert vehicle.mode is NavigationState.ORBIT
+    turned = wrap_pi(vehicle.setpoints[-1].yaw - before)
+    assert math.copysign(1.0, turned) == math.copysign(1.0, stick)
+    assert 0.4 * abs(stick) < abs(turned) <= 2.0 * math.radians(45.0) * abs(stick)
+
+
+def test_the_nose_rests_when_the_pilot_falls_silent_and_turns_on_from_there() -> None:
+    vehicle = on_a_circle_with_sticks(1.0, 1.0)
+    vehicle.run(2.0)
+    rested = vehicle.setpoints[-1].yaw
+    vehicle.run(3.0)
+    assert vehicle.setpoints[-1].yaw == pytest.approx(rested, abs=0.01)
+
+
+def test_other_sticks_still_take_the_vehicle_over() -> None:
+    vehicle = on_a_circle_with_sticks(0.0, 1.0, right=1.0)
+    assert vehicle.mode is NavigationState.POSCTL
