@@ -27,6 +27,7 @@ from uav_firmware.modules.commander.failsafe_actions import (
 )
 from uav_firmware.modules.commander.failsafe_causes import ROWS, Cause, Moment
 from uav_firmware.modules.commander.failsafe_params import FailsafeParams
+from uav_firmware.modules.commander.return_time import ReturnPace
 from uav_firmware.modules.commander.vehicle_view import VehicleView
 from uav_firmware.msg.status import NavigationState
 
@@ -60,6 +61,7 @@ class FailsafeMachine:
 
     def __init__(self) -> None:
         self.state = Failsafe.CLEAR
+        self.pace = ReturnPace()
         self._intended = NavigationState.AUTO_LOITER
         self._since_us: dict[Cause, int] = {}  # Conditions that hold, and since when
         self._present: frozenset[Cause] = frozenset()
@@ -82,7 +84,7 @@ class FailsafeMachine:
         """Look at the vehicle once, in the air; `flown` is the present mode."""
         if self.state is Failsafe.CLEAR:
             self._intended = flown
-        moment = Moment(view, params, self._intended, airborne_s)
+        moment = Moment(view, params, self._intended, airborne_s, self.pace)
         before = self._present
         self._present = self._judge(moment)
         threats = sorted(

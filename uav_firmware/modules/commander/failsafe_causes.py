@@ -26,11 +26,14 @@ from uav_firmware.modules.commander.health_checks import (
     storage_full,
 )
 from uav_firmware.modules.commander.mode_requirements import Need
+from uav_firmware.modules.commander.return_time import ReturnPace, battery_time_s, return_time_s
 from uav_firmware.modules.commander.vehicle_view import VehicleView
 from uav_firmware.msg.geofence import FenceBreach
 from uav_firmware.msg.status import NavigationState
 
 _BATTERY_HYSTERESIS: Final = 0.02  # of a full battery: a sagging voltage does not chatter
+_TIME_HYSTERESIS: Final = 1.3  # of the time needed: a current that falls does not chatter
+_CURRENT_SETTLES_S: Final = 3.0  # [s] A climb or gust draws more for a moment
 _WIND_HYSTERESIS: Final = 0.85  # share of the threshold below which the wind has calmed down
 _EXCEPT_BITS: Final[Mapping[NavigationState, int]] = {
     NavigationState.AUTO_MISSION: 1,
@@ -60,6 +63,7 @@ class Cause(Enum):
     WIND_STRONG = auto()
     WIND_TOO_STRONG = auto()
     FLIGHT_TIME_OVER = auto()
+    BATTERY_TIME_SHORT = auto()
     STORAGE_FULL = auto()
 
 
@@ -70,6 +74,7 @@ class Moment(NamedTuple):
     params: FailsafeParams
     intended: NavigationState  # The mode that the operator has chosen, whatever is flown now
     airborne_s: float  # [s] Time in the air
+    pace: ReturnPace = ReturnPace()
 
 
 class Row(NamedTuple):
@@ -170,6 +175,13 @@ def _fence_action(moment: Moment) -> Action:
 
 def _flight_time_over(moment: Moment, _present: bool) -> bool:  # noqa: FBT001  # one signature
     return 0 <= moment.params.flight_time_max_s < moment.airborne_s
+
+
+def _battery_time_short(moment: Moment, present: bool) -> bool:  # noqa: FBT001  # one signature
+    params, view = moment.params, moment.view
+    needed_s = return_time_s(view, moment.pace) + params.return_margin_s
+    more = _TIME_HYSTERESIS if present else 1.0
+    return params.remaining_time_action > 0 and battery_time_s(view) <= more * needed_s
 
 
 def _storage_full(moment: Moment, _present: bool) -> bool:  # noqa: FBT001  # one signature
@@ -274,6 +286,12 @@ ROWS: Final[Mapping[Cause, Row]] = {
     ),
     Cause.FLIGHT_TIME_OVER: Row(
         "Flight time limit reached", _flight_time_over, _always(Action.RETURN)
+    ),
+    Cause.BATTERY_TIME_SHORT: Row(
+        "Battery lasts no longer than the return",
+        _battery_time_short,
+        lambda moment: Action.RETURN if moment.params.remaining_time_action == 3 else Action.WARN,
+        lambda _params: _CURRENT_SETTLES_S,
     ),
     Cause.STORAGE_FULL: Row(
         "Storage full, flying on without a log", _storage_full, _always(Action.WARN)

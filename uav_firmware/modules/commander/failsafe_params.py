@@ -82,6 +82,14 @@ class FailsafeParams:
         "COM_FLT_TIME_MAX", -1, unit="s", minimum=-1, maximum=86400,
         short="Time in the air after which the vehicle returns; -1 no limit",
     )  # fmt: skip
+    remaining_time_action: int = param(
+        "COM_FLTT_LOW_ACT", 0, unit="1", minimum=0, maximum=3,
+        short="A battery that lasts no longer than a return: 0 nothing, 1 or 2 warns, 3 returns",
+    )  # fmt: skip
+    return_margin_s: float = param(
+        "RTL_TIME_MARGIN", 100.0, unit="s", minimum=0.0, maximum=3600.0,
+        short="Time that the battery shall last beyond the return, for COM_FLTT_LOW_ACT",
+    )  # fmt: skip
     action_delay_s: float = param(
         "COM_FAIL_ACT_T", 5.0, unit="s", minimum=0.0, maximum=25.0,
         short="Time in hold before a failsafe returns or lands, for the operator to step in",

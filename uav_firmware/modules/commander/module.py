@@ -30,6 +30,7 @@ from uav_firmware.modules.commander.observer import Observer
 from uav_firmware.modules.commander.params import CommanderParams
 from uav_firmware.modules.commander.pilot import TakeOver
 from uav_firmware.modules.commander.readiness import EXAMINE_PERIOD_US, Health, examine
+from uav_firmware.modules.commander.return_time import pace_of
 from uav_firmware.modules.commander.texts import DISARM_TEXTS, Severity
 from uav_firmware.modules.commander.timed_hold import TimedHold
 from uav_firmware.modules.commander.topics import CommanderTopics
@@ -79,6 +80,7 @@ class CommanderModule:
         self._armed_since_us = 0
         self._airborne_since_us: int | None = None
         self._failsafe = FailsafeMachine()
+        self._failsafe.pace = pace_of(registry)
         self._take_over = TakeOver()
         self._disarm_timer = DisarmTimer()
         self._timed_hold = TimedHold()
@@ -98,6 +100,7 @@ class CommanderModule:
             self._params_version = self._registry.version
             self._params = self._registry.read(CommanderParams)
             self._failsafe_params = self._registry.read(FailsafeParams)
+            self._failsafe.pace = pace_of(self._registry)
         view = self._observer.look(now_us, self._failsafe_params)
         if view.position is not None and view.position_valid:
             self._home_keeper.keep(now_us, view.position)

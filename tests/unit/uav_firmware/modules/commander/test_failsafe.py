@@ -377,6 +377,26 @@ def test_a_flight_ends_when_its_time_is_over(limit: int, mode: NavigationState) 
     assert vehicle.mode is mode
 
 
+@pytest.mark.parametrize(
+    ("setting", "charge", "mode"),
+    [
+        (3, 0.16, MISSION),  # Lasts 576 s; 490 s and the way home are needed
+        (3, 0.14, RETURN),
+        (1, 0.14, MISSION),
+        (0, 0.14, MISSION),
+    ],
+)
+def test_a_battery_that_lasts_no_longer_than_the_way_home_brings_the_vehicle_back(
+    setting: int, charge: float, mode: NavigationState
+) -> None:
+    vehicle = on_mission(COM_FLTT_LOW_ACT=setting, RTL_TIME_MARGIN=490.0)
+    vehicle.battery = charge
+    vehicle.run(5.0)
+    assert vehicle.mode is mode
+    told = any("no longer than the return" in line for line in vehicle.texts)
+    assert told is (setting > 0 and charge < 0.15)
+
+
 @pytest.mark.parametrize(("setting", "warns"), [(0, False), (1, True), (2, True)])
 def test_a_storage_that_fills_up_is_told_and_the_mission_goes_on(
     setting: int, *, warns: bool
