@@ -106,9 +106,9 @@ def _altitude(command: VehicleCommand, view: VehicleView) -> float:
 
 
 def _is_relative(command: VehicleCommand, home: HomePosition | None) -> bool:
-    """Whether an altitude is above home; in doubt it is where it can be above sea level."""
+    """Whether an altitude is above home; in doubt it is if it lies nearer to 0 than to home."""
     if command.frame == _FRAME_RELATIVE and command.command in _PERHAPS_AMSL:
-        return home is not None and command.param7 < home.altitude_amsl_m
+        return home is not None and abs(command.param7) < abs(command.param7 - home.altitude_amsl_m)
     return command.frame != _FRAME_AMSL
 
 

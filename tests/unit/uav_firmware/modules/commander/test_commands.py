@@ -324,8 +324,14 @@ def test_home_can_be_set_to_a_place_and_stays_there() -> None:
 
 @pytest.mark.parametrize(
     ("frame", "given_m", "height_m"),
-    [(0, HOME[2] + 20.0, 20.0), (6, 20.0, 20.0), (3, 20.0, 20.0), (3, HOME[2] + 20.0, 20.0)],
-    ids=["above sea level", "above home", "above home too", "as MAVSDK says it"],
+    [
+        (0, HOME[2] + 20.0, 20.0),
+        (6, 20.0, 20.0),
+        (3, 20.0, 20.0),
+        (3, HOME[2] + 20.0, 20.0),
+        (3, HOME[2] - 20.0, -20.0),
+    ],
+    ids=["above sea level", "above home", "above home too", "as MAVSDK says it", "and in a valley"],
 )
 def test_home_takes_the_altitude_that_is_meant(frame: int, given_m: float, height_m: float) -> None:
     vehicle = grounded()
