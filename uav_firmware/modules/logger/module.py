@@ -69,6 +69,7 @@ class LoggerModule:
         self._chunk_steps = steps_per_second // _CHUNKS_PER_SECOND
         self._steps_to_go = self._chunk_steps
         self._began_us = 0
+        self._armed_lately = False
         self._armed_before = False
         self._flown = False
         self._said_unfit: set[str] = set()
@@ -80,6 +81,9 @@ class LoggerModule:
         """Collect what is due in this step; twice a second, hand it on."""
         if self._writer is None:
             return
+        status = self._vehicle_status.value
+        if status is not None and status.armed:
+            self._armed_lately = True
         if self._collecting:
             self._collector.collect()
         self._steps_to_go -= 1
@@ -156,8 +160,11 @@ class LoggerModule:
         return definitions(began_us, self._identity, self._registry, messages)
 
     def _wanted(self) -> bool:
+        """Whether this turn wants a log, also of an armed time that lay between two turns."""
         status = self._vehicle_status.value
         armed = status is not None and status.armed
+        armed = armed or (self._armed_lately and not self._armed_before)
+        self._armed_lately = False
         self._flown = self._flown or (self._armed_before and not armed)
         self._armed_before = armed
         return wanted(self._params.mode, armed=armed, flown=self._flown)

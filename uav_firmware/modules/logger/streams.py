@@ -85,7 +85,7 @@ STREAMS: Final = (
     Stream(flight.VEHICLE_THRUST_SETPOINT, lambda t: t.torque_thrust, 10, 250),
     Stream(flight.CONTROL_ALLOCATOR_STATUS, lambda t: t.allocator_status, 5, 50),
     Stream(flight.ACTUATOR_MOTORS, lambda t: t.motors, 25, 250),
-    Stream(flight.VEHICLE_STATUS, lambda t: t.vehicle_status, 10, 10),
+    Stream(flight.VEHICLE_STATUS, lambda t: t.vehicle_status, 50, 50),  # Each change
     Stream(flight.VEHICLE_LAND_DETECTED, lambda t: t.land_detected, 10, 10),
     Stream(flight.HOME_POSITION, lambda t: t.home, 5, 5, repeated=True),
     Stream(flight.MISSION_RESULT, lambda t: t.mission_progress, 10, 10, repeated=True),

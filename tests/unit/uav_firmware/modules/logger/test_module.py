@@ -33,6 +33,17 @@ def test_the_log_holds_the_moment_before_arming_and_the_moment_after_disarming()
     assert list(states["timestamp"]) == [armed_us, disarmed_us]
 
 
+def test_the_shortest_flight_leaves_a_log_with_its_arming() -> None:
+    store = MemoryStore()
+    book = Logbook(store)
+    book.run(10.1)
+    book.fly(0.02)
+    states = store.log().get_dataset("vehicle_status").data
+    assert list(states["arming_state"]) == [2, 1]
+    book.run(5.0)
+    assert len(store.files) == 1
+
+
 def test_no_record_is_missing_where_memory_meets_file() -> None:
     store = MemoryStore()
     book = Logbook(store)
