@@ -18,7 +18,7 @@ from sqlalchemy.exc import DatabaseError
 from edge_server.store.database import open_engine, sqlite_url
 
 LOG = logging.getLogger(__name__)
-HEAD: Final = "0002"
+HEAD: Final = "0003"
 _SCRIPTS: Final = Path(__file__).parent / "migrations"
 _SIDE_FILES: Final = ("-wal", "-shm", "-journal")
 

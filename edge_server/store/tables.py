@@ -159,5 +159,52 @@ access_key = Table(
     Column("sha256", LargeBinary(32), nullable=False),
     Column("created_at", Float, nullable=False),
     Column("revoked_at", Float),
+    Column("name", String(64), nullable=False, server_default=""),
+    Column("in_file", Boolean, nullable=False, server_default=false()),  # STATE_DIR/keys/<role>.key
+    Column(
+        "scopes", String(100), nullable=False, server_default=""
+    ),  # Words; none: all of the role
+    Column("vehicle_ids", Text),  # JSON array; null: every vehicle
+    Column("expires_at", Float),
 )
 """Who may call; the keys themselves are not kept."""
+
+audit = Table(
+    "audit",
+    METADATA,
+    Column("id", Integer, primary_key=True, autoincrement=False),  # Without gaps
+    Column("at", Float, nullable=False),
+    Column("who", String(80), nullable=False),  # Name of the key, or of the shell's user
+    Column("role", String(10), nullable=False),
+    Column("key_prefix", String(8), nullable=False),
+    Column("address", String(64), nullable=False),
+    Column("request_id", String(64), nullable=False),
+    Column("action", String(80), nullable=False),
+    Column("object", String(400), nullable=False),
+    Column("result", String(40), nullable=False),
+    Column("prev_hash", LargeBinary(32), nullable=False),
+    Column("hash", LargeBinary(32), nullable=False),
+    Index(None, "at"),
+)
+"""Writes by people and the cloud; triggers refuse every change and the removal of what is young."""
+
+audit_chain = Table(
+    "audit_chain",
+    METADATA,
+    Column("id", Integer, primary_key=True, autoincrement=False),
+    Column("first_id", Integer, nullable=False),  # The newest row that retention has removed
+    Column("first_hash", LargeBinary(32), nullable=False),
+    Column("last_id", Integer, nullable=False),  # The newest row
+    Column("last_hash", LargeBinary(32), nullable=False),
+    CheckConstraint("id = 1", name="one_row"),
+    CheckConstraint("first_id <= last_id", name="order"),
+)
+"""Both ends of the audit log, so that no end can be cut off unnoticed; whoever appends locks it."""
+
+spent_token = Table(
+    "spent_token",
+    METADATA,
+    Column("jti", String(128), primary_key=True),
+    Column("expires_at", Float, nullable=False, index=True),
+)
+"""Signatures of the cloud that have been used, until they would have expired anyway."""
