@@ -3,6 +3,7 @@
 Each driver is imported only when it is named, so that a vehicle without a simulator needs none.
 """
 
+import ipaddress
 import socket
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,10 +15,12 @@ from uav_firmware.cal.log_store import LogStore
 from uav_firmware.cal.storage import Storage
 from uav_firmware.cal.vehicle import Vehicle
 from uav_firmware.config import ConfigError, Endpoint, VehicleConfig
+from uav_firmware.drivers.address_book import AddressBook
 from uav_firmware.drivers.file_storage import FileStorage
 from uav_firmware.drivers.jammed_link import JammedLink
 from uav_firmware.drivers.key_file import KeyFileError, read_key
 from uav_firmware.drivers.log_folder import LogFolder
+from uav_firmware.drivers.named_link import NamedLink
 from uav_firmware.drivers.storage_card import storage_card
 from uav_firmware.drivers.udp_link import UdpLink
 
@@ -70,8 +73,12 @@ def bind_link(config: VehicleConfig) -> UdpLink:
 
     Raises:
         OSError: naming the port, if it is taken.
+        ConfigError: if a peer's host name has no address.
     """
+    names = [address for address in addresses(config) if not _is_numeric(address)]
     try:
+        if names:
+            return NamedLink(config.bind, config.port, AddressBook(names))
         return UdpLink(config.bind, config.port)
     except OSError as error:
         raise OSError(
@@ -112,7 +119,10 @@ def build_vehicle(config: VehicleConfig, start_time_utc_us: int) -> Vehicle:
 
 
 def addresses(config: VehicleConfig) -> tuple[Address, Address]:
-    """Numeric addresses of the broker and of the ground station.
+    """Addresses of the broker and of the ground station, as the autopilot knows them.
+
+    They are numeric, but for a name beyond this machine: that may get another address while
+    the vehicle flies, so the link looks it up (`uav_firmware/drivers/named_link.py`).
 
     Raises:
         ConfigError: if a host name has no address.
@@ -142,6 +152,16 @@ def _signing_key(name: str, path: Path | None) -> bytes | None:
 
 def _resolve(name: str, endpoint: Endpoint) -> Address:
     try:
-        return socket.gethostbyname(endpoint.host), endpoint.port
+        numeric = socket.gethostbyname(endpoint.host)
     except OSError as error:
         raise ConfigError(f"{name}: {endpoint.host} has no address: {error.strerror}") from error
+    here = ipaddress.ip_address(numeric).is_loopback
+    return numeric if here else endpoint.host, endpoint.port
+
+
+def _is_numeric(address: Address) -> bool:
+    try:
+        ipaddress.ip_address(address[0])
+    except ValueError:
+        return False
+    return True

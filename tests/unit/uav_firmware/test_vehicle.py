@@ -4,6 +4,7 @@ from pathlib import Path
 import pytest
 
 from uav_firmware.config import ConfigError, read_config
+from uav_firmware.drivers.named_link import NamedLink
 from uav_firmware.msg.sensors import SensorTruth
 from uav_firmware.vehicle import addresses, bind_link, build_vehicle
 
@@ -58,10 +59,29 @@ def test_a_taken_port_is_named() -> None:
             bind_link(read_config(["--port", str(port)], {}))
 
 
-def test_host_names_become_addresses() -> None:
+def test_names_of_this_machine_become_addresses() -> None:
     broker, gcs = addresses(read_config(["--broker", "localhost:9"], {}))
     assert broker == ("127.0.0.1", 9)
     assert gcs == ("127.0.0.1", 14550)
+
+
+def test_a_name_of_another_machine_stays_a_name_that_the_link_looks_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(socket, "gethostbyname", lambda _host: "192.0.2.7")
+    config = read_config(
+        ["--broker", "broker:14540", "--gcs", "192.0.2.9:14550", "--port", "0"], {}
+    )
+    assert addresses(config)[0] == ("broker", 14540)
+    link = bind_link(config)
+    assert isinstance(link, NamedLink)
+    link.close()
+
+
+def test_numeric_peers_need_no_looking_up() -> None:
+    link = bind_link(read_config(["--broker", "192.0.2.7:14540", "--port", "0"], {}))
+    assert not isinstance(link, NamedLink)
+    link.close()
 
 
 def test_a_host_without_address_is_named() -> None:

@@ -1,0 +1,88 @@
+"""A link to a peer by name, over real sockets on several loopback addresses."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from uav_firmware.cal.link import Address
+from uav_firmware.drivers.address_book import AddressBook
+from uav_firmware.drivers.named_link import NamedLink
+from uav_firmware.drivers.udp_link import UdpLink
+
+OLD, NEW = "127.0.0.2", "127.0.0.3"
+
+
+class Farm:
+    """A vehicle's link and a broker that can come back at another address."""
+
+    def __init__(self) -> None:
+        self.at: str | None = OLD
+        self.broker = UdpLink(OLD, 0)
+        self.peer: Address = ("broker", self.broker.address[1])
+        self.book = AddressBook([self.peer], self.resolve)
+        self.link = NamedLink("127.0.0.1", 0, self.book)
+
+    def resolve(self, _host: str) -> str:
+        if self.at is None:
+            raise OSError("no such host")
+        return self.at
+
+    def move_broker(self) -> None:
+        self.broker.close()
+        self.broker = UdpLink(NEW, self.peer[1])
+        self.at = NEW
+
+    def broker_hears(self, datagram: bytes) -> bool:
+        self.link.send(datagram, self.peer)
+        return self.broker.wait(1.0) and (datagram, self.link.address) in self.broker.receive()
+
+    def close(self) -> None:
+        self.link.close()
+        self.broker.close()
+
+
+@pytest.fixture
+def farm() -> Iterator[Farm]:
+    made = Farm()
+    yield made
+    made.close()
+
+
+def test_the_peer_is_reached_by_its_name_and_answers_under_it(farm: Farm) -> None:
+    assert farm.broker_hears(b"heartbeat")
+    farm.broker.send(b"answer", farm.link.address)
+    assert farm.link.wait(1.0)
+    assert farm.link.receive() == [(b"answer", farm.peer)]
+
+
+def test_a_peer_that_comes_back_elsewhere_is_found_again(farm: Farm) -> None:
+    farm.move_broker()
+    farm.book.look_up()
+    assert farm.broker_hears(b"heartbeat")
+
+
+def test_a_closed_port_is_told_by_the_peers_name(farm: Farm) -> None:
+    farm.broker.close()
+    farm.link.send(b"anybody", farm.peer)
+    farm.link.wait(1.0)
+    assert farm.peer in farm.link.refused_addresses()
+
+
+def test_a_stranger_is_told_by_number(farm: Farm) -> None:
+    stranger = UdpLink("127.0.0.1", 0)
+    stranger.send(b"hello", farm.link.address)
+    assert farm.link.wait(1.0)
+    assert farm.link.receive() == [(b"hello", stranger.address)]
+    farm.link.send(b"you too", stranger.address)
+    assert stranger.wait(1.0)
+    stranger.close()
+
+
+def test_what_is_sent_to_a_name_without_an_address_is_lost_and_counted() -> None:
+    def resolve(_host: str) -> str:
+        raise OSError("no such host")
+
+    link = NamedLink("127.0.0.1", 0, AddressBook([("broker", 9)], resolve))
+    link.send(b"heartbeat", ("broker", 9))
+    assert link.send_faults == 1
+    link.close()
