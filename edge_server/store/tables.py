@@ -118,7 +118,7 @@ work = Table(
     Column("plan", ForeignKey("plan.id", ondelete="CASCADE"), index=True),
     Column("mission_id", Integer),
     Column("sequence_number", Integer, nullable=False),
-    Column("body", Text),  # JSON of the mission as it was posted
+    Column("body", Text),  # JSON of the mission or event as it was posted
     Column("state", String(8), nullable=False),
     Column("status_id", Integer),
     Column("message", Text),
@@ -126,7 +126,7 @@ work = Table(
     Column("created_at", Float, nullable=False),
     Column("expires_at", Float, nullable=False),
     Column("held", Boolean, nullable=False, server_default=false()),  # Waits for dispatch
-    CheckConstraint("kind IN ('mission', 'latest_state_vector')", name="kind"),
+    CheckConstraint("kind IN ('mission', 'latest_state_vector', 'event')", name="kind"),
     CheckConstraint("state IN ('queued', 'accepted', 'closed')", name="state"),
     CheckConstraint("(state = 'closed') = (status_id >= 3) OR status_id IS NULL", name="terminal"),
     CheckConstraint(
@@ -138,7 +138,7 @@ work = Table(
     Index(None, "vehicle_id", "mission_id", "state"),
     sqlite_autoincrement=True,
 )
-"""What the broker has to do: missions of plans and requests for a state vector."""
+"""What the broker has to do: missions of plans, events, and requests for a state vector."""
 
 command = Table(
     "command",
@@ -150,6 +150,27 @@ command = Table(
     CheckConstraint("status_id BETWEEN 1 AND 5", name="status"),
 )
 """How far each command of a mission is."""
+
+event = Table(
+    "event",
+    METADATA,
+    Column("id", Integer, primary_key=True),  # Stays when a PUT makes new work of it
+    Column("work", ForeignKey("work.id", ondelete="CASCADE"), nullable=False, unique=True),
+    Column("received_at", Float, nullable=False),
+    sqlite_autoincrement=True,
+)
+"""Interruptions of missions; how far one is, its work says."""
+
+field = Table(
+    "field",
+    METADATA,
+    Column("id", Integer, primary_key=True),
+    Column("body", Text, nullable=False),  # JSON: name, boundary, holes, exclusions
+    Column("received_at", Float, nullable=False),
+    Column("updated_at", Float, nullable=False),
+    sqlite_autoincrement=True,
+)
+"""Boundaries of fields."""
 
 access_key = Table(
     "access_key",

@@ -11,9 +11,12 @@ from edge_server.store.tables import command, plan, work
 
 MISSION = "mission"
 STATE_VECTOR = "latest_state_vector"
+EVENT = "event"
 QUEUED = "queued"
 ACCEPTED = "accepted"
 CLOSED = "closed"
+CLOCK_SLACK_S = 2.0
+"""How far the clocks of edge servers that share a database may differ."""
 
 
 class Work(NamedTuple):
@@ -100,6 +103,25 @@ def add_request(
     return new_id(result)
 
 
+def add_event(
+    connection: Connection, *, body: dict[str, Any], now: float, expires_at: float
+) -> int:
+    """Queue an event; returns the id of the work."""
+    result = connection.execute(
+        insert(work).values(
+            kind=EVENT,
+            vehicle_id=body["vehicle_id"],
+            sequence_number=body["sequence_number"],
+            body=to_json(body),
+            state=QUEUED,
+            status_id=1,
+            created_at=now,
+            expires_at=expires_at,
+        )
+    )
+    return new_id(result)
+
+
 _QUERY = select(work, plan.c.plan_id).outerjoin(plan, work.c.plan == plan.c.id)
 
 
@@ -112,21 +134,49 @@ def get(connection: Connection, identifier: int) -> Work | None:
 def unfinished(
     connection: Connection, *, after_id: int = 0, vehicle_id: int | None = None, limit: int = 1000
 ) -> list[Work]:
-    """List queued and accepted work in order, of one vehicle or of all; not what is held."""
+    """List queued and accepted missions and requests in order, of one vehicle or of all.
+
+    What is held is no work yet, and events have a list of their own.
+    """
     query = _QUERY.where(
-        work.c.state.in_((QUEUED, ACCEPTED)), work.c.id > after_id, work.c.held.is_(False)
+        work.c.state.in_((QUEUED, ACCEPTED)),
+        work.c.id > after_id,
+        work.c.held.is_(False),
+        work.c.kind != EVENT,
     )
     if vehicle_id is not None:
         query = query.where(work.c.vehicle_id == vehicle_id)
     return [_work(row) for row in connection.execute(query.order_by(work.c.id).limit(limit))]
 
 
+def live_events(connection: Connection, now: float, *, after_id: int = 0) -> list[Work]:
+    """List the events that may still be carried out, in order; never one that has expired.
+
+    One that was accepted is among them: a broker that dies with it asks again.
+    """
+    query = _QUERY.where(
+        work.c.kind == EVENT,
+        work.c.state.in_((QUEUED, ACCEPTED)),
+        work.c.id > after_id,
+        work.c.expires_at > now,
+        work.c.created_at <= now + CLOCK_SLACK_S,
+    )
+    return [_work(row) for row in connection.execute(query.order_by(work.c.id))]
+
+
 def overdue(connection: Connection, now: float) -> list[Work]:
-    """List work that has expired: missions not accepted yet, and requests not answered."""
+    """List work that has expired: missions and events not accepted, and requests not answered.
+
+    An event from the future has expired too: the clock went back, and nobody knows its age.
+    """
     waiting = or_(
         work.c.state == QUEUED, and_(work.c.state == ACCEPTED, work.c.kind == STATE_VECTOR)
     )
-    query = _QUERY.where(waiting, work.c.expires_at <= now)
+    over = or_(
+        work.c.expires_at <= now,
+        and_(work.c.kind == EVENT, work.c.created_at > now + CLOCK_SLACK_S),
+    )
+    query = _QUERY.where(waiting, over)
     return [_work(row) for row in connection.execute(query.order_by(work.c.id))]
 
 
@@ -146,6 +196,11 @@ def change(connection: Connection, identifier: int, **columns: Any) -> None:
     if columns.get("report") is not None:
         columns["report"] = to_json(columns["report"])
     connection.execute(update(work).where(work.c.id == identifier).values(**columns))
+
+
+def remove(connection: Connection, identifier: int) -> None:
+    """Forget a piece of work."""
+    connection.execute(delete(work).where(work.c.id == identifier))
 
 
 def remove_of_plan(connection: Connection, plan_row: int) -> None:
