@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
+from edge_server import logs
 from edge_server.config import SETTINGS, Config, ConfigError, load
 from edge_server.exit_codes import FAILED, OK, WRONG_SETUP
 from edge_server.supervisor import PARENT_VARIABLE, Supervisor
@@ -29,8 +30,7 @@ def main(arguments: list[str]) -> int:
     except ConfigError as error:
         print(f"edge server: {error}", file=sys.stderr)
         return WRONG_SETUP
-    logging.basicConfig(level=config.log_level, format="%(asctime)s edge %(levelname)s %(message)s")
-    logging.getLogger("alembic").setLevel(logging.WARNING)
+    logs.configure(config.log_level, config.log_format)
     if options.command is None:
         return Supervisor(arguments).run()
     if parent := os.environ.get(PARENT_VARIABLE):

@@ -18,7 +18,9 @@ from edge_server.api import (
     documentation,
     errors,
     health,
+    metrics,
     plans,
+    request_log,
     surveys,
     telemetry,
     urls,
@@ -26,6 +28,7 @@ from edge_server.api import (
 )
 from edge_server.api.bodies import MAXIMUM_IMAGE_BODY_BYTES
 from edge_server.config import Config
+from edge_server.metrics import Metrics
 from edge_server.services.context import Context
 from edge_server.store.database import ENGINE_OPTIONS, Database, prepare_engine, sqlite_url
 from edge_server.store.tables import METADATA
@@ -50,6 +53,7 @@ _PARTS = (
     vehicles,
     broker,
     health,
+    metrics,
     documentation,
 )
 """Whoever makes routes."""
@@ -76,6 +80,9 @@ def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> API
     with app.app_context():
         database = Database(prepare_engine(store.engine))
     app.extensions["edge_context"] = Context(config, database, clock)
+    figures = Metrics(config, database, clock)
+    app.extensions[metrics.EXTENSION] = figures
+    request_log.install(app, figures)
     ring = auth.KeyRing(database)
     app.before_request(lambda: auth.check_caller(ring))
     app.after_request(_harden)

@@ -7,6 +7,7 @@ ConfigError  a setting that cannot be used; the message names it and says why
 """
 
 import os
+import re
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -38,6 +39,21 @@ class Config:
     read_timeout_s: float = 15.0
     relay_workers: int = 4
     log_level: str = "INFO"
+    log_format: str = "auto"
+    requests_per_minute: int = 12_000  # Of one key of a person or the cloud
+    broker_requests_per_minute: int = 600_000
+    failures_per_minute: int = 30  # Wrong keys from one address
+    tls_certificate_file: Path | None = None
+    tls_key_file: Path | None = None
+    tls_client_ca_file: Path | None = None
+    allow_plain_http: bool = False  # Beyond this machine
+    edge_id: str = "edge"
+    cloud_jws_key_file: Path | None = None
+    cloud_may_dispatch: bool = False
+    retain_telemetry_days: float = 30.0
+    retain_images_days: float = 30.0
+    retain_plans_days: float = 365.0
+    retain_audit_days: float = 365.0
     edge_dir: Path = field(init=False)
     keys_dir: Path = field(init=False)
 
@@ -49,6 +65,21 @@ class Config:
     def database_path(self) -> Path:
         """The SQLite file; its -wal and -shm lie beside it."""
         return self.edge_dir / "edge.sqlite3"
+
+    @property
+    def server_tally_path(self) -> Path:
+        """What the server has counted."""
+        return self.edge_dir / "server.tally"
+
+    @property
+    def relay_tally_path(self) -> Path:
+        """What the relay has counted."""
+        return self.edge_dir / "relay.tally"
+
+    @property
+    def relay_lock_path(self) -> Path:
+        """Held by the one relay of this state folder."""
+        return self.edge_dir / "relay.lock"
 
     @property
     def wake_path(self) -> Path:
@@ -92,11 +123,41 @@ def _url(value: Any) -> str:
     return str(value).rstrip("/")
 
 
+def _days(value: Any) -> float:
+    if isinstance(value, bool) or not 0.001 <= (number := float(value)) <= 36_500:
+        raise ValueError("must be 0.001 to 36500 days")
+    return number
+
+
+def _flag(value: Any) -> bool:
+    if isinstance(value, bool):
+        return value
+    found = {"true": True, "1": True, "false": False, "0": False}.get(str(value).lower())
+    if found is None:
+        raise ValueError("must be true or false")
+    return found
+
+
+def _word(value: Any) -> str:
+    if _WORD.fullmatch(word := str(value)) is None:
+        raise ValueError("must be 1 to 64 letters, digits, dots, dashes or underscores")
+    return word
+
+
 def _level(value: Any) -> str:
     if (name := str(value).upper()) not in {"DEBUG", "INFO", "WARNING", "ERROR"}:
         raise ValueError("must be DEBUG, INFO, WARNING or ERROR")
     return name
 
+
+def _log_format(value: Any) -> str:
+    if (name := str(value).lower()) not in {"auto", "json", "text"}:
+        raise ValueError("must be auto, json or text")
+    return name
+
+
+_WORD: Final = re.compile(r"[A-Za-z0-9._-]{1,64}")
+_PER_MINUTE: Final = _whole(1, 10_000_000)
 
 SETTINGS: Final = (
     Setting("state_dir", "STATE_DIR", Path, "folder of database, keys and pipe"),
@@ -114,6 +175,27 @@ SETTINGS: Final = (
     Setting("read_timeout_s", "RELAY_READ_S", _seconds(0.1, 600), "the cloud's answer"),
     Setting("relay_workers", "RELAY_WORKERS", _whole(2, 32), "requests to the cloud at once"),
     Setting("log_level", "LOG_LEVEL", _level, "DEBUG, INFO, WARNING or ERROR"),
+    Setting("requests_per_minute", "EDGE_REQUESTS_PER_MINUTE", _PER_MINUTE, "of one key"),
+    Setting(
+        "broker_requests_per_minute", "EDGE_BROKER_REQUESTS_PER_MINUTE", _PER_MINUTE, "of a broker"
+    ),
+    Setting("failures_per_minute", "EDGE_FAILURES_PER_MINUTE", _PER_MINUTE, "wrong keys, address"),
+    Setting(
+        "tls_certificate_file", "EDGE_TLS_CERTIFICATE_FILE", Path, "our certificate chain, PEM"
+    ),
+    Setting("tls_key_file", "EDGE_TLS_KEY_FILE", Path, "its private key, PEM, mode 0600"),
+    Setting("tls_client_ca_file", "EDGE_TLS_CLIENT_CA_FILE", Path, "who may connect at all, PEM"),
+    Setting("allow_plain_http", "EDGE_ALLOW_PLAIN_HTTP", _flag, "beyond this machine without TLS"),
+    Setting("edge_id", "EDGE_ID", _word, "our name in what the cloud signs"),
+    Setting("cloud_jws_key_file", "CLOUD_JWS_KEY_FILE", Path, "what checks the cloud's signatures"),
+    Setting("cloud_may_dispatch", "CLOUD_MAY_DISPATCH", _flag, "the cloud's plans fly unattended"),
+    Setting(
+        "retain_telemetry_days", "RETAIN_TELEMETRY_DAYS", _days, "reports nobody could deliver"
+    ),
+    Setting("retain_images_days", "RETAIN_IMAGES_DAYS", _days, "pictures nobody could deliver"),
+    Setting("retain_plans_days", "RETAIN_PLANS_DAYS", _days, "plans, since their end"),
+    Setting("retain_audit_days", "RETAIN_AUDIT_DAYS", _days, "the audit log"),
+    Setting("log_format", "LOG_FORMAT", _log_format, "auto, json or text"),
 )
 
 
@@ -132,8 +214,17 @@ def load(
             found[setting.name] = _read(setting, raw, setting.variable)
         if (flag := flags.get(setting.name)) is not None:
             found[setting.name] = _read(setting, flag, "--" + setting.name.replace("_", "-"))
+    _check_tls(found)
     found["state_dir"] = Path(os.path.abspath(found.get("state_dir", "var")))  # noqa: PTH100  # links stay as they are
     return Config(**found)
+
+
+def _check_tls(found: Mapping[str, Any]) -> None:
+    has_certificate, has_key = "tls_certificate_file" in found, "tls_key_file" in found
+    if has_certificate != has_key:
+        raise ConfigError("EDGE_TLS_CERTIFICATE_FILE and EDGE_TLS_KEY_FILE belong together")
+    if "tls_client_ca_file" in found and not has_key:
+        raise ConfigError("EDGE_TLS_CLIENT_CA_FILE needs EDGE_TLS_CERTIFICATE_FILE beside it")
 
 
 _SETTING: Final = {setting.name: setting for setting in SETTINGS}

@@ -15,11 +15,13 @@ from typing import Final
 
 from edge_server.cloud import HttpCloud
 from edge_server.config import Config
+from edge_server.outbox.counting import RelayCounts
 from edge_server.outbox.relay import Relay
 from edge_server.outbox.retry import Backoff
 from edge_server.outbox.schedule import Schedule
 from edge_server.store import migrate
 from edge_server.store.database import Database, open_engine, sqlite_url
+from edge_server.tally import Tally
 
 LOG = logging.getLogger(__name__)
 LOCK_PATIENCE_S: Final = 3.0
@@ -38,7 +40,7 @@ def run(config: Config) -> None:
         RelayError: if it cannot go on and should be started again.
     """
     config.edge_dir.mkdir(parents=True, exist_ok=True, mode=0o700)
-    lock = take_lock(config.edge_dir / "relay.lock", LOCK_PATIENCE_S)
+    lock = take_lock(config.relay_lock_path, LOCK_PATIENCE_S)
     stopping = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stopping.set())
@@ -71,6 +73,7 @@ def build(config: Config, database: Database) -> Relay:
         database_path=config.database_path,
         wake_path=config.wake_path,
         workers=config.relay_workers,
+        counts=RelayCounts(Tally(config.relay_tally_path)),
     )
 
 

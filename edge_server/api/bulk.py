@@ -40,7 +40,9 @@ def create() -> dict[str, Any]:
     read = [_read(record) for record in _records()]
     arrivals = [one for one in read if isinstance(one, Arrival)]
     kept = iter(telemetry.ingest_all(bodies.context(), arrivals, g.role) if arrivals else [])
-    return {"records": [_answer(one, kept) for one in read]}
+    answers = [_answer(one, kept) for one in read]
+    g.refused_records = sum(answer["status"] != 201 for answer in answers)
+    return {"records": answers}
 
 
 def _records() -> list[Any]:

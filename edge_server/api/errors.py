@@ -1,7 +1,7 @@
 """One shape for every error: message, faulty fields by path, AFarCloud's codes where there are any.
 
-`{"message": ..., "detail": {"json": {path: [what, ...]}}, "errors": [{code, name, path}]}`. What
-was sent is never echoed, and no answer tells of our insides.
+`{"message": ..., "detail": {"json": {path: [what, ...]}}, "errors": [{code, name, path}],
+"request_id": ...}`. What was sent is never echoed, and no answer tells of our insides.
 """
 
 import logging
@@ -11,6 +11,7 @@ from typing import Any, Final
 from apiflask import APIFlask
 from apiflask.exceptions import HTTPError
 from apiflask.types import ResponseReturnValueType
+from flask import g
 from flask.typing import ResponseReturnValue
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
@@ -82,8 +83,13 @@ def install(app: APIFlask) -> None:
     app.register_error_handler(500, _unexpected)
 
 
+def _told(message: str, faults: Iterable[Fault] = (), where: str = "json") -> dict[str, Any]:
+    """The body of an answer: the error, and by which id our log tells of it."""
+    return body(message, faults, where) | {"request_id": g.get("request_id", "")}
+
+
 def _http(error: HTTPError) -> ResponseReturnValueType:
-    return body(error.message or "error"), error.status_code, error.headers
+    return _told(error.message or "error"), error.status_code, error.headers
 
 
 def _werkzeug(error: HTTPException) -> ResponseReturnValue:
@@ -91,7 +97,7 @@ def _werkzeug(error: HTTPException) -> ResponseReturnValue:
         return error.response
     status = error.code or 500
     headers = {name: value for name, value in error.get_headers() if name.lower() != "content-type"}
-    return body(_SENTENCES.get(status) or error.description or error.name), status, headers
+    return _told(_SENTENCES.get(status) or error.description or error.name), status, headers
 
 
 _SENTENCES: Final = {
@@ -106,32 +112,32 @@ _SENTENCES: Final = {
 def _document(error: DocumentError) -> ResponseReturnValue:
     broken = isinstance(error, SyntaxFaultError)
     message = "the body is not JSON" if broken else "the document cannot be used"
-    return body(message, error.faults), 400 if broken else 422
+    return _told(message, error.faults), 400 if broken else 422
 
 
 def _service(error: ServiceError) -> ResponseReturnValue:
     headers = RETRY_SOON if isinstance(error, TooMuchError) else {}
-    return body(str(error), error.faults), STATUS[type(error)], headers
+    return _told(str(error), error.faults), STATUS[type(error)], headers
 
 
 def _request(error: RequestError) -> ResponseReturnValue:
-    return body(str(error), error.faults, where=error.where), error.status
+    return _told(str(error), error.faults, where=error.where), error.status
 
 
 def _database(error: OperationalError) -> ResponseReturnValue:
     if is_full(error):
         LOG.error("the disk is full: %s", error.orig)
-        return body("the disk is full; nothing was stored"), 507
+        return _told("the disk is full; nothing was stored"), 507
     if is_busy(error):
         return _overloaded(error)
     return _unexpected(error)
 
 
 def _overloaded(_error: Exception) -> ResponseReturnValue:
-    return body("the database is busy; try again"), 503, RETRY_SOON
+    return _told("the database is busy; try again"), 503, RETRY_SOON
 
 
 def _unexpected(error: Exception) -> ResponseReturnValue:
     cause = getattr(error, "original_exception", None) or error
     LOG.error("unexpected error", exc_info=cause)
-    return body(_SENTENCES[500]), 500
+    return _told(_SENTENCES[500]), 500

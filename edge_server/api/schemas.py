@@ -38,6 +38,7 @@ ERROR: Final[dict[str, Any]] = {
                 "required": ["code", "name", "path"],
             },
         },
+        "request_id": _TEXT,
     },
     "required": ["message", "detail"],
 }

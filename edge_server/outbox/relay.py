@@ -23,6 +23,7 @@ from sqlalchemy.exc import OperationalError
 
 from edge_server.outbox import queue, wakeup
 from edge_server.outbox.answers import Meaning, Reply, Verdict, judge
+from edge_server.outbox.counting import RelayCounts, Uplink
 from edge_server.outbox.queue import Delivered, Parcel
 from edge_server.outbox.schedule import Schedule
 from edge_server.outbox.states import Happening
@@ -72,12 +73,15 @@ class Relay:
         database_path: Path,
         wake_path: Path,
         workers: int,
+        counts: RelayCounts,
     ) -> None:
         self._database = database
         self._database_path = database_path
         self._database_inode = database_path.stat().st_ino
         self._schedule = schedule
         self._connect = connect
+        self._counts = counts
+        counts.uplink(Uplink.OPEN)
         self._workers = workers
         self._wake = wakeup.open_for_reading(wake_path)
         self._answered_read, self._answered_write = os.pipe()
@@ -92,7 +96,7 @@ class Relay:
         self._clean_at = 0.0
         self._stopping = threading.Event()
         self._a_worker_left = threading.Event()
-        self._uplink_was = ""
+        self._uplink_was = Uplink.OPEN
 
     def stop(self) -> None:
         """End `run` soon; may be called from a signal handler or another thread."""
@@ -218,6 +222,8 @@ class Relay:
             self._settle_not_before = now + TICK_S
             self._clean_at = max(self._clean_at, self._settle_not_before)
             return
+        for parcel, _, verdict in self._unsettled:
+            self._counts.answered(parcel, verdict, wall_clock)
         self._unsettled.clear()
         if now >= self._clean_at:
             self._clean_at = now + HOUSEKEEPING_S
@@ -236,16 +242,34 @@ class Relay:
 
     def _tell(self, parcel: Parcel, verdict: Verdict) -> None:
         """Log what an operator should know: once per change, not once per record."""
+        where = {
+            "kind": parcel.stream.kind,
+            "vehicle_id": parcel.stream.vehicle_id,
+            "record_id": parcel.record_id,
+            "message_id": parcel.message_id,
+        }
         if verdict.meaning is Meaning.REJECTED:
             name = f"{parcel.stream.kind} {parcel.record_id}"
-            LOG.error("dead letter: %s of vehicle %d: %s", name, parcel.stream.vehicle_id, verdict)
-        uplink = "paused" if self._schedule.paused else "blocked" * self._schedule.blocked
-        if uplink == self._uplink_was:
-            return
-        if uplink == "paused":
-            LOG.error("uplink paused: %s; check the cloud's key", verdict.reason)
-        elif uplink:
-            LOG.warning("cloud not reachable: %s; records are kept", verdict.reason)
+            vehicle_id = parcel.stream.vehicle_id
+            LOG.error(
+                "dead letter: %s of vehicle %d: %s", name, vehicle_id, verdict.reason, extra=where
+            )
         else:
-            LOG.info("cloud reachable again")
+            LOG.debug("%s: %s", verdict.meaning, verdict.reason, extra=where)
+        uplink = _uplink(self._schedule)
+        if uplink is self._uplink_was:
+            return
+        if uplink is Uplink.PAUSED:
+            LOG.error("uplink paused: %s; check the cloud's key", verdict.reason, extra=where)
+        elif uplink is Uplink.BLOCKED:
+            LOG.warning("cloud not reachable: %s; records are kept", verdict.reason, extra=where)
+        else:
+            LOG.info("cloud reachable again", extra=where)
         self._uplink_was = uplink
+        self._counts.uplink(uplink)
+
+
+def _uplink(schedule: Schedule) -> Uplink:
+    if schedule.paused:
+        return Uplink.PAUSED
+    return Uplink.BLOCKED if schedule.blocked else Uplink.OPEN

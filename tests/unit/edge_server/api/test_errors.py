@@ -18,7 +18,8 @@ from tests.unit.edge_server.documents import plan, telemetry
 def shape_of(answer: Any) -> dict[str, Any]:
     assert answer.mimetype == "application/json"
     body: dict[str, Any] = json.loads(answer.data, parse_constant=pytest.fail)
-    assert {"message", "detail"} <= body.keys() <= {"message", "detail", "errors"}
+    assert {"message", "detail", "request_id"} <= body.keys()
+    assert body.keys() <= {"message", "detail", "request_id", "errors"}
     assert body["message"]
     return body
 

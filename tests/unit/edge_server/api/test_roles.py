@@ -42,6 +42,7 @@ MATRIX: list[tuple[str, str, set[str], Any]] = [
     ("DELETE", "/dead_letters/1", {"admin"}, None),
     ("GET", "/openapi.json", EVERYBODY, None),
     ("GET", "/docs", EVERYBODY, None),
+    ("GET", "/metrics", {"operator", "admin"}, None),
     ("POST", "/telemetry/", {"broker"}, {"records": [{"pose": telemetry("pose")}]}),
 ]
 for _kind in TELEMETRY:
