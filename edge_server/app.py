@@ -17,6 +17,7 @@ from edge_server.api import (
     dead_letters,
     documentation,
     errors,
+    events,
     health,
     metrics,
     plans,
@@ -46,6 +47,7 @@ class _Json(DefaultJSONProvider):
 
 _PARTS = (
     plans,
+    events,
     surveys,
     telemetry,
     bulk,

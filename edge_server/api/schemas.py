@@ -9,6 +9,7 @@ from afarcloud.model import Model
 from afarcloud.state import Report
 from afarcloud.wire import MODELS, TELEMETRY, Kind
 from edge_server.api.broker import Acknowledged
+from edge_server.services.event_states import State
 from edge_server.services.vehicles import VehicleState
 from edge_server.survey.request import SurveyRequest
 
@@ -82,6 +83,7 @@ def components() -> dict[str, Any]:
     found["Error"] = ERROR
     found |= {stored_name(kind): _stored_report(found[name_of(kind)]) for kind in TELEMETRY}
     found["StoredPlan"] = _stored_plan(found["Plan"])
+    found["StoredEvent"] = _stored_event(found["Event"])
     found["Vehicle"] = _with(
         found["VehicleState"],
         {"vehicle_id": _ID, "registered_at": _TIME, "updated_at": _TIME},
@@ -149,6 +151,20 @@ def _stored_plan(schema: Mapping[str, Any]) -> dict[str, Any]:
             "plan_status_name": _TEXT,
             "missions": {"type": "array", "items": mission},
             "warnings": {"type": "array", "items": warning},
+        },
+        closed=False,
+    )
+
+
+def _stored_event(schema: Mapping[str, Any]) -> dict[str, Any]:
+    return _with(
+        schema,
+        {
+            "id": _ID,
+            "event_type_name": _TEXT,
+            "received_at": _TIME,
+            "expires_at": _TIME,
+            "state": {"enum": [state.value for state in State]},
         },
         closed=False,
     )

@@ -10,9 +10,10 @@ from afarcloud.annex import in_seconds
 from afarcloud.enumerations import Profile, Status
 from afarcloud.plan import LatestStateVector, Mission
 from afarcloud.wire import Kind, write
-from edge_server.services import progress, telemetry
+from edge_server.services import event_states, progress, telemetry
 from edge_server.services.context import Context, show_time
 from edge_server.services.errors import ConflictError, NotFoundError, TooMuchError
+from edge_server.services.event_states import Happening, State
 from edge_server.services.vehicles import find as find_vehicle
 from edge_server.store import plans, work
 from edge_server.store.work import Work
@@ -21,6 +22,7 @@ REQUEST_LIFETIME_S: Final = 10.0
 REQUEST_LIMIT: Final = 32
 PAGE: Final = 100
 EXPIRED: Final = "expired before dispatch"
+EXPIRED_EVENT: Final = "expired before the broker accepted it"
 
 
 class Acknowledgement(StrEnum):
@@ -82,13 +84,17 @@ def _poll(context: Context, after_id: int, deadline: float) -> dict[str, Any]:
 
 
 def _look(context: Context, after_id: int) -> dict[str, Any]:
+    """Give events first, then the rest in order."""
     expire_if_due(context)
     with context.database.read() as connection:
         # A cursor beyond all work comes from a database that is gone: begin again.
         cursor = after_id if after_id <= work.newest_id(connection) else 0
+        events = work.live_events(connection, context.clock(), after_id=cursor)
         found = work.unfinished(connection, after_id=cursor, limit=PAGE)
-        commands = [_show(connection, item) for item in found]
-    return {"cursor": found[-1].id if found else cursor, "commands": commands}
+        commands = [_show(connection, item) for item in (*events, *found)]
+    # Of a full page the rest is still to come; an event behind it will be given once more.
+    seen = found if len(found) == PAGE else [*events, *found]
+    return {"cursor": max((item.id for item in seen), default=cursor), "commands": commands}
 
 
 def _show(connection: Connection, item: Work) -> dict[str, Any]:
@@ -100,6 +106,10 @@ def _show(connection: Connection, item: Work) -> dict[str, Any]:
     }
     if item.kind == work.STATE_VECTOR:
         return {**shown, "sequence_number": item.sequence_number}
+    if item.kind == work.EVENT:
+        # With one time of expiry, the one that holds
+        event = {**(item.body or {}), "expires_at": shown["expires_at"]}
+        return {**shown, "state": item.state, "event": event}
     return {
         **shown,
         "plan_id": item.plan_id,
@@ -134,6 +144,8 @@ def acknowledge(
             raise NotFoundError(f"there is no work {identifier}; it may have been cancelled")
         if item.kind == work.MISSION:
             _acknowledge_mission(connection, item, said, message, now)
+        elif item.kind == work.EVENT:
+            _acknowledge_event(connection, item, said, message)
         elif item.state != work.CLOSED:
             state = work.ACCEPTED if said is Acknowledgement.ACCEPTED else work.CLOSED
             work.change(connection, identifier, state=state)
@@ -149,13 +161,35 @@ def _acknowledge_mission(
         raise ConflictError("a mission is done when its report says so")
     if said is Acknowledgement.REFUSED:
         if item.state != work.CLOSED:
-            _end(connection, item, Status.FAILED, message or "refused by the broker", now)
+            end(connection, item, Status.FAILED, message or "refused by the broker", now)
         elif item.status_id != Status.FAILED:
             raise ConflictError(f"work {item.id} has ended otherwise")
     elif item.state == work.CLOSED:
         raise ConflictError(f"work {item.id} has ended: {item.message or 'see the plan'}")
     else:
         work.change(connection, item.id, state=work.ACCEPTED)
+
+
+def _acknowledge_event(
+    connection: Connection, item: Work, said: Acknowledgement, message: str | None
+) -> None:
+    state = event_states.state_of(item.status_id or Status.NOT_STARTED)
+    try:
+        following = event_states.follow(state, Happening(said.value))
+    except event_states.IllegalTransitionError as error:
+        raise ConflictError(f"work {item.id}: {error}") from None
+    if following != state:
+        _move_event(connection, item, following, message)
+
+
+def _move_event(connection: Connection, item: Work, state: State, message: str | None) -> None:
+    work.change(
+        connection,
+        item.id,
+        state=work.ACCEPTED if state is State.ACCEPTED else work.CLOSED,
+        status_id=int(event_states.STATUS[state]),
+        message=message or item.message,
+    )
 
 
 def expire_if_due(context: Context) -> None:
@@ -173,12 +207,15 @@ def expire(connection: Connection, now: float) -> None:
     """End queued work whose time is over; nothing stale is ever flown."""
     for item in work.overdue(connection, now):
         if item.kind == work.MISSION:
-            _end(connection, item, Status.ABORTED, EXPIRED, now)
+            end(connection, item, Status.ABORTED, EXPIRED, now)
+        elif item.kind == work.EVENT:
+            state = event_states.follow(State.QUEUED, Happening.TOO_LATE)
+            _move_event(connection, item, state, EXPIRED_EVENT)
         else:
             work.change(connection, item.id, state=work.CLOSED)
 
 
-def _end(connection: Connection, item: Work, status: Status, message: str, now: float) -> None:
+def end(connection: Connection, item: Work, status: Status, message: str, now: float) -> None:
     """End a mission that nobody flies, and tell the cloud as the vehicle's broker would."""
     progress.close(connection, item, status, message)
     last = item.report or {}

@@ -55,6 +55,16 @@ def mission_report(
     } | fields
 
 
+def event(kind: int = 1, vehicle_id: int = 1, **fields: Any) -> dict[str, Any]:
+    """An abort, unless it is another kind."""
+    return {"sequence_number": 5, "vehicle_id": vehicle_id, "event_type_id": kind} | fields
+
+
+def speed_event(maximum_speed: float = 2.5, **fields: Any) -> dict[str, Any]:
+    """A new speed [m/s]."""
+    return event(3, maximum_speed=maximum_speed, **fields)
+
+
 _PLACE = {"latitude": 40.4434, "longitude": -3.7382, "altitude": 4.84}
 _ATTITUDE = {"yaw": 87.0, "pitch": 0.2, "roll": -0.4}
 

@@ -10,7 +10,7 @@ from edge_server.app import context_of, create_app
 from edge_server.config import Config
 from edge_server.store.keys import Role
 from tests.unit.edge_server.conftest import Clock, Edge
-from tests.unit.edge_server.documents import TELEMETRY, plan, telemetry
+from tests.unit.edge_server.documents import TELEMETRY, event, plan, speed_event, telemetry
 
 EVERYBODY = {"farmer", "operator", "admin", "broker", "cloud"}
 PEOPLE = EVERYBODY - {"broker"}
@@ -36,6 +36,13 @@ MATRIX: list[tuple[str, str, set[str], Any]] = [
     ("POST", "/broker/commands/1/ack", {"broker"}, {"status": "accepted"}),
     ("POST", "/latest_state_vector/", PEOPLE, {"sequence_number": 3}),
     ("POST", "/surveys/", {"farmer", "operator", "admin"}, dict(SURVEY)),
+    ("POST", "/events/", PEOPLE, event()),
+    ("POST", "/events/", {"operator", "admin", "cloud"}, speed_event()),
+    ("GET", "/events/", EVERYBODY, None),
+    ("GET", "/events/1", EVERYBODY, None),
+    ("PUT", "/events/1", PEOPLE, event()),
+    ("PUT", "/events/1", {"operator", "admin", "cloud"}, speed_event()),
+    ("DELETE", "/events/1", {"operator", "admin"}, None),
     ("GET", "/dead_letters/", {"operator", "admin"}, None),
     ("GET", "/dead_letters/1", {"operator", "admin"}, None),
     ("POST", "/dead_letters/1/retry", {"operator", "admin"}, None),

@@ -1,0 +1,98 @@
+"""`/events/`: abort, soft abort and speed; worth seconds, kept to be looked at."""
+
+from typing import Any, Final
+
+from apiflask import APIBlueprint
+from flask import url_for
+from flask.typing import ResponseReturnValue
+from werkzeug.exceptions import Forbidden
+
+from afarcloud.enumerations import EventType
+from afarcloud.plan import Event
+from afarcloud.wire import Kind
+from edge_server.api import bodies, etags, urls
+from edge_server.api.auth import PEOPLE, PLANNERS, READERS, allow, audit, caller
+from edge_server.api.contract import PAGE, Contract, describe
+from edge_server.services import events
+from edge_server.store.keys import Role
+
+WORDS: Final = ("events", "event")
+ITEM: Final = "int64:identifier"
+STORED: Final = "StoredEvent"
+EXAMPLE: Final = {
+    "sequence_number": 5,
+    "vehicle_id": 1,
+    "event_type_id": 1,
+    "abort": {"latitude": 40.4434, "longitude": -3.7382, "altitude": 5.0},
+}
+
+
+def blueprint() -> APIBlueprint:
+    """Make the routes."""
+    routes = APIBlueprint("events", __name__)
+    urls.add(routes, WORDS, "create", create, "POST")
+    urls.add(routes, WORDS, "page", page, "GET")
+    urls.add(routes, WORDS, "get", get, "GET", item=ITEM)
+    urls.add(routes, WORDS, "put", put, "PUT", item=ITEM)
+    urls.add(routes, WORDS, "delete", delete, "DELETE", item=ITEM)
+    return routes
+
+
+@allow(PEOPLE)
+@describe(
+    Contract({201: STORED}, body="Event", repeatable=True, errors=(404, 409, 429), example=EXAMPLE)
+)
+def create() -> ResponseReturnValue:
+    """Interrupt a vehicle's mission; a farmer may abort, and not change the speed."""
+    stored = events.create(bodies.context(), _event(), caller())
+    audit(f"posted event {stored['id']}: {stored['event_type_name']}")
+    return stored, 201, {"Location": url_for("events.get", identifier=stored["id"])}
+
+
+@allow(READERS)
+@describe(Contract({200: STORED}, is_list=True, query=PAGE))
+def page() -> list[dict[str, Any]]:
+    """List events, those that have ended too."""
+    return events.page(
+        bodies.context(),
+        after_id=bodies.query_integer("after", 0, 0, 2**63 - 1),
+        limit=bodies.query_integer("limit", bodies.PAGE_DEFAULT, 1, bodies.PAGE_LIMIT),
+        since_s=bodies.query_time("since"),
+        vehicle_id=bodies.query_vehicle(),
+    )
+
+
+@allow(READERS)
+@describe(Contract({200: STORED}, conditional=True))
+def get(identifier: int) -> ResponseReturnValue:
+    """Give an event with its live state."""
+    return etags.tagged(events.find(bodies.context(), identifier))
+
+
+@allow(PEOPLE)
+@describe(
+    Contract({200: STORED}, body="Event", conditional=True, errors=(409, 429), example=EXAMPLE)
+)
+def put(identifier: int) -> ResponseReturnValue:
+    """Replace an event that the broker has not accepted; its ten seconds begin anew."""
+    stored = events.replace(bodies.context(), identifier, _event(), etags.check_match)
+    audit(f"replaced event {identifier}: {stored['event_type_name']}")
+    return etags.tagged(stored)
+
+
+@allow(PLANNERS)
+@describe(Contract({204: None}, errors=(409,)))
+def delete(identifier: int) -> ResponseReturnValue:
+    """Cancel an event that waits, or forget one that has ended."""
+    events.remove(bodies.context(), identifier)
+    audit(f"deleted event {identifier}")
+    return "", 204
+
+
+def _event() -> Event:
+    event = bodies.document(Kind.EVENT)
+    if not isinstance(event, Event):
+        raise TypeError(type(event))
+    if caller().role == Role.FARMER and event.event_type_id == EventType.DRONE_SPEED:
+        raise Forbidden("a farmer may abort a mission, not change its speed")
+    return event

@@ -1,0 +1,216 @@
+"""Events: they interrupt a mission now or not at all; one transaction each.
+
+An event is work for the broker, handed out before every mission. It is worth seconds: what
+nobody has accepted by `expires_at` has expired, and is never handed out again. An abort empties
+the vehicle's queue in the transaction that keeps it, so that no later mission starts behind it.
+"""
+
+from typing import Any, Final
+
+from sqlalchemy import Connection
+
+from afarcloud.enumerations import EventType, Status
+from afarcloud.faults import Fault, InvalidError
+from afarcloud.plan import Event
+from afarcloud.vehicle import VehicleLimits
+from afarcloud.wire import Kind, write
+from edge_server.services import broker_work, once
+from edge_server.services.context import (
+    Caller,
+    Context,
+    Precondition,
+    show_time,
+    unconditionally,
+)
+from edge_server.services.errors import ConflictError, NotFoundError, TooMuchError
+from edge_server.services.event_states import state_of
+from edge_server.store import events, vehicles, work
+from edge_server.store.events import StoredEvent
+from edge_server.store.idempotency import Answered
+
+LIFETIME_S: Final = 10.0
+"""Longest life of an event, whatever `expires_at` asks for."""
+EVENT_LIMIT: Final = 64
+"""Of all vehicles, waiting at once."""
+
+
+def create(context: Context, event: Event, caller: Caller) -> dict[str, Any]:
+    """Keep an event and wake the broker; returns it as stored.
+
+    Raises:
+        NotFoundError: if the vehicle is not registered.
+        ConflictError: if the vehicle has nothing that could be interrupted.
+        InvalidError: if it has expired already, or asks for more than the vehicle can.
+        TooMuchError: if too many events wait.
+        KeyReusedError: if the idempotency key belongs to another request.
+    """
+    body_sha256 = once.hash_body(write(event))
+    route = Kind.EVENT.value
+    with context.database.write() as connection:
+        now = context.clock()
+        broker_work.expire(connection, now)
+        answered = once.earlier(connection, caller, route, body_sha256)
+        if answered is None:
+            work_id = _queue(connection, event, now)
+            identifier = events.add(connection, work_id=work_id, received_at=now)
+            _empty_queue(connection, event, identifier, now)
+            answered = Answered(route, body_sha256, identifier, None, now)
+            once.remember(connection, caller, answered)
+        shown = show(_find(connection, answered.object_id))
+    context.bell.ring()
+    context.wake_relay()
+    return shown
+
+
+def replace(
+    context: Context, identifier: int, event: Event, precondition: Precondition = unconditionally
+) -> dict[str, Any]:
+    """Put another event in the place of one that the broker has not accepted; its id stays.
+
+    It is a new order: its time begins anew, and the broker gets it as new work.
+
+    Raises:
+        NotFoundError: if there is none.
+        ChangedError: if the precondition says so.
+        ConflictError, InvalidError: as for `create`; and if it is no longer queued.
+    """
+    with context.database.write() as connection:
+        now = context.clock()
+        broker_work.expire(connection, now)
+        old = _find(connection, identifier)
+        precondition(show(old))
+        if old.state != work.QUEUED:
+            raise ConflictError(f"event {identifier} is {state_of(old.status_id)}")
+        if event.vehicle_id != old.vehicle_id:
+            raise ConflictError(
+                f"event {identifier} is for vehicle {old.vehicle_id}",
+                (Fault("vehicle_id", "cannot be changed"),),
+            )
+        events.point_to(connection, identifier, _queue(connection, event, now))
+        work.remove(connection, old.work_id)
+        _empty_queue(connection, event, identifier, now)
+        shown = show(_find(connection, identifier))
+    context.bell.ring()
+    context.wake_relay()
+    return shown
+
+
+def find(context: Context, identifier: int) -> dict[str, Any]:
+    """Give an event with its live state; raises NotFoundError."""
+    broker_work.expire_if_due(context)
+    with context.database.read() as connection:
+        return show(_find(connection, identifier))
+
+
+def page(
+    context: Context,
+    *,
+    after_id: int,
+    limit: int,
+    since_s: float = 0.0,
+    vehicle_id: int | None = None,
+) -> list[dict[str, Any]]:
+    """List events with their live state, oldest first; `since_s` bounds their receipt."""
+    broker_work.expire_if_due(context)
+    with context.database.read() as connection:
+        found = events.page(
+            connection, after_id=after_id, limit=limit, since_s=since_s, vehicle_id=vehicle_id
+        )
+    return [show(item) for item in found]
+
+
+def remove(context: Context, identifier: int) -> None:
+    """Cancel an event that waits, or forget one that has ended.
+
+    Raises:
+        NotFoundError: if there is none.
+        ConflictError: if the broker is at work on it.
+    """
+    with context.database.write() as connection:
+        broker_work.expire(connection, context.clock())
+        stored = _find(connection, identifier)
+        if stored.state == work.ACCEPTED:
+            raise ConflictError(f"event {identifier} is being carried out")
+        events.remove(connection, identifier)
+        work.remove(connection, stored.work_id)
+
+
+def show(stored: StoredEvent) -> dict[str, Any]:
+    """Give an event as the API shows it."""
+    shown = {
+        "id": stored.id,
+        **stored.body,
+        "event_type_name": EventType(stored.body["event_type_id"]).name,
+        "received_at": show_time(stored.received_at),
+        "expires_at": show_time(stored.expires_at),
+        "state": state_of(stored.status_id).value,
+    }
+    return {**shown, "message": stored.message} if stored.message else shown
+
+
+def _queue(connection: Connection, event: Event, now: float) -> int:
+    """Check an event and make it work; returns the id of the work."""
+    expires_at = _end_of_life(event, now)
+    _check_speed(event)
+    _check_vehicle(connection, event)
+    if len(work.live_events(connection, now)) >= EVENT_LIMIT:
+        raise TooMuchError("too many events wait")
+    return work.add_event(connection, body=write(event), now=now, expires_at=expires_at)
+
+
+def _end_of_life(event: Event, now: float) -> float:
+    """When it expires: as it says, but never later than the longest life."""
+    if event.expires_at is None:
+        return now + LIFETIME_S
+    wanted = event.expires_at.timestamp()
+    if wanted <= now:
+        raise InvalidError((Fault("expires_at", "is in the past"),))
+    return min(wanted, now + LIFETIME_S)
+
+
+def _check_speed(event: Event) -> None:
+    limit = VehicleLimits().maximum_speed_m_s
+    if event.maximum_speed is not None and event.maximum_speed > limit:
+        message = f"must be at most {limit} m/s, the vehicle's limit"
+        raise InvalidError((Fault("maximum_speed", message),))
+
+
+def _check_vehicle(connection: Connection, event: Event) -> None:
+    """An event interrupts something: a mission here, or a flight that only the vehicle knows."""
+    known = vehicles.get(connection, event.vehicle_id)
+    if known is None:
+        raise NotFoundError(
+            f"vehicle {event.vehicle_id} is not registered",
+            (Fault("vehicle_id", "is not registered"),),
+        )
+    is_flying = known.state.get("armed") or known.state.get("mission_id") is not None
+    if not is_flying and not _missions(connection, event.vehicle_id):
+        raise ConflictError(
+            f"vehicle {event.vehicle_id} has no active mission",
+            (Fault("vehicle_id", "has no active mission", 409, "NO_ACTIVE_MISSION"),),
+        )
+
+
+def _empty_queue(connection: Connection, event: Event, identifier: int, now: float) -> None:
+    """End what waits behind an aborted mission; what the broker has, the broker ends."""
+    if event.event_type_id == EventType.DRONE_SPEED:
+        return
+    for item in _missions(connection, event.vehicle_id):
+        if item.state == work.QUEUED:
+            why = f"aborted by event {identifier}"
+            broker_work.end(connection, item, Status.ABORTED, why, now)
+
+
+def _missions(connection: Connection, vehicle_id: int) -> list[work.Work]:
+    return [
+        item
+        for item in work.unfinished(connection, vehicle_id=vehicle_id)
+        if item.kind == work.MISSION
+    ]
+
+
+def _find(connection: Connection, identifier: int) -> StoredEvent:
+    stored = events.get(connection, identifier)
+    if stored is None:
+        raise NotFoundError(f"there is no event {identifier}")
+    return stored
