@@ -1,46 +1,97 @@
 """The cloud over HTTP: the only file that knows its addresses.
 
-One record per request, `POST {cloud}/<kind>`, the bare object with its message_id, the same id
-as `Idempotency-Key`, on a connection that is kept alive.
+One record per request: `POST {cloud}/<kind>`, the bare object with its message_id, the same id as
+`Idempotency-Key`, on connections that are kept alive. Many records per request where the cloud
+offers it: an answer with `Accept-Batch: 100` says that `POST {cloud}/batch` takes up to so many,
+one JSON object per line, `{"kind": "pose", "record": {...}}`, and answers with
+`{"results": [{"message_id": ..., "status": 200}, ...]}`, one result per line in its order.
 """
 
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
 from pathlib import Path
+from typing import Final
 
 import requests
-from requests.adapters import HTTPAdapter
 from requests.utils import get_environ_proxies
 
 from edge_server.config import Config
-from edge_server.outbox.answers import Answer, Reply, Unreachable
-from edge_server.outbox.queue import Parcel
+from edge_server.outbox import batches
+from edge_server.outbox.answers import Answer, Meaning, Reply, Unreachable, judge
+from edge_server.outbox.queue import Parcel, Stream
+from edge_server.outbox.uplink import HELD_BACK, MOST, ONE_BY_ONE, Offer
+from edge_server.trust import PinnedAdapter
 
-MAXIMUM_ANSWER_BYTES = 65_536
+MAXIMUM_ANSWER_BYTES: Final = 65_536
+NO_BATCHES_S: Final = 600.0
+"""How long an offer of batches is not believed after a batch was refused as a whole."""
+_BATCH_REFUSED: Final = frozenset({400, 404, 405, 410, 411, 413, 415, 422, 501})
 
 
-class HttpCloud:
-    """A CloudPort over one kept-alive connection."""
+class HttpUplink:
+    """An Uplink with one kept-alive connection per thread."""
 
     def __init__(self, config: Config, *, monotonic: Callable[[], float] = time.monotonic) -> None:
         self._config = config
         self._monotonic = monotonic
-        self._session = requests.Session()
-        # The environment is asked once; requests would ask it, and .netrc, for every record.
-        self._session.trust_env = False
-        self._session.proxies.update(get_environ_proxies(config.cloud_url))
-        self._session.mount("http://", HTTPAdapter(pool_maxsize=1, max_retries=0))
-        self._session.mount("https://", HTTPAdapter(pool_maxsize=1, max_retries=0))
+        self._offer = ONE_BY_ONE
+        self._no_batches_until = float("-inf")
+        self._mine = threading.local()
+        self._sessions: list[requests.Session] = []
 
-    def deliver(self, parcel: Parcel) -> Reply:
-        """Send a record; what the network does becomes an answer or a reason."""
+    def offer(self) -> Offer:
+        """What the cloud has announced, one by one until it has."""
+        return self._offer if self._monotonic() >= self._no_batches_until else ONE_BY_ONE
+
+    def send(self, parcels: Sequence[Parcel]) -> list[Reply]:
+        """Send records; what the network does becomes an answer or a reason."""
+        if len(parcels) == 1:
+            return [self._post_one(parcels[0])]
+        answer = self._post("batch", batches.write(parcels), batches.MEDIA_TYPE, {})
+        if isinstance(answer, Answer) and answer.status in _BATCH_REFUSED:
+            replies = None
+        else:
+            replies = batches.read(answer, parcels)
+        if replies is not None:
+            return replies
+        self._no_batches_until = self._monotonic() + NO_BATCHES_S
+        return self._send_one_by_one(parcels)
+
+    def close(self) -> None:
+        """Close the connections."""
+        for session in self._sessions:
+            session.close()
+
+    def _send_one_by_one(self, parcels: Sequence[Parcel]) -> list[Reply]:
+        """Send what was meant to go together, each record when the one before it is there."""
+        replies: list[Reply] = []
+        waiting: set[Stream] = set()
+        silence: Unreachable | None = None
+        for parcel in parcels:
+            if parcel.stream in waiting:
+                replies.append(HELD_BACK)
+                continue
+            reply = silence or self._post_one(parcel)
+            replies.append(reply)
+            if isinstance(reply, Unreachable):
+                silence = reply
+            if judge(reply).meaning not in {Meaning.CONFIRMED, Meaning.REJECTED}:
+                waiting.add(parcel.stream)
+        return replies
+
+    def _post_one(self, parcel: Parcel) -> Reply:
+        key = {"Idempotency-Key": parcel.message_id}
+        return self._post(parcel.stream.kind, parcel.payload.encode(), "application/json", key)
+
+    def _post(self, place: str, body: bytes, media_type: str, headers: Mapping[str, str]) -> Reply:
         try:
-            with self._session.post(
-                f"{self._config.cloud_url}/{parcel.stream.kind}",
-                data=parcel.payload.encode(),
-                headers=self._headers(parcel),
+            with self._session().post(
+                f"{self._config.cloud_url}/{place}",
+                data=body,
+                headers={**self._headers(media_type), **headers},
                 timeout=(self._config.connect_timeout_s, self._config.read_timeout_s),
                 allow_redirects=False,
                 stream=True,
@@ -55,15 +106,32 @@ class HttpCloud:
         except (requests.exceptions.RequestException, OSError) as error:
             return Unreachable(f"no connection ({type(error).__name__})")
 
-    def close(self) -> None:
-        """Close the connection."""
-        self._session.close()
+    def _session(self) -> requests.Session:
+        """The connection of this thread."""
+        session: requests.Session | None = getattr(self._mine, "session", None)
+        if session is None:
+            session = self._mine.session = self._new_session()
+            self._sessions.append(session)
+        return session
 
-    def _headers(self, parcel: Parcel) -> dict[str, str]:
+    def _new_session(self) -> requests.Session:
+        session = requests.Session()
+        # The environment is asked once; requests would ask it, and .netrc, for every record.
+        session.trust_env = False
+        session.proxies.update(get_environ_proxies(self._config.cloud_url))
+        if self._config.cloud_ca_file is not None:
+            session.verify = str(self._config.cloud_ca_file)
+        if self._config.cloud_client_certificate_file is not None:
+            session.cert = str(self._config.cloud_client_certificate_file)
+        for scheme in ("http://", "https://"):
+            session.mount(scheme, PinnedAdapter(self._config.cloud_fingerprint))
+        return session
+
+    def _headers(self, media_type: str) -> dict[str, str]:
         headers = {
-            "Content-Type": "application/json",
+            "Content-Type": media_type,
             "Accept": "application/json",
-            "Idempotency-Key": parcel.message_id,
+            "Accept-Encoding": "identity",  # A small answer may not unfold into a large one
         }
         if self._config.cloud_key_file is not None:
             headers["Authorization"] = f"Bearer {_key(self._config.cloud_key_file)}"
@@ -72,18 +140,30 @@ class HttpCloud:
     def _read(self, response: requests.Response) -> Reply:
         deadline = self._monotonic() + self._config.read_timeout_s
         body = b""
-        for chunk in response.iter_content(16_384):
+        for chunk in response.raw.stream(16_384, decode_content=False):
             body += chunk
             if len(body) > MAXIMUM_ANSWER_BYTES:
                 return Unreachable(f"{response.status_code} with an answer that is too long")
             if self._monotonic() > deadline:
                 return Unreachable("the answer took too long")
-        return Answer(
+        answer = Answer(
             response.status_code,
             response.headers.get("Content-Type", ""),
             body,
             retry_after_s(response.headers.get("Retry-After"), datetime.now(UTC)),
         )
+        if judge(answer).meaning is Meaning.CONFIRMED:
+            self._offer = offer_of(response.headers.get("Accept-Batch"))
+        return answer
+
+
+def offer_of(header: str | None) -> Offer:
+    """Read an Accept-Batch header: how many records; anything else offers nothing."""
+    text = (header or "").strip()
+    if not (text.isascii() and text.isdigit() and len(text) < 7):
+        return ONE_BY_ONE
+    records = min(int(text), MOST.records)
+    return Offer(records, MOST.size_bytes) if records > 1 else ONE_BY_ONE
 
 
 def retry_after_s(header: str | None, now: datetime) -> float | None:
@@ -92,7 +172,7 @@ def retry_after_s(header: str | None, now: datetime) -> float | None:
         return None
     text = header.strip()
     if text.isascii() and text.isdigit():
-        return float(text)
+        return float(text[:9])
     try:
         moment = parsedate_to_datetime(text)
     except ValueError:

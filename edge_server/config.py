@@ -29,6 +29,9 @@ class Config:
     port: int = 8000
     cloud_url: str = "http://127.0.0.1:8100"
     cloud_key_file: Path | None = None
+    cloud_ca_file: Path | None = None  # The only authority that speaks for the cloud
+    cloud_fingerprint: str | None = None  # SHA-256 of its certificate, hex
+    cloud_client_certificate_file: Path | None = None  # Certificate and key, PEM
     threads: int = 32
     plan_lifetime_s: float = 12 * 3600.0
     queue_limit: int = 8  # Unfinished missions per vehicle
@@ -144,6 +147,13 @@ def _word(value: Any) -> str:
     return word
 
 
+def _fingerprint(value: Any) -> str:
+    digits = str(value).replace(":", "").lower()
+    if len(digits) != 64 or not set(digits) <= set("0123456789abcdef"):
+        raise ValueError("must be a SHA-256, 64 hexadecimal digits")
+    return digits
+
+
 def _level(value: Any) -> str:
     if (name := str(value).upper()) not in {"DEBUG", "INFO", "WARNING", "ERROR"}:
         raise ValueError("must be DEBUG, INFO, WARNING or ERROR")
@@ -165,6 +175,14 @@ SETTINGS: Final = (
     Setting("port", "EDGE_PORT", _whole(1, 65535), "port to listen on"),
     Setting("cloud_url", "CLOUD_URL", _url, "where records go"),
     Setting("cloud_key_file", "CLOUD_KEY_FILE", Path, "file with the key shown to the cloud"),
+    Setting("cloud_ca_file", "CLOUD_CA_FILE", Path, "who may vouch for the cloud, nobody else"),
+    Setting("cloud_fingerprint", "CLOUD_FINGERPRINT", _fingerprint, "the cloud's certificate"),
+    Setting(
+        "cloud_client_certificate_file",
+        "CLOUD_CLIENT_CERTIFICATE_FILE",
+        Path,
+        "our certificate and key for the cloud, PEM",
+    ),
     Setting("threads", "EDGE_THREADS", _whole(12, 256), "requests served at once"),
     Setting("plan_lifetime_s", "PLAN_LIFETIME_S", _seconds(1, 30 * 86400), "default expires_at"),
     Setting("queue_limit", "QUEUE_LIMIT", _whole(1, 1000), "unfinished missions per vehicle"),

@@ -13,7 +13,7 @@ from pathlib import Path
 from random import Random
 from typing import Final
 
-from edge_server.cloud import HttpCloud
+from edge_server.cloud import HttpUplink
 from edge_server.config import Config
 from edge_server.outbox.counting import RelayCounts
 from edge_server.outbox.relay import Relay
@@ -69,7 +69,7 @@ def build(config: Config, database: Database) -> Relay:
     return Relay(
         database=database,
         schedule=schedule,
-        connect=lambda: HttpCloud(config),
+        uplink=HttpUplink(config),
         database_path=config.database_path,
         wake_path=config.wake_path,
         workers=config.relay_workers,

@@ -2,6 +2,7 @@
 
 import json
 from enum import StrEnum
+from http import HTTPStatus
 from typing import Final, NamedTuple, TypeAlias
 
 
@@ -31,6 +32,8 @@ class Meaning(StrEnum):
     NO_CLOUD = "no cloud"  # Not the record's fault, nor one stream's: the way is blocked
     NO_ACCESS = "no access"  # Our key is not accepted: pause everything, tell the operator
     REJECTED = "rejected"  # The cloud will never take it: dead letter, the next one goes on
+    NO_PLACE = "no place"  # The cloud has no place for this kind: the kind waits, ten tries each
+    HELD_BACK = "held back"  # Not tried: one before it in its stream has to go first
 
 
 class Verdict(NamedTuple):
@@ -44,6 +47,13 @@ class Verdict(NamedTuple):
 
 _RETRIED_4XX: Final = frozenset({408, 425, 429})
 _CONFIRMING: Final = frozenset({200, 201, 203, 204, 205})
+_REFUSALS: Final = {
+    401: (Meaning.NO_ACCESS, "401 refuses our key"),
+    403: (Meaning.NO_ACCESS, "403 refuses our key"),
+    404: (Meaning.NO_PLACE, "404 knows no such address"),
+    410: (Meaning.NO_PLACE, "410 has given the address up"),
+    424: (Meaning.HELD_BACK, "424 waits for the one before it"),
+}
 
 
 def judge(reply: Reply) -> Verdict:
@@ -62,22 +72,37 @@ def _meaning(answer: Answer) -> tuple[Meaning, str]:
         return Meaning.NO_CLOUD, f"{status} with a body that is not JSON"
     if 300 <= status < 400:
         return Meaning.NO_CLOUD, f"{status} redirects elsewhere"
-    if status in {401, 403}:
-        return Meaning.NO_ACCESS, f"{status} refuses our key"
     if 400 <= status < 500 and status not in _RETRIED_4XX:
-        return Meaning.REJECTED, f"{status} rejects the record"
+        return _refusal(answer)
     return Meaning.TRY_LATER, f"{status} is no confirmation"
+
+
+def _refusal(answer: Answer) -> tuple[Meaning, str]:
+    if answer.status == HTTPStatus.CONFLICT and _says_duplicate(answer):
+        return Meaning.CONFIRMED, f"{answer.status} and the cloud has it already"
+    return _REFUSALS.get(answer.status, (Meaning.REJECTED, f"{answer.status} rejects the record"))
 
 
 def _comes_from_a_cloud(answer: Answer) -> bool:
     """A captive portal answers 200 too; its page is HTML."""
-    if not answer.body.strip():
-        return True
+    return not answer.body.strip() or _document(answer) is not _NO_JSON
+
+
+def _says_duplicate(answer: Answer) -> bool:
+    """Whether the cloud refuses the record because it has this very one: it is there."""
+    document = _document(answer)
+    return isinstance(document, dict) and document.get("outcome") == "duplicate"
+
+
+_NO_JSON: Final = object()
+
+
+def _document(answer: Answer) -> object:
+    """The JSON of an answer, _NO_JSON when it is something else."""
     media_type = answer.content_type.partition(";")[0].strip().lower()
     if media_type != "application/json" and not media_type.endswith("+json"):
-        return False
+        return _NO_JSON
     try:
-        json.loads(answer.body)
+        return json.loads(answer.body)
     except (ValueError, RecursionError):
-        return False
-    return True
+        return _NO_JSON

@@ -1,6 +1,6 @@
 """The outbox on the caller's transaction: put in, look at the heads, settle."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 from sqlalchemy import Connection, bindparam, delete, func, insert, select, update
@@ -10,6 +10,7 @@ from edge_server.store.tables import outbox, telemetry, tombstone
 PRIORITY: Final[Mapping[str, int]] = {
     "alarm": 0,
     "mission_report": 1,
+    "gap": 1,
     "state_vector": 2,
     "pose": 3,
     "battery": 3,
@@ -35,6 +36,12 @@ class Parcel(NamedTuple):
     stream: Stream
     payload: str
     attempts: int
+
+    @property
+    def size_bytes(self) -> int:
+        """What it takes among others: its JSON and some words about it."""
+        payload = self.payload
+        return 64 + (len(payload) if payload.isascii() else len(payload.encode()))
 
 
 class Delivered(NamedTuple):
@@ -95,28 +102,29 @@ def heads(connection: Connection, stream: Stream, after_id: int, limit: int) -> 
     return [Parcel(r[0], r[1], r[2], stream, r[3], r[4]) for r in rows]
 
 
-_DELETE_RECORD: Final = delete(telemetry).where(
-    telemetry.c.id == bindparam("record"), telemetry.c.message_id == bindparam("message")
+_DELETE_RECORDS: Final = (
+    delete(telemetry)
+    .where(telemetry.c.message_id.in_(bindparam("messages", expanding=True)))
+    .returning(telemetry.c.message_id)
 )
+_KEEP_TOMBSTONES: Final = insert(tombstone).prefix_with("OR REPLACE", dialect="sqlite")
 
 
 def settle(
-    connection: Connection, delivered: Iterable[Delivered], delivered_at: float
+    connection: Connection, delivered: Sequence[Delivered], delivered_at: float
 ) -> list[Parcel]:
     """Delete confirmed records with their outbox rows and leave tombstones.
 
     Returns the parcels whose record was changed meanwhile: what the cloud got is not what is
     kept now, so the record stays and is due again under its new message_id.
     """
-    changed = []
-    for parcel, status in delivered:
-        result = connection.execute(
-            _DELETE_RECORD, {"record": parcel.record_id, "message": parcel.message_id}
-        )
-        if result.rowcount == 0:
-            changed.append(parcel)
-        connection.execute(
-            insert(tombstone).prefix_with("OR REPLACE", dialect="sqlite"),
+    if not delivered:
+        return []
+    messages = [one.parcel.message_id for one in delivered]
+    gone = set(connection.execute(_DELETE_RECORDS, {"messages": messages}).scalars())
+    connection.execute(
+        _KEEP_TOMBSTONES,
+        [
             {
                 "message_id": parcel.message_id,
                 "kind": parcel.stream.kind,
@@ -125,9 +133,11 @@ def settle(
                 "http_status": status,
                 "attempts": parcel.attempts + 1,
                 "delivered_at": delivered_at,
-            },
-        )
-    return changed
+            }
+            for parcel, status in delivered
+        ],
+    )
+    return [one.parcel for one in delivered if one.parcel.message_id not in gone]
 
 
 def note_failure(connection: Connection, parcel: Parcel, attempts: int, reason: str) -> None:

@@ -1,27 +1,47 @@
 """What to send next: the relay's decisions, without clock, network or database.
 
-Streams do not block each other; within a stream one record is in flight. A failure that is not
-one stream's (no cloud, a captive portal, five failures in a row) blocks the whole uplink, and a
-single probe at a time finds out whether the way is free again. While the cloud refuses our key
-the uplink is paused, and probed at a fixed interval.
+Streams do not block each other; within a stream one shipment is under way, its records in order.
+A failure that is not one stream's (no cloud, a captive portal, five failures in a row) opens the
+circuit of the whole uplink: a single probe at a time finds out whether the way is free again, the
+oldest alarm first. A kind that the cloud has no place for has a circuit of its own. While the
+cloud refuses our key the uplink is paused, and probed at a fixed interval.
 """
 
 from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from random import Random
-from typing import Final
+from typing import Final, NamedTuple
 
 from edge_server.outbox.answers import Meaning, Verdict
 from edge_server.outbox.queue import PRIORITY, Parcel, Stream
 from edge_server.outbox.retry import Backoff
 from edge_server.outbox.states import Happening, State, follow
+from edge_server.outbox.uplink import ONE_BY_ONE, Offer
 
 URGENT: Final = 1  # Alarms and mission reports: one worker is always free for them
 FAIR_TURN: Final = 8  # Every so many free picks the oldest record goes, of any priority
 BREAKER: Final = 5  # So many failures in a row, and it is not one stream's fault
-PREFETCH: Final = 64
+PLACE_TRIES: Final = 10  # So many times a kind without a place is tried for each record
+PREFETCH: Final = 128
 PREFETCH_IMAGES: Final = 2  # Up to 1.4 MB each
+
+_ALIVE: Final = frozenset({Meaning.CONFIRMED, Meaning.REJECTED, Meaning.NO_PLACE})
+"""The cloud has understood us, whatever it says of the record."""
+
+
+class Shipment(NamedTuple):
+    """Records that go together; of each stream the next ones in order."""
+
+    parcels: list[Parcel]
+
+
+@dataclass(slots=True)
+class _Circuit:
+    """Failures in a row, and until when nothing goes; one probe at a time after that."""
+
+    failures: int = 0
+    not_before: float = 0.0
 
 
 @dataclass(slots=True)
@@ -29,9 +49,8 @@ class _Lane:
     """One stream's records in memory."""
 
     waiting: deque[Parcel] = field(default_factory=deque)
-    in_flight: Parcel | None = None
-    not_before: float = 0.0
-    failures: int = 0
+    flying: list[int] = field(default_factory=list)  # Row ids
+    circuit: _Circuit = field(default_factory=_Circuit)
     read_to: int = 0
     has_more: bool = True
 
@@ -47,21 +66,21 @@ class Schedule:
         self._workers = workers
         self._random = random
         self._lanes: dict[Stream, _Lane] = {}
+        self._kinds: dict[str, _Circuit] = {}  # Those without a place, by kind
+        self._uplink = _Circuit()
         self._picks = 0
         self._flying = 0
-        self._failures = 0  # In a row, over all streams
-        self._blocks = 0  # Blocked probes in a row; 0 when the way is free
-        self._not_before = 0.0
+        self._failures = 0  # Shipments in a row, over all streams
         self.paused = False
 
     @property
     def blocked(self) -> bool:
         """Whether only a probe may go."""
-        return self._blocks > 0 or self.paused
+        return self._uplink.failures > 0 or self.paused
 
     @property
     def flying(self) -> int:
-        """How many records wait for an answer."""
+        """How many shipments wait for an answer."""
         return self._flying
 
     def announce(self, streams: Iterable[Stream]) -> None:
@@ -80,8 +99,7 @@ class Schedule:
     def feed(self, stream: Stream, parcels: Sequence[Parcel], limit: int) -> None:
         """Take what was read of a stream."""
         lane = self._lanes[stream]
-        flying = lane.in_flight.outbox_id if lane.in_flight else None
-        lane.waiting.extend(p for p in parcels if p.outbox_id != flying)
+        lane.waiting.extend(p for p in parcels if p.outbox_id not in lane.flying)
         lane.has_more = len(parcels) == limit
         if parcels:
             lane.read_to = parcels[-1].outbox_id
@@ -93,68 +111,153 @@ class Schedule:
             lane.read_to = 0
             lane.has_more = True
 
-    def take(self, now: float) -> list[Parcel]:
-        """Choose what goes out now; it is in flight from here on."""
+    def take(self, now: float, offer: Offer = ONE_BY_ONE) -> list[Shipment]:
+        """Choose what goes out now, filled up to what is offered; it is in flight from here on."""
         chosen = []
-        while (stream := self._pick(now)) is not None:
-            lane = self._lanes[stream]
-            lane.in_flight = lane.waiting.popleft()
+        while ready := self._ready(now):
+            first = self._choose(ready)
+            shipment = Shipment([self._pop(first)])
+            if offer.records > 1 and not self._travels_alone(first):
+                self._fill(shipment, first, ready, offer)
             self._flying += 1
-            chosen.append(lane.in_flight)
+            chosen.append(shipment)
         return chosen
 
-    def _pick(self, now: float) -> Stream | None:
-        if self.blocked and (self._flying or now < self._not_before):
-            return None
-        only_urgent = self._workers - self._flying == 1 and not self.blocked
-        ready = [
-            (PRIORITY[stream.kind], lane.waiting[0].outbox_id, stream)
+    def _ready(self, now: float) -> list[Stream]:
+        """Streams whose next record may go now."""
+        if self._flying >= self._workers:
+            return []
+        if self.blocked and (self._flying or now < self._uplink.not_before):
+            return []
+        only_urgent = self._only_urgent()
+        return [
+            stream
             for stream, lane in self._lanes.items()
-            if lane.waiting and lane.in_flight is None and lane.not_before <= now
+            if lane.waiting
+            and not lane.flying
+            and lane.circuit.not_before <= now
+            and not (only_urgent and PRIORITY[stream.kind] > URGENT)
+            and self._kind_may_go(stream.kind, now)
         ]
-        if only_urgent:
-            ready = [entry for entry in ready if entry[0] <= URGENT]
-        if not ready or self._flying >= self._workers:
-            return None
-        if not only_urgent and not self.blocked:
+
+    def _only_urgent(self) -> bool:
+        return self._workers - self._flying == 1 and not self.blocked
+
+    def _kind_may_go(self, kind: str, now: float) -> bool:
+        circuit = self._kinds.get(kind)
+        if circuit is None:
+            return True
+        probing = any(lane.flying for stream, lane in self._lanes.items() if stream.kind == kind)
+        return now >= circuit.not_before and not probing
+
+    def _choose(self, ready: Iterable[Stream]) -> Stream:
+        if self.blocked:
+            return min(ready, key=self._worth_as_probe)
+        if not self._only_urgent():
             self._picks += 1
             if self._picks % FAIR_TURN == 0:
-                return min(ready, key=lambda entry: entry[1])[2]
-        return min(ready)[2]
+                return min(ready, key=self._head)
+        return min(ready, key=self._rank)
 
-    def settle(self, parcel: Parcel, verdict: Verdict, now: float) -> Happening:
-        """Take in what became of a record in flight."""
-        lane = self._lanes[parcel.stream]
-        lane.in_flight = None
+    def _head(self, stream: Stream) -> int:
+        return self._lanes[stream].waiting[0].outbox_id
+
+    def _rank(self, stream: Stream) -> tuple[int, int]:
+        return PRIORITY[stream.kind], self._head(stream)
+
+    def _worth_as_probe(self, stream: Stream) -> tuple[int, bool, int]:
+        """The oldest alarm, else the oldest record, but none that the cloud itself fails on."""
+        failures = self._lanes[stream].circuit.failures
+        return failures, PRIORITY[stream.kind] > 0, self._head(stream)
+
+    def _travels_alone(self, stream: Stream) -> bool:
+        return self.blocked or stream.kind == "image" or stream.kind in self._kinds
+
+    def _pop(self, stream: Stream) -> Parcel:
+        lane = self._lanes[stream]
+        parcel = lane.waiting.popleft()
+        lane.flying.append(parcel.outbox_id)
+        return parcel
+
+    def _fill(self, shipment: Shipment, first: Stream, ready: list[Stream], offer: Offer) -> None:
+        """Add more of the same stream, then of the others by rank, while there is room."""
+        room = offer.size_bytes - shipment.parcels[0].size_bytes
+        for stream in [first, *sorted((s for s in ready if s != first), key=self._rank)]:
+            lane = self._lanes[stream]
+            if stream != first and self._travels_alone(stream):
+                continue
+            while lane.waiting and len(shipment.parcels) < offer.records:
+                room -= lane.waiting[0].size_bytes
+                if room < 0:
+                    return
+                shipment.parcels.append(self._pop(stream))
+
+    def settle(
+        self, shipment: Shipment, verdicts: Sequence[Verdict], now: float
+    ) -> list[Happening]:
+        """Take in what became of a shipment, a verdict for each of its records."""
         self._flying -= 1
-        happening = _HAPPENING[verdict.meaning]
-        if follow(State.IN_FLIGHT, happening) is State.QUEUED:
-            lane.waiting.appendleft(parcel._replace(attempts=parcel.attempts + 1))
-            self._put_off(lane, verdict, now)
-        else:
-            lane.failures = self._failures = self._blocks = 0
-            self.paused = False
-        return happening
+        happenings = []
+        for parcel, verdict in zip(shipment.parcels, verdicts, strict=True):
+            self._lanes[parcel.stream].flying.remove(parcel.outbox_id)
+            happenings.append(_happening(parcel, verdict))
+        for parcel, verdict, happening in reversed(
+            list(zip(shipment.parcels, verdicts, happenings, strict=True))
+        ):
+            if follow(State.IN_FLIGHT, happening) is State.QUEUED:
+                tried = verdict.meaning is not Meaning.HELD_BACK
+                again = parcel._replace(attempts=parcel.attempts + tried)
+                self._lanes[parcel.stream].waiting.appendleft(again)
+        self._learn(shipment, verdicts, now)
+        return happenings
 
-    def _put_off(self, lane: _Lane, verdict: Verdict, now: float) -> None:
-        if verdict.meaning is Meaning.NO_ACCESS:
+    def _learn(self, shipment: Shipment, verdicts: Sequence[Verdict], now: float) -> None:
+        """Open and close circuits after a shipment."""
+        said = {verdict.meaning: verdict for verdict in reversed(verdicts)}
+        if said.keys() & _ALIVE:
+            self._failures = self._uplink.failures = 0
+            self.paused = False
+        elif Meaning.TRY_LATER in said:
+            self._failures += 1
+        self._learn_of_streams(shipment, verdicts, now)
+        if Meaning.NO_ACCESS in said:
             self.paused = True
-            self._not_before = now + self._probe_interval_s
+            self._uplink.not_before = now + self._probe_interval_s
             return
-        self.paused = False
-        lane.failures += 1
-        delay = self._backoff.delay_s(lane.failures, self._random, verdict.retry_after_s)
-        lane.not_before = now + delay
-        self._failures += 1
-        if verdict.meaning is Meaning.NO_CLOUD or self._failures >= BREAKER:
-            self._block(verdict, now)
+        if (silent := said.get(Meaning.NO_CLOUD)) is not None:
+            self._block(silent, now)
+        elif self._failures >= BREAKER and (failed := said.get(Meaning.TRY_LATER)) is not None:
+            self._block(failed, now)
+        if said.keys() - {Meaning.HELD_BACK}:
+            self.paused = False
+
+    def _learn_of_streams(
+        self, shipment: Shipment, verdicts: Sequence[Verdict], now: float
+    ) -> None:
+        """Count one failure per stream and kind, however many records have met it."""
+        failed: dict[int, tuple[_Circuit, Verdict]] = {}
+        for parcel, verdict in zip(shipment.parcels, verdicts, strict=True):
+            lane, kind = self._lanes[parcel.stream], parcel.stream.kind
+            if verdict.meaning in {Meaning.CONFIRMED, Meaning.REJECTED}:
+                lane.circuit.failures = 0
+                self._kinds.pop(kind, None)
+            elif verdict.meaning is Meaning.TRY_LATER:
+                failed.setdefault(id(lane.circuit), (lane.circuit, verdict))
+            elif verdict.meaning is Meaning.NO_PLACE:
+                circuit = self._kinds.setdefault(kind, _Circuit())
+                failed.setdefault(id(circuit), (circuit, verdict))
+        for circuit, verdict in failed.values():
+            self._open(circuit, verdict, now)
 
     def _block(self, verdict: Verdict, now: float) -> None:
-        if self._blocks and now < self._not_before:
+        if self._uplink.failures and now < self._uplink.not_before:
             return  # An answer to a record that flew beside the one that found the way blocked
-        self._blocks += 1
-        self._not_before = now + self._backoff.delay_s(
-            self._blocks, self._random, verdict.retry_after_s
+        self._open(self._uplink, verdict, now)
+
+    def _open(self, circuit: _Circuit, verdict: Verdict, now: float) -> None:
+        circuit.failures += 1
+        circuit.not_before = now + self._backoff.delay_s(
+            circuit.failures, self._random, verdict.retry_after_s
         )
 
     def next_due(self, now: float) -> float | None:
@@ -162,16 +265,28 @@ class Schedule:
 
         A record that could go now waits for a free worker, whose answer wakes us.
         """
-        times = [
-            lane.not_before
-            for lane in self._lanes.values()
-            if lane.waiting and lane.in_flight is None
-        ]
-        if not times or (self.blocked and self._flying):
+        if self.blocked and self._flying:
             return None
-        if self.blocked:
-            return max(min(times), self._not_before)
+        times = [
+            self._due(stream, lane)
+            for stream, lane in self._lanes.items()
+            if lane.waiting and not lane.flying
+        ]
         return min((moment for moment in times if moment > now), default=None)
+
+    def _due(self, stream: Stream, lane: _Lane) -> float:
+        kind = self._kinds.get(stream.kind, _FREE).not_before
+        uplink = self._uplink.not_before if self.blocked else 0.0
+        return max(kind, uplink, lane.circuit.not_before)
+
+
+_FREE: Final = _Circuit()
+
+
+def _happening(parcel: Parcel, verdict: Verdict) -> Happening:
+    if verdict.meaning is Meaning.NO_PLACE and parcel.attempts + 1 >= PLACE_TRIES:
+        return Happening.REJECTED
+    return _HAPPENING[verdict.meaning]
 
 
 _HAPPENING: Final = {
@@ -180,4 +295,6 @@ _HAPPENING: Final = {
     Meaning.NO_CLOUD: Happening.PUT_OFF,
     Meaning.NO_ACCESS: Happening.REFUSED,
     Meaning.REJECTED: Happening.REJECTED,
+    Meaning.NO_PLACE: Happening.PUT_OFF,
+    Meaning.HELD_BACK: Happening.PUT_OFF,
 }

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from edge_server.cloud import HttpCloud, retry_after_s
+from edge_server.cloud import HttpUplink, retry_after_s
 from edge_server.config import Config
 from edge_server.outbox.answers import Answer, Reply, Unreachable
 from edge_server.outbox.queue import Parcel, Stream
@@ -30,9 +30,9 @@ def deliver(url: str, key_file: Path | None = None) -> Reply:
     config = Config(
         cloud_url=url, connect_timeout_s=1.0, read_timeout_s=0.3, cloud_key_file=key_file
     )
-    port = HttpCloud(config)
+    port = HttpUplink(config)
     try:
-        return port.deliver(PARCEL)
+        return port.send([PARCEL])[0]
     finally:
         port.close()
 

@@ -16,6 +16,10 @@ def test_every_status_has_its_meaning(status: int) -> None:
         assert meaning is Meaning.NO_ACCESS
     elif 300 <= status < 400:
         assert meaning is Meaning.NO_CLOUD
+    elif status in {404, 410}:
+        assert meaning is Meaning.NO_PLACE
+    elif status == 424:
+        assert meaning is Meaning.HELD_BACK
     elif 400 <= status < 500 and status not in {408, 425, 429}:
         assert meaning is Meaning.REJECTED
     else:
@@ -59,3 +63,21 @@ def test_silence_is_no_cloud_and_keeps_its_reason() -> None:
 
 def test_the_clouds_wish_is_passed_on() -> None:
     assert judge(Answer(503, retry_after_s=7.0)).retry_after_s == 7.0
+
+
+def test_a_conflict_with_itself_confirms() -> None:
+    known = Answer(409, JSON, b'{"outcome": "duplicate"}')
+    assert judge(known).meaning is Meaning.CONFIRMED
+
+
+@pytest.mark.parametrize(
+    ("content_type", "body"),
+    [
+        (JSON, b'{"outcome": "conflict"}'),
+        (JSON, b'["duplicate"]'),
+        (JSON, b""),
+        ("text/html", b'{"outcome": "duplicate"}'),
+    ],
+)
+def test_any_other_conflict_rejects(content_type: str, body: bytes) -> None:
+    assert judge(Answer(409, content_type, body)).meaning is Meaning.REJECTED

@@ -15,12 +15,15 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from edge_server.outbox import queue
-from edge_server.outbox.answers import Answer, Meaning, Reply, Unreachable, judge
-from edge_server.outbox.queue import Delivered, Parcel, Stream
+from edge_server.outbox.answers import Answer, Reply, Unreachable, judge
+from edge_server.outbox.ledger import Entry, Ledger
+from edge_server.outbox.queue import Parcel, Stream
 from edge_server.outbox.retry import Backoff
-from edge_server.outbox.schedule import Schedule
+from edge_server.outbox.schedule import Schedule, Shipment
+from edge_server.outbox.uplink import HELD_BACK, Offer
 from edge_server.store import telemetry
-from edge_server.store.database import Database, open_engine, sqlite_url
+from edge_server.store.database import Database
+from edge_server.store.engines import open_engine, sqlite_url
 from edge_server.store.tables import METADATA
 
 STREAMS = st.sampled_from(
@@ -61,7 +64,7 @@ class Promise(RuleBasedStateMachine):
         self._schedule = Schedule(
             backoff=Backoff(1.0, 10.0), probe_interval_s=5.0, workers=3, random=Random(1)
         )
-        self._flying: list[Parcel] = []
+        self._flying: list[Shipment] = []
         self._seen_row = 0
 
     @rule(stream=STREAMS)
@@ -88,30 +91,49 @@ class Promise(RuleBasedStateMachine):
             for stream, after_id, _ in self._schedule.hungry():
                 parcels = queue.heads(connection, stream, after_id, 3)
                 self._schedule.feed(stream, parcels, 3)
-        self._flying += self._schedule.take(self._now)
+        self._flying += self._schedule.take(self._now, Offer(4, 10_000))
 
     @precondition(lambda self: self._flying)
     @rule(data=st.data(), stored=st.booleans(), crash=st.booleans())
     def answer_well_or_lose_the_answer(self, data: Any, *, stored: bool, crash: bool) -> None:
-        parcel = self._pick(data)
-        self._keep(parcel)
+        shipment = self._pick(data)
+        for parcel in shipment.parcels:
+            self._keep(parcel)
         if crash:
             self._restart()
         else:
-            self._settle(parcel, GOOD if stored else Unreachable("answer lost"))
+            reply = GOOD if stored else Unreachable("answer lost")
+            self._settle(shipment, [reply] * len(shipment.parcels))
 
     @precondition(lambda self: self._flying)
     @rule(data=st.data(), failure=FAILURES)
     def answer_badly(self, data: Any, failure: Reply) -> None:
-        self._settle(self._pick(data), failure)
+        shipment = self._pick(data)
+        self._settle(shipment, [failure] * len(shipment.parcels))
+
+    @precondition(lambda self: self._flying)
+    @rule(data=st.data(), failure=FAILURES)
+    def take_a_part_of_it(self, data: Any, failure: Reply) -> None:
+        shipment = self._pick(data)
+        failing = data.draw(st.integers(0, len(shipment.parcels) - 1))
+        replies: list[Reply] = []
+        for number, parcel in enumerate(shipment.parcels):
+            if number == failing:
+                replies.append(failure)
+            elif number > failing and parcel.stream == shipment.parcels[failing].stream:
+                replies.append(HELD_BACK)
+            else:
+                self._keep(parcel)
+                replies.append(GOOD)
+        self._settle(shipment, replies)
 
     @precondition(lambda self: self._flying)
     @rule(data=st.data())
     def reject(self, data: Any) -> None:
-        parcel = self._pick(data)
-        if parcel.message_id not in self._effect[parcel.stream]:
-            self._rejected.add(parcel.message_id)
-            self._settle(parcel, Answer(422))
+        shipment = self._pick(data)
+        if all(p.message_id not in self._effect[p.stream] for p in shipment.parcels):
+            self._rejected.update(parcel.message_id for parcel in shipment.parcels)
+            self._settle(shipment, [Answer(422)] * len(shipment.parcels))
 
     @rule()
     def crash(self) -> None:
@@ -121,26 +143,23 @@ class Promise(RuleBasedStateMachine):
     def wait(self, seconds: float) -> None:
         self._now += seconds
 
-    def _pick(self, data: Any) -> Parcel:
-        parcel: Parcel = data.draw(st.sampled_from(self._flying))
-        return parcel
+    def _pick(self, data: Any) -> Shipment:
+        shipment: Shipment = data.draw(st.sampled_from(self._flying))
+        return shipment
 
     def _keep(self, parcel: Parcel) -> None:
         kept = self._effect[parcel.stream]
         if parcel.message_id not in kept:
             kept.append(parcel.message_id)
 
-    def _settle(self, parcel: Parcel, reply: Reply) -> None:
-        self._flying.remove(parcel)
-        verdict = judge(reply)
-        self._schedule.settle(parcel, verdict, self._now)
-        with self._database.write() as connection:
-            if verdict.meaning is Meaning.CONFIRMED:
-                assert queue.settle(connection, [Delivered(parcel, verdict.status)], 0.0) == []
-            elif verdict.meaning is Meaning.REJECTED:
-                queue.bury(connection, parcel, parcel.attempts + 1, verdict.reason)
-            else:
-                queue.note_failure(connection, parcel, parcel.attempts + 1, verdict.reason)
+    def _settle(self, shipment: Shipment, replies: list[Reply]) -> None:
+        self._flying.remove(shipment)
+        verdicts = [judge(reply) for reply in replies]
+        happenings = self._schedule.settle(shipment, verdicts, self._now)
+        ledger = Ledger(self._database)
+        for entry in map(Entry, shipment.parcels, happenings, verdicts):
+            ledger.note(entry, self._now)
+        assert not ledger.write(self._now, 0.0)
 
     def _expected(self, stream: Stream) -> list[str]:
         return [key for key in self._sent[stream] if key not in self._rejected]
@@ -166,9 +185,10 @@ class Promise(RuleBasedStateMachine):
         for _ in range(10 * self._numbers + 10):
             self._now += 20.0
             self.look_and_send()
-            for parcel in list(self._flying):
-                self._keep(parcel)
-                self._settle(parcel, GOOD)
+            for shipment in list(self._flying):
+                for parcel in shipment.parcels:
+                    self._keep(parcel)
+                self._settle(shipment, [GOOD] * len(shipment.parcels))
         for stream in self._sent:
             assert self._effect[stream] == self._expected(stream)
         self._database.close()

@@ -5,7 +5,16 @@ from random import Random
 from edge_server.outbox.answers import Meaning, Verdict
 from edge_server.outbox.queue import Parcel, Stream
 from edge_server.outbox.retry import Backoff
-from edge_server.outbox.schedule import BREAKER, FAIR_TURN, PREFETCH, Schedule
+from edge_server.outbox.schedule import (
+    BREAKER,
+    FAIR_TURN,
+    PLACE_TRIES,
+    PREFETCH,
+    Schedule,
+    Shipment,
+)
+from edge_server.outbox.states import Happening
+from edge_server.outbox.uplink import Offer
 
 CONFIRMED = Verdict(Meaning.CONFIRMED, "200", 200)
 TRY_LATER = Verdict(Meaning.TRY_LATER, "500", 500)
@@ -39,6 +48,15 @@ class Rows:
         return parcels
 
 
+def take(plan: Schedule, now: float) -> list[Parcel]:
+    """What goes out one by one."""
+    return [parcel for shipment in plan.take(now) for parcel in shipment.parcels]
+
+
+def settle(plan: Schedule, parcel: Parcel, verdict: Verdict, now: float) -> Happening:
+    return plan.settle(Shipment([parcel]), [verdict], now)[0]
+
+
 def kinds(parcels: list[Parcel]) -> list[str]:
     return [parcel.stream.kind for parcel in parcels]
 
@@ -46,10 +64,10 @@ def kinds(parcels: list[Parcel]) -> list[str]:
 def test_one_record_of_a_stream_flies_and_the_next_follows_its_answer() -> None:
     plan = schedule()
     first, second = Rows(plan).add("pose", 2)
-    assert plan.take(0.0) == [first]
-    assert plan.take(0.0) == []
-    plan.settle(first, CONFIRMED, 0.0)
-    assert plan.take(0.0) == [second]
+    assert take(plan, 0.0) == [first]
+    assert take(plan, 0.0) == []
+    settle(plan, first, CONFIRMED, 0.0)
+    assert take(plan, 0.0) == [second]
 
 
 def test_priorities_are_kept() -> None:
@@ -57,7 +75,7 @@ def test_priorities_are_kept() -> None:
     rows = Rows(plan)
     for kind in ("image", "pose", "state_vector", "mission_report", "alarm"):
         rows.add(kind)
-    assert kinds(plan.take(0.0)) == ["alarm", "mission_report", "state_vector", "pose", "image"]
+    assert kinds(take(plan, 0.0)) == ["alarm", "mission_report", "state_vector", "pose", "image"]
 
 
 def test_one_worker_is_kept_for_what_is_urgent() -> None:
@@ -65,9 +83,9 @@ def test_one_worker_is_kept_for_what_is_urgent() -> None:
     rows = Rows(plan)
     for vehicle_id in range(1, 5):
         rows.add("pose", vehicle_id=vehicle_id)
-    assert len(plan.take(0.0)) == 2
+    assert len(take(plan, 0.0)) == 2
     rows.add("alarm")
-    assert kinds(plan.take(0.0)) == ["alarm"]
+    assert kinds(take(plan, 0.0)) == ["alarm"]
 
 
 def test_low_priorities_do_not_starve() -> None:
@@ -78,10 +96,10 @@ def test_low_priorities_do_not_starve() -> None:
         rows.add("mission_report", 60, vehicle_id=vehicle_id)
     sent: list[Parcel] = []
     while "image" not in kinds(sent):
-        taken = plan.take(0.0)
+        taken = take(plan, 0.0)
         sent += taken
         for parcel in taken:
-            plan.settle(parcel, CONFIRMED, 0.0)
+            settle(plan, parcel, CONFIRMED, 0.0)
         assert len(sent) <= 2 * FAIR_TURN
 
 
@@ -90,14 +108,14 @@ def test_a_failing_stream_waits_alone() -> None:
     rows = Rows(plan)
     (poison,) = rows.add("pose")
     rows.add("battery", 3)
-    plan.take(0.0)
-    plan.settle(poison, TRY_LATER, 0.0)
+    take(plan, 0.0)
+    settle(plan, poison, TRY_LATER, 0.0)
     assert not plan.blocked
-    assert kinds(plan.take(0.0)) == []
+    assert kinds(take(plan, 0.0)) == []
     due = plan.next_due(0.0)
     assert due is not None
     assert 0.0 < due <= 1.0
-    (again,) = plan.take(due)
+    (again,) = take(plan, due)
     assert (again.outbox_id, again.attempts) == (poison.outbox_id, 1)
 
 
@@ -106,17 +124,17 @@ def test_no_cloud_blocks_everything_but_one_probe() -> None:
     rows = Rows(plan)
     for vehicle_id in range(1, 4):
         rows.add("pose", 2, vehicle_id=vehicle_id)
-    flying = plan.take(0.0)
+    flying = take(plan, 0.0)
     for parcel in flying:
-        plan.settle(parcel, NO_CLOUD, 0.0)
+        settle(plan, parcel, NO_CLOUD, 0.0)
     assert plan.blocked
     due = plan.next_due(0.0)
     assert due is not None
-    probe = plan.take(due)
+    probe = take(plan, due)
     assert len(probe) == 1
-    assert plan.take(due) == []
-    plan.settle(probe[0], CONFIRMED, due)
-    assert len(plan.take(due + 1.0)) == 3
+    assert take(plan, due) == []
+    settle(plan, probe[0], CONFIRMED, due)
+    assert len(take(plan, due + 1.0)) == 3
 
 
 def test_a_long_outage_does_not_make_the_wait_longer_than_the_cap() -> None:
@@ -124,8 +142,8 @@ def test_a_long_outage_does_not_make_the_wait_longer_than_the_cap() -> None:
     Rows(plan).add("pose")
     now = 0.0
     for _ in range(200):
-        (probe,) = plan.take(now)
-        plan.settle(probe, NO_CLOUD, now)
+        (probe,) = take(plan, now)
+        settle(plan, probe, NO_CLOUD, now)
         due = plan.next_due(now)
         assert due is not None
         assert now <= due <= now + 10.0
@@ -136,10 +154,10 @@ def test_an_alarm_is_the_first_probe() -> None:
     plan = schedule()
     rows = Rows(plan)
     (pose,) = rows.add("pose")
-    plan.take(0.0)
+    take(plan, 0.0)
     rows.add("alarm")
-    plan.settle(pose, NO_CLOUD, 0.0)
-    assert kinds(plan.take(100.0)) == ["alarm"]
+    settle(plan, pose, NO_CLOUD, 0.0)
+    assert kinds(take(plan, 100.0)) == ["alarm"]
 
 
 def test_failures_in_a_row_over_all_streams_block_the_uplink() -> None:
@@ -147,8 +165,8 @@ def test_failures_in_a_row_over_all_streams_block_the_uplink() -> None:
     rows = Rows(plan)
     for vehicle_id in range(BREAKER):
         rows.add("pose", vehicle_id=vehicle_id + 1)
-    for number, parcel in enumerate(plan.take(0.0), start=1):
-        plan.settle(parcel, TRY_LATER, 0.0)
+    for number, parcel in enumerate(take(plan, 0.0), start=1):
+        settle(plan, parcel, TRY_LATER, 0.0)
         assert plan.blocked == (number >= BREAKER)
 
 
@@ -156,50 +174,177 @@ def test_a_refused_key_pauses_until_the_next_probe() -> None:
     plan = schedule()
     rows = Rows(plan)
     (pose,) = rows.add("pose")
-    plan.take(0.0)
+    take(plan, 0.0)
     rows.add("alarm")
-    plan.settle(pose, NO_ACCESS, 0.0)
+    settle(plan, pose, NO_ACCESS, 0.0)
     assert plan.paused
-    assert plan.take(14.9) == []
+    assert take(plan, 14.9) == []
     assert plan.next_due(0.0) == 15.0
-    (probe,) = plan.take(15.0)
-    plan.settle(probe, CONFIRMED, 15.0)
+    (probe,) = take(plan, 15.0)
+    settle(plan, probe, CONFIRMED, 15.0)
     assert not plan.paused
 
 
 def test_a_rejected_record_leaves_and_the_next_one_goes() -> None:
     plan = schedule()
     first, second = Rows(plan).add("pose", 2)
-    plan.take(0.0)
-    plan.settle(first, REJECTED, 0.0)
-    assert plan.take(0.0) == [second]
+    take(plan, 0.0)
+    settle(plan, first, REJECTED, 0.0)
+    assert take(plan, 0.0) == [second]
 
 
 def test_the_clouds_wish_is_heeded() -> None:
     plan = schedule()
     (parcel,) = Rows(plan).add("pose")
-    plan.take(0.0)
-    plan.settle(parcel, TRY_LATER._replace(retry_after_s=60.0), 0.0)
-    assert plan.take(59.9) == []
-    assert len(plan.take(60.1)) == 1
+    take(plan, 0.0)
+    settle(plan, parcel, TRY_LATER._replace(retry_after_s=60.0), 0.0)
+    assert take(plan, 59.9) == []
+    assert len(take(plan, 60.1)) == 1
 
 
 def test_after_a_rewind_the_record_in_flight_is_not_read_twice() -> None:
     plan = schedule()
     first, second = Rows(plan).add("pose", 2)
-    plan.take(0.0)
+    take(plan, 0.0)
     plan.rewind()
     assert plan.hungry() == [(first.stream, 0, PREFETCH)]
     plan.feed(first.stream, [first, second], PREFETCH)
-    plan.settle(first, CONFIRMED, 0.0)
-    assert plan.take(0.0) == [second]
+    settle(plan, first, CONFIRMED, 0.0)
+    assert take(plan, 0.0) == [second]
 
 
 def test_with_nothing_to_send_there_is_nothing_to_wait_for() -> None:
     plan = schedule()
     assert plan.next_due(0.0) is None
     (parcel,) = Rows(plan).add("pose")
-    plan.take(0.0)
+    take(plan, 0.0)
     assert plan.next_due(0.0) is None
-    plan.settle(parcel, CONFIRMED, 0.0)
+    settle(plan, parcel, CONFIRMED, 0.0)
     assert plan.next_due(0.0) is None
+
+
+BATCH = Offer(100, 10_000)
+
+
+def keys(shipment: Shipment) -> list[int]:
+    return [parcel.outbox_id for parcel in shipment.parcels]
+
+
+def test_a_batch_holds_each_stream_in_its_order_and_the_urgent_first() -> None:
+    plan = schedule()
+    rows = Rows(plan)
+    first, second, third = rows.add("pose", 3)
+    (alarm,) = rows.add("alarm")
+    (shipment,) = plan.take(0.0, BATCH)
+    assert keys(shipment) == [p.outbox_id for p in (alarm, first, second, third)]
+
+
+def test_a_batch_is_bounded_in_records_and_bytes() -> None:
+    plan = schedule(workers=5)
+    rows = Rows(plan)
+    for vehicle_id in (1, 2, 3):
+        rows.add("pose", 4, vehicle_id=vehicle_id)
+    assert [len(s.parcels) for s in plan.take(0.0, Offer(6, 10_000))] == [6, 4]
+    plan = schedule(workers=5)
+    (first, *_) = Rows(plan).add("pose", 9)
+    assert [len(s.parcels) for s in plan.take(0.0, Offer(100, 3 * first.size_bytes))] == [3]
+
+
+def test_a_picture_travels_alone() -> None:
+    plan = schedule()
+    rows = Rows(plan)
+    rows.add("image", 2)
+    rows.add("pose", 2)
+    assert [kinds(s.parcels) for s in plan.take(0.0, BATCH)] == [["pose", "pose"], ["image"]]
+
+
+def test_the_last_free_worker_takes_only_what_is_urgent() -> None:
+    plan = schedule(workers=2)
+    rows = Rows(plan)
+    rows.add("pose")
+    plan.take(0.0, BATCH)
+    rows.add("battery")
+    rows.add("mission_report")
+    rows.add("alarm")
+    (shipment,) = plan.take(0.0, BATCH)
+    assert kinds(shipment.parcels) == ["alarm", "mission_report"]
+
+
+def test_what_a_batch_did_not_bring_over_goes_again_in_order() -> None:
+    plan = schedule()
+    a, b, c, d = Rows(plan).add("pose", 4)
+    (shipment,) = plan.take(0.0, BATCH)
+    held_back = Verdict(Meaning.HELD_BACK, "424", 424)
+    plan.settle(shipment, [CONFIRMED, TRY_LATER, held_back, held_back], 0.0)
+    due = plan.next_due(0.0)
+    assert due is not None
+    (again,) = plan.take(due, BATCH)
+    assert keys(again) == [b.outbox_id, c.outbox_id, d.outbox_id]
+    assert [parcel.attempts for parcel in again.parcels] == [1, 0, 0]
+    assert a not in again.parcels
+
+
+def test_a_batch_that_fails_counts_once() -> None:
+    plan = schedule()
+    Rows(plan).add("pose", 50)
+    (shipment,) = plan.take(0.0, BATCH)
+    plan.settle(shipment, [TRY_LATER] * 50, 0.0)
+    assert not plan.blocked
+
+
+def test_a_probe_is_one_record() -> None:
+    plan = schedule()
+    Rows(plan).add("pose", 50)
+    (shipment,) = plan.take(0.0, BATCH)
+    plan.settle(shipment, [NO_CLOUD] * 50, 0.0)
+    (probe,) = plan.take(100.0, BATCH)
+    assert len(probe.parcels) == 1
+
+
+def test_a_record_on_which_the_cloud_fails_is_not_the_only_probe() -> None:
+    plan = schedule()
+    rows = Rows(plan)
+    (poison,) = rows.add("alarm")
+    now = 0.0
+    for _ in range(BREAKER):
+        (probe,) = take(plan, now)
+        settle(plan, probe, TRY_LATER, now)
+        now = plan.next_due(now) or now
+    assert plan.blocked
+    rows.add("pose")
+    (probe,) = take(plan, now)
+    assert probe.stream.kind == "pose"
+    settle(plan, probe, CONFIRMED, now)
+    assert kinds(take(plan, now + 10.0)) == [poison.stream.kind]
+
+
+NO_PLACE = Verdict(Meaning.NO_PLACE, "404", 404)
+
+
+def test_a_kind_without_a_place_waits_and_the_others_go_on() -> None:
+    plan = schedule(workers=6)
+    rows = Rows(plan)
+    for vehicle_id in (1, 2):
+        rows.add("image", vehicle_id=vehicle_id)
+    image, other = take(plan, 0.0)
+    settle(plan, image, NO_PLACE, 0.0)
+    settle(plan, other, NO_PLACE, 0.0)
+    rows.add("pose")
+    assert kinds(take(plan, 0.0)) == ["pose"]
+    assert not plan.blocked
+    due = plan.next_due(0.0)
+    assert due is not None
+    assert len(take(plan, due)) == 1
+
+
+def test_a_record_without_a_place_is_given_up_after_ten_tries() -> None:
+    plan = schedule()
+    first, second = Rows(plan).add("image", 2)
+    now, happenings = 0.0, []
+    for _ in range(PLACE_TRIES):
+        (parcel,) = take(plan, now)
+        assert parcel.outbox_id == first.outbox_id
+        happenings.append(settle(plan, parcel, NO_PLACE, now))
+        now = plan.next_due(now) or now
+    assert happenings == [Happening.PUT_OFF] * (PLACE_TRIES - 1) + [Happening.REJECTED]
+    assert take(plan, now + 10.0) == [second]
