@@ -15,7 +15,7 @@ from typing import Final
 from sqlalchemy import Connection, Engine, inspect, text
 from sqlalchemy.exc import DatabaseError
 
-from edge_server.store.engines import open_engine, sqlite_url
+from edge_server.store.database import open_engine, sqlite_url
 
 LOG = logging.getLogger(__name__)
 HEAD: Final = "0004"
