@@ -128,7 +128,7 @@ def _rotate(config: Config, options: argparse.Namespace) -> int:
     if options.role not in roles:
         print(f"edge server: there is no role {options.role}: {', '.join(roles)}", file=sys.stderr)
         return WRONG_SETUP
-    if not is_ready(config.database_path):
+    if not is_ready(config.database):
         preparation.prepare(config)
     database = preparation.open_database(config)
     path = key_files.rotate(database, config.keys_dir, Role(options.role), time.time())

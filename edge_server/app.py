@@ -31,7 +31,8 @@ from edge_server.api.bodies import MAXIMUM_IMAGE_BODY_BYTES
 from edge_server.config import Config
 from edge_server.metrics import Metrics
 from edge_server.services.context import Context
-from edge_server.store.database import ENGINE_OPTIONS, Database, prepare_engine, sqlite_url
+from edge_server.store.database import Database
+from edge_server.store.engines import engine_options, prepare_engine
 from edge_server.store.tables import METADATA
 
 
@@ -70,8 +71,8 @@ def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> API
     )
     app.json = _Json(app)
     app.config.update(
-        SQLALCHEMY_DATABASE_URI=sqlite_url(config.database_path),
-        SQLALCHEMY_ENGINE_OPTIONS=dict(ENGINE_OPTIONS),
+        SQLALCHEMY_DATABASE_URI=config.database,
+        SQLALCHEMY_ENGINE_OPTIONS=engine_options(config.database),
         MAX_CONTENT_LENGTH=MAXIMUM_IMAGE_BODY_BYTES,
         PROPAGATE_EXCEPTIONS=False,
     )

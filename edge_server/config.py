@@ -42,6 +42,7 @@ class Config:
     read_timeout_s: float = 15.0
     relay_workers: int = 4
     log_level: str = "INFO"
+    database_url: str | None = field(default=None, repr=False)  # It may hold a password
     log_format: str = "auto"
     requests_per_minute: int = 12_000  # Of one key of a person or the cloud
     broker_requests_per_minute: int = 600_000
@@ -63,6 +64,11 @@ class Config:
     def __post_init__(self) -> None:
         object.__setattr__(self, "edge_dir", self.state_dir / "edge")
         object.__setattr__(self, "keys_dir", self.state_dir / "keys")
+
+    @property
+    def database(self) -> str:
+        """The URL of the database: PostgreSQL's as it was set, else that of our own file."""
+        return self.database_url or f"sqlite:///{self.database_path}"
 
     @property
     def database_path(self) -> Path:
@@ -154,6 +160,13 @@ def _fingerprint(value: Any) -> str:
     return digits
 
 
+def _database_url(value: Any) -> str:
+    parts = urlsplit(str(value))
+    if parts.scheme not in {"postgresql", "postgresql+psycopg"} or len(parts.path) < 2:
+        raise ValueError("must be postgresql+psycopg://user@host/database")
+    return f"postgresql+psycopg{str(value)[len(parts.scheme) :]}"
+
+
 def _level(value: Any) -> str:
     if (name := str(value).upper()) not in {"DEBUG", "INFO", "WARNING", "ERROR"}:
         raise ValueError("must be DEBUG, INFO, WARNING or ERROR")
@@ -171,6 +184,7 @@ _PER_MINUTE: Final = _whole(1, 10_000_000)
 
 SETTINGS: Final = (
     Setting("state_dir", "STATE_DIR", Path, "folder of database, keys and pipe"),
+    Setting("database_url", "DATABASE_URL", _database_url, "a PostgreSQL database in its place"),
     Setting("host", "EDGE_HOST", str, "address to listen on"),
     Setting("port", "EDGE_PORT", _whole(1, 65535), "port to listen on"),
     Setting("cloud_url", "CLOUD_URL", _url, "where records go"),

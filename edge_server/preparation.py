@@ -5,7 +5,8 @@ import time
 from edge_server import key_files
 from edge_server.config import Config
 from edge_server.store import migrate
-from edge_server.store.database import Database, open_engine, sqlite_url
+from edge_server.store.database import Database
+from edge_server.store.engines import open_engine
 
 
 def prepare(config: Config) -> None:
@@ -14,7 +15,7 @@ def prepare(config: Config) -> None:
     Raises:
         StoreError: if the database cannot be used.
     """
-    migrate.prepare(config.database_path)
+    migrate.prepare(config.database)
     database = open_database(config)
     try:
         key_files.ensure(database, config.keys_dir, time.time())
@@ -24,4 +25,4 @@ def prepare(config: Config) -> None:
 
 def open_database(config: Config) -> Database:
     """Open the database of a state folder, outside Flask."""
-    return Database(open_engine(sqlite_url(config.database_path)))
+    return Database(open_engine(config.database))

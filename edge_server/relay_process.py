@@ -20,8 +20,11 @@ from edge_server.outbox.relay import Relay
 from edge_server.outbox.retry import Backoff
 from edge_server.outbox.schedule import Schedule
 from edge_server.store import migrate
-from edge_server.store.database import Database, open_engine, sqlite_url
+from edge_server.store.database import Database
+from edge_server.store.engines import open_engine
 from edge_server.tally import Tally
+from edge_server.uplinks.mqtt import MqttUplink
+from edge_server.uplinks.mqtt_topics import is_mqtt
 
 LOG = logging.getLogger(__name__)
 LOCK_PATIENCE_S: Final = 3.0
@@ -44,9 +47,9 @@ def run(config: Config) -> None:
     stopping = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stopping.set())
-    if not _wait_for_database(config.database_path, stopping):
+    if not _wait_for_database(config.database, stopping):
         return
-    database = Database(open_engine(sqlite_url(config.database_path)))
+    database = Database(open_engine(config.database))
     relay = build(config, database)
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: relay.stop())
@@ -69,7 +72,7 @@ def build(config: Config, database: Database) -> Relay:
     return Relay(
         database=database,
         schedule=schedule,
-        uplink=HttpUplink(config),
+        uplink=MqttUplink(config) if is_mqtt(config.cloud_url) else HttpUplink(config),
         database_path=config.database_path,
         wake_path=config.wake_path,
         workers=config.relay_workers,
@@ -101,13 +104,13 @@ def take_lock(path: Path, patience_s: float) -> int:
             return descriptor
 
 
-def _wait_for_database(path: Path, stopping: threading.Event) -> bool:
+def _wait_for_database(url: str, stopping: threading.Event) -> bool:
     """Wait until the server has made the database; false when we should stop instead."""
     told = time.monotonic() + 5.0
-    while not migrate.is_ready(path):
+    while not migrate.is_ready(url):
         if stopping.wait(_LOOK_S):
             return False
         if time.monotonic() > told:
-            LOG.info("waiting for the server to prepare %s", path)
+            LOG.info("waiting for the server to prepare the database")
             told = float("inf")
     return True

@@ -13,7 +13,7 @@ from apiflask.exceptions import HTTPError
 from apiflask.types import ResponseReturnValueType
 from flask import g
 from flask.typing import ResponseReturnValue
-from sqlalchemy.exc import OperationalError
+from sqlalchemy.exc import DBAPIError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from werkzeug.exceptions import HTTPException
 
@@ -26,7 +26,7 @@ from edge_server.services.errors import (
     ServiceError,
     TooMuchError,
 )
-from edge_server.store.database import is_busy, is_full
+from edge_server.store.failures import is_busy, is_full, is_lost
 
 LOG = logging.getLogger(__name__)
 
@@ -77,7 +77,7 @@ def install(app: APIFlask) -> None:
     app.register_error_handler(DocumentError, _document)
     app.register_error_handler(ServiceError, _service)
     app.register_error_handler(RequestError, _request)
-    app.register_error_handler(OperationalError, _database)
+    app.register_error_handler(DBAPIError, _database)
     app.register_error_handler(PoolTimeoutError, _overloaded)
     app.register_error_handler(HTTPException, _werkzeug)
     app.register_error_handler(500, _unexpected)
@@ -124,10 +124,13 @@ def _request(error: RequestError) -> ResponseReturnValue:
     return _told(str(error), error.faults, where=error.where), error.status
 
 
-def _database(error: OperationalError) -> ResponseReturnValue:
+def _database(error: DBAPIError) -> ResponseReturnValue:
     if is_full(error):
         LOG.error("the disk is full: %s", error.orig)
         return _told("the disk is full; nothing was stored"), 507
+    if is_lost(error):
+        LOG.error("the database does not answer: %s", error.orig)
+        return _told("the database does not answer; try again"), 503, RETRY_SOON
     if is_busy(error):
         return _overloaded(error)
     return _unexpected(error)

@@ -1,89 +1,88 @@
-"""Engine and transactions.
-
-SQLite: one writer at a time, taken with BEGIN IMMEDIATE; readers are never held up (WAL). A
-commit is on the disk before it returns (synchronous=FULL).
-"""
+"""Transactions on SQLite or PostgreSQL: durable, exclusive where they must be, all or nothing."""
 
 import json
-import sqlite3
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextvars import ContextVar
+from enum import StrEnum
 from typing import Any, Final
 
-from sqlalchemy import Connection, CursorResult, Engine, create_engine, event
-from sqlalchemy.exc import OperationalError
+from sqlalchemy import Connection, CursorResult, Engine, Table
+from sqlalchemy.dialects import postgresql, sqlite
 
-BUSY_TIMEOUT_MS: Final = 5000
-PRAGMAS: Final = (
-    "PRAGMA journal_mode=WAL",
-    "PRAGMA synchronous=FULL",
-    f"PRAGMA busy_timeout={BUSY_TIMEOUT_MS}",
-    "PRAGMA foreign_keys=ON",
-    "PRAGMA wal_autocheckpoint=1000",
-    "PRAGMA journal_size_limit=67108864",
-)
-ENGINE_OPTIONS: Final[dict[str, Any]] = {
-    "pool_size": 8,
-    "max_overflow": 64,
-    "pool_timeout": 10,
-    "connect_args": {"check_same_thread": False},
-}
-_IMMEDIATE: Final = "edge_immediate"
+from edge_server.store import locks
+from edge_server.store.engines import READING, WRITING
+from edge_server.store.locks import Lock
+
+Witness = Callable[[Connection], AbstractContextManager[None]]
+WITNESS: Final[ContextVar[Witness | None]] = ContextVar("witness", default=None)
+"""Who is around every transaction that changes something, as far as this thread is concerned.
+
+What the witness does last belongs to the transaction: both happen, or neither.
+"""
 
 
-def sqlite_url(path: object) -> str:
-    """Give the URL of a SQLite file."""
-    return f"sqlite:///{path}"
+class Topic(StrEnum):
+    """What one program on a database tells the others."""
 
-
-def open_engine(url: str) -> Engine:
-    """Make an engine of our own, outside Flask."""
-    return prepare_engine(create_engine(url, **ENGINE_OPTIONS))
-
-
-def prepare_engine(engine: Engine) -> Engine:
-    """Give every connection our pragmas and our own BEGIN."""
-    event.listen(engine, "connect", _on_connect)
-    event.listen(engine, "begin", _on_begin)
-    return engine
-
-
-def _on_connect(connection: sqlite3.Connection, _record: object) -> None:
-    connection.isolation_level = None  # The driver's own BEGIN comes too late; see _on_begin
-    for pragma in PRAGMAS:
-        connection.execute(pragma).close()
-
-
-def _on_begin(connection: Connection) -> None:
-    immediate = connection.get_execution_options().get(_IMMEDIATE)
-    connection.exec_driver_sql("BEGIN IMMEDIATE" if immediate else "BEGIN")
+    WORK = "work"  # The broker has something to do
+    DUE = "due"  # Records have come
+    CHANGED = "changed"  # Records that were there before have been changed or deleted
 
 
 class Database:
     """Transactions on one engine; safe to share between threads."""
 
     def __init__(self, engine: Engine) -> None:
-        self._engine = engine
-        self._writer = engine.execution_options(**{_IMMEDIATE: True})
+        self.engine = engine
+        self.is_shared = engine.dialect.name == "postgresql"
+        """Whether other programs on other machines may work on it too."""
+        self._writer = engine.execution_options(**WRITING)
+        self._reader = engine.execution_options(**READING) if self.is_shared else engine
         # SQLite's own wait for the writer sleeps in steps of up to 100 ms; ours does not.
-        self._one_writer = threading.Lock()
+        self._one_writer = None if self.is_shared else threading.Lock()
+        self._sender_lock = threading.Lock()
+        self._sender: Any = None
 
     @contextmanager
-    def write(self) -> Iterator[Connection]:
-        """Open a transaction that may change things; all of it happens, or nothing."""
-        with self._one_writer, self._writer.begin() as connection:
+    def write(self, *wanted: Lock) -> Iterator[Connection]:
+        """Open a transaction that may change things; all of it happens, or nothing.
+
+        It holds the locks that are `wanted` from its beginning to its end.
+        """
+        witness = WITNESS.get()
+        with ExitStack() as stack:
+            if self._one_writer is not None:
+                stack.enter_context(self._one_writer)
+            connection = stack.enter_context(self._writer.begin())
+            locks.take(connection, wanted)
+            if witness is not None:
+                stack.enter_context(witness(connection))
             yield connection
 
     @contextmanager
     def read(self) -> Iterator[Connection]:
         """Open a transaction that sees one state of the database."""
-        with self._engine.connect() as connection:
+        with self._reader.connect() as connection:
             yield connection
 
+    def announce(self, topic: Topic) -> None:
+        """Tell the other programs on a shared database; call after the commit."""
+        if not self.is_shared:
+            return
+        with self._sender_lock:
+            if self._sender is None:
+                from edge_server.store.notices import Sender  # noqa: PLC0415  # loads psycopg
+
+                self._sender = Sender(self.engine)
+        self._sender.send(topic)
+
     def close(self) -> None:
-        """Close all connections."""
-        self._engine.dispose()
+        """Send what is to be told, then close all connections."""
+        if self._sender is not None:
+            self._sender.close()
+        self.engine.dispose()
 
 
 def new_id(result: CursorResult[Any]) -> int:
@@ -94,15 +93,23 @@ def new_id(result: CursorResult[Any]) -> int:
     return identifier
 
 
-def is_full(error: OperationalError) -> bool:
-    """Whether the disk, or what the database may use of it, is full."""
-    name = getattr(error.orig, "sqlite_errorname", "")
-    return name == "SQLITE_FULL" or name.startswith("SQLITE_IOERR_WRITE")
+def insert_new(connection: Connection, table: Table, rows: Iterable[dict[str, Any]]) -> None:
+    """Insert rows whose key is not there yet; the others stay as they are."""
+    dialect = postgresql if connection.dialect.name == "postgresql" else sqlite
+    connection.execute(dialect.insert(table).on_conflict_do_nothing(), list(rows))
 
 
-def is_busy(error: OperationalError) -> bool:
-    """Whether another writer held the database for too long."""
-    return getattr(error.orig, "sqlite_errorname", "").startswith(("SQLITE_BUSY", "SQLITE_LOCKED"))
+def put_row(
+    connection: Connection, table: Table, row: dict[str, Any], changed: Iterable[str]
+) -> None:
+    """Insert a row; where its key is there already, change these columns."""
+    dialect = postgresql if connection.dialect.name == "postgresql" else sqlite
+    statement = dialect.insert(table).values(row)
+    connection.execute(
+        statement.on_conflict_do_update(
+            index_elements=list(table.primary_key), set_={name: row[name] for name in changed}
+        )
+    )
 
 
 def to_json(value: Any) -> str:

@@ -12,10 +12,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from sqlalchemy import Connection, Engine, inspect, text
-from sqlalchemy.exc import DatabaseError
+from sqlalchemy import Connection, Engine, inspect, make_url, text
+from sqlalchemy.exc import DatabaseError, DBAPIError
 
-from edge_server.store.database import open_engine, sqlite_url
+from edge_server.store import locks
+from edge_server.store.engines import WRITING, open_engine, sqlite_url
 
 LOG = logging.getLogger(__name__)
 HEAD: Final = "0004"
@@ -31,15 +32,43 @@ class NewerDatabaseError(StoreError):
     """The database was made by a newer version."""
 
 
-def prepare(path: Path) -> None:
-    """Make the database if it is missing, set it aside if it is broken, bring it up to date.
+def prepare(url: str) -> None:
+    """Make the tables if they are missing, bring them up to date; set a broken file aside.
+
+    Programs that start together wait for each other.
 
     Raises:
         NewerDatabaseError: if a newer version has made it.
+        StoreError: if it is PostgreSQL and does not answer, or cannot hold our text.
     """
+    path = _file_of(url)
+    if path is None:
+        _prepare_server(url)
+        return
     path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
     with _one_at_a_time(path.parent / "prepare.lock"):
-        _prepare(path)
+        _prepare_file(path)
+
+
+def _file_of(url: str) -> Path | None:
+    """Give the file of a SQLite database, None for a server's."""
+    parsed = make_url(url)
+    return Path(parsed.database or "") if parsed.get_backend_name() == "sqlite" else None
+
+
+def _prepare_server(url: str) -> None:
+    engine = open_engine(url)
+    try:
+        with engine.connect() as connection:
+            encoding = connection.execute(text("SHOW server_encoding")).scalar_one()
+        if encoding != "UTF8":
+            raise StoreError(f"the database's encoding is {encoding}; it must be UTF8")
+        if revision(engine) != HEAD:
+            migrate(engine, HEAD)
+    except DBAPIError as error:
+        raise StoreError(f"{make_url(url)}: {error.orig}") from None
+    finally:
+        engine.dispose()
 
 
 @contextmanager
@@ -50,7 +79,7 @@ def _one_at_a_time(lock: Path) -> Iterator[None]:
         yield
 
 
-def _prepare(path: Path) -> None:
+def _prepare_file(path: Path) -> None:
     if path.exists() and (fault := _fault_of(path)):
         moved_to = set_aside(path, time.strftime("%Y%m%dT%H%M%S", time.gmtime()))
         LOG.critical(
@@ -69,14 +98,14 @@ def _prepare(path: Path) -> None:
     path.chmod(0o600)
 
 
-def is_ready(path: Path) -> bool:
+def is_ready(url: str) -> bool:
     """Whether the database is there and in the shape that we need."""
-    if not path.exists():
+    if (path := _file_of(url)) is not None and not path.exists():
         return False
-    engine = open_engine(sqlite_url(path))
+    engine = open_engine(url)
     try:
         return revision(engine) == HEAD
-    except DatabaseError:
+    except DBAPIError:
         return False
     finally:
         engine.dispose()
@@ -85,16 +114,20 @@ def is_ready(path: Path) -> bool:
 def revision(engine: Engine) -> str | None:
     """Give the shape of a database; None when it is empty."""
     with engine.connect() as connection:
-        if not inspect(connection).has_table("alembic_version"):
-            return None
-        found: str | None = connection.execute(
-            text("SELECT version_num FROM alembic_version")
-        ).scalar_one_or_none()
-        return found
+        return _revision(connection)
+
+
+def _revision(connection: Connection) -> str | None:
+    if not inspect(connection).has_table("alembic_version"):
+        return None
+    found: str | None = connection.execute(
+        text("SELECT version_num FROM alembic_version")
+    ).scalar_one_or_none()
+    return found
 
 
 def migrate(engine: Engine, target: str) -> None:
-    """Change the shape of a database, up or down ("base" empties it)."""
+    """Change the shape of a database, up or down ("base" empties it); all of it or nothing."""
     # Alembic is needed once in a database's life; it would cost memory in every process.
     from alembic import command  # noqa: PLC0415  # see above
     from alembic.config import Config  # noqa: PLC0415  # see above
@@ -103,18 +136,29 @@ def migrate(engine: Engine, target: str) -> None:
     config = Config()
     config.set_main_option("script_location", str(_SCRIPTS).replace("%", "%%"))
     scripts = ScriptDirectory.from_config(config)
-    current = revision(engine)
     known = [script.revision for script in scripts.walk_revisions()]
-    if current is not None and current not in known:
-        raise NewerDatabaseError(
-            f"the database is at {current}, which this version does not know; use a newer one"
-        )
-    with engine.execution_options(edge_immediate=True).begin() as connection:
+    with engine.execution_options(**WRITING).begin() as connection:
+        _let_it_take_its_time(connection)
+        locks.take(connection, [locks.MIGRATION])
+        current = _revision(connection)
+        if current is not None and current not in known:
+            raise NewerDatabaseError(
+                f"the database is at {current}, which this version does not know; use a newer one"
+            )
         config.attributes["connection"] = connection
         if target == "base" or (current in known and known.index(current) < known.index(target)):
             command.downgrade(config, target)
         else:
             command.upgrade(config, target)
+
+
+def _let_it_take_its_time(connection: Connection) -> None:
+    """Wait for other programs to prepare or to end their transactions, and copy large tables."""
+    if connection.dialect.name == "postgresql":
+        for setting in ("lock_timeout", "statement_timeout"):
+            connection.execute(
+                text("SELECT set_config(:setting, '10min', true)"), {"setting": setting}
+            ).close()
 
 
 def set_aside(path: Path, stamp: str) -> Path:

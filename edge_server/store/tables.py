@@ -1,6 +1,7 @@
 """Every table, its keys and what each column means. Times are epoch seconds."""
 
 from sqlalchemy import (
+    BigInteger,
     Boolean,
     CheckConstraint,
     Column,
@@ -26,10 +27,13 @@ METADATA = MetaData(
     }
 )
 
+_ID = BigInteger().with_variant(Integer(), "sqlite")
+"""Counted up for ever; SQLite's Integer has 64 bits anyway."""
+
 telemetry = Table(
     "telemetry",
     METADATA,
-    Column("id", Integer, primary_key=True),  # Never used again, also when the row is gone
+    Column("id", _ID, primary_key=True),  # Never used again, also when the row is gone
     Column("message_id", String(26), nullable=False, unique=True),  # ULID, the key for the cloud
     Column("kind", String(20), nullable=False),
     Column("vehicle_id", Integer, nullable=False),
@@ -43,7 +47,7 @@ telemetry = Table(
 outbox = Table(
     "outbox",
     METADATA,
-    Column("id", Integer, primary_key=True),  # The order of sending, within a stream
+    Column("id", _ID, primary_key=True),  # The order of sending, within a stream
     Column(
         "record_id",
         ForeignKey("telemetry.id", ondelete="CASCADE"),
@@ -68,7 +72,7 @@ tombstone = Table(
     Column("message_id", String(26), primary_key=True),
     Column("kind", String(20), nullable=False),
     Column("vehicle_id", Integer, nullable=False),
-    Column("record_id", Integer, nullable=False),
+    Column("record_id", _ID, nullable=False),
     Column("http_status", Integer, nullable=False),
     Column("attempts", Integer, nullable=False),
     Column("delivered_at", Float, nullable=False, index=True),
@@ -82,7 +86,7 @@ idempotency = Table(
     Column("role", String(10), primary_key=True),
     Column("route", String(20), nullable=False),
     Column("body_sha256", LargeBinary(32), nullable=False),
-    Column("object_id", Integer, nullable=False),
+    Column("object_id", _ID, nullable=False),
     Column("message_id", String(26)),
     Column("created_at", Float, nullable=False, index=True),
 )
@@ -100,7 +104,7 @@ vehicle = Table(
 plan = Table(
     "plan",
     METADATA,
-    Column("id", Integer, primary_key=True),
+    Column("id", _ID, primary_key=True),
     Column("plan_id", String(26), nullable=False, unique=True),
     Column("body", Text, nullable=False),  # JSON of the plan without its missions
     Column("received_at", Float, nullable=False),
@@ -112,7 +116,7 @@ plan = Table(
 work = Table(
     "work",
     METADATA,
-    Column("id", Integer, primary_key=True),  # The broker's cursor counts these
+    Column("id", _ID, primary_key=True),  # The broker's cursor counts these
     Column("kind", String(20), nullable=False),
     Column("vehicle_id", Integer),
     Column("plan", ForeignKey("plan.id", ondelete="CASCADE"), index=True),

@@ -4,9 +4,8 @@ import json
 from typing import Any, NamedTuple
 
 from sqlalchemy import Connection, delete, select
-from sqlalchemy.dialects.sqlite import insert as upsert
 
-from edge_server.store.database import to_json
+from edge_server.store.database import put_row, to_json
 from edge_server.store.tables import vehicle
 
 
@@ -43,15 +42,13 @@ def known(connection: Connection, vehicle_ids: set[int]) -> set[int]:
 
 def put(connection: Connection, vehicle_id: int, state: dict[str, Any], now: float) -> None:
     """Register a vehicle or replace what is said of it."""
-    text = to_json(state)
-    statement = upsert(vehicle).values(
-        vehicle_id=vehicle_id, state=text, registered_at=now, updated_at=now
-    )
-    connection.execute(
-        statement.on_conflict_do_update(
-            index_elements=[vehicle.c.vehicle_id], set_={"state": text, "updated_at": now}
-        )
-    )
+    row = {
+        "vehicle_id": vehicle_id,
+        "state": to_json(state),
+        "registered_at": now,
+        "updated_at": now,
+    }
+    put_row(connection, vehicle, row, changed=("state", "updated_at"))
 
 
 def remove(connection: Connection, vehicle_id: int) -> None:

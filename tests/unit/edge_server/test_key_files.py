@@ -8,7 +8,8 @@ import pytest
 from edge_server import key_files
 from edge_server.config import Config
 from edge_server.store import keys, migrate
-from edge_server.store.database import Database, open_engine, sqlite_url
+from edge_server.store.database import Database
+from edge_server.store.engines import open_engine
 from edge_server.store.keys import Role
 
 
@@ -16,14 +17,14 @@ from edge_server.store.keys import Role
 def config(tmp_path: Path) -> Config:
     """A state folder with a database and no keys."""
     config = Config(state_dir=tmp_path)
-    migrate.prepare(config.database_path)
+    migrate.prepare(config.database)
     return config
 
 
 @pytest.fixture
 def database(config: Config) -> Iterator[Database]:
     """The database."""
-    database = Database(open_engine(sqlite_url(config.database_path)))
+    database = Database(open_engine(config.database))
     yield database
     database.close()
 
@@ -63,8 +64,8 @@ def test_a_new_database_takes_the_keys_that_lie_there(config: Config, database: 
     key_files.ensure(database, config.keys_dir, 0.0)
     key = key_files.read(key_files.path_of(config.keys_dir, Role.BROKER))
     migrate.set_aside(config.database_path, "lost")
-    migrate.prepare(config.database_path)
-    new = Database(open_engine(sqlite_url(config.database_path)))
+    migrate.prepare(config.database)
+    new = Database(open_engine(config.database))
     key_files.ensure(new, config.keys_dir, 1.0)
     assert opens(new, key) == "broker"
     new.close()

@@ -6,6 +6,8 @@ from alembic import op
 revision = "0001"
 down_revision = None
 
+_ID = sa.BigInteger().with_variant(sa.Integer(), "sqlite")  # SQLite's Integer has 64 bits
+
 
 def upgrade() -> None:
     """Make every table."""
@@ -43,7 +45,7 @@ def downgrade() -> None:
 def _telemetry() -> None:
     op.create_table(
         "telemetry",
-        sa.Column("id", sa.Integer, primary_key=True),
+        sa.Column("id", _ID, primary_key=True),
         sa.Column("message_id", sa.String(26), nullable=False, unique=True),
         sa.Column("kind", sa.String(20), nullable=False),
         sa.Column("vehicle_id", sa.Integer, nullable=False),
@@ -57,10 +59,10 @@ def _telemetry() -> None:
 def _outbox() -> None:
     op.create_table(
         "outbox",
-        sa.Column("id", sa.Integer, primary_key=True),
+        sa.Column("id", _ID, primary_key=True),
         sa.Column(
             "record_id",
-            sa.Integer,
+            _ID,
             sa.ForeignKey("telemetry.id", ondelete="CASCADE"),
             nullable=False,
             unique=True,
@@ -85,7 +87,7 @@ def _receipts() -> None:
         sa.Column("message_id", sa.String(26), primary_key=True),
         sa.Column("kind", sa.String(20), nullable=False),
         sa.Column("vehicle_id", sa.Integer, nullable=False),
-        sa.Column("record_id", sa.Integer, nullable=False),
+        sa.Column("record_id", _ID, nullable=False),
         sa.Column("http_status", sa.Integer, nullable=False),
         sa.Column("attempts", sa.Integer, nullable=False),
         sa.Column("delivered_at", sa.Float, nullable=False),
@@ -97,7 +99,7 @@ def _receipts() -> None:
         sa.Column("role", sa.String(10), primary_key=True),
         sa.Column("route", sa.String(20), nullable=False),
         sa.Column("body_sha256", sa.LargeBinary(32), nullable=False),
-        sa.Column("object_id", sa.Integer, nullable=False),
+        sa.Column("object_id", _ID, nullable=False),
         sa.Column("message_id", sa.String(26)),
         sa.Column("created_at", sa.Float, nullable=False),
     )
@@ -114,7 +116,7 @@ def _plans() -> None:
     )
     op.create_table(
         "plan",
-        sa.Column("id", sa.Integer, primary_key=True),
+        sa.Column("id", _ID, primary_key=True),
         sa.Column("plan_id", sa.String(26), nullable=False, unique=True),
         sa.Column("body", sa.Text, nullable=False),
         sa.Column("received_at", sa.Float, nullable=False),
@@ -127,10 +129,10 @@ def _plans() -> None:
 def _work() -> None:
     op.create_table(
         "work",
-        sa.Column("id", sa.Integer, primary_key=True),
+        sa.Column("id", _ID, primary_key=True),
         sa.Column("kind", sa.String(20), nullable=False),
         sa.Column("vehicle_id", sa.Integer),
-        sa.Column("plan", sa.Integer, sa.ForeignKey("plan.id", ondelete="CASCADE")),
+        sa.Column("plan", _ID, sa.ForeignKey("plan.id", ondelete="CASCADE")),
         sa.Column("mission_id", sa.Integer),
         sa.Column("sequence_number", sa.Integer, nullable=False),
         sa.Column("body", sa.Text),
@@ -160,7 +162,7 @@ def _work() -> None:
     op.create_table(
         "command",
         sa.Column(
-            "work", sa.Integer, sa.ForeignKey("work.id", ondelete="CASCADE"), primary_key=True
+            "work", _ID, sa.ForeignKey("work.id", ondelete="CASCADE"), primary_key=True
         ),
         sa.Column("command_id", sa.Integer, primary_key=True),
         sa.Column("status_id", sa.Integer, nullable=False),

@@ -18,7 +18,7 @@ def upgrade() -> None:
         sa.Column("id", sa.Integer, primary_key=True),
         sa.Column(
             "work",
-            sa.Integer,
+            sa.BigInteger().with_variant(sa.Integer(), "sqlite"),
             sa.ForeignKey("work.id", ondelete="CASCADE"),
             nullable=False,
             unique=True,

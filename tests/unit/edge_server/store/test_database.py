@@ -8,7 +8,8 @@ import pytest
 from sqlalchemy import text
 from sqlalchemy.exc import IntegrityError
 
-from edge_server.store.database import Database, open_engine, sqlite_url, to_json
+from edge_server.store.database import Database, to_json
+from edge_server.store.engines import open_engine, sqlite_url
 from edge_server.store.tables import METADATA
 
 

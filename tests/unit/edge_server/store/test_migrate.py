@@ -12,7 +12,8 @@ from sqlalchemy import CheckConstraint, Engine, inspect, text
 from edge_server.outbox import queue
 from edge_server.outbox.queue import Stream
 from edge_server.store import migrate, plans, telemetry, vehicles, work
-from edge_server.store.database import Database, open_engine, sqlite_url
+from edge_server.store.database import Database
+from edge_server.store.engines import open_engine, sqlite_url
 from edge_server.store.plans import StoredPlan
 from edge_server.store.tables import METADATA
 from tests.unit.edge_server import documents
@@ -27,7 +28,7 @@ def path(tmp_path: Path) -> Path:
 @pytest.fixture
 def engine(path: Path) -> Iterator[Engine]:
     """A database at the newest shape."""
-    migrate.prepare(path)
+    migrate.prepare(sqlite_url(path))
     engine = open_engine(sqlite_url(path))
     yield engine
     engine.dispose()
@@ -84,15 +85,15 @@ def test_down_and_up_again_on_a_filled_database(engine: Engine) -> None:
 
 def test_preparing_again_keeps_what_is_there(path: Path, engine: Engine) -> None:
     fill(engine)
-    migrate.prepare(path)
+    migrate.prepare(sqlite_url(path))
     with Database(engine).read() as connection:
         assert telemetry.count_waiting(connection) == 1
 
 
 def test_programs_that_start_together_make_one_database(path: Path) -> None:
     with ThreadPoolExecutor(4) as together:
-        list(together.map(migrate.prepare, [path] * 4))
-    assert migrate.is_ready(path)
+        list(together.map(migrate.prepare, [sqlite_url(path)] * 4))
+    assert migrate.is_ready(sqlite_url(path))
     assert not (path.parent / "quarantine").exists()
 
 
@@ -101,37 +102,37 @@ def test_a_newer_database_is_not_touched(path: Path, engine: Engine) -> None:
         connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
     engine.dispose()
     before = path.read_bytes()
-    assert not migrate.is_ready(path)
+    assert not migrate.is_ready(sqlite_url(path))
     with pytest.raises(migrate.NewerDatabaseError):
-        migrate.prepare(path)
+        migrate.prepare(sqlite_url(path))
     assert path.read_bytes() == before
 
 
 def test_a_missing_database_is_not_ready(path: Path) -> None:
-    assert not migrate.is_ready(path)
+    assert not migrate.is_ready(sqlite_url(path))
     assert not path.exists()
-    migrate.prepare(path)
-    assert migrate.is_ready(path)
+    migrate.prepare(sqlite_url(path))
+    assert migrate.is_ready(sqlite_url(path))
 
 
 @pytest.mark.parametrize("start", [0, 100, 4096])
 def test_telegraf18528_flipped_bytes_go_to_quarantine(path: Path, start: int) -> None:
-    migrate.prepare(path)
+    migrate.prepare(sqlite_url(path))
     spoiled = bytearray(path.read_bytes())
     spoiled[start : start + 2000] = b"\xa5" * 2000
     path.write_bytes(spoiled)
-    migrate.prepare(path)
-    assert migrate.is_ready(path)
+    migrate.prepare(sqlite_url(path))
+    assert migrate.is_ready(sqlite_url(path))
     (kept,) = (path.parent / "quarantine").iterdir()
     assert kept.read_bytes() == bytes(spoiled)
 
 
 def test_telegraf18528_a_truncated_file_goes_to_quarantine(path: Path) -> None:
-    migrate.prepare(path)
+    migrate.prepare(sqlite_url(path))
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) // 2])
-    migrate.prepare(path)
-    assert migrate.is_ready(path)
+    migrate.prepare(sqlite_url(path))
+    assert migrate.is_ready(sqlite_url(path))
     assert len(list((path.parent / "quarantine").iterdir())) == 1
 
 

@@ -1,0 +1,101 @@
+"""An engine per kind of database, prepared for what we promise.
+
+SQLite: one writer at a time, taken with BEGIN IMMEDIATE; readers are never held up (WAL). A
+commit is on the disk before it returns (synchronous=FULL).
+
+PostgreSQL: writers run side by side at READ COMMITTED and take the locks of `store/locks.py`;
+whoever reads sees one state (REPEATABLE READ). A commit is on the disk before it returns
+(synchronous_commit=on). Nobody waits for ever, and a writer that stalls is cut off.
+"""
+
+import sqlite3
+from typing import Any, Final
+
+from sqlalchemy import Connection, Engine, create_engine, event
+
+from edge_server.store import locks
+
+BUSY_TIMEOUT_MS: Final = 5000
+PRAGMAS: Final = (
+    "PRAGMA journal_mode=WAL",
+    "PRAGMA synchronous=FULL",
+    f"PRAGMA busy_timeout={BUSY_TIMEOUT_MS}",
+    "PRAGMA foreign_keys=ON",
+    "PRAGMA wal_autocheckpoint=1000",
+    "PRAGMA journal_size_limit=67108864",
+)
+SESSION: Final = {
+    "synchronous_commit": "on",
+    "lock_timeout": f"{BUSY_TIMEOUT_MS}ms",
+    "statement_timeout": "30s",
+    "idle_in_transaction_session_timeout": "15s",
+    "tcp_keepalives_idle": "5",  # A machine that lost its power is noticed in 11 s
+    "tcp_keepalives_interval": "2",
+    "tcp_keepalives_count": "3",
+}
+"""Settings of every session on PostgreSQL."""
+_SQLITE_OPTIONS: Final[dict[str, Any]] = {
+    "pool_size": 8,
+    "max_overflow": 64,
+    "pool_timeout": 10,
+    "connect_args": {"check_same_thread": False},
+}
+_POSTGRESQL_OPTIONS: Final[dict[str, Any]] = {
+    "pool_size": 8,
+    "max_overflow": 8,  # A hundred connections are PostgreSQL's usual limit, for all together
+    "pool_timeout": 10,
+    "connect_args": {
+        "application_name": "edge_server",
+        "client_encoding": "utf8",
+        "connect_timeout": 3,
+        "keepalives_idle": 5,
+        "keepalives_interval": 2,
+        "keepalives_count": 3,
+        "tcp_user_timeout": 10_000,
+        "options": " ".join(f"-c {name}={value}" for name, value in SESSION.items()),
+    },
+}
+_IMMEDIATE: Final = "edge_immediate"
+WRITING: Final[dict[str, Any]] = {_IMMEDIATE: True}
+"""Execution options of a transaction that may change something."""
+READING: Final[dict[str, Any]] = {
+    "isolation_level": "REPEATABLE READ",
+    "postgresql_readonly": True,
+}
+"""Execution options of a transaction on PostgreSQL that sees one state."""
+
+
+def sqlite_url(path: object) -> str:
+    """Give the URL of a SQLite file."""
+    return f"sqlite:///{path}"
+
+
+def engine_options(url: str) -> dict[str, Any]:
+    """How to make an engine for a URL."""
+    return dict(_SQLITE_OPTIONS if url.startswith("sqlite:") else _POSTGRESQL_OPTIONS)
+
+
+def open_engine(url: str) -> Engine:
+    """Make an engine of our own, outside Flask."""
+    return prepare_engine(create_engine(url, **engine_options(url)))
+
+
+def prepare_engine(engine: Engine) -> Engine:
+    """Give every connection what its kind of database needs."""
+    if engine.dialect.name == "sqlite":
+        event.listen(engine, "connect", _on_sqlite_connect)
+        event.listen(engine, "begin", _on_sqlite_begin)
+    else:
+        event.listen(engine, "begin", locks.forget)
+    return engine
+
+
+def _on_sqlite_connect(connection: sqlite3.Connection, _record: object) -> None:
+    connection.isolation_level = None  # The driver's own BEGIN comes too late; see below
+    for pragma in PRAGMAS:
+        connection.execute(pragma).close()
+
+
+def _on_sqlite_begin(connection: Connection) -> None:
+    immediate = connection.get_execution_options().get(_IMMEDIATE)
+    connection.exec_driver_sql("BEGIN IMMEDIATE" if immediate else "BEGIN")

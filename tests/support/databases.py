@@ -1,0 +1,148 @@
+"""Databases to test on: a file of SQLite, or a real PostgreSQL server of this test run.
+
+The server runs as an unprivileged user in a temporary folder, listens on a socket in it and on no
+port, and does not wait for the disk: it is killed with the run, never by a power cut. Each test
+gets a database of its own, copied from a prepared one.
+"""
+
+import os
+import pwd
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import psycopg
+
+from tests.support.system import wait_for
+
+ENGINES = ("sqlite", "postgresql")
+USER = "edge"
+_FAST = {
+    "listen_addresses": "",
+    "fsync": "off",
+    "full_page_writes": "off",
+    "shared_buffers": "16MB",
+    "autovacuum": "off",
+    "max_connections": "150",
+    "log_min_messages": "fatal",
+}
+
+
+def binaries() -> Path:
+    """Where initdb and postgres lie: on the path, or where Debian puts them."""
+    if found := shutil.which("initdb"):
+        return Path(found).resolve().parent
+    versions = Path("/usr/lib/postgresql").glob("*/bin/initdb")
+    newest = max(versions, key=lambda path: int(path.parent.parent.name), default=None)
+    assert newest is not None, "PostgreSQL is not installed: apt-get install postgresql"
+    return newest.parent
+
+
+def _unprivileged() -> dict[str, Any]:
+    """Whom the server runs as: PostgreSQL refuses to serve for root."""
+    if os.geteuid() != 0:
+        return {}
+    names = {entry.pw_name for entry in pwd.getpwall()}
+    user = pwd.getpwnam("postgres" if "postgres" in names else "nobody")
+    return {"user": user.pw_uid, "group": user.pw_gid, "extra_groups": []}
+
+
+class PostgresServer:
+    """A server that can be started, stopped, killed and started again over its data."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._data = folder / "data"
+        self._identity = _unprivileged()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._numbers = count()
+        if self._identity:
+            os.chown(folder, self._identity["user"], self._identity["group"])
+        folder.chmod(0o755)
+        command = ["initdb", "-D", self._data, "-U", USER, "-A", "trust", "-E", "UTF8", "-N"]
+        self._run(*command, "--locale=C")
+
+    def _run(self, name: str, *arguments: object) -> None:
+        subprocess.run(
+            [binaries() / name, *map(str, arguments)],
+            check=True,
+            capture_output=True,
+            cwd=self.folder,
+            **self._identity,
+        )
+
+    def start(self) -> None:
+        """Serve, and wait until it answers."""
+        settings = _FAST | {"unix_socket_directories": str(self.folder)}
+        self._process = subprocess.Popen(
+            [
+                str(binaries() / "postgres"),
+                "-D",
+                str(self._data),
+                *(f"--{name}={value}" for name, value in settings.items()),
+            ],
+            cwd=self.folder,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            **self._identity,
+        )
+        wait_for(self.answers, "PostgreSQL's first answer")
+
+    def answers(self) -> bool:
+        """Whether one can connect."""
+        try:
+            self._connect().close()
+        except psycopg.OperationalError:
+            return False
+        return True
+
+    def stop(self) -> None:
+        """End at once, cutting every connection."""
+        if self._process is not None:
+            self._run("pg_ctl", "stop", "-D", self._data, "-m", "immediate", "-w")
+            self._process.wait()
+            self._process = None
+
+    def url(self, name: str) -> str:
+        """Give the URL of one of its databases."""
+        return f"postgresql+psycopg://{USER}@/{name}?host={self.folder}"
+
+    def create(self, template: str = "template0", name: str | None = None) -> str:
+        """Make a database; returns its name."""
+        name = name or f"test_{next(self._numbers)}"
+        self.administer(f"CREATE DATABASE {name} TEMPLATE {template} STRATEGY file_copy")
+        return name
+
+    def drop(self, name: str) -> None:
+        """Remove a database, whoever is connected."""
+        self.administer(f"DROP DATABASE {name} WITH (FORCE)")
+
+    def administer(self, statement: str, database: str = "postgres") -> list[tuple[Any, ...]]:
+        """Run a statement as the database's owner; returns what it gives."""
+        with self._connect(database) as connection:
+            cursor = connection.execute(statement.encode())
+            return cursor.fetchall() if cursor.description else []
+
+    def _connect(self, database: str = "postgres") -> psycopg.Connection[tuple[Any, ...]]:
+        return psycopg.connect(
+            host=str(self.folder), user=USER, dbname=database, autocommit=True, connect_timeout=10
+        )
+
+
+@contextmanager
+def running_server() -> Iterator[PostgresServer]:
+    """Run a server for a while."""
+    # Not below pytest's own folder: its parents are closed to other users, and sockets' names short
+    folder = Path(tempfile.mkdtemp(prefix="edge-pg-"))
+    server = PostgresServer(folder)
+    try:
+        server.start()
+        yield server
+    finally:
+        server.stop()
+        shutil.rmtree(folder)
