@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NamedTuple
-from urllib.parse import urlsplit
+from urllib.parse import unquote, urlsplit
 
 
 class ConfigError(Exception):
@@ -32,6 +32,9 @@ class Config:
     cloud_ca_file: Path | None = None  # The only authority that speaks for the cloud
     cloud_fingerprint: str | None = None  # SHA-256 of its certificate, hex
     cloud_client_certificate_file: Path | None = None  # Certificate and key, PEM
+    mqtt_confirm: str = "cloud"  # Whose word lets a record be deleted
+    mqtt_client_id: str | None = None  # Drawn and kept when it is not set
+    mqtt_keep_alive_s: int = 30
     threads: int = 32
     plan_lifetime_s: float = 12 * 3600.0
     queue_limit: int = 8  # Unfinished missions per vehicle
@@ -125,11 +128,21 @@ def _seconds(low: float, high: float) -> Callable[[Any], float]:
 
 def _url(value: Any) -> str:
     parts = urlsplit(str(value))
-    if parts.scheme not in {"http", "https"} or not parts.hostname or parts.query:
-        raise ValueError("must be an http or https address without a query")
+    if parts.scheme not in _SCHEMES or not parts.hostname or parts.query or parts.fragment:
+        raise ValueError("must be an http, https, mqtt or mqtts address without a query")
     if parts.username is not None:
         raise ValueError("must not hold a user or a password")
+    if parts.scheme.startswith("mqtt") and not _TOPIC_ROOT.fullmatch(unquote(parts.path)):
+        raise ValueError("its path names MQTT topics: at most 200 characters, no +, # or leading $")
+    if parts.port == 0:
+        raise ValueError("must not name port 0")
     return str(value).rstrip("/")
+
+
+def _confirm(value: Any) -> str:
+    if (word := str(value).lower()) not in {"cloud", "broker"}:
+        raise ValueError("must be cloud or broker")
+    return word
 
 
 def _days(value: Any) -> float:
@@ -179,6 +192,8 @@ def _log_format(value: Any) -> str:
     return name
 
 
+_SCHEMES: Final = frozenset({"http", "https", "mqtt", "mqtts"})
+_TOPIC_ROOT: Final = re.compile(r"/*+(?!\$)[^+#\x00-\x1f\x7f-\x9f]{0,200}")
 _WORD: Final = re.compile(r"[A-Za-z0-9._-]{1,64}")
 _PER_MINUTE: Final = _whole(1, 10_000_000)
 
@@ -197,6 +212,9 @@ SETTINGS: Final = (
         Path,
         "our certificate and key for the cloud, PEM",
     ),
+    Setting("mqtt_confirm", "MQTT_CONFIRM", _confirm, "whose word confirms: cloud or broker"),
+    Setting("mqtt_client_id", "MQTT_CLIENT_ID", _word, "our name at the broker"),
+    Setting("mqtt_keep_alive_s", "MQTT_KEEP_ALIVE_S", _whole(5, 3600), "a sign of life, at least"),
     Setting("threads", "EDGE_THREADS", _whole(12, 256), "requests served at once"),
     Setting("plan_lifetime_s", "PLAN_LIFETIME_S", _seconds(1, 30 * 86400), "default expires_at"),
     Setting("queue_limit", "QUEUE_LIMIT", _whole(1, 1000), "unfinished missions per vehicle"),

@@ -25,6 +25,8 @@ from edge_server.store.engines import open_engine
 from edge_server.tally import Tally
 from edge_server.uplinks.mqtt import MqttUplink
 from edge_server.uplinks.mqtt_topics import is_mqtt
+from edge_server.uplinks.mqtt import MqttUplink
+from edge_server.uplinks.mqtt_topics import is_mqtt
 
 LOG = logging.getLogger(__name__)
 LOCK_PATIENCE_S: Final = 3.0

@@ -11,6 +11,7 @@ from pathlib import Path
 from werkzeug.serving import WSGIRequestHandler, make_server
 
 from sim.cloud.app import create_app
+from sim.cloud.mqtt import MqttDoor
 from sim.cloud.store import Store
 
 
@@ -30,6 +31,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="sim.cloud", description=__doc__)
     parser.add_argument("--port", type=int, default=int(environment.get("CLOUD_PORT", "8100")))
     parser.add_argument("--host", default="127.0.0.1")
+    parser.add_argument(
+        "--mqtt", default=environment.get("CLOUD_MQTT_URL"), help="mqtt://broker/<topics of a farm>"
+    )
     parser.add_argument("--state-dir", type=Path, default=Path(environment.get("STATE_DIR", "var")))
     arguments = parser.parse_args()
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s cloud %(message)s")
@@ -48,7 +52,12 @@ def main() -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: threading.Thread(target=server.shutdown).start())
     logging.getLogger("sim.cloud").info("listening on http://%s:%d", arguments.host, arguments.port)
+    door = MqttDoor(store, arguments.mqtt) if arguments.mqtt else None
+    if door is not None:
+        door.open()
     server.serve_forever()
+    if door is not None:
+        door.close()
     server.server_close()
     return 0
 
