@@ -35,6 +35,12 @@ def main() -> int:
         "--mqtt", default=environment.get("CLOUD_MQTT_URL"), help="mqtt://broker/<topics of a farm>"
     )
     parser.add_argument("--state-dir", type=Path, default=Path(environment.get("STATE_DIR", "var")))
+    parser.add_argument(
+        "--batch",
+        type=int,
+        default=int(environment.get("CLOUD_BATCH", "100")),
+        help="records taken in one request; 0 offers no batches (CLOUD_BATCH)",
+    )
     arguments = parser.parse_args()
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s cloud %(message)s")
     store = Store(arguments.state_dir / "cloud" / "records.ndjson")
@@ -42,7 +48,7 @@ def main() -> int:
         server = make_server(
             arguments.host,
             arguments.port,
-            create_app(store),
+            create_app(store, batch_records=arguments.batch),
             threaded=True,
             request_handler=_KeepAliveHandler,
         )

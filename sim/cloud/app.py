@@ -8,6 +8,7 @@ from typing import Any
 from flask import Flask, Response, jsonify, request
 from werkzeug.exceptions import HTTPException
 
+from sim.cloud import batch
 from sim.cloud.store import KINDS, Outcome, Store
 
 MAXIMUM_BODY_BYTES = 4 * 1024 * 1024
@@ -18,8 +19,8 @@ ANSWERS = {
 }
 
 
-def create_app(store: Store) -> Flask:
-    """Build the application about a store."""
+def create_app(store: Store, *, batch_records: int = 0) -> Flask:
+    """Build the application about a store; it takes batches of so many records, none if 0."""
     app = Flask("sim.cloud")
     app.url_map.strict_slashes = False
     app.config["MAX_CONTENT_LENGTH"] = MAXIMUM_BODY_BYTES
@@ -46,6 +47,8 @@ def create_app(store: Store) -> Flask:
 
     for kind in KINDS:
         _add_kind(app, store, kind)
+    if batch_records:
+        batch.add_to(app, store, batch_records)
     return app
 
 

@@ -8,12 +8,22 @@ JSON line per record, so a cloud that was killed comes back with all it had conf
 import hashlib
 import json
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from enum import Enum
 from pathlib import Path
 from typing import Any, NamedTuple
 
-KINDS = ("pose", "battery", "image", "observation", "state_vector", "mission_report", "alarm")
+KINDS = (
+    "pose",
+    "battery",
+    "image",
+    "observation",
+    "state_vector",
+    "mission_report",
+    "alarm",
+    "gap",
+)
+"""What a farm sends; a gap names records that it could not keep."""
 
 
 class Outcome(Enum):
@@ -22,6 +32,14 @@ class Outcome(Enum):
     STORED = "stored"
     DUPLICATE = "duplicate"
     CONFLICT = "conflict"
+
+
+class Message(NamedTuple):
+    """One record as a farm sends it."""
+
+    kind: str
+    message_id: str
+    body: dict[str, Any]
 
 
 class Record(NamedTuple):
@@ -62,15 +80,32 @@ class Store:
         Raises:
             OSError: if the journal cannot be written; the message is then not kept.
         """
+        return self.add_all([Message(kind, message_id, body)], now)[0]
+
+    def add_all(self, messages: Sequence[Message], now: float) -> list[Outcome]:
+        """Keep messages in their order, those that are not here yet; all of them or none.
+
+        Raises:
+            OSError: if the journal cannot be written; none of them is then kept.
+        """
         with self._lock:
-            known = self._digests.get(message_id)
-            if known is not None:
-                same = known == _digest(kind, body)
-                return Outcome.DUPLICATE if same else Outcome.CONFLICT
-            record = Record(len(self._records) + 1, kind, message_id, now, body)
-            self._append(record)
-            self._remember(record)
-            return Outcome.STORED
+            outcomes: list[Outcome] = []
+            new: list[Record] = []
+            digests: dict[str, str] = {}
+            for kind, message_id, body in messages:
+                digest = _digest(kind, body)
+                known = self._digests.get(message_id) or digests.get(message_id)
+                if known is not None:
+                    outcomes.append(Outcome.DUPLICATE if known == digest else Outcome.CONFLICT)
+                    continue
+                digests[message_id] = digest
+                number = len(self._records) + len(new) + 1
+                new.append(Record(number, kind, message_id, now, body))
+                outcomes.append(Outcome.STORED)
+            self._append(new)
+            self._records += new
+            self._digests |= digests
+            return outcomes
 
     def records(self, kind: str | None = None, after: int = 0) -> list[Record]:
         """Give the records after number `after`, of one kind or of all."""
@@ -82,11 +117,12 @@ class Store:
         with self._lock:
             return {kind: sum(r.kind == kind for r in self._records) for kind in KINDS}
 
-    def _append(self, record: Record) -> None:
-        if self._journal is None:
+    def _append(self, records: Sequence[Record]) -> None:
+        if self._journal is None or not records:
             return
+        lines = [json.dumps(record.as_json(), separators=(",", ":")) for record in records]
         with self._journal.open("a", encoding="utf-8") as journal:
-            journal.write(json.dumps(record.as_json(), separators=(",", ":")) + "\n")
+            journal.write("\n".join(lines) + "\n")
 
     def _remember(self, record: Record) -> None:
         self._records.append(record)

@@ -1,7 +1,9 @@
+import json
 from pathlib import Path
 
 import pytest
 from flask.testing import FlaskClient
+from werkzeug.test import TestResponse
 
 from sim.cloud.app import create_app
 from sim.cloud.store import KINDS, Store
@@ -83,3 +85,55 @@ def test_a_full_disk_is_told_and_nothing_is_kept(cloud: FlaskClient, journal: Pa
     journal.parent.rmdir()
     assert send(cloud, "pose", "key", POSE) == 507
     assert cloud.get("/records").json == []
+
+
+@pytest.fixture
+def batching(journal: Path) -> FlaskClient:
+    return create_app(Store(journal), batch_records=3).test_client()
+
+
+def line(kind: str, key: str, number: int = 0) -> str:
+    record = {"sequence_number": number, "vehicle_id": 1, "message_id": key}
+    return json.dumps({"kind": kind, "record": record})
+
+
+def send_batch(cloud: FlaskClient, *lines: str) -> TestResponse:
+    return cloud.post("/batch", data="\n".join(lines), content_type="application/x-ndjson")
+
+
+def test_batches_are_announced_only_where_they_are_offered(
+    cloud: FlaskClient, batching: FlaskClient
+) -> None:
+    assert "Accept-Batch" not in cloud.post("/pose", json=POSE).headers
+    assert batching.post("/pose", json=POSE).headers["Accept-Batch"] == "3"
+    assert send_batch(cloud, line("pose", "a")).status_code == 404
+
+
+def test_a_batch_is_kept_in_its_order_with_a_result_for_each(batching: FlaskClient) -> None:
+    send_batch(batching, line("pose", "b", 1))
+    answer = send_batch(batching, line("pose", "a"), line("pose", "b", 2), line("plan", "c"))
+    assert [(r["message_id"], r["status"]) for r in (answer.json or {})["results"]] == [
+        ("a", 200),
+        ("b", 409),
+        ("c", 404),
+    ]
+    again = send_batch(batching, line("pose", "a"), line("alarm", "d"))
+    assert [r["outcome"] for r in (again.json or {})["results"]] == ["duplicate", "stored"]
+    assert [r["message_id"] for r in batching.get("/records").json or []] == ["b", "a", "d"]
+
+
+def test_what_a_batch_holds_twice_is_kept_once(batching: FlaskClient) -> None:
+    answer = send_batch(batching, line("pose", "a"), line("pose", "a"))
+    assert [r["outcome"] for r in (answer.json or {})["results"]] == ["stored", "duplicate"]
+    assert len(batching.get("/records").json or []) == 1
+
+
+def test_a_batch_that_is_too_long_is_refused_whole(batching: FlaskClient) -> None:
+    assert send_batch(batching, *(line("pose", str(n)) for n in range(4))).status_code == 413
+    assert batching.get("/records").json == []
+
+
+@pytest.mark.parametrize("bad", ["{", "[]", '{"kind": "pose"}', '{"kind": "pose", "record": 5}'])
+def test_a_line_that_names_no_record_spoils_the_batch(batching: FlaskClient, bad: str) -> None:
+    assert send_batch(batching, line("pose", "a"), bad).status_code == 400
+    assert batching.get("/records").json == []
