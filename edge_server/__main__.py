@@ -1,4 +1,4 @@
-"""Command line: `python -m edge_server [serve|relay|migrate|backup|dead-letters|keys]`.
+"""Command line: `python -m edge_server [serve|relay|migrate|backup|dead-letters|keys|audit]`.
 
 Without a word, server and relay together.
 """
@@ -8,7 +8,6 @@ import logging
 import os
 import signal
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final
@@ -110,31 +109,15 @@ def _dead_letters(config: Config, options: argparse.Namespace) -> int:
     return code
 
 
-def _show_paths(config: Config, _options: argparse.Namespace) -> int:
-    from edge_server import key_files  # noqa: PLC0415  # as above
-    from edge_server.store.keys import Role  # noqa: PLC0415  # as above
+def _access(config: Config, options: argparse.Namespace) -> int:
+    from edge_server import access_commands  # noqa: PLC0415  # as above
+    from edge_server.store.migrate import StoreError  # noqa: PLC0415  # as above
 
-    for role in Role:
-        print(f"{role.value:10}{key_files.path_of(config.keys_dir, role)}")
-    return OK
-
-
-def _rotate(config: Config, options: argparse.Namespace) -> int:
-    from edge_server import key_files, preparation  # noqa: PLC0415  # as above
-    from edge_server.store.keys import Role  # noqa: PLC0415  # as above
-    from edge_server.store.migrate import is_ready  # noqa: PLC0415  # as above
-
-    roles = [role.value for role in Role]
-    if options.role not in roles:
-        print(f"edge server: there is no role {options.role}: {', '.join(roles)}", file=sys.stderr)
-        return WRONG_SETUP
-    if not is_ready(config.database):
-        preparation.prepare(config)
-    database = preparation.open_database(config)
-    path = key_files.rotate(database, config.keys_dir, Role(options.role), time.time())
-    database.close()
-    print(f"new key in {path}; the old one is revoked")
-    return OK
+    try:
+        return access_commands.run(config, options)
+    except StoreError as error:
+        print(f"edge server: {error}", file=sys.stderr)
+        return FAILED
 
 
 _COMMANDS: Final = (
@@ -163,14 +146,34 @@ def _parser() -> argparse.ArgumentParser:
         action = actions.add_parser(name, help=meaning)
         action.add_argument("id", type=int, nargs="+")
         action.set_defaults(run=_dead_letters)
-    keys = commands.add_parser("keys", help="access keys").add_subparsers(
-        dest="keys_command", required=True
-    )
-    keys.add_parser("show-paths", help="where the keys lie").set_defaults(run=_show_paths)
-    rotate = keys.add_parser("rotate", help="make a new key, revoke the old one")
-    rotate.add_argument("role")
-    rotate.set_defaults(run=_rotate)
+    _add_access(commands)
     return parser
+
+
+def _add_access(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    keys = commands.add_parser("keys", help="access keys").add_subparsers(
+        dest="access", required=True
+    )
+    keys.add_parser("show-paths", help="where the roles' first keys lie")
+    keys.add_parser("list", help="all keys, without their secrets")
+    create = keys.add_parser("create", help="make a key; its secret is shown once")
+    create.add_argument("role")
+    create.add_argument("name")
+    create.add_argument("--scope", action="append", default=[], help="read, report or metrics")
+    create.add_argument("--vehicle", type=int, action="append", default=[], help="its vehicle_id")
+    create.add_argument("--hours", type=float, help="how long it opens anything")
+    rotate = keys.add_parser("rotate", help="make a new key in the place of an old one")
+    rotate.add_argument("key", help="a role, whose file is meant, or a key's name or prefix")
+    rotate.add_argument("--overlap-hours", type=float, default=0.0, help="the old one's last ones")
+    revoke = keys.add_parser("revoke", help="let a key open nothing any more")
+    revoke.add_argument("key", help="its name or prefix")
+    log = commands.add_parser("audit", help="who did what").add_subparsers(
+        dest="access", required=True
+    )
+    log.add_parser("export", help="the whole log, a JSON object a line")
+    log.add_parser("verify", help="whether it is as it was written; names the first broken row")
+    for parser in (*keys.choices.values(), *log.choices.values()):
+        parser.set_defaults(run=_access)
 
 
 if __name__ == "__main__":

@@ -5,11 +5,11 @@ from collections.abc import Callable
 from typing import Any
 
 from apiflask import APIFlask
-from flask import Response
 from flask.json.provider import DefaultJSONProvider
 from flask_sqlalchemy import SQLAlchemy
 
 from edge_server.api import (
+    audit,
     auth,
     bodies,
     broker,
@@ -18,16 +18,20 @@ from edge_server.api import (
     documentation,
     errors,
     events,
+    headers,
     health,
+    keys,
     metrics,
     plans,
     request_log,
     surveys,
     telemetry,
+    trails,
     urls,
     vehicles,
 )
 from edge_server.api.bodies import MAXIMUM_IMAGE_BODY_BYTES
+from edge_server.api.limits import Limits
 from edge_server.config import Config
 from edge_server.metrics import Metrics
 from edge_server.services.context import Context
@@ -55,6 +59,8 @@ _PARTS = (
     dead_letters,
     vehicles,
     broker,
+    keys,
+    audit,
     health,
     metrics,
     documentation,
@@ -82,13 +88,17 @@ def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> API
     store.init_app(app)
     with app.app_context():
         database = Database(prepare_engine(store.engine))
-    app.extensions["edge_context"] = Context(config, database, clock)
+    context = Context(config, database, clock)
+    app.extensions["edge_context"] = context
     figures = Metrics(config, database, clock)
     app.extensions[metrics.EXTENSION] = figures
     request_log.install(app, figures)
-    ring = auth.KeyRing(database)
-    app.before_request(lambda: auth.check_caller(ring))
-    app.after_request(_harden)
+    trails.install(app, context)
+    ring = auth.KeyRing(database, clock)
+    limits = Limits(config)
+    app.extensions[keys.KEY_RING] = ring
+    app.before_request(lambda: auth.check_caller(ring, limits, context))
+    headers.install(app, config)
     app.after_request(bodies.discard_rest)
     for part in _PARTS:
         app.register_blueprint(part.blueprint())
@@ -99,10 +109,3 @@ def context_of(app: APIFlask) -> Context:
     """Give what the services of an app share."""
     found: Context = app.extensions["edge_context"]
     return found
-
-
-def _harden(response: Response) -> Response:
-    """Headers that cost nothing and keep a browser from guessing or caching."""
-    response.headers["X-Content-Type-Options"] = "nosniff"
-    response.headers["Cache-Control"] = "no-store"
-    return response

@@ -45,8 +45,8 @@ class Config:
     read_timeout_s: float = 15.0
     relay_workers: int = 4
     log_level: str = "INFO"
-    database_url: str | None = field(default=None, repr=False)  # It may hold a password
     log_format: str = "auto"
+    database_url: str | None = field(default=None, repr=False)  # It may hold a password
     requests_per_minute: int = 12_000  # Of one key of a person or the cloud
     broker_requests_per_minute: int = 600_000
     failures_per_minute: int = 30  # Wrong keys from one address
@@ -145,6 +145,13 @@ def _confirm(value: Any) -> str:
     return word
 
 
+def _database_url(value: Any) -> str:
+    parts = urlsplit(str(value))
+    if parts.scheme not in {"postgresql", "postgresql+psycopg"} or len(parts.path) < 2:
+        raise ValueError("must be postgresql+psycopg://user@host/database")
+    return f"postgresql+psycopg{str(value)[len(parts.scheme) :]}"
+
+
 def _days(value: Any) -> float:
     if isinstance(value, bool) or not 0.001 <= (number := float(value)) <= 36_500:
         raise ValueError("must be 0.001 to 36500 days")
@@ -171,13 +178,6 @@ def _fingerprint(value: Any) -> str:
     if len(digits) != 64 or not set(digits) <= set("0123456789abcdef"):
         raise ValueError("must be a SHA-256, 64 hexadecimal digits")
     return digits
-
-
-def _database_url(value: Any) -> str:
-    parts = urlsplit(str(value))
-    if parts.scheme not in {"postgresql", "postgresql+psycopg"} or len(parts.path) < 2:
-        raise ValueError("must be postgresql+psycopg://user@host/database")
-    return f"postgresql+psycopg{str(value)[len(parts.scheme) :]}"
 
 
 def _level(value: Any) -> str:

@@ -1,7 +1,7 @@
 """Who may call: a key has a role, a route names its roles, everything else is refused.
 
-The role of the caller is known before the route is looked at, so nothing but health answers a
-stranger, not even a 404.
+The caller is known before the route is looked at, so nothing but health answers a stranger, not
+even a 404. A key may be narrowed by scopes (edge_server.api.scopes), never widened.
 """
 
 import hmac
@@ -16,8 +16,10 @@ from flask import current_app, g, request
 from werkzeug.datastructures import WWWAuthenticate
 from werkzeug.exceptions import Forbidden, HTTPException, Unauthorized
 
+from edge_server.api import scopes, trails
 from edge_server.api.errors import RequestError
-from edge_server.services.context import Caller
+from edge_server.api.limits import Limits
+from edge_server.services.context import Caller, Context
 from edge_server.store import keys
 from edge_server.store.database import Database
 from edge_server.store.keys import Role, StoredKey
@@ -39,6 +41,7 @@ PAGES: Final = frozenset({"/docs", "/openapi.json"})
 KEY_RULE: Final = "must be 1 to 64 visible ASCII characters"
 _KEY_SHAPE: Final = re.compile(r"[!-~]{1,64}")
 _ATTRIBUTE: Final = "edge_roles"
+_NO_DIGEST: Final = b"\0" * 32
 _View = TypeVar("_View", bound=Callable[..., object])
 
 
@@ -61,22 +64,28 @@ def allow(roles: frozenset[Role]) -> Callable[[_View], _View]:
 class KeyRing:
     """The active keys, read again when they are older than a second."""
 
-    def __init__(self, database: Database) -> None:
+    def __init__(self, database: Database, clock: Callable[[], float] = time.time) -> None:
         self._database = database
+        self._clock = clock
         self._lock = threading.Lock()
         self._keys: Mapping[str, StoredKey] = {}
         self._read_at = float("-inf")
 
-    def role_of(self, key: str) -> Role | None:
-        """Give the role of a key, None for one that opens nothing."""
+    def find(self, key: str) -> StoredKey | None:
+        """Find what is known of a key, None for one that opens nothing."""
         prefix = keys.prefix_of(key)
         if prefix is None:
             return None
         known = self._fresh().get(prefix)
-        offered = keys.digest(key)
-        if known is None or not hmac.compare_digest(known.sha256, offered):
+        expected = _NO_DIGEST if known is None else known.sha256
+        if not hmac.compare_digest(expected, keys.digest(key)) or known is None:
             return None
-        return Role(known.role)
+        return known if known.opens(self._clock()) else None
+
+    def forget(self) -> None:
+        """Read the keys again at the next request: they have been changed."""
+        with self._lock:
+            self._read_at = float("-inf")
 
     def _fresh(self) -> Mapping[str, StoredKey]:
         with self._lock:
@@ -87,25 +96,45 @@ class KeyRing:
             return self._keys
 
 
-def check_caller(ring: KeyRing) -> None:
-    """Let a request pass or raise 401 or 403; runs before every view."""
+def check_caller(ring: KeyRing, limits: Limits, context: Context) -> None:
+    """Let a request pass or raise 401, 403 or 429; runs before every view."""
     view = current_app.view_functions.get(request.endpoint or "")
     allowed = roles_of(view)
     if allowed == PUBLIC and allowed is not None:
         return
-    role = ring.role_of(_offered_key())
-    if role is None:
-        scheme = "basic" if request.path.rstrip("/") in PAGES else "bearer"
-        raise Unauthorized(
-            "an access key is needed: Authorization: Bearer <key>",
-            www_authenticate=WWWAuthenticate(scheme, {"realm": "edge server"}),
-        )
-    g.role = role
+    key = _identify(ring, limits)
+    role = Role(key.role)
+    g.key, g.role = key, role
+    limits.count(key)
+    trails.begin(context, key)
     if isinstance(request.routing_exception, HTTPException):
         return  # 404 or 405, which the dispatcher raises next
     if allowed is None or role not in allowed:
-        AUDIT.warning("refused %s %s %s", role, request.method, request.path)
-        raise Forbidden(f"the role {role} may not do this")
+        raise refusal(f"the role {role} may not do this")
+    if not scopes.covers(key.scopes, request.endpoint or "", request.method):
+        raise refusal("this key is narrowed to other things: " + ", ".join(sorted(key.scopes)))
+
+
+def _identify(ring: KeyRing, limits: Limits) -> StoredKey:
+    """Find the key that is shown; raises 401, or 429 to who shows wrong ones again and again."""
+    shown = _offered_key()
+    key = ring.find(shown)
+    if key is not None:
+        return key
+    if shown:
+        # A key that opens is never shut out by others who fail at the same address.
+        limits.count_failure(request.remote_addr)
+    scheme = "basic" if request.path.rstrip("/") in PAGES else "bearer"
+    raise Unauthorized(
+        "an access key is needed: Authorization: Bearer <key>",
+        www_authenticate=WWWAuthenticate(scheme, {"realm": "edge server"}),
+    )
+
+
+def refusal(reason: str) -> Forbidden:
+    """Make the 403 for a key that may not do what is asked, and note it in the log."""
+    AUDIT.warning("refused %s %s %s: %s", g.key.name, request.method, request.path, reason)
+    return Forbidden(reason)
 
 
 def caller() -> Caller:

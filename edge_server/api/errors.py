@@ -24,6 +24,7 @@ from edge_server.services.errors import (
     KeyReusedError,
     NotFoundError,
     ServiceError,
+    SpentError,
     TooMuchError,
 )
 from edge_server.store.failures import is_busy, is_full, is_lost
@@ -36,6 +37,7 @@ STATUS: Final[dict[type[ServiceError], int]] = {
     TooMuchError: 429,
     KeyReusedError: 422,
     ChangedError: 412,
+    SpentError: 403,
 }
 RETRY_SOON: Final = {"Retry-After": "1"}
 

@@ -21,7 +21,7 @@ _ERRORS: Final = {
     413: "The body is too large",
     415: "The body is not application/json",
     422: "It breaks the model or a rule",
-    429: "A bounded queue is full",
+    429: "Too many requests, or a bounded queue is full",
     503: "The database is busy or away",
     507: "The disk is full",
 }
@@ -134,7 +134,7 @@ def _error_statuses(route: Route) -> set[int]:
     contract = route.contract
     found = set(contract.errors)
     if route.roles:
-        found |= {401, 403, 503}
+        found |= {401, 403, 429, 503}
     if "<" in route.rule:
         found.add(404)
     if contract.query:

@@ -10,6 +10,7 @@ from afarcloud.state import Report
 from afarcloud.wire import MODELS, TELEMETRY, Kind
 from edge_server.api.broker import Acknowledged
 from edge_server.services.event_states import State
+from edge_server.services.keys import KeyRequest
 from edge_server.services.vehicles import VehicleState
 from edge_server.survey.request import SurveyRequest
 
@@ -75,7 +76,7 @@ def stored_name(kind: Kind) -> str:
 
 def components() -> dict[str, Any]:
     """Give every schema by name."""
-    own: list[type[Model]] = [VehicleState, Acknowledged, SurveyRequest]
+    own: list[type[Model]] = [KeyRequest, VehicleState, Acknowledged, SurveyRequest]
     _, document = models_json_schema(
         [(model, "validation") for model in [*MODELS.values(), *own]], ref_template=REFERENCE
     )
@@ -90,6 +91,7 @@ def components() -> dict[str, Any]:
         closed=False,
     )
     found |= _bulk() | _work() | _dead_letters()
+    found |= _keys()
     found["Survey"] = SURVEY
     return found
 
@@ -210,6 +212,27 @@ def _bulk() -> dict[str, Any]:
             "required": ["records"],
         },
     }
+
+
+def _keys() -> dict[str, Any]:
+    """Schemas of `/keys/`."""
+    moment = {"type": ["string", "null"], "format": "date-time"}
+    key: dict[str, Any] = {
+        "type": "object",
+        "properties": {
+            "prefix": _TEXT,
+            "name": _TEXT,
+            "role": {"$ref": REFERENCE.format(model="Role")},
+            "scopes": {"type": "array", "items": {"$ref": REFERENCE.format(model="Scope")}},
+            "vehicle_ids": {"type": ["array", "null"], "items": _ID},
+            "state": {"enum": ["active", "expired", "revoked"]},
+            "created_at": _TIME,
+            "expires_at": moment,
+            "revoked_at": moment,
+        },
+    }
+    key["required"] = list(key["properties"])
+    return {"AccessKey": key, "NewAccessKey": _with(key, {"key": _TEXT}, closed=False)}
 
 
 def _dead_letters() -> dict[str, Any]:

@@ -6,6 +6,7 @@ ServiceError
   +- TooMuchError       a bounded queue is full; later it may be met
   +- KeyReusedError     the idempotency key has been used for something else
   +- ChangedError       it is not as the caller last saw it
+  +- SpentError         the signature has been used for something else
 """
 
 from afarcloud.faults import Fault
@@ -37,3 +38,7 @@ class KeyReusedError(ServiceError):
 
 class ChangedError(ServiceError):
     """It is not as the caller last saw it."""
+
+
+class SpentError(ServiceError):
+    """The signature of the request has been used before."""

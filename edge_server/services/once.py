@@ -4,6 +4,7 @@ import hashlib
 
 from sqlalchemy import Connection
 
+from edge_server.services import audit
 from edge_server.services.context import Caller
 from edge_server.services.errors import KeyReusedError
 from edge_server.store import idempotency
@@ -31,6 +32,8 @@ def earlier(
     found = idempotency.find(connection, caller.idempotency_key, caller.role)
     if found is not None and (found.route, found.body_sha256) != (route, body_sha256):
         raise KeyReusedError("this Idempotency-Key was used for another request")
+    if found is not None:
+        audit.nothing_new()
     return found
 
 

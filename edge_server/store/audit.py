@@ -10,7 +10,7 @@ import json
 from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
 
-from sqlalchemy import Connection, delete, func, insert, select, update
+from sqlalchemy import Connection, delete, func, insert, select, text, update
 
 from edge_server.store.tables import audit, audit_chain
 
@@ -78,6 +78,12 @@ def append(connection: Connection, entry: Entry) -> Row:
 def ends(connection: Connection) -> Ends:
     """Give both ends of the chain."""
     return _ends(connection, lock=False)
+
+
+def freeze(connection: Connection) -> None:
+    """Let this transaction see one state of the log; SQLite's always do."""
+    if connection.dialect.name == "postgresql":
+        connection.execute(text("SET TRANSACTION ISOLATION LEVEL REPEATABLE READ"))
 
 
 def rows(connection: Connection, after_id: int = 0) -> Iterator[Row]:

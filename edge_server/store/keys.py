@@ -4,17 +4,18 @@ A secret is 32 random bytes, so a fast hash is enough: there is nothing to guess
 """
 
 import hashlib
+import json
 import re
 import secrets
 from enum import StrEnum
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
-from sqlalchemy import Connection, insert, select, update
-from sqlalchemy.dialects.sqlite import insert as upsert
+from sqlalchemy import Connection, func, insert, or_, select, update
 
 from edge_server.store.tables import access_key
 
 _SHAPE: Final = re.compile(r"fm_([0-9a-f]{8})_([0-9a-f]{64})")
+PREFIX: Final = re.compile(r"[0-9a-f]{8}")
 
 
 class Role(StrEnum):
@@ -27,12 +28,31 @@ class Role(StrEnum):
     CLOUD = "cloud"
 
 
+class Scope(StrEnum):
+    """What a key is narrowed to; one without a scope may do all that its role may."""
+
+    READ = "read"  # What changes nothing
+    REPORT = "report"  # What vehicles report, and their registration
+    METRICS = "metrics"  # The metrics alone
+
+
 class StoredKey(NamedTuple):
     """What is known of a key without knowing it."""
 
     prefix: str
     role: str
     sha256: bytes
+    name: str = ""
+    in_file: bool = False  # Lies in STATE_DIR/keys/<role>.key
+    scopes: frozenset[Scope] = frozenset()
+    vehicle_ids: frozenset[int] | None = None  # None: every vehicle
+    created_at: float = 0.0  # [s] since the epoch, as the two below
+    expires_at: float | None = None
+    revoked_at: float | None = None
+
+    def opens(self, now: float) -> bool:
+        """Whether it opens anything at this time."""
+        return self.revoked_at is None and (self.expires_at is None or now < self.expires_at)
 
 
 def generate() -> str:
@@ -51,18 +71,8 @@ def digest(key: str) -> bytes:
     return hashlib.sha256(key.encode()).digest()
 
 
-def active(connection: Connection) -> list[StoredKey]:
-    """All keys that open something."""
-    rows = connection.execute(
-        select(access_key.c.prefix, access_key.c.role, access_key.c.sha256).where(
-            access_key.c.revoked_at.is_(None)
-        )
-    )
-    return [StoredKey(*row) for row in rows]
-
-
-def register(connection: Connection, role: str, key: str, now: float) -> None:
-    """Let a key open what its role may; a known key stays as it is.
+def made_from(key: str, role: Role, name: str, now: float) -> StoredKey:
+    """Describe a key as it will be stored, without any limit.
 
     Raises:
         ValueError: if the text is not a key.
@@ -70,19 +80,84 @@ def register(connection: Connection, role: str, key: str, now: float) -> None:
     prefix = prefix_of(key)
     if prefix is None:
         raise ValueError("not an access key")
-    row = {"prefix": prefix, "role": role, "sha256": digest(key), "created_at": now}
-    connection.execute(upsert(access_key).values(row).on_conflict_do_nothing())
+    return StoredKey(prefix, role.value, digest(key), name, created_at=now)
 
 
-def replace(connection: Connection, role: str, key: str, now: float) -> None:
-    """Register a key and revoke the role's older ones."""
+def active(connection: Connection) -> list[StoredKey]:
+    """All keys that have not been revoked; some may have expired."""
+    rows = connection.execute(select(access_key).where(access_key.c.revoked_at.is_(None)))
+    return [_key(row) for row in rows]
+
+
+def everything(connection: Connection) -> list[StoredKey]:
+    """All keys, oldest first, revoked ones too."""
+    order = access_key.c.created_at, access_key.c.prefix
+    return [_key(row) for row in connection.execute(select(access_key).order_by(*order))]
+
+
+def find(connection: Connection, prefix: str) -> StoredKey | None:
+    """Find a key by its prefix, revoked or not."""
+    query = select(access_key).where(access_key.c.prefix == prefix)
+    row = connection.execute(query).one_or_none()
+    return _key(row) if row else None
+
+
+def count_unlimited(connection: Connection, role: Role, now: float) -> int:
+    """How many keys of a role open all that the role may, for as long as nobody revokes them."""
+    return connection.execute(
+        select(func.count())
+        .select_from(access_key)
+        .where(
+            access_key.c.role == role.value,
+            access_key.c.revoked_at.is_(None),
+            or_(access_key.c.expires_at.is_(None), access_key.c.expires_at > now),
+            access_key.c.scopes == "",
+            access_key.c.vehicle_ids.is_(None),
+        )
+    ).scalar_one()
+
+
+def add(connection: Connection, key: StoredKey) -> None:
+    """Let a key open what it describes; a known key stays as it is."""
+    if find(connection, key.prefix) is not None:
+        return
+    vehicles = None if key.vehicle_ids is None else json.dumps(sorted(key.vehicle_ids))
+    scopes = " ".join(sorted(key.scopes))
+    row = {**key._asdict(), "scopes": scopes, "vehicle_ids": vehicles}
+    connection.execute(insert(access_key), row)
+
+
+def end(connection: Connection, prefix: str, at: float) -> None:
+    """Let a key open nothing from a moment on that lies ahead, however long it was good for."""
     connection.execute(
         update(access_key)
-        .where(access_key.c.role == role, access_key.c.revoked_at.is_(None))
+        .where(
+            access_key.c.prefix == prefix,
+            or_(access_key.c.expires_at.is_(None), access_key.c.expires_at > at),
+        )
+        .values(expires_at=at)
+    )
+
+
+def revoke(connection: Connection, prefix: str, now: float) -> None:
+    """Let a key open nothing any more."""
+    connection.execute(
+        update(access_key)
+        .where(access_key.c.prefix == prefix, access_key.c.revoked_at.is_(None))
         .values(revoked_at=now)
     )
-    connection.execute(
-        insert(access_key).values(
-            prefix=prefix_of(key), role=role, sha256=digest(key), created_at=now
-        )
+
+
+def _key(row: Any) -> StoredKey:
+    return StoredKey(
+        prefix=row.prefix,
+        role=row.role,
+        sha256=row.sha256,
+        name=row.name,
+        in_file=row.in_file,
+        scopes=frozenset(Scope(word) for word in row.scopes.split()),
+        vehicle_ids=None if row.vehicle_ids is None else frozenset(json.loads(row.vehicle_ids)),
+        created_at=row.created_at,
+        expires_at=row.expires_at,
+        revoked_at=row.revoked_at,
     )

@@ -50,6 +50,11 @@ MATRIX: list[tuple[str, str, set[str], Any]] = [
     ("GET", "/openapi.json", EVERYBODY, None),
     ("GET", "/docs", EVERYBODY, None),
     ("GET", "/metrics", {"operator", "admin"}, None),
+    ("GET", "/keys/", {"admin"}, None),
+    ("POST", "/keys/", {"admin"}, {"name": "another", "role": "farmer"}),
+    ("GET", "/keys/0123abcd", {"admin"}, None),
+    ("DELETE", "/keys/0123abcd", {"admin"}, None),
+    ("GET", "/audit/", {"admin"}, None),
     ("POST", "/telemetry/", {"broker"}, {"records": [{"pose": telemetry("pose")}]}),
 ]
 for _kind in TELEMETRY:
