@@ -25,6 +25,7 @@ class Config:
     """All settings of the edge server and its relay."""
 
     state_dir: Path = Path("var")
+    keys_folder: Path | None = None  # None: in the state folder
     host: str = "127.0.0.1"
     port: int = 8000
     cloud_url: str = "http://127.0.0.1:8100"
@@ -66,7 +67,7 @@ class Config:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "edge_dir", self.state_dir / "edge")
-        object.__setattr__(self, "keys_dir", self.state_dir / "keys")
+        object.__setattr__(self, "keys_dir", self.keys_folder or self.state_dir / "keys")
 
     @property
     def database(self) -> str:
@@ -199,6 +200,7 @@ _PER_MINUTE: Final = _whole(1, 10_000_000)
 
 SETTINGS: Final = (
     Setting("state_dir", "STATE_DIR", Path, "folder of database, keys and pipe"),
+    Setting("keys_folder", "KEYS_DIR", Path, "folder of the key files, if they lie elsewhere"),
     Setting("database_url", "DATABASE_URL", _database_url, "a PostgreSQL database in its place"),
     Setting("host", "EDGE_HOST", str, "address to listen on"),
     Setting("port", "EDGE_PORT", _whole(1, 65535), "port to listen on"),

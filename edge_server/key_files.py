@@ -112,7 +112,7 @@ def close(path: Path) -> None:
             LOG.warning("%s could be read by others (mode %04o); it is closed now", path, mode)
     except FileNotFoundError:
         return
-    except PermissionError:
+    except OSError:  # Another's file, or a read-only mount
         LOG.error("%s can be read by others, and it is not ours to close", path)  # noqa: TRY400  # the sentence is enough
 
 

@@ -63,3 +63,9 @@ def test_every_setting_is_a_field_and_its_default_is_allowed() -> None:
         value = getattr(defaults, setting.name)
         assert value is None or setting.read(value) == value
     assert len({setting.variable for setting in SETTINGS}) == len(SETTINGS)
+
+
+def test_keys_lie_in_the_state_folder_unless_they_are_given_elsewhere(tmp_path: Path) -> None:
+    assert load({"state_dir": str(tmp_path)}, {}).keys_dir == tmp_path / "keys"
+    given = load({"state_dir": str(tmp_path)}, {"KEYS_DIR": str(tmp_path / "secrets")})
+    assert given.keys_dir == tmp_path / "secrets"
