@@ -25,6 +25,13 @@ class _KeepAliveHandler(WSGIRequestHandler):
         logging.getLogger("sim.cloud").debug("%s %s %s", self.requestline, code, size)
 
 
+def _mqtt_door(store: Store, url: str | None, login_file: Path | None) -> MqttDoor | None:
+    if not url:
+        return None
+    login = None if login_file is None else login_file.read_text(encoding="utf-8").strip()
+    return MqttDoor(store, url, login)
+
+
 def main() -> int:
     """Serve until SIGINT or SIGTERM; 2 when the port is taken."""
     environment = os.environ
@@ -33,6 +40,12 @@ def main() -> int:
     parser.add_argument("--host", default="127.0.0.1")
     parser.add_argument(
         "--mqtt", default=environment.get("CLOUD_MQTT_URL"), help="mqtt://broker/<topics of a farm>"
+    )
+    parser.add_argument(
+        "--mqtt-login-file",
+        type=Path,
+        default=environment.get("CLOUD_MQTT_LOGIN_FILE"),
+        help="file with user:password for the MQTT broker",
     )
     parser.add_argument("--state-dir", type=Path, default=Path(environment.get("STATE_DIR", "var")))
     parser.add_argument(
@@ -58,7 +71,7 @@ def main() -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: threading.Thread(target=server.shutdown).start())
     logging.getLogger("sim.cloud").info("listening on http://%s:%d", arguments.host, arguments.port)
-    door = MqttDoor(store, arguments.mqtt) if arguments.mqtt else None
+    door = _mqtt_door(store, arguments.mqtt, arguments.mqtt_login_file)
     if door is not None:
         door.open()
     server.serve_forever()

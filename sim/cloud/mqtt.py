@@ -31,7 +31,8 @@ _QOS: Final = 1
 class MqttDoor:
     """Takes records from a broker until it is closed."""
 
-    def __init__(self, store: Store, url: str) -> None:
+    def __init__(self, store: Store, url: str, login: str | None = None) -> None:
+        """Take the broker's address and, where it asks for one, a login as `user:password`."""
         parts = urlsplit(url)
         self._store = store
         self._root = unquote(parts.path).strip("/") or "afarcloud/farm"
@@ -39,6 +40,9 @@ class MqttDoor:
             CallbackAPIVersion.VERSION2, "mock-cloud", protocol=MQTTv5, manual_ack=True
         )
         self._client.reconnect_delay_set(1, 5)
+        if login is not None:
+            user, _, password = login.partition(":")
+            self._client.username_pw_set(user, password)
         self._client.on_socket_open = _hurry
         self._client.on_connect = self._on_connect
         self._client.on_publish = _on_publish
