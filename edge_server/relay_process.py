@@ -9,22 +9,23 @@ import os
 import signal
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from random import Random
 from typing import Final
 
+from sqlalchemy.exc import DBAPIError
+
 from edge_server.cloud import HttpUplink
 from edge_server.config import Config
 from edge_server.outbox.counting import RelayCounts
-from edge_server.outbox.relay import Relay
+from edge_server.outbox.relay import Relay, RelayError
 from edge_server.outbox.retry import Backoff
 from edge_server.outbox.schedule import Schedule
-from edge_server.store import migrate
+from edge_server.store import integrity, migrate
 from edge_server.store.database import Database
 from edge_server.store.engines import open_engine
 from edge_server.tally import Tally
-from edge_server.uplinks.mqtt import MqttUplink
-from edge_server.uplinks.mqtt_topics import is_mqtt
 from edge_server.uplinks.mqtt import MqttUplink
 from edge_server.uplinks.mqtt_topics import is_mqtt
 
@@ -47,20 +48,38 @@ def run(config: Config) -> None:
     config.edge_dir.mkdir(parents=True, exist_ok=True, mode=0o700)
     lock = take_lock(config.relay_lock_path, LOCK_PATIENCE_S)
     stopping = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stopping.set())
+    _at_first_signal(stopping.set)
     if not _wait_for_database(config.database, stopping):
         return
     database = Database(open_engine(config.database))
     relay = build(config, database)
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: relay.stop())
+    if not stopping.is_set():
+        _at_first_signal(relay.stop)
     if stopping.is_set():
         relay.stop()
     LOG.info("relaying to %s", config.cloud_url)
-    relay.run()
-    database.close()
-    os.close(lock)
+    try:
+        relay.run()
+    except DBAPIError as error:
+        if not integrity.is_broken(error):
+            raise
+        integrity.note_fault(config.database_path, str(error.orig))
+        raise RelayError(f"the database is broken: {error.orig}") from None
+    finally:
+        database.close()
+        os.close(lock)
+
+
+def _at_first_signal(end: Callable[[], None]) -> None:
+    """End in order at the first signal; the second one finds no handler and ends us at once."""
+
+    def handle(*_: object) -> None:
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, signal.SIG_DFL)
+        end()
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, handle)
 
 
 def build(config: Config, database: Database) -> Relay:

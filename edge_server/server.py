@@ -19,9 +19,8 @@ from typing import Any, Final
 
 from gunicorn.app.base import BaseApplication  # type: ignore[import-untyped]  # it has no types
 from gunicorn.arbiter import Arbiter  # type: ignore[import-untyped]  # as above
-from gunicorn.workers.gthread import ThreadWorker  # type: ignore[import-untyped]  # as above
 
-from edge_server import children
+from edge_server import children, workers
 from edge_server.config import Config
 from edge_server.exit_codes import FAILED, OK, WRONG_SETUP
 
@@ -30,8 +29,6 @@ BIND_PATIENCE_S: Final = 3.0
 KEEP_ALIVE_S: Final = 75
 GRACE_S: Final = 5
 _WsgiApp = Callable[[dict[str, Any], Any], Iterable[bytes]]
-_stopping = threading.Event()
-_on_stop: Final[list[Callable[[], None]]] = []
 
 
 class PortTakenError(Exception):
@@ -47,7 +44,7 @@ def serve(config: Config) -> None:
     """
     listener = listen(config.host, config.port, BIND_PATIENCE_S)
     _prepare_apart(config)
-    _Application(config, listener).run()
+    workers.run(_Application(config, listener))
 
 
 def _prepare_apart(config: Config) -> None:
@@ -109,22 +106,6 @@ class UnpreparedError(Exception):
         self.exit_code = exit_code
 
 
-class _Worker(ThreadWorker):  # type: ignore[misc]  # gunicorn has no types
-    """Ends long polls when it is told to stop."""
-
-    def handle_exit(self, sig: int, frame: object) -> None:
-        _stopping.set()
-        _stop_waiting()
-        super().handle_exit(sig, frame)
-
-    handle_quit = handle_exit
-
-
-def _stop_waiting() -> None:
-    for action in _on_stop:
-        action()
-
-
 class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no types
     """Gunicorn, configured by our configuration."""
 
@@ -138,7 +119,8 @@ class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no ty
             "bind": f"fd://{self._listener.fileno()}",
             "workers": 1,
             "threads": self._config.threads,
-            "worker_class": _Worker,
+            "worker_class": workers.EdgeWorker,
+            "logger_class": workers.EdgeLogger,
             "worker_tmp_dir": "/dev/shm" if os.path.isdir("/dev/shm") else None,  # noqa: PTH112, S108  # gunicorn's heartbeat file, made safely
             "keepalive": KEEP_ALIVE_S,
             "timeout": 60,
@@ -150,13 +132,18 @@ class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no ty
             self.cfg.set(name, value)
 
     def load(self) -> _WsgiApp:
-        from edge_server import housekeeping  # noqa: PLC0415  # only the worker needs it
+        from edge_server import file_watch, housekeeping  # noqa: PLC0415  # only the worker needs it
         from edge_server.app import context_of, create_app  # noqa: PLC0415  # as above
 
         app = create_app(self._config)
         context = context_of(app)
-        _on_stop.append(context.bell.close)
-        threading.Thread(target=housekeeping.run, args=(context, _stopping), daemon=True).start()
+        workers.on_stop.append(context.bell.close)
+        chores: list[Callable[[], None]] = [
+            lambda: housekeeping.run(context, workers.stopping),
+            lambda: file_watch.run(context, workers.stopping, workers.start_again),
+        ]
+        for chore in chores:
+            threading.Thread(target=chore, daemon=True).start()
         LOG.info("serving on http://%s:%d", self._config.host, self._config.port)
         return app
 

@@ -56,6 +56,9 @@ class Supervisor:
         self._parts = [Part(name, arguments) for name in ("serve", "relay")]
 
     def _on_signal(self, *_: object) -> None:
+        """End in order; a second signal is an order to end now (the parts die with us)."""
+        if self._stopped:
+            os._exit(FAILED)
         self._stopped = True
 
     def run(self) -> int:

@@ -11,7 +11,7 @@ from typing import Any, Final
 from apiflask import APIFlask
 from apiflask.exceptions import HTTPError
 from apiflask.types import ResponseReturnValueType
-from flask import g
+from flask import current_app, g
 from flask.typing import ResponseReturnValue
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
@@ -28,6 +28,7 @@ from edge_server.services.errors import (
     TooMuchError,
 )
 from edge_server.store.failures import is_busy, is_full, is_lost
+from edge_server.store.integrity import is_broken, note_fault
 
 LOG = logging.getLogger(__name__)
 
@@ -127,6 +128,10 @@ def _request(error: RequestError) -> ResponseReturnValue:
 
 
 def _database(error: DBAPIError) -> ResponseReturnValue:
+    if is_broken(error):
+        LOG.critical("the database is broken: %s", error.orig)
+        note_fault(current_app.extensions["edge_context"].config.database_path, str(error.orig))
+        return _told("the database is broken and is being replaced"), 503, RETRY_SOON
     if is_full(error):
         LOG.error("the disk is full: %s", error.orig)
         return _told("the disk is full; nothing was stored"), 507

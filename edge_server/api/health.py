@@ -30,7 +30,9 @@ def healthz() -> dict[str, Any]:
 @allow(PUBLIC)
 @describe(Contract({200: "Health", 503: "Health"}))
 def readyz() -> ResponseReturnValue:
-    """Say whether requests can be served now."""
+    """Say whether requests can be served now; not while the server ends."""
+    if bodies.context().bell.closed:
+        return {"status": "stopping", "database": "ok"}, 503
     if _database_answers():
         return {"status": "ready", "database": "ok"}, 200
     return {"status": "not ready", "database": "unavailable"}, 503

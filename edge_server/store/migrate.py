@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Final
 
 from sqlalchemy import Connection, Engine, inspect, make_url, text
-from sqlalchemy.exc import DatabaseError, DBAPIError
+from sqlalchemy.exc import DBAPIError
 
-from edge_server.store import locks
+from edge_server.store import integrity, locks
 from edge_server.store.engines import WRITING, open_engine, sqlite_url
 
 LOG = logging.getLogger(__name__)
@@ -80,7 +80,7 @@ def _one_at_a_time(lock: Path) -> Iterator[None]:
 
 
 def _prepare_file(path: Path) -> None:
-    if path.exists() and (fault := _fault_of(path)):
+    if path.exists() and (fault := _fault_of(path)) is not None:
         moved_to = set_aside(path, time.strftime("%Y%m%dT%H%M%S", time.gmtime()))
         LOG.critical(
             "the database %s is broken (%s); it is kept as %s and a new one is made: what it "
@@ -89,6 +89,7 @@ def _prepare_file(path: Path) -> None:
             fault,
             moved_to,
         )
+    integrity.forget_fault(path)
     engine = open_engine(sqlite_url(path))
     try:
         if revision(engine) != HEAD:
@@ -100,7 +101,8 @@ def _prepare_file(path: Path) -> None:
 
 def is_ready(url: str) -> bool:
     """Whether the database is there and in the shape that we need."""
-    if (path := _file_of(url)) is not None and not path.exists():
+    path = _file_of(url)
+    if path is not None and (not path.exists() or integrity.noted_fault(path) is not None):
         return False
     engine = open_engine(url)
     try:
@@ -178,19 +180,11 @@ def set_aside(path: Path, stamp: str) -> Path:
 
 
 def _fault_of(path: Path) -> str | None:
-    """Say what is wrong with a database file, None when it is whole."""
-    engine = open_engine(sqlite_url(path))
+    """Say what is wrong with a database file; None when it is whole, as far as a look tells."""
+    if (noted := integrity.noted_fault(path)) is not None:
+        return noted
     try:
-        with engine.connect() as connection:
-            return _quick_check(connection)
-    except DatabaseError as error:
-        if getattr(error.orig, "sqlite_errorname", "") in {"SQLITE_NOTADB", "SQLITE_CORRUPT"}:
-            return str(error.orig)
-        raise
-    finally:
-        engine.dispose()
-
-
-def _quick_check(connection: Connection) -> str | None:
-    found = str(connection.execute(text("PRAGMA quick_check(1)")).scalar_one())
-    return None if found == "ok" else found
+        return integrity.fault_of(path, integrity.PATIENCE_S)
+    except integrity.TakesTooLongError:
+        LOG.info("the database is large; it is checked while the server runs")
+        return None

@@ -1,0 +1,95 @@
+"""Whether a SQLite file is whole: a short look before the first request, all of it afterwards.
+
+To look at a million records may take longer than a start should. The look is cut short after a
+moment, and the rest is done while the server runs. Whoever finds a fault, then or while it reads,
+leaves a note beside the file. The server ends on it, and the next start sets the file aside.
+
+TakesTooLongError  the look was cut short; nothing is known
+"""
+
+import logging
+import os
+import sqlite3
+import threading
+from contextlib import closing
+from pathlib import Path
+from typing import Final
+
+from sqlalchemy.exc import DBAPIError
+
+LOG = logging.getLogger(__name__)
+PATIENCE_S: Final = 1.0
+_BROKEN: Final = frozenset({sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT})
+_PRIMARY: Final = 0xFF
+"""The lower byte of an extended result code (sqlite.org/rescode.html)."""
+
+
+class TakesTooLongError(Exception):
+    """The look was cut short; nothing is known."""
+
+
+def fault_of(path: Path, patience_s: float = threading.TIMEOUT_MAX) -> str | None:
+    """Say what is wrong with a file, None when it is whole.
+
+    Raises:
+        TakesTooLongError: if it takes longer than `patience_s`.
+    """
+    address = f"{path.absolute().as_uri()}?mode=rw"  # A file that is not there is not made
+    with closing(
+        sqlite3.connect(address, uri=True, timeout=5.0, check_same_thread=False)
+    ) as connection:
+        watch = threading.Timer(patience_s, connection.interrupt)
+        watch.daemon = True
+        watch.start()
+        try:
+            (found,) = connection.execute("PRAGMA quick_check(1)").fetchone()
+        except sqlite3.DatabaseError as error:
+            if error.sqlite_errorcode == sqlite3.SQLITE_INTERRUPT:
+                raise TakesTooLongError(path) from None
+            if not _is_broken(error):
+                raise
+            return str(error)
+        finally:
+            watch.cancel()
+            watch.join()
+    return None if found == "ok" else str(found)
+
+
+def is_broken(error: DBAPIError) -> bool:
+    """Whether an error says that the file is broken."""
+    return isinstance(error.orig, sqlite3.Error) and _is_broken(error.orig)
+
+
+def _is_broken(error: sqlite3.Error) -> bool:
+    return getattr(error, "sqlite_errorcode", 0) & _PRIMARY in _BROKEN
+
+
+def note_fault(path: Path, fault: str) -> None:
+    """Leave word that a file is broken, on the disk before this returns."""
+    note = _note(path)
+    part = note.with_name(f"{note.name}.{os.getpid()}.{threading.get_ident()}")
+    try:
+        with part.open("w", encoding="utf-8") as file:
+            file.write(fault or "broken")
+            file.flush()
+            os.fsync(file.fileno())
+        part.replace(note)
+    except OSError as error:
+        LOG.critical("the database is broken (%s), and no note can be left: %s", fault, error)
+
+
+def noted_fault(path: Path) -> str | None:
+    """What somebody has found wrong with a file since it was last prepared."""
+    try:
+        return _note(path).read_text(encoding="utf-8", errors="replace")
+    except FileNotFoundError:
+        return None
+
+
+def forget_fault(path: Path) -> None:
+    """The broken file has been set aside."""
+    _note(path).unlink(missing_ok=True)
+
+
+def _note(path: Path) -> Path:
+    return path.with_name(path.name + ".broken")
