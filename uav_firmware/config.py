@@ -5,6 +5,7 @@ ConfigError(ValueError) names the flag and the reason.
 
 import argparse
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Final
 _DRIVERS: Final = ("jsbsim",)
 _SETUP_TRUSTS: Final = ("never", "signed", "loopback")
 _LARGEST_SPEED: Final = 1000.0
+_NEGATIVE: Final = re.compile(r"-\.?\d")
 
 
 class ConfigError(ValueError):
@@ -74,7 +76,7 @@ def read_config(arguments: Sequence[str], environment: Mapping[str, str]) -> Veh
         ConfigError: on a value that cannot be used.
         SystemExit: on --help, and on flags that do not exist.
     """
-    flags = _parser(environment).parse_args(arguments)
+    flags = _parser(environment).parse_args(_joined(arguments))
     system_id = _integer("--system-id", flags.system_id, 1, 250)
     port_base = _integer(
         "VEHICLE_PORT_BASE", environment.get("VEHICLE_PORT_BASE", "14580"), 1, 65535
@@ -101,6 +103,17 @@ def read_config(arguments: Sequence[str], environment: Mapping[str, str]) -> Veh
         state_dir=Path(flags.state_dir),
         truth=_switch("--truth", flags.truth),
     )
+
+
+def _joined(arguments: Sequence[str]) -> list[str]:
+    """Each negative value with its flag: argparse takes `-33.9,151.2,20,0` for a flag."""
+    joined: list[str] = []
+    for argument in arguments:
+        if joined and joined[-1].startswith("--") and _NEGATIVE.match(argument):
+            joined[-1] = f"{joined[-1]}={argument}"
+        else:
+            joined.append(argument)
+    return joined
 
 
 def _parser(environment: Mapping[str, str]) -> argparse.ArgumentParser:
@@ -192,7 +205,7 @@ def _home(text: str) -> Home:
     parts = text.split(",")
     if len(parts) != 4:
         raise ConfigError(f"--home: {text!r} is not latitude,longitude,altitude,heading")
-    limits = ((-85.0, 85.0), (-180.0, 180.0), (-400.0, 6000.0), (-math.inf, math.inf))
+    limits = ((-85.0, 85.0), (-180.0, 180.0), (-500.0, 6000.0), (-math.inf, math.inf))
     latitude, longitude, altitude, heading = (
         _number("--home", part, *limit) for part, limit in zip(parts, limits, strict=True)
     )

@@ -59,6 +59,16 @@ def test_home_is_latitude_longitude_altitude_heading() -> None:
 
 
 @pytest.mark.parametrize(
+    "flags", [["--home", "-33.9,-151.2,-430,0"], ["--home=-33.9,-151.2,-430,0"]]
+)
+def test_home_may_lie_in_the_south_and_below_the_sea(flags: list[str]) -> None:
+    home = read_config([*flags, "--system-id", "2"], {}).home
+    assert home == Home(
+        latitude_deg=-33.9, longitude_deg=-151.2, altitude_amsl_m=-430.0, heading_deg=0.0
+    )
+
+
+@pytest.mark.parametrize(
     ("flags", "named"),
     [
         (["--system-id", "0"], "--system-id"),
