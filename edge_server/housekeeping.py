@@ -9,6 +9,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from edge_server.services import broker_work, once
 from edge_server.services.context import Context
 from edge_server.store import idempotency
+from edge_server.store.locks import WORK
 
 LOG = logging.getLogger(__name__)
 EXPIRY_S: Final = 1.0
@@ -31,6 +32,6 @@ def run(context: Context, stopping: threading.Event) -> None:
 def forget(context: Context) -> None:
     """Drop idempotency keys and requests that nobody will ask for again."""
     now = context.clock()
-    with context.database.write() as connection:
+    with context.database.write(WORK) as connection:
         idempotency.forget_before(connection, now - once.KEPT_S)
         broker_work.forget_old(connection, now)

@@ -138,6 +138,7 @@ class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no ty
         app = create_app(self._config)
         context = context_of(app)
         workers.on_stop.append(context.bell.close)
+        context.database.listen(context.hear)
         chores: list[Callable[[], None]] = [
             lambda: housekeeping.run(context, workers.stopping),
             lambda: file_watch.run(context, workers.stopping, workers.start_again),

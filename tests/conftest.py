@@ -1,11 +1,57 @@
 """Settings of all tests."""
 
 import os
+from collections.abc import Iterator
+from pathlib import Path
 
+import pytest
 from hypothesis import settings
+
+from edge_server.store import migrate
+from edge_server.store.engines import sqlite_url
+from tests.support.databases import ENGINES, PostgresServer, running_server
 
 # No example is judged by the wall clock: these machines are shared. Where CI is set, the same
 # examples are drawn at every run, so that a change and not chance decides; elsewhere new ones.
 settings.register_profile("default", deadline=None)
 settings.register_profile("ci", deadline=None, derandomize=True)
 settings.load_profile("ci" if os.environ.get("CI") else "default")
+
+# The programs that tests start shall use the databases of the tests
+os.environ.pop("DATABASE_URL", None)
+
+
+@pytest.fixture(scope="session")
+def postgres() -> Iterator[PostgresServer]:
+    """A real PostgreSQL server for all tests of this process."""
+    with running_server() as server:
+        yield server
+
+
+@pytest.fixture(scope="session")
+def empty_on_postgres(postgres: PostgresServer) -> str:
+    """Name of a database with our tables, to be renewed."""
+    name = postgres.create(name="empty")
+    migrate.prepare(postgres.url(name))
+    postgres.keep(name)
+    return name
+
+
+@pytest.fixture(params=ENGINES)
+def engine_name(request: pytest.FixtureRequest) -> str:
+    """The kind of database: whoever asks for it runs on each."""
+    return str(request.param)
+
+
+@pytest.fixture
+def database_url(engine_name: str, request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
+    """URL of an empty database of this test alone, with our tables."""
+    if engine_name == "sqlite":
+        url = sqlite_url(tmp_path / "edge" / "edge.sqlite3")
+        migrate.prepare(url)
+        yield url
+        return
+    server: PostgresServer = request.getfixturevalue("postgres")
+    name = request.getfixturevalue("empty_on_postgres")
+    server.renew(name)
+    yield server.url(name)

@@ -5,6 +5,8 @@ from typing import Final, NamedTuple
 
 from sqlalchemy import Connection, bindparam, delete, func, insert, select, update
 
+from edge_server.store import locks
+from edge_server.store.database import insert_new
 from edge_server.store.tables import outbox, telemetry, tombstone
 
 PRIORITY: Final[Mapping[str, int]] = {
@@ -52,7 +54,8 @@ class Delivered(NamedTuple):
 
 
 def enqueue(connection: Connection, record_id: int, stream: Stream) -> None:
-    """Make a record due."""
+    """Make a record due; it follows whatever of its stream is committed before."""
+    locks.take(connection, [locks.of_stream(*stream)])
     connection.execute(
         insert(outbox),
         {"record_id": record_id, "vehicle_id": stream.vehicle_id, "kind": stream.kind},
@@ -107,7 +110,6 @@ _DELETE_RECORDS: Final = (
     .where(telemetry.c.message_id.in_(bindparam("messages", expanding=True)))
     .returning(telemetry.c.message_id)
 )
-_KEEP_TOMBSTONES: Final = insert(tombstone).prefix_with("OR REPLACE", dialect="sqlite")
 
 
 def settle(
@@ -122,8 +124,9 @@ def settle(
         return []
     messages = [one.parcel.message_id for one in delivered]
     gone = set(connection.execute(_DELETE_RECORDS, {"messages": messages}).scalars())
-    connection.execute(
-        _KEEP_TOMBSTONES,
+    insert_new(
+        connection,
+        tombstone,
         [
             {
                 "message_id": parcel.message_id,
@@ -152,9 +155,11 @@ def note_failure(connection: Connection, parcel: Parcel, attempts: int, reason: 
 def bury(connection: Connection, parcel: Parcel, attempts: int, reason: str) -> None:
     """Make a dead letter of a record, unless it was changed meanwhile."""
     current = select(telemetry.c.id).where(telemetry.c.message_id == parcel.message_id)
+    if connection.execute(current.with_for_update()).first() is None:
+        return
     connection.execute(
         update(outbox)
-        .where(outbox.c.id == parcel.outbox_id, outbox.c.record_id.in_(current))
+        .where(outbox.c.id == parcel.outbox_id)
         .values(state="dead", attempts=attempts, last_error=reason)
     )
 

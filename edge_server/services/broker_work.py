@@ -11,16 +11,19 @@ from afarcloud.enumerations import Profile, Status
 from afarcloud.plan import LatestStateVector, Mission
 from afarcloud.wire import Kind, write
 from edge_server.services import event_states, progress, telemetry
+from edge_server.services.attempts import repeatable
 from edge_server.services.context import Context, show_time
 from edge_server.services.errors import ConflictError, NotFoundError, TooMuchError
 from edge_server.services.event_states import Happening, State
 from edge_server.services.vehicles import find as find_vehicle
 from edge_server.store import plans, work
+from edge_server.store.locks import WORK
 from edge_server.store.work import Work
 
 REQUEST_LIFETIME_S: Final = 10.0
 REQUEST_LIMIT: Final = 32
 PAGE: Final = 100
+LOOK_S: Final = 5.0  # A waiting broker looks this often, should another server's ring be lost
 EXPIRED: Final = "expired before dispatch"
 EXPIRED_EVENT: Final = "expired before the broker accepted it"
 
@@ -33,6 +36,7 @@ class Acknowledgement(StrEnum):
     DONE = "done"
 
 
+@repeatable
 def ask_for_state_vector(context: Context, request: LatestStateVector) -> dict[str, Any]:
     """Queue a request for a fresh state vector; it is worth nothing after 10 s.
 
@@ -43,7 +47,7 @@ def ask_for_state_vector(context: Context, request: LatestStateVector) -> dict[s
     if request.vehicle_id is not None:
         find_vehicle(context, request.vehicle_id)
     now = context.clock()
-    with context.database.write() as connection:
+    with context.database.write(WORK) as connection:
         expire(connection, now)
         waiting = work.unfinished(connection)
         if sum(item.kind == work.STATE_VECTOR for item in waiting) >= REQUEST_LIMIT:
@@ -80,7 +84,7 @@ def _poll(context: Context, after_id: int, deadline: float) -> dict[str, Any]:
         left = deadline - time.monotonic()
         if answer["commands"] or left <= 0 or context.bell.closed:
             return answer
-        context.bell.wait(rings, left)
+        context.bell.wait(rings, min(left, LOOK_S))
 
 
 def _look(context: Context, after_id: int) -> dict[str, Any]:
@@ -127,6 +131,7 @@ def _in_seconds(connection: Connection, item: Work) -> dict[str, Any] | None:
     return write(in_seconds(Mission.model_validate(item.body)))
 
 
+@repeatable
 def acknowledge(
     context: Context, identifier: int, said: Acknowledgement, message: str | None
 ) -> dict[str, Any]:
@@ -136,7 +141,7 @@ def acknowledge(
         NotFoundError: if there is no such work: it was cancelled; do not fly it.
         ConflictError: if it has ended otherwise or expired; do not fly it.
     """
-    with context.database.write() as connection:
+    with context.database.write(WORK) as connection:
         now = context.clock()
         expire(connection, now)
         item = work.get(connection, identifier)
@@ -192,13 +197,14 @@ def _move_event(connection: Connection, item: Work, state: State, message: str |
     )
 
 
+@repeatable
 def expire_if_due(context: Context) -> None:
     """End what has expired; costs one look when nothing has."""
     now = context.clock()
     with context.database.read() as connection:
         if not work.overdue(connection, now):
             return
-    with context.database.write() as connection:
+    with context.database.write(WORK) as connection:
         expire(connection, now)
     context.wake_relay()
 

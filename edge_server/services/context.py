@@ -11,7 +11,7 @@ from afarcloud.numbers import format_time
 from edge_server.config import Config
 from edge_server.outbox import wakeup
 from edge_server.services.bell import Bell
-from edge_server.store.database import Database
+from edge_server.store.database import Database, Topic
 
 WAITING_LIMIT = 8
 
@@ -38,10 +38,14 @@ class Context:
     config: Config
     database: Database
     clock: Callable[[], float]
-    bell: Bell = field(default_factory=Bell)
+    bell: Bell = field(init=False)
     places_to_wait: threading.BoundedSemaphore = field(
         default_factory=lambda: threading.BoundedSemaphore(WAITING_LIMIT)
     )
+
+    def __post_init__(self) -> None:
+        bell = Bell(lambda: self.database.announce(Topic.WORK))
+        object.__setattr__(self, "bell", bell)
 
     @property
     def wake_path(self) -> Path:
@@ -50,7 +54,15 @@ class Context:
 
     def wake_relay(self, *, changed: bool = False) -> None:
         """Tell the relay that records have come, or have been changed; call after commit."""
-        wakeup.wake(self.wake_path, changed=changed)
+        if self.database.is_shared:
+            self.database.announce(Topic.CHANGED if changed else Topic.DUE)
+        else:
+            wakeup.wake(self.wake_path, changed=changed)
+
+    def hear(self, topic: str) -> None:
+        """Take in what another server on the same database tells."""
+        if topic == Topic.WORK:
+            self.bell.ring_here()
 
 
 def moment(epoch_s: float) -> datetime:

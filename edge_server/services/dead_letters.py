@@ -6,6 +6,7 @@ from sqlalchemy import Connection
 
 from edge_server.outbox import queue
 from edge_server.services import telemetry
+from edge_server.services.attempts import repeatable
 from edge_server.services.context import Context
 from edge_server.services.errors import NotFoundError
 from edge_server.store import dead_letters
@@ -33,19 +34,21 @@ def find(context: Context, record_id: int) -> dict[str, Any]:
         return show(_find(connection, record_id))
 
 
+@repeatable
 def retry(context: Context, record_id: int) -> dict[str, Any]:
     """Make a dead letter due again, in its old place in its stream; raises NotFoundError."""
     with context.database.write() as connection:
-        letter = _find(connection, record_id)
+        letter = _find(connection, record_id, to_change=True)
         queue.requeue(connection, record_id)
     context.wake_relay(changed=True)
     return telemetry.show(letter.record)
 
 
+@repeatable
 def discard(context: Context, record_id: int) -> None:
     """Forget a dead letter for good; raises NotFoundError."""
     with context.database.write() as connection:
-        letter = _find(connection, record_id)
+        letter = _find(connection, record_id, to_change=True)
         records.remove(connection, letter.record.kind, record_id)
     context.wake_relay(changed=True)
 
@@ -62,8 +65,8 @@ def show(letter: DeadLetter) -> dict[str, Any]:
     }
 
 
-def _find(connection: Connection, record_id: int) -> DeadLetter:
-    letter = dead_letters.find(connection, record_id)
+def _find(connection: Connection, record_id: int, *, to_change: bool = False) -> DeadLetter:
+    letter = dead_letters.find(connection, record_id, to_change=to_change)
     if letter is None:
         raise NotFoundError(f"there is no dead letter {record_id}")
     return letter

@@ -15,6 +15,7 @@ from afarcloud.plan import Event
 from afarcloud.vehicle import VehicleLimits
 from afarcloud.wire import Kind, write
 from edge_server.services import broker_work, once
+from edge_server.services.attempts import repeatable
 from edge_server.services.context import (
     Caller,
     Context,
@@ -27,6 +28,7 @@ from edge_server.services.event_states import state_of
 from edge_server.store import events, vehicles, work
 from edge_server.store.events import StoredEvent
 from edge_server.store.idempotency import Answered
+from edge_server.store.locks import WORK
 
 LIFETIME_S: Final = 10.0
 """Longest life of an event, whatever `expires_at` asks for."""
@@ -34,6 +36,7 @@ EVENT_LIMIT: Final = 64
 """Of all vehicles, waiting at once."""
 
 
+@repeatable
 def create(context: Context, event: Event, caller: Caller) -> dict[str, Any]:
     """Keep an event and wake the broker; returns it as stored.
 
@@ -46,7 +49,7 @@ def create(context: Context, event: Event, caller: Caller) -> dict[str, Any]:
     """
     body_sha256 = once.hash_body(write(event))
     route = Kind.EVENT.value
-    with context.database.write() as connection:
+    with context.database.write(WORK) as connection:
         now = context.clock()
         broker_work.expire(connection, now)
         answered = once.earlier(connection, caller, route, body_sha256)
@@ -62,6 +65,7 @@ def create(context: Context, event: Event, caller: Caller) -> dict[str, Any]:
     return shown
 
 
+@repeatable
 def replace(
     context: Context, identifier: int, event: Event, precondition: Precondition = unconditionally
 ) -> dict[str, Any]:
@@ -74,7 +78,7 @@ def replace(
         ChangedError: if the precondition says so.
         ConflictError, InvalidError: as for `create`; and if it is no longer queued.
     """
-    with context.database.write() as connection:
+    with context.database.write(WORK) as connection:
         now = context.clock()
         broker_work.expire(connection, now)
         old = _find(connection, identifier)
@@ -119,6 +123,7 @@ def page(
     return [show(item) for item in found]
 
 
+@repeatable
 def remove(context: Context, identifier: int) -> None:
     """Cancel an event that waits, or forget one that has ended.
 
@@ -126,7 +131,7 @@ def remove(context: Context, identifier: int) -> None:
         NotFoundError: if there is none.
         ConflictError: if the broker is at work on it.
     """
-    with context.database.write() as connection:
+    with context.database.write(WORK) as connection:
         broker_work.expire(connection, context.clock())
         stored = _find(connection, identifier)
         if stored.state == work.ACCEPTED:

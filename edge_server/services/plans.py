@@ -12,16 +12,19 @@ from afarcloud.plan import Mission, Plan
 from afarcloud.vehicle import VehicleLimits
 from afarcloud.wire import Kind, write
 from edge_server.services import broker_work, once
+from edge_server.services.attempts import repeatable
 from edge_server.services.context import Caller, Context, Precondition, moment, unconditionally
 from edge_server.services.errors import ConflictError, NotFoundError
 from edge_server.services.plan_view import show
 from edge_server.store import plans, vehicles, work
 from edge_server.store.idempotency import Answered
+from edge_server.store.locks import WORK
 from edge_server.store.plans import StoredPlan
 
 _SEVERAL = "plans"
 
 
+@repeatable
 def create(context: Context, plan: Plan, caller: Caller) -> dict[str, Any]:
     """Keep a plan and queue its missions; returns it as stored.
 
@@ -32,7 +35,7 @@ def create(context: Context, plan: Plan, caller: Caller) -> dict[str, Any]:
     """
     body_sha256 = once.hash_body(write(plan))
     route = Kind.PLAN.value
-    with context.database.write() as connection:
+    with context.database.write(WORK) as connection:
         answered = once.earlier(connection, caller, route, body_sha256)
         if answered is None:
             now = context.clock()
@@ -44,6 +47,7 @@ def create(context: Context, plan: Plan, caller: Caller) -> dict[str, Any]:
     return shown
 
 
+@repeatable
 def create_all(
     context: Context, documents: Sequence[Plan], caller: Caller, asked: dict[str, Any]
 ) -> list[dict[str, Any]]:
@@ -55,12 +59,12 @@ def create_all(
         as `create`; then none of them is kept.
     """
     body_sha256 = once.hash_body(asked)
-    with context.database.write() as connection:
+    with context.database.write(WORK) as connection:
         answered = once.earlier(connection, caller, _SEVERAL, body_sha256)
         if answered is None:
             now = context.clock()
             rows = [_create(connection, context, plan, now) for plan in documents]
-            # Ids of one transaction follow each other, so the first one tells them all
+            # Ids made under one lock follow each other, so the first one tells them all
             answered = Answered(_SEVERAL, body_sha256, rows[0], None, now)
             once.remember(connection, caller, answered)
         first = answered.object_id
@@ -83,6 +87,7 @@ def _create(connection: Connection, context: Context, plan: Plan, now: float) ->
     return row
 
 
+@repeatable
 def replace(
     context: Context,
     reference: int | str,
@@ -97,7 +102,7 @@ def replace(
         InvalidError: if the new one breaks a rule.
         ConflictError: if the broker has a mission of it, or as for `create`.
     """
-    with context.database.write() as connection:
+    with context.database.write(WORK) as connection:
         now = context.clock()
         broker_work.expire(connection, now)
         old = _find(connection, reference)
@@ -119,6 +124,7 @@ def replace(
     return shown
 
 
+@repeatable
 def dispatch(context: Context, reference: int | str) -> dict[str, Any]:
     """Let a held plan be flown; one that is not held stays as it is.
 
@@ -127,7 +133,7 @@ def dispatch(context: Context, reference: int | str) -> dict[str, Any]:
         InvalidError: if it breaks a rule by now: a vehicle is gone, its limits have changed.
         ConflictError: if it has expired, or as for `create`.
     """
-    with context.database.write() as connection:
+    with context.database.write(WORK) as connection:
         now = context.clock()
         broker_work.expire(connection, now)
         stored = _find(connection, reference)
@@ -189,6 +195,7 @@ def page(
         ]
 
 
+@repeatable
 def remove(context: Context, reference: int | str) -> None:
     """Forget a plan; what still waits of it is cancelled.
 
@@ -196,7 +203,7 @@ def remove(context: Context, reference: int | str) -> None:
         NotFoundError: if there is none.
         ConflictError: if the broker is at work on it.
     """
-    with context.database.write() as connection:
+    with context.database.write(WORK) as connection:
         stored = _find(connection, reference)
         if any(item.state == work.ACCEPTED for item in work.of_plan(connection, stored.id)):
             raise ConflictError(f"plan {stored.id} is being flown")

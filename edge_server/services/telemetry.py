@@ -1,7 +1,7 @@
 """Reports of vehicles: kept until the cloud has them. One transaction, then 201."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from sqlalchemy import Connection
@@ -12,6 +12,7 @@ from afarcloud.wire import Kind, write
 from edge_server.outbox import queue
 from edge_server.outbox.queue import Stream
 from edge_server.services import once, progress
+from edge_server.services.attempts import repeatable
 from edge_server.services.context import (
     Caller,
     Context,
@@ -23,6 +24,7 @@ from edge_server.services.errors import ConflictError, KeyReusedError, NotFoundE
 from edge_server.store import telemetry
 from edge_server.store.database import to_json
 from edge_server.store.idempotency import Answered
+from edge_server.store.locks import WORK, Lock, of_stream
 from edge_server.store.telemetry import Record
 
 
@@ -34,6 +36,7 @@ class Arrival(NamedTuple):
     idempotency_key: str | None
 
 
+@repeatable
 def ingest(context: Context, kind: Kind, report: Report, caller: Caller) -> dict[str, Any]:
     """Keep a report and make it due; returns it as stored.
 
@@ -41,21 +44,23 @@ def ingest(context: Context, kind: Kind, report: Report, caller: Caller) -> dict
         KeyReusedError: if the idempotency key belongs to another request.
     """
     body = write(report)
-    with context.database.write() as connection:
+    with context.database.write(*_locks(kind, report.vehicle_id)) as connection:
         answered = _keep(connection, kind, report, body, caller, context.clock())
     context.wake_relay()
     return {"id": answered.object_id, **body, **_receipt(answered)}
 
 
+@repeatable
 def ingest_all(
-    context: Context, arrivals: Iterable[Arrival], role: str
+    context: Context, arrivals: Sequence[Arrival], role: str
 ) -> list[dict[str, Any] | KeyReusedError]:
     """Keep many reports in one transaction, in their order; returns a receipt or fault for each.
 
     A key that belongs to another request spoils its own report only.
     """
     outcomes: list[dict[str, Any] | KeyReusedError] = []
-    with context.database.write() as connection:
+    wanted = {lock for one in arrivals for lock in _locks(one.kind, one.report.vehicle_id)}
+    with context.database.write(*wanted) as connection:
         now = context.clock()
         for kind, report, key in arrivals:
             caller = Caller(role, key)
@@ -67,6 +72,12 @@ def ingest_all(
                 outcomes.append({"id": answered.object_id, **_receipt(answered)})
     context.wake_relay()
     return outcomes
+
+
+def _locks(kind: Kind, vehicle_id: int) -> tuple[Lock, ...]:
+    """What a report needs: the end of its stream, and what it may move besides."""
+    stream = of_stream(vehicle_id, kind.value)
+    return (WORK, stream) if kind is Kind.MISSION_REPORT else (stream,)
 
 
 def _keep(  # a record, who sent it and when
@@ -145,6 +156,7 @@ def find(context: Context, kind: Kind, record_id: int) -> dict[str, Any]:
         return show(_find(connection, kind, record_id))
 
 
+@repeatable
 def replace(
     context: Context,
     kind: Kind,
@@ -162,7 +174,7 @@ def replace(
     body = write(report)
     message_id = str(ULID())
     with context.database.write() as connection:
-        record = _find(connection, kind, record_id)
+        record = _find(connection, kind, record_id, to_change=True)
         precondition(show(record))
         if record.vehicle_id != body["vehicle_id"]:
             raise ConflictError("a report cannot change its vehicle_id")
@@ -173,6 +185,7 @@ def replace(
     return show(record._replace(message_id=message_id, payload=payload))
 
 
+@repeatable
 def remove(context: Context, kind: Kind, record_id: int) -> None:
     """Forget a report, sent or not; raises NotFoundError."""
     with context.database.write() as connection:
@@ -190,8 +203,10 @@ def show(record: Record) -> dict[str, Any]:
     }
 
 
-def _find(connection: Connection, kind: Kind, record_id: int) -> Record:
-    record = telemetry.get(connection, kind.value, record_id)
+def _find(
+    connection: Connection, kind: Kind, record_id: int, *, to_change: bool = False
+) -> Record:
+    record = telemetry.get(connection, kind.value, record_id, to_change=to_change)
     if record is None:
         raise _missing(kind, record_id)
     return record

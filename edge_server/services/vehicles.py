@@ -13,9 +13,11 @@ from afarcloud.numbers import (
     ShortText,
     Time,
 )
+from edge_server.services.attempts import repeatable
 from edge_server.services.context import Context, Precondition, show_time, unconditionally
 from edge_server.services.errors import ConflictError, NotFoundError
 from edge_server.store import vehicles, work
+from edge_server.store.locks import WORK, of_vehicle
 from edge_server.store.vehicles import StoredVehicle
 
 
@@ -34,6 +36,7 @@ class VehicleState(Model):
     recorded_at: Time | None = None
 
 
+@repeatable
 def put(
     context: Context,
     vehicle_id: int,
@@ -47,7 +50,7 @@ def put(
     """
     said = state.model_dump(mode="json", exclude_unset=True)
     now = context.clock()
-    with context.database.write() as connection:
+    with context.database.write(of_vehicle(vehicle_id)) as connection:
         known = vehicles.get(connection, vehicle_id)
         precondition(show(known) if known else {})
         merged = {**known.state, **said} if known else said
@@ -71,9 +74,10 @@ def find(context: Context, vehicle_id: int) -> dict[str, Any]:
     return show(known)
 
 
+@repeatable
 def remove(context: Context, vehicle_id: int) -> None:
     """Forget a vehicle; raises NotFoundError, or ConflictError while it has missions."""
-    with context.database.write() as connection:
+    with context.database.write(WORK, of_vehicle(vehicle_id)) as connection:
         if vehicles.get(connection, vehicle_id) is None:
             raise NotFoundError(f"vehicle {vehicle_id} is not registered")
         if work.unfinished(connection, vehicle_id=vehicle_id, limit=1):

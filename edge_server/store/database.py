@@ -44,6 +44,7 @@ class Database:
         self._one_writer = None if self.is_shared else threading.Lock()
         self._sender_lock = threading.Lock()
         self._sender: Any = None
+        self._listener: Any = None
 
     @contextmanager
     def write(self, *wanted: Lock) -> Iterator[Connection]:
@@ -78,10 +79,18 @@ class Database:
                 self._sender = Sender(self.engine)
         self._sender.send(topic)
 
+    def listen(self, on_notice: Callable[[str], None]) -> None:
+        """Hear, in a thread of its own, what other programs on a shared database announce."""
+        if self.is_shared:
+            from edge_server.store.notices import Listener  # noqa: PLC0415  # as above
+
+            self._listener = Listener(self.engine, on_notice).start()
+
     def close(self) -> None:
         """Send what is to be told, then close all connections."""
-        if self._sender is not None:
-            self._sender.close()
+        for part in (self._sender, self._listener):
+            if part is not None:
+                part.close()
         self.engine.dispose()
 
 

@@ -24,9 +24,12 @@ def _query() -> Select[Any]:
     )
 
 
-def find(connection: Connection, record_id: int) -> DeadLetter | None:
-    """Find one by its record's id."""
-    row = connection.execute(_query().where(telemetry.c.id == record_id)).one_or_none()
+def find(connection: Connection, record_id: int, *, to_change: bool = False) -> DeadLetter | None:
+    """Find one by its record's id; one that is to be changed is nobody else's until the end."""
+    query = _query().where(telemetry.c.id == record_id)
+    if to_change:
+        query = query.with_for_update()
+    row = connection.execute(query).one_or_none()
     return _letter(row) if row else None
 
 

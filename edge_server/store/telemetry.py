@@ -43,16 +43,20 @@ def add(
             "message_id": message_id,
             "payload": payload,
             "received_at": received_at,
+            "size_bytes": len(payload),
         },
     )
     return new_id(result)
 
 
-def get(connection: Connection, kind: str, record_id: int) -> Record | None:
-    """Find one report of a kind."""
-    row = connection.execute(
-        select(telemetry).where(telemetry.c.id == record_id, telemetry.c.kind == kind)
-    ).one_or_none()
+def get(
+    connection: Connection, kind: str, record_id: int, *, to_change: bool = False
+) -> Record | None:
+    """Find one report of a kind; one that is to be changed is nobody else's until the end."""
+    query = select(telemetry).where(telemetry.c.id == record_id, telemetry.c.kind == kind)
+    if to_change:
+        query = query.with_for_update()
+    row = connection.execute(query).one_or_none()
     return _record(row) if row else None
 
 
@@ -79,7 +83,7 @@ def replace(connection: Connection, record_id: int, *, message_id: str, payload:
     connection.execute(
         update(telemetry)
         .where(telemetry.c.id == record_id)
-        .values(message_id=message_id, payload=payload)
+        .values(message_id=message_id, payload=payload, size_bytes=len(payload))
     )
 
 

@@ -1,8 +1,9 @@
 """Databases to test on: a file of SQLite, or a real PostgreSQL server of this test run.
 
 The server runs as an unprivileged user in a temporary folder, listens on a socket in it and on no
-port, and does not wait for the disk: it is killed with the run, never by a power cut. Each test
-gets a database of its own, copied from a prepared one.
+port, and does not wait for the disk: it is killed with the run, never by a power cut. A test finds
+a database that is as new: what earlier ones left is cut off and taken out, which costs a fifth of
+a new database.
 """
 
 import os
@@ -17,10 +18,13 @@ from pathlib import Path
 from typing import Any
 
 import psycopg
+import pytest
 
 from tests.support.system import wait_for
 
 ENGINES = ("sqlite", "postgresql")
+BOTH_ENGINES = pytest.mark.parametrize("engine_name", ENGINES, indirect=True)
+"""Mark of tests that run on each engine where they would run on SQLite alone."""
 USER = "edge"
 _FAST = {
     "listen_addresses": "",
@@ -61,6 +65,7 @@ class PostgresServer:
         self._identity = _unprivileged()
         self._process: subprocess.Popen[bytes] | None = None
         self._numbers = count()
+        self._as_new: dict[str, str] = {}
         if self._identity:
             os.chown(folder, self._identity["user"], self._identity["group"])
         folder.chmod(0o755)
@@ -117,6 +122,31 @@ class PostgresServer:
         name = name or f"test_{next(self._numbers)}"
         self.administer(f"CREATE DATABASE {name} TEMPLATE {template} STRATEGY file_copy")
         return name
+
+    def keep(self, name: str) -> None:
+        """Remember what a database holds, so that it can be as it is now again and again."""
+        listed = self.administer(
+            "SELECT tablename FROM pg_tables WHERE schemaname = 'public' "
+            "AND tablename <> 'alembic_version'",
+            name,
+        )
+        tables = [str(row[0]) for row in listed]
+        self.administer("CREATE SCHEMA kept", name)
+        for table in tables:
+            self.administer(f"CREATE TABLE kept.{table} AS TABLE public.{table}", name)
+        filled = [t for t in tables if self.administer(f"SELECT 1 FROM {t} LIMIT 1", name)]
+        self._as_new[name] = "; ".join(
+            [
+                "SELECT pg_terminate_backend(pid) FROM pg_stat_activity "
+                "WHERE datname = current_database() AND pid <> pg_backend_pid()",
+                f"TRUNCATE {', '.join(tables)} RESTART IDENTITY",
+                *(f"INSERT INTO {table} SELECT * FROM kept.{table}" for table in filled),
+            ]
+        )
+
+    def renew(self, name: str) -> None:
+        """Bring a database back to what it held at `keep`, and cut whoever is connected."""
+        self.administer(self._as_new[name], name)
 
     def drop(self, name: str) -> None:
         """Remove a database, whoever is connected."""

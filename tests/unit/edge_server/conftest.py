@@ -16,6 +16,7 @@ from edge_server.config import Config
 from edge_server.preparation import prepare
 from edge_server.services.context import Context
 from edge_server.store.keys import Role
+from tests.support.databases import PostgresServer
 
 NOON = 1_795_262_400.0  # 2026-11-21T12:00:00Z
 
@@ -97,12 +98,29 @@ def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(scope="session")
+def prepared_on_postgres(prepared: Path, postgres: PostgresServer) -> str:
+    """Name of a PostgreSQL database that knows the keys of that folder."""
+    name = postgres.create(name="prepared")
+    prepare(Config(state_dir=prepared, database_url=postgres.url(name)))
+    postgres.keep(name)
+    return name
+
+
 @pytest.fixture
-def config(prepared: Path, tmp_path: Path) -> Config:
-    """A configuration with a state folder of its own."""
+def config(
+    engine_name: str, prepared: Path, tmp_path: Path, request: pytest.FixtureRequest
+) -> Iterator[Config]:
+    """A configuration with a state folder and a database of its own, once per engine."""
     folder = tmp_path / "state"
     shutil.copytree(prepared, folder)
-    return Config(state_dir=folder)
+    if engine_name == "sqlite":
+        yield Config(state_dir=folder)
+        return
+    server: PostgresServer = request.getfixturevalue("postgres")
+    name = request.getfixturevalue("prepared_on_postgres")
+    server.renew(name)
+    yield Config(state_dir=folder, database_url=server.url(name))
 
 
 @pytest.fixture

@@ -8,8 +8,11 @@ import pytest
 from edge_server.services import broker_work
 from edge_server.services.context import WAITING_LIMIT
 from edge_server.services.errors import TooMuchError
+from tests.support.databases import BOTH_ENGINES
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import mission, mission_report, plan
+
+pytestmark = BOTH_ENGINES
 
 
 def test_work_is_handed_out_in_the_order_of_posting(edge: Edge) -> None:

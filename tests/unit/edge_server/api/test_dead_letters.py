@@ -6,8 +6,11 @@ import pytest
 
 from edge_server.outbox import queue
 from edge_server.outbox.queue import Stream
+from tests.support.databases import BOTH_ENGINES
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import telemetry
+
+pytestmark = BOTH_ENGINES
 
 REASON = "422: longitude is missing"
 

@@ -99,7 +99,7 @@ def a_small_disk(edge: Edge) -> Iterator[None]:
         pages = connection.execute("PRAGMA page_count").fetchone()[0]
         connection.execute(f"PRAGMA max_page_count={pages}").close()
 
-    engine = edge.context.database._engine
+    engine = edge.context.database.engine
     event.listen(engine, "checkout", limit)
     yield
     event.remove(engine, "checkout", limit)

@@ -4,8 +4,11 @@ from typing import Any
 
 import pytest
 
+from tests.support.databases import BOTH_ENGINES
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import mission, plan
+
+pytestmark = BOTH_ENGINES
 
 LIFETIME_S = 12 * 3600.0
 

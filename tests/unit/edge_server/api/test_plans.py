@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from tests.support.databases import BOTH_ENGINES
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import home, mission, mission_report, plan, takeoff, waypoint
 
@@ -39,6 +40,7 @@ def test_a_bare_mission_is_a_plan_of_one_mission(edge: Edge) -> None:
     assert answer.json["missions"][0]["mission_id"] == 1201
 
 
+@BOTH_ENGINES
 def test_reports_move_the_plan_live(edge: Edge) -> None:
     identifier = (edge.post_plan(plan()).json or {})["id"]
     edge.acknowledge(edge.work()[0]["id"], "accepted")
@@ -69,6 +71,7 @@ def test_a_failed_command_says_why(edge: Edge) -> None:
     assert shown["missions"][0]["command_array"][1]["message"] == "no position"
 
 
+@BOTH_ENGINES
 def test_a_late_report_does_not_bring_a_mission_back(edge: Edge) -> None:
     edge.post_plan(plan())
     edge.report("mission_report", mission_report(3, 3, 3, 3))
@@ -77,6 +80,7 @@ def test_a_late_report_does_not_bring_a_mission_back(edge: Edge) -> None:
     assert shown["plan_status_name"] == "FINISHED"
 
 
+@BOTH_ENGINES
 def test_the_same_plan_twice_waits_for_the_first_to_end(edge: Edge) -> None:
     assert edge.post_plan(plan()).status_code == 201
     second = edge.post_plan(plan())
@@ -86,6 +90,7 @@ def test_the_same_plan_twice_waits_for_the_first_to_end(edge: Edge) -> None:
     assert edge.post_plan(plan()).status_code == 201
 
 
+@BOTH_ENGINES
 def test_a_repeated_post_under_its_key_has_one_effect(edge: Edge) -> None:
     first = edge.post_plan(plan(), key="first")
     again = edge.post_plan(plan(), key="first")
@@ -95,12 +100,14 @@ def test_a_repeated_post_under_its_key_has_one_effect(edge: Edge) -> None:
     assert other.status_code == 422
 
 
+@BOTH_ENGINES
 def test_a_plan_id_is_taken_once(edge: Edge) -> None:
     assert edge.post_plan(plan(plan_id=ULID)).status_code == 201
     edge.report("mission_report", mission_report(3, 3, 3, 3))
     assert edge.post_plan(plan(plan_id=ULID)).status_code == 409
 
 
+@BOTH_ENGINES
 def test_a_vehicles_queue_is_bounded_and_all_or_nothing(edge: Edge) -> None:
     for number in range(8):
         assert edge.post_plan(plan(mission(number, 1))).status_code == 201
@@ -111,6 +118,7 @@ def test_a_vehicles_queue_is_bounded_and_all_or_nothing(edge: Edge) -> None:
     assert {item["vehicle_id"] for item in edge.work()} == {1}
 
 
+@BOTH_ENGINES
 def test_a_waiting_plan_can_be_replaced(edge: Edge) -> None:
     stored = edge.post_plan(plan()).json or {}
     (old,) = edge.work()
@@ -131,6 +139,7 @@ def test_an_accepted_plan_can_be_neither_replaced_nor_deleted(edge: Edge) -> Non
     assert edge.get(path) == before
 
 
+@BOTH_ENGINES
 def test_deleting_a_waiting_plan_cancels_it(edge: Edge) -> None:
     path = f"/plans/{(edge.post_plan(plan()).json or {})['id']}"
     (item,) = edge.work()
@@ -146,6 +155,7 @@ def test_a_finished_plan_can_be_deleted(edge: Edge) -> None:
     assert edge.ask("DELETE", path, "admin").status_code == 204
 
 
+@BOTH_ENGINES
 def test_what_nobody_took_in_time_is_aborted_and_the_cloud_is_told(edge: Edge) -> None:
     edge.post_plan(plan())
     (item,) = edge.work()

@@ -5,6 +5,7 @@ import base64
 import pytest
 from sqlalchemy import text
 
+from tests.support.databases import BOTH_ENGINES
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import TELEMETRY, telemetry
 
@@ -43,6 +44,7 @@ def test_a_record_of_one_kind_is_not_found_under_another(edge: Edge) -> None:
     assert edge.ask("GET", f"/battery/{identifier}", "operator").status_code == 404
 
 
+@BOTH_ENGINES
 def test_a_repeated_report_under_its_key_is_stored_once(edge: Edge) -> None:
     first = edge.report("pose", telemetry("pose"), key="01K9Z4T1W8F6Q2M3N5P7R9S0VX")
     again = edge.report("pose", {"pose": telemetry("pose")}, key="01K9Z4T1W8F6Q2M3N5P7R9S0VX")
@@ -50,6 +52,7 @@ def test_a_repeated_report_under_its_key_is_stored_once(edge: Edge) -> None:
     assert (edge.count("telemetry"), edge.count("outbox")) == (1, 1)
 
 
+@BOTH_ENGINES
 def test_a_repeated_report_is_known_after_its_delivery(edge: Edge) -> None:
     first = edge.report("pose", telemetry("pose"), key="one")
     with edge.context.database.write() as connection:
@@ -73,6 +76,7 @@ def test_a_key_of_another_shape_is_refused(edge: Edge, key: str) -> None:
     assert edge.count("telemetry") == 0
 
 
+@BOTH_ENGINES
 def test_a_list_is_cut_into_pages_in_order(edge: Edge) -> None:
     for number in range(5):
         edge.report("pose", telemetry("pose", number, vehicle_id=1 + number % 2))
@@ -108,6 +112,7 @@ def test_a_picture_of_a_mebibyte_fits_and_a_bigger_body_does_not(edge: Edge) -> 
     assert edge.report("image", body | {"x": "y" * 300_000}).status_code == 413
 
 
+@BOTH_ENGINES
 def test_a_corrected_report_is_a_new_message_to_the_cloud(edge: Edge) -> None:
     stored = edge.report("pose", telemetry("pose")).json or {}
     answer = edge.ask("PUT", f"/pose/{stored['id']}", "admin", json=telemetry("pose", 7))
@@ -125,6 +130,7 @@ def test_a_report_cannot_change_its_vehicle(edge: Edge) -> None:
     assert edge.get(path) == stored
 
 
+@BOTH_ENGINES
 def test_a_deleted_report_is_not_due_any_more(edge: Edge) -> None:
     stored = edge.report("pose", telemetry("pose")).json or {}
     edge.ask("DELETE", f"/pose/{stored['id']}", "admin")
@@ -132,6 +138,7 @@ def test_a_deleted_report_is_not_due_any_more(edge: Edge) -> None:
     assert edge.ask("DELETE", f"/pose/{stored['id']}", "admin").status_code == 404
 
 
+@BOTH_ENGINES
 def test_ids_are_never_used_again(edge: Edge) -> None:
     first = (edge.report("pose", telemetry("pose")).json or {})["id"]
     edge.ask("DELETE", f"/pose/{first}", "admin")
