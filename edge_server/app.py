@@ -18,6 +18,7 @@ from edge_server.api import (
     documentation,
     errors,
     events,
+    fields,
     headers,
     health,
     keys,
@@ -53,6 +54,7 @@ class _Json(DefaultJSONProvider):
 _PARTS = (
     plans,
     events,
+    fields,
     surveys,
     telemetry,
     bulk,

@@ -37,10 +37,10 @@ def json_body(limit: int = MAXIMUM_BODY_BYTES) -> Any:
     """Read and parse the body; raises 413 or 415, or SyntaxFaultError."""
     if not request.is_json:
         raise RequestError(415, "the body must be application/json")
-    return wire.parse_json(_bounded(limit))
+    return wire.parse_json(raw_body(limit))
 
 
-def _bounded(limit: int) -> bytes:
+def raw_body(limit: int = MAXIMUM_BODY_BYTES) -> bytes:
     """Read the body; one in chunks has no length to refuse it by and is cut after the limit."""
     request.max_content_length = limit + 1
     too_long = Fault("", f"must be at most {limit} bytes")

@@ -22,6 +22,8 @@ class Contract:
     conditional: bool = False  # Knows If-Match or If-None-Match
     repeatable: bool = False  # Knows Idempotency-Key
     errors: tuple[int, ...] = ()
+    files: tuple[str, ...] = ()  # Media types that are taken in place of JSON; a form too
+    other_answers: tuple[str, ...] = ()  # Media types besides JSON
     example: Any = field(default=None)
 
 

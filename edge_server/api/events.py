@@ -10,7 +10,7 @@ from werkzeug.exceptions import Forbidden
 from afarcloud.enumerations import EventType
 from afarcloud.plan import Event
 from afarcloud.wire import Kind
-from edge_server.api import bodies, etags, urls
+from edge_server.api import bodies, etags, scopes, urls
 from edge_server.api.auth import PEOPLE, PLANNERS, READERS, allow, audit, caller
 from edge_server.api.contract import PAGE, Contract, describe
 from edge_server.services import events
@@ -53,20 +53,24 @@ def create() -> ResponseReturnValue:
 @describe(Contract({200: STORED}, is_list=True, query=PAGE))
 def page() -> list[dict[str, Any]]:
     """List events, those that have ended too."""
-    return events.page(
-        bodies.context(),
-        after_id=bodies.query_integer("after", 0, 0, 2**63 - 1),
-        limit=bodies.query_integer("limit", bodies.PAGE_DEFAULT, 1, bodies.PAGE_LIMIT),
-        since_s=bodies.query_time("since"),
-        vehicle_id=bodies.query_vehicle(),
-    )
+    after_id = bodies.query_integer("after", 0, 0, 2**63 - 1)
+    limit = bodies.query_integer("limit", bodies.PAGE_DEFAULT, 1, bodies.PAGE_LIMIT)
+    since_s = bodies.query_time("since")
+    context = bodies.context()
+
+    def of(vehicle_id: int | None) -> list[dict[str, Any]]:
+        return events.page(
+            context, after_id=after_id, limit=limit, since_s=since_s, vehicle_id=vehicle_id
+        )
+
+    return scopes.pages(of, bodies.query_vehicle(), limit)
 
 
 @allow(READERS)
 @describe(Contract({200: STORED}, conditional=True))
 def get(identifier: int) -> ResponseReturnValue:
     """Give an event with its live state."""
-    return etags.tagged(events.find(bodies.context(), identifier))
+    return etags.tagged(scopes.checked(events.find(bodies.context(), identifier)))
 
 
 @allow(PEOPLE)
@@ -75,7 +79,8 @@ def get(identifier: int) -> ResponseReturnValue:
 )
 def put(identifier: int) -> ResponseReturnValue:
     """Replace an event that the broker has not accepted; its ten seconds begin anew."""
-    stored = events.replace(bodies.context(), identifier, _event(), etags.check_match)
+    precondition = scopes.guarding(etags.check_match)
+    stored = events.replace(bodies.context(), identifier, _event(), precondition)
     audit(f"replaced event {identifier}: {stored['event_type_name']}")
     return etags.tagged(stored)
 
@@ -84,6 +89,7 @@ def put(identifier: int) -> ResponseReturnValue:
 @describe(Contract({204: None}, errors=(409,)))
 def delete(identifier: int) -> ResponseReturnValue:
     """Cancel an event that waits, or forget one that has ended."""
+    scopes.checked(events.find(bodies.context(), identifier))
     events.remove(bodies.context(), identifier)
     audit(f"deleted event {identifier}")
     return "", 204
@@ -95,4 +101,5 @@ def _event() -> Event:
         raise TypeError(type(event))
     if caller().role == Role.FARMER and event.event_type_id == EventType.DRONE_SPEED:
         raise Forbidden("a farmer may abort a mission, not change its speed")
+    scopes.check(event.vehicle_id)
     return event

@@ -35,6 +35,7 @@ _QUERY: Final[dict[str, tuple[str, dict[str, Any]]]] = {
     ),
     "vehicle_id": ("Only of this vehicle", {"type": "integer", "minimum": 1, "maximum": 2**31 - 1}),
     "kind": ("Only of this kind", {"enum": [kind.value for kind in TELEMETRY]}),
+    "format:geojson": ("As JSON or as GeoJSON", {"enum": ["json", "geojson"]}),
     "preview": ("Only plan, keep nothing", {"type": "boolean"}),
     "wait": ("Seconds to wait for work", {"type": "number", "minimum": 0, "maximum": 25}),
 }
@@ -111,8 +112,19 @@ def _operation(route: Route) -> dict[str, Any]:
         content: dict[str, Any] = {"schema": _reference(contract.body)}
         if contract.example is not None:
             content["example"] = contract.example
-        operation["requestBody"] = {"required": True, "content": {"application/json": content}}
+        taken = {"application/json": content} | _files(contract)
+        operation["requestBody"] = {"required": True, "content": taken}
     return operation
+
+
+def _files(contract: Contract) -> dict[str, Any]:
+    """Bodies that are files of other programs, alone or in a form."""
+    if not contract.files:
+        return {}
+    file = {"type": "string", "format": "binary"}
+    form = {"type": "object", "properties": {"file": file}, "required": ["file"]}
+    alone = {media_type: {"schema": file} for media_type in contract.files}
+    return {**alone, "multipart/form-data": {"schema": form}}
 
 
 def _responses(route: Route) -> dict[str, Any]:
@@ -124,7 +136,9 @@ def _responses(route: Route) -> dict[str, Any]:
             schema = _reference(name)
             if contract.is_list:
                 schema = {"type": "array", "items": schema}
-            answers[str(status)]["content"] = {"application/json": {"schema": schema}}
+            content: dict[str, Any] = {"application/json": {"schema": schema}}
+            content |= {media_type: {} for media_type in contract.other_answers}
+            answers[str(status)]["content"] = content
     for status in _error_statuses(route):
         answers[str(status)] = _answer(status, with_body=status >= 400)
     return dict(sorted(answers.items()))
@@ -165,7 +179,7 @@ def _other_parameters(route: Route) -> Iterable[dict[str, Any]]:
     contract = route.contract
     for name in contract.query:
         text, schema = _QUERY[name]
-        yield {"name": name, "in": "query", "description": text, "schema": schema}
+        yield {"name": name.partition(":")[0], "in": "query", "description": text, "schema": schema}
     if contract.conditional:
         name = "If-None-Match" if route.method == "GET" else "If-Match"
         yield {"name": name, "in": "header", "schema": _TAG}

@@ -8,7 +8,9 @@ from pydantic.json_schema import models_json_schema
 from afarcloud.model import Model
 from afarcloud.state import Report
 from afarcloud.wire import MODELS, TELEMETRY, Kind
+from edge_server.api import field_schemas
 from edge_server.api.broker import Acknowledged
+from edge_server.exchange.field import Field
 from edge_server.services.event_states import State
 from edge_server.services.keys import KeyRequest
 from edge_server.services.vehicles import VehicleState
@@ -76,7 +78,7 @@ def stored_name(kind: Kind) -> str:
 
 def components() -> dict[str, Any]:
     """Give every schema by name."""
-    own: list[type[Model]] = [KeyRequest, VehicleState, Acknowledged, SurveyRequest]
+    own: list[type[Model]] = [Field, KeyRequest, VehicleState, Acknowledged, SurveyRequest]
     _, document = models_json_schema(
         [(model, "validation") for model in [*MODELS.values(), *own]], ref_template=REFERENCE
     )
@@ -92,6 +94,7 @@ def components() -> dict[str, Any]:
     )
     found |= _bulk() | _work() | _dead_letters()
     found |= _keys()
+    found |= field_schemas.components(found["Field"], REFERENCE)
     found["Survey"] = SURVEY
     return found
 

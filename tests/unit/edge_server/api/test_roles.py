@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from edge_server.api.fields import EXAMPLE as FIELD
 from edge_server.api.surveys import EXAMPLE as SURVEY
 from edge_server.app import context_of, create_app
 from edge_server.config import Config
@@ -43,6 +44,11 @@ MATRIX: list[tuple[str, str, set[str], Any]] = [
     ("PUT", "/events/1", PEOPLE, event()),
     ("PUT", "/events/1", {"operator", "admin", "cloud"}, speed_event()),
     ("DELETE", "/events/1", {"operator", "admin"}, None),
+    ("POST", "/fields/", {"farmer", "operator", "admin"}, dict(FIELD)),
+    ("GET", "/fields/", EVERYBODY, None),
+    ("GET", "/fields/1", EVERYBODY, None),
+    ("PUT", "/fields/1", {"farmer", "operator", "admin"}, dict(FIELD)),
+    ("DELETE", "/fields/1", {"operator", "admin"}, None),
     ("GET", "/dead_letters/", {"operator", "admin"}, None),
     ("GET", "/dead_letters/1", {"operator", "admin"}, None),
     ("POST", "/dead_letters/1/retry", {"operator", "admin"}, None),

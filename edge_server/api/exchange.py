@@ -1,0 +1,68 @@
+"""Files of other programs in a request: as its body, or as the one file of a form."""
+
+from collections.abc import Collection
+from typing import Final, NamedTuple
+
+from flask import request
+from werkzeug.datastructures import FileStorage
+from werkzeug.exceptions import BadRequest, RequestEntityTooLarge
+
+from afarcloud.faults import Fault
+from edge_server.api import bodies
+from edge_server.api.errors import RequestError
+
+FORM: Final = "multipart/form-data"
+UNTOLD: Final = "application/octet-stream"
+JSON: Final = "application/json"
+_FORM_BYTES: Final = 16 * 1024
+"""What a form may add to its file."""
+_MOST_PARTS: Final = 20
+
+
+class Upload(NamedTuple):
+    """A file as it came; `media_type` is UNTOLD where nobody said."""
+
+    raw: bytes
+    media_type: str
+
+
+def upload(media_types: Collection[str]) -> Upload:
+    """Read the file of a request.
+
+    Raises:
+        RequestError: 413 for one that is too large, 415 for one of none of these types, 422 for
+            a form that has not exactly one file.
+    """
+    if request.mimetype != FORM:
+        if request.mimetype not in {*media_types, UNTOLD}:
+            known = ", ".join([*media_types, FORM])
+            raise RequestError(415, f"the body must be one of: {known}")
+        return Upload(bodies.raw_body(), request.mimetype)
+    file = _only_file()
+    raw = file.stream.read(bodies.MAXIMUM_BODY_BYTES + 1)
+    if len(raw) > bodies.MAXIMUM_BODY_BYTES:
+        raise _too_large()
+    told = file.mimetype if file.mimetype in media_types else UNTOLD
+    return Upload(raw, told)
+
+
+def _only_file() -> FileStorage:
+    request.max_content_length = bodies.MAXIMUM_BODY_BYTES + _FORM_BYTES
+    request.max_form_memory_size = _FORM_BYTES
+    request.max_form_parts = _MOST_PARTS
+    try:
+        files = [file for _, file in request.files.items(multi=True)]
+    except RequestEntityTooLarge:
+        raise _too_large() from None
+    except (BadRequest, ValueError):
+        fault = Fault("file", "cannot be read from the form")
+        raise RequestError(422, "the form cannot be used", (fault,), where="form") from None
+    if len(files) != 1:
+        fault = Fault("file", f"must be there once, not {len(files)} times")
+        raise RequestError(422, "the form cannot be used", (fault,), where="form")
+    return files[0]
+
+
+def _too_large() -> RequestError:
+    fault = Fault("", f"must be at most {bodies.MAXIMUM_BODY_BYTES} bytes")
+    return RequestError(413, "the body is too large", (fault,), where="json")

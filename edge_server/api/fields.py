@@ -1,0 +1,166 @@
+"""`/fields/`: boundaries of fields, as our own documents, GeoJSON, KML or KMZ."""
+
+import json
+from typing import Any, Final
+
+from apiflask import APIBlueprint
+from flask import Response, make_response, request, url_for
+from flask.typing import ResponseReturnValue
+
+from afarcloud.faults import Fault, InvalidError
+from afarcloud.wire import parse_json, read_as
+from edge_server.api import bodies, etags, exchange, urls
+from edge_server.api.auth import PLANNERS, READERS, allow, audit, caller
+from edge_server.api.contract import Contract, describe
+from edge_server.api.errors import RequestError
+from edge_server.exchange import field, geojson, kml
+from edge_server.exchange.field import Field
+from edge_server.services import fields
+from edge_server.store.keys import Role
+
+WORDS: Final = ("fields", "field")
+ITEM: Final = "int64:identifier"
+STORED: Final = "StoredField"
+WRITERS: Final = PLANNERS | {Role.FARMER}
+FILES: Final = (geojson.MEDIA_TYPE, *sorted(kml.MEDIA_TYPES), kml.ZIPPED_MEDIA_TYPE)
+EXAMPLE: Final = {
+    "name": "North field",
+    "boundary": [
+        [40.4430, -3.7392],
+        [40.4440, -3.7392],
+        [40.4440, -3.7380],
+        [40.4430, -3.7380],
+    ],
+    "exclusions": [[[40.4434, -3.7387], [40.4436, -3.7387], [40.4436, -3.7385]]],
+}
+_FORMATS: Final = ("json", "geojson")
+
+
+def blueprint() -> APIBlueprint:
+    """Make the routes."""
+    routes = APIBlueprint("fields", __name__)
+    urls.add(routes, WORDS, "create", create, "POST")
+    urls.add(routes, WORDS, "page", page, "GET")
+    urls.add(routes, WORDS, "get", get, "GET", item=ITEM)
+    urls.add(routes, WORDS, "put", put, "PUT", item=ITEM)
+    urls.add(routes, WORDS, "delete", delete, "DELETE", item=ITEM)
+    return routes
+
+
+@allow(WRITERS)
+@describe(
+    Contract(
+        {201: "StoredFields"}, body="FieldOrGeoJson", repeatable=True, files=FILES, example=EXAMPLE
+    )
+)
+def create() -> ResponseReturnValue:
+    """Keep the boundary of a field, or of every field of a file: all of them or none."""
+    kept = fields.create_all(bodies.context(), _fields(), caller())
+    audit(f"posted fields {[one['id'] for one in kept]}")
+    location = url_for("fields.get", identifier=kept[0]["id"])
+    return kept[0] if len(kept) == 1 else {"fields": kept}, 201, {"Location": location}
+
+
+@allow(READERS)
+@describe(
+    Contract(
+        {200: STORED},
+        is_list=True,
+        query=("after", "limit", "since", "format:geojson"),
+        other_answers=(geojson.MEDIA_TYPE,),
+    )
+)
+def page() -> ResponseReturnValue:
+    """List fields, as JSON or as one GeoJSON FeatureCollection."""
+    found = fields.page(
+        bodies.context(),
+        after_id=bodies.query_integer("after", 0, 0, 2**63 - 1),
+        limit=bodies.query_integer("limit", bodies.PAGE_DEFAULT, 1, bodies.PAGE_LIMIT),
+        since_s=bodies.query_time("since"),
+    )
+    if _wants_geojson():
+        return _as_geojson(make_response({}), geojson.write(found))
+    return make_response(found)
+
+
+@allow(READERS)
+@describe(
+    Contract(
+        {200: STORED},
+        query=("format:geojson",),
+        conditional=True,
+        other_answers=(geojson.MEDIA_TYPE,),
+    )
+)
+def get(identifier: int) -> ResponseReturnValue:
+    """Give a field, as JSON or as a GeoJSON Feature."""
+    found = fields.find(bodies.context(), identifier)
+    response = make_response(etags.tagged(found))
+    if _wants_geojson() and response.status_code == 200:
+        return _as_geojson(response, geojson.write_one(found))
+    response.vary.add("Accept")
+    return response
+
+
+@allow(WRITERS)
+@describe(
+    Contract({200: STORED}, body="FieldOrGeoJson", conditional=True, files=FILES, example=EXAMPLE)
+)
+def put(identifier: int) -> ResponseReturnValue:
+    """Give a field another boundary."""
+    found = _fields()
+    if len(found) != 1:
+        raise InvalidError((Fault("", f"must be one field, not {len(found)}"),))
+    stored = fields.replace(bodies.context(), identifier, found[0], etags.check_match)
+    audit(f"replaced field {identifier}")
+    return etags.tagged(stored)
+
+
+@allow(PLANNERS)
+@describe(Contract({204: None}))
+def delete(identifier: int) -> ResponseReturnValue:
+    """Forget a field."""
+    fields.remove(bodies.context(), identifier)
+    audit(f"deleted field {identifier}")
+    return "", 204
+
+
+def _fields() -> list[Field]:
+    """Read what is posted, in whichever form; raises DocumentError or RequestError."""
+    upload = exchange.upload((exchange.JSON, *FILES))
+    if _is_kml(upload):
+        return [boundary.field for boundary in kml.read(upload.raw)]
+    document = parse_json(upload.raw)
+    if upload.media_type == geojson.MEDIA_TYPE or geojson.is_geojson(document):
+        return [boundary.field for boundary in geojson.read(document)]
+    if isinstance(document, dict) and set(document) == {"field"}:
+        document = document["field"]
+    read = read_as(Field, document)
+    field.check(read)
+    return [read]
+
+
+def _is_kml(upload: exchange.Upload) -> bool:
+    if upload.media_type == exchange.UNTOLD:
+        return upload.raw.lstrip(b"\xef\xbb\xbf \t\r\n")[:2] in {b"<?", b"<k", b"<!", b"PK"}
+    return upload.media_type in kml.MEDIA_TYPES | {kml.ZIPPED_MEDIA_TYPE}
+
+
+def _wants_geojson() -> bool:
+    """Whether `format` asks for GeoJSON, or `Accept` where there is no `format`."""
+    told = request.args.get("format")
+    if told is None:
+        best = request.accept_mimetypes.best_match([exchange.JSON, geojson.MEDIA_TYPE])
+        return best == geojson.MEDIA_TYPE
+    if told not in _FORMATS:
+        fault = Fault("format", "must be json or geojson")
+        raise RequestError(422, "the query cannot be used", (fault,))
+    return told == "geojson"
+
+
+def _as_geojson(response: Response, document: dict[str, Any]) -> Response:
+    """Give the same thing in GeoJSON's words, under the same tag."""
+    response.set_data(json.dumps(document, ensure_ascii=False, allow_nan=False))
+    response.content_type = geojson.MEDIA_TYPE
+    response.vary.add("Accept")
+    return response

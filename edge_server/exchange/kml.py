@@ -1,0 +1,195 @@
+"""Field boundaries as KML 2.2, and as KMZ, which is KML in a zip archive. Pure.
+
+Every polygon of a placemark is a field with the placemark's name. A document type, an entity,
+a link to elsewhere, or a tree too deep or too large is refused before anything is made of it.
+"""
+
+import io
+import struct
+import zipfile
+import zlib
+from collections.abc import Iterator
+from typing import Final
+from xml.etree.ElementTree import Element, ParseError  # types; defusedxml does the reading
+
+from defusedxml import DefusedXmlException
+from defusedxml.ElementTree import iterparse
+
+from afarcloud.faults import Fault, InvalidError
+from afarcloud.plan import Vertex
+from edge_server.exchange.rings import MOST_FIELDS, Boundary, Ring, fields_of
+
+MEDIA_TYPES: Final = frozenset(
+    {"application/vnd.google-earth.kml+xml", "application/xml", "text/xml"}
+)
+ZIPPED_MEDIA_TYPE: Final = "application/vnd.google-earth.kmz"
+DEEPEST: Final = 40
+LARGEST_BYTES: Final = 4 * 1024 * 1024
+"""Of KML that comes out of a KMZ, whatever the archive says of itself."""
+MOST_MEMBERS: Final = 200
+_ZIP: Final = b"PK\x03\x04"
+_GEOMETRIES: Final = frozenset(
+    {"Point", "LineString", "LinearRing", "Model", "Track", "MultiTrack", "Polygon"}
+)
+_BROKEN_ZIP: Final = (
+    zipfile.BadZipFile,
+    zlib.error,
+    struct.error,
+    EOFError,
+    OSError,
+    RuntimeError,
+    ValueError,
+)
+"""What the library raises over broken archives: the last three also for what it cannot do."""
+_KNOWN_PACKING: Final = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+
+
+def read(raw: bytes) -> list[Boundary]:
+    """Read the boundaries of fields out of a KML or KMZ file.
+
+    Raises:
+        InvalidError: naming each part that is no boundary, and why.
+    """
+    root = _parsed(_unzipped(raw) if raw.startswith(_ZIP) else raw)
+    if _tag(root) != "kml":
+        raise _refusal("", "must be KML: its outermost element is another")
+    if any(_tag(element) == "NetworkLink" for element in root.iter()):
+        raise _refusal("NetworkLink", "leads elsewhere; what is there is not read")
+    found: list[Boundary] = []
+    faults: list[Fault] = []
+    for number, placemark in enumerate(_all(root, "Placemark")):
+        try:
+            found += _boundaries(placemark, f"Placemark.{number}")
+        except InvalidError as error:
+            faults += error.faults
+        if len(found) > MOST_FIELDS:
+            raise _refusal("Placemark", f"make more than {MOST_FIELDS} fields")
+    if faults:
+        raise InvalidError(tuple(faults))
+    if not found:
+        raise _refusal("Placemark", "must be there at least once, with a polygon")
+    return found
+
+
+def _refusal(path: str, message: str) -> InvalidError:
+    return InvalidError((Fault(path, message),))
+
+
+def _unzipped(raw: bytes) -> bytes:
+    """The KML of a KMZ: `doc.kml`, else the first one; never more than it may be."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(raw)) as archive:
+            members = archive.infolist()
+            if len(members) > MOST_MEMBERS:
+                raise _refusal("", f"holds more than {MOST_MEMBERS} files")
+            with archive.open(_document_of(members)) as file:
+                text = file.read(LARGEST_BYTES + 1)
+    except _BROKEN_ZIP as error:
+        raise _refusal("", f"is no whole KMZ: {error}") from None
+    if len(text) > LARGEST_BYTES:
+        raise _refusal("", f"unpacks to more than {LARGEST_BYTES} bytes")
+    return text
+
+
+def _document_of(members: list[zipfile.ZipInfo]) -> zipfile.ZipInfo:
+    documents = [one for one in members if one.filename.lower().endswith(".kml")]
+    documents.sort(key=lambda one: one.filename.lower() != "doc.kml")
+    if not documents:
+        raise _refusal("", "is a KMZ without KML")
+    if documents[0].flag_bits & 1 or documents[0].compress_type not in _KNOWN_PACKING:
+        raise _refusal("", "is a KMZ that is encrypted, or packed in an unusual way")
+    return documents[0]
+
+
+def _parsed(raw: bytes) -> Element:
+    """Parse XML that nobody vouches for."""
+    depth = 0
+    root: Element | None = None
+    try:
+        for happening, element in iterparse(
+            io.BytesIO(raw), events=("start", "end"), forbid_dtd=True
+        ):
+            root = element if root is None else root
+            depth += 1 if happening == "start" else -1
+            if depth > DEEPEST:
+                raise _refusal("", "nests too deep")
+    except DefusedXmlException:
+        raise _refusal("", "must not define a document type or entities") from None
+    except ParseError as error:
+        line, column = error.position
+        raise _refusal("", f"is not XML: at line {line} column {column}") from None
+    except (ValueError, LookupError) as error:
+        raise _refusal("", f"is not XML that can be read: {error}") from None
+    if root is None:
+        raise _refusal("", "is empty")
+    return root
+
+
+def _boundaries(placemark: Element, path: str) -> list[Boundary]:
+    name = (_text(placemark, "name") or "").strip() or None
+    geometries = [one for one in placemark.iter() if _tag(one) in _GEOMETRIES]
+    inside = {ring for one in _all(placemark, "Polygon") for ring in _all(one, "LinearRing")}
+    alone = [one for one in geometries if one not in inside]
+    strange = [_tag(one) for one in alone if _tag(one) != "Polygon"]
+    if strange:
+        raise _refusal(path, f"{_called(name)}has a {strange[0]}; only polygons are fields")
+    if not alone:
+        raise _refusal(path, f"{_called(name)}has no polygon")
+    polygons = []
+    for number, polygon in enumerate(alone):
+        place = f"{path}.Polygon.{number}"
+        polygons.append((place, list(_rings(polygon, place))))
+    return fields_of(name, polygons, [])
+
+
+def _rings(polygon: Element, path: str) -> Iterator[Ring]:
+    """The outer ring, then the inner ones."""
+    outer = [ring for side in _all(polygon, "outerBoundaryIs") for ring in _all(side, "LinearRing")]
+    if len(outer) != 1:
+        raise _refusal(f"{path}.outerBoundaryIs", "must be there once, with one LinearRing")
+    inner = [ring for side in _all(polygon, "innerBoundaryIs") for ring in _all(side, "LinearRing")]
+    yield f"{path}.outerBoundaryIs", _corners(outer[0], f"{path}.outerBoundaryIs")
+    for number, ring in enumerate(inner):
+        place = f"{path}.innerBoundaryIs.{number}"
+        yield place, _corners(ring, place)
+
+
+def _corners(ring: Element, path: str) -> list[Vertex]:
+    """A closed ring of `longitude,latitude[,height]` as open ring of corners."""
+    tuples = (_text(ring, "coordinates") or "").split()
+    if len(tuples) < 4:
+        raise _refusal(f"{path}.coordinates", "must be four or more positions")
+    corners = [_corner(one, f"{path}.coordinates.{index}") for index, one in enumerate(tuples)]
+    if corners[0] != corners[-1]:
+        raise _refusal(f"{path}.coordinates", "must end where they begin")
+    return corners[:-1]
+
+
+def _corner(position: str, path: str) -> Vertex:
+    try:
+        longitude, latitude = (float(number) for number in position.split(",")[:2])
+    except ValueError:
+        raise _refusal(path, "must be longitude,latitude in degrees, without blanks") from None
+    if not -180.0 <= longitude <= 180.0:
+        raise _refusal(path, "must begin with a longitude, -180 to 180")
+    if not -90.0 <= latitude <= 90.0:
+        raise _refusal(path, "must have a latitude, -90 to 90; KML has the longitude first")
+    return latitude, longitude
+
+
+def _all(element: Element, tag: str) -> list[Element]:
+    return [one for one in element.iter() if _tag(one) == tag]
+
+
+def _text(element: Element, tag: str) -> str | None:
+    """Text of the first child of a name."""
+    return next((child.text for child in element if _tag(child) == tag), None)
+
+
+def _tag(element: Element) -> str:
+    """Name of an element, whatever version of KML its namespace says."""
+    return str(element.tag).rpartition("}")[2]
+
+
+def _called(name: str | None) -> str:
+    return "" if name is None else f"({name[:60]}) "

@@ -1,0 +1,71 @@
+"""Polygons of any file to boundaries of fields, with the place in the file that each came from."""
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple, TypeAlias
+
+from afarcloud.faults import Fault, InvalidError
+from afarcloud.plan import Vertex
+from afarcloud.wire import read_as
+from edge_server.exchange.field import Field, check
+
+Ring: TypeAlias = tuple[str, list[Vertex]]
+"""Where it stood, and its corners without the repeated first."""
+LONGEST_NAME: Final = 255
+MOST_FIELDS: Final = 100
+"""Of one file."""
+
+
+class Boundary(NamedTuple):
+    """A field out of a file, and where in the file it stood."""
+
+    path: str
+    field: Field
+
+
+def fields_of(
+    name: str | None, polygons: Sequence[tuple[str, Sequence[Ring]]], exclusions: Sequence[Ring]
+) -> list[Boundary]:
+    """Make one field of each polygon; several of one name are numbered.
+
+    Raises:
+        InvalidError: if a polygon is no boundary, at its place in the file; or if there are
+            more than one file may have.
+    """
+    if len(polygons) > MOST_FIELDS:
+        raise InvalidError((Fault(polygons[0][0], f"is of more than {MOST_FIELDS} polygons"),))
+    found = []
+    for number, (path, rings) in enumerate(polygons, start=1):
+        title = name if name is None or len(polygons) == 1 else _numbered(name, number)
+        found.append(Boundary(path, _field(title, rings, exclusions)))
+    return found
+
+
+def _numbered(name: str, number: int) -> str:
+    return f"{name[: LONGEST_NAME - 8]} {number}"
+
+
+def _field(name: str | None, rings: Sequence[Ring], exclusions: Sequence[Ring]) -> Field:
+    outer, *holes = rings
+    document = {
+        "name": None if name is None else name[:LONGEST_NAME],
+        "boundary": outer[1],
+        "holes": [corners for _, corners in holes],
+        "exclusions": [corners for _, corners in exclusions],
+    }
+    try:
+        field = read_as(Field, document)
+        check(field)
+    except InvalidError as error:
+        places = {"boundary": outer[0]}
+        places |= {f"holes.{index}": path for index, (path, _) in enumerate(holes)}
+        places |= {f"exclusions.{index}": path for index, (path, _) in enumerate(exclusions)}
+        raise InvalidError(tuple(_placed(fault, places) for fault in error.faults)) from None
+    return field
+
+
+def _placed(fault: Fault, places: dict[str, str]) -> Fault:
+    """Name the place in the file instead of the one in our document."""
+    for ours, theirs in places.items():
+        if fault.path == ours or fault.path.startswith(f"{ours}."):
+            return fault._replace(path=theirs + fault.path.removeprefix(ours))
+    return fault

@@ -1,0 +1,102 @@
+"""Fields: their boundaries, kept under a number that plans and surveys may name."""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+from afarcloud.wire import write
+from edge_server.exchange.field import Field, area_m2
+from edge_server.services import once
+from edge_server.services.context import (
+    Caller,
+    Context,
+    Precondition,
+    show_time,
+    unconditionally,
+)
+from edge_server.services.errors import NotFoundError
+from edge_server.store import fields
+from edge_server.store.fields import StoredField
+from edge_server.store.idempotency import Answered
+
+_ROUTE: Final = "field"
+
+
+def create_all(
+    context: Context, documents: Sequence[Field], caller: Caller
+) -> list[dict[str, Any]]:
+    """Keep the fields of one request, all or none; returns them as stored.
+
+    Raises:
+        KeyReusedError: if the idempotency key belongs to another request.
+    """
+    bodies = [write(document) for document in documents]
+    body_sha256 = once.hash_body({"fields": bodies})
+    with context.database.write() as connection:
+        answered = once.earlier(connection, caller, _ROUTE, body_sha256)
+        if answered is None:
+            now = context.clock()
+            first, *_ = [fields.add(connection, body, now) for body in bodies]
+            answered = Answered(_ROUTE, body_sha256, first, None, now)
+            once.remember(connection, caller, answered)
+        kept = fields.of_moment(connection, answered.object_id, answered.created_at, len(bodies))
+    return [show(stored) for stored in kept]
+
+
+def find(context: Context, identifier: int) -> dict[str, Any]:
+    """Give a field; raises NotFoundError."""
+    with context.database.read() as connection:
+        return show(_known(fields.get(connection, identifier), identifier))
+
+
+def outline(context: Context, identifier: int) -> Field | None:
+    """Give a field as a document, None when there is none."""
+    with context.database.read() as connection:
+        stored = fields.get(connection, identifier)
+    return None if stored is None else Field.model_validate(stored.body)
+
+
+def page(
+    context: Context, *, after_id: int, limit: int, since_s: float = 0.0
+) -> list[dict[str, Any]]:
+    """List fields, oldest first; `since_s` bounds their receipt."""
+    with context.database.read() as connection:
+        found = fields.page(connection, after_id=after_id, limit=limit, since_s=since_s)
+    return [show(stored) for stored in found]
+
+
+def replace(
+    context: Context,
+    identifier: int,
+    document: Field,
+    precondition: Precondition = unconditionally,
+) -> dict[str, Any]:
+    """Give a field another boundary; raises NotFoundError, or ChangedError by precondition."""
+    with context.database.write() as connection:
+        old = _known(fields.get(connection, identifier), identifier)
+        precondition(show(old))
+        fields.replace(connection, identifier, write(document), context.clock())
+        return show(_known(fields.get(connection, identifier), identifier))
+
+
+def remove(context: Context, identifier: int) -> None:
+    """Forget a field; plans that name it stay as they are. Raises NotFoundError."""
+    with context.database.write() as connection:
+        if not fields.remove(connection, identifier):
+            raise NotFoundError(f"there is no field {identifier}")
+
+
+def show(stored: StoredField) -> dict[str, Any]:
+    """Give a field as the API shows it."""
+    return {
+        "id": stored.id,
+        **stored.body,
+        "area_m2": round(area_m2(Field.model_validate(stored.body)), 1),
+        "received_at": show_time(stored.received_at),
+        "updated_at": show_time(stored.updated_at),
+    }
+
+
+def _known(stored: StoredField | None, identifier: int) -> StoredField:
+    if stored is None:
+        raise NotFoundError(f"there is no field {identifier}")
+    return stored
