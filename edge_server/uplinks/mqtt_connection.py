@@ -198,6 +198,8 @@ class Connection:
     ) -> None:
         if flags.is_disconnect_packet_from_server:
             self.events.append(Lost(f"the broker has closed: {reason}", reason.value))
+        elif reason.value == mqtt_reasons.PROTOCOL_ERROR:
+            self.events.append(Lost("the broker says what is no MQTT 5", reason.value))
         else:
             self.events.append(Lost("the connection to the broker broke"))
 
@@ -232,19 +234,23 @@ def _trust(settings: BrokerSettings) -> ssl.SSLContext:
     context = ssl.create_default_context(cafile=settings.ca_file)
     if settings.certificate_file is not None:
         context.load_cert_chain(settings.certificate_file)
-    if settings.fingerprint is not None:
-        context.sslsocket_class = _pinned_to(settings.fingerprint)
+    context.sslsocket_class = _checking(settings.fingerprint)
     return context
 
 
-def _pinned_to(fingerprint: str) -> type[ssl.SSLSocket]:
-    """Sockets that look at the certificate before anything is said, our password above all."""
+def _checking(fingerprint: str | None) -> type[ssl.SSLSocket]:
+    """Sockets that look for the pin before anything is said, our password above all."""
 
-    class PinnedSocket(ssl.SSLSocket):
+    class CheckedSocket(ssl.SSLSocket):
         def do_handshake(self, block: bool = False) -> None:  # noqa: FBT001, FBT002  # as the base
-            super().do_handshake(block)
-            certificate = self.getpeercert(binary_form=True) or b""
-            if not compare_digest(sha256(certificate).hexdigest(), fingerprint):
-                raise ssl.SSLCertVerificationError("another certificate than the pinned one")
+            try:
+                super().do_handshake(block)
+                certificate = self.getpeercert(binary_form=True) or b""
+                seen = sha256(certificate).hexdigest()
+                if fingerprint is not None and not compare_digest(seen, fingerprint):
+                    raise ssl.SSLCertVerificationError("another certificate than the pinned one")
+            except OSError:
+                self.close()
+                raise
 
-    return PinnedSocket
+    return CheckedSocket

@@ -127,15 +127,20 @@ class Exchange:
         A broker that closes over a packet that is too large does not say which; if any was, the
         largest one was.
         """
+        largest = self.largest_sent() if too_large else None
         self._waiting.clear()
         self._unacknowledged.clear()
-        under_way = {p.packet.key: p for p in self._pending.values()}
-        sent = [p.packet for p in under_way.values() if p.packet_id is not None]
-        if too_large and sent:
-            largest = max(sent, key=RecordPacket.size_bytes)
-            del under_way[largest.key]
-            self._settle(largest.key, Answer(413), now)
-        self._settle_all(under_way, reply, now)
+        under_way = list(self._pending)
+        for key in under_way:
+            self._settle(key, Answer(413) if key == largest else reply, now)
+        if largest is not None:  # Those behind it were called up, and have not been sent
+            self._waiting.clear()
+            self._settle_all(list(self._pending), reply, now)
+
+    def largest_sent(self) -> str | None:
+        """Key of the largest packet that is under way."""
+        sent = [p.packet for p in self._pending.values() if p.packet_id is not None]
+        return max(sent, key=RecordPacket.size_bytes).key if sent else None
 
     def settled(self) -> list[Settled]:
         """Hand over what has been settled since the last call."""

@@ -11,6 +11,7 @@ from edge_server.outbox.answers import Answer, Reply, Unreachable
 SUCCESS: Final = 0x00
 NO_MATCHING_SUBSCRIBERS: Final = 0x10
 FAILURE: Final = 0x80  # From here on
+PROTOCOL_ERROR: Final = 0x82
 BAD_LOGIN: Final = 0x86
 PACKET_TOO_LARGE: Final = 0x95
 QOS_NOT_SUPPORTED: Final = 0x9B
@@ -38,6 +39,14 @@ _PASSING: Final[Mapping[int, str]] = {
     0x9F: "we connect too often",
 }
 """Refusals that are not about who we are: the same connection may be welcome later."""
+
+
+SUSPICIOUS: Final = frozenset({0x81, PROTOCOL_ERROR, 0x99})
+"""Ends of a connection (malformed, protocol error, payload format) that a record may have caused.
+
+Mosquitto 2.0 answers a payload over its message_size_limit with a PUBACK of 0x95, a code which that
+packet cannot carry; to us that is a protocol error, each time that the record is sent.
+"""
 
 
 def of_record(code: int) -> Reply:

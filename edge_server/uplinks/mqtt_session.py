@@ -31,6 +31,8 @@ from edge_server.uplinks.mqtt_messages import (
 )
 from edge_server.uplinks.mqtt_states import LinkHappening, LinkState, follow_link
 
+STRIKES: Final = 3
+"""So many protocol errors in a row over the same packet, and it is the packet's fault."""
 _SILENT: Final = "the broker did not answer in time"
 
 
@@ -56,6 +58,8 @@ class Session:
         self._not_before = 0.0
         self._deadline: float | None = None  # Of the broker's welcome
         self._up_since = 0.0
+        self._suspect: str | None = None
+        self._strikes = 0
         self.trouble: str | None = "not connected yet"
         self.accept_batch = 0  # [-] Records that the cloud takes in one packet
         self.limits = Limits()
@@ -123,9 +127,23 @@ class Session:
             case Refused(code, text):
                 return self._refused(code, text, now)
             case Lost(reason, code):
-                too_large = code == mqtt_reasons.PACKET_TOO_LARGE
-                self._go_down(Unreachable(reason), reason, now, too_large=too_large)
+                guilty = self._finds_guilty(code)
+                self._go_down(Unreachable(reason), reason, now, too_large=guilty)
         return []
+
+    def _finds_guilty(self, code: int | None) -> bool:
+        """Whether the largest packet under way was too large for the broker.
+
+        It says so, or its connections end over and over again with that packet on the way.
+        """
+        if code == mqtt_reasons.PACKET_TOO_LARGE:
+            return True
+        if code not in mqtt_reasons.SUSPICIOUS:
+            return False
+        suspect = self._exchange.largest_sent()
+        self._strikes = self._strikes + 1 if suspect == self._suspect else 1
+        self._suspect = suspect
+        return self._strikes >= STRIKES
 
     def _subscribed(self, code: int, text: str, now: float) -> list[Action]:
         if code >= mqtt_reasons.FAILURE:

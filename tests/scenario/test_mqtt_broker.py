@@ -1,0 +1,292 @@
+"""What a real Mosquitto may do to an uplink: restart, refuse, limit, forget, be somebody else."""
+
+import base64
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from edge_server.preparation import prepare
+from sim.cloud.mqtt import MqttDoor
+from sim.cloud.store import Store
+from tests.support import fake_cloud
+from tests.support.certificates import Authority
+from tests.support.fake_cloud import Handler, Received
+from tests.support.mosquitto import Mosquitto, password_file, running_mosquitto
+from tests.support.mqtt_cloud import running_mqtt_cloud
+from tests.support.station import Station, station_config
+from tests.support.system import wait_for
+from tests.support.ways import MqttWay, mqtt_way
+
+POSES = range(12)
+
+
+@contextmanager
+def station_at(url: str, folder: Path, **settings: Any) -> Iterator[Station]:
+    """A station that has not begun to relay."""
+    config = station_config(folder / "state", url, **settings)
+    prepare(config)
+    station = Station(config)
+    try:
+        yield station
+    finally:
+        station.close()
+
+
+@pytest.fixture
+def over(tmp_path: Path) -> Iterator[MqttWay]:
+    with mqtt_way(tmp_path / "broker") as opened:
+        yield opened
+
+
+def test_a_record_is_published_for_others_to_read_too(over: MqttWay, tmp_path: Path) -> None:
+    with station_at(over.url, tmp_path) as station:
+        station.ingest("battery", 3, vehicle_id=7)
+        station.relay()
+        station.wait_empty()
+    (received,) = over.store.kept
+    assert received.headers["Topic"] == "afarcloud/farm/battery/7"
+    assert received.headers["Content-Type"] == "application/json"
+    assert received.headers["Idempotency-Key"] == received.body["message_id"]
+
+
+@pytest.mark.parametrize("keeps", [True, False], ids=["persistence", "forgets"])
+@pytest.mark.parametrize("how", ["stop", "kill"])
+def test_restarts_of_the_broker_under_way(tmp_path: Path, how: str, *, keeps: bool) -> None:
+    lines = (f"persistence_location {tmp_path}/broker/", "persistence true") if keeps else ()
+    with (
+        mqtt_way(tmp_path / "broker", *lines) as over,
+        station_at(over.url, tmp_path) as station,
+    ):
+        station.relay()
+        for first in range(0, 40, 10):
+            station.ingest("pose", *range(first, first + 10))
+            over.store.wait_for(first + 1)
+            getattr(over.broker, how)()
+            over.broker.start()
+        station.wait_empty()
+        assert over.store.stream(1, "pose") == list(range(40))
+
+
+def test_without_a_subscriber_nothing_is_confirmed(tmp_path: Path) -> None:
+    with (
+        running_mosquitto(tmp_path / "broker") as broker,
+        station_at(broker.url, tmp_path) as station,
+    ):
+        station.ingest("pose", *POSES)
+        station.relay()
+        station.wait_until(lambda: station.rows("outbox", "attempts >= 3") > 0)
+        assert station.rows("telemetry") == len(POSES)
+        with running_mqtt_cloud(broker.port) as cloud:
+            station.wait_empty()
+            assert cloud.store.stream(1, "pose") == list(POSES)
+
+
+def test_the_brokers_word_alone_does_not_confirm_unless_it_is_set_so(
+    over: MqttWay, tmp_path: Path
+) -> None:
+    over.store.always = fake_cloud.lose_record  # Subscribed, acknowledged, never answered
+    with station_at(over.url, tmp_path) as station:
+        station.ingest("pose", 0)
+        station.relay()
+        station.wait_until(lambda: station.rows("outbox", "attempts >= 2") > 0)
+        station.stop()
+        assert station.rows("telemetry") == 1
+    with station_at(over.url, tmp_path, mqtt_confirm="broker") as station:
+        station.relay()
+        station.wait_empty()
+
+
+def test_the_broker_confirms_nothing_that_nobody_hears(tmp_path: Path) -> None:
+    with (
+        running_mosquitto(tmp_path / "broker") as broker,
+        station_at(broker.url, tmp_path, mqtt_confirm="broker") as station,
+    ):
+        station.ingest("pose", *POSES)
+        station.relay()
+        station.wait_until(lambda: station.rows("outbox", "attempts >= 3") > 0)
+        assert station.rows("telemetry") == len(POSES)
+        with running_mqtt_cloud(broker.port) as cloud:
+            station.wait_empty()
+            assert cloud.store.stream(1, "pose") == list(POSES)
+
+
+def login_file(folder: Path, text: str, mode: int = 0o600) -> Path:
+    file = folder / "login"
+    file.write_text(text, encoding="utf-8")
+    file.chmod(mode)
+    return file
+
+
+def test_refused_credentials_pause_until_they_are_right(tmp_path: Path) -> None:
+    folder = tmp_path / "broker"
+    folder.mkdir()
+    users = password_file(folder, "farm", "p:ä ss")
+    lines = ("allow_anonymous false", f"password_file {users}")
+    login = login_file(tmp_path, "farm:wrong\n")
+    with (
+        running_mosquitto(folder, *lines) as broker,
+        running_mqtt_cloud(broker.port, user="farm", password="p:ä ss") as cloud,
+        station_at(broker.url, tmp_path, cloud_key_file=login) as station,
+    ):
+        cloud.wait_until_it_listens()
+        station.ingest("pose", *POSES)
+        station.relay()
+        station.wait_until(lambda: station.rows("outbox", "last_error LIKE '401%'") > 0)
+        assert station.rows("outbox", "state = 'queued'") == len(POSES)
+        login_file(tmp_path, "farm:p:ä ss\n", mode=0o644)
+        station.ingest("alarm", 0)
+        station.wait_until(
+            lambda: station.rows("outbox", "kind = 'alarm' AND last_error LIKE '401%'") > 0
+        )
+        assert cloud.store.seen == []
+        login.chmod(0o600)
+        station.wait_empty()
+        assert cloud.store.stream(1, "pose") == list(POSES)
+
+
+def test_a_topic_that_is_forbidden_to_us_pauses(tmp_path: Path) -> None:
+    rules = tmp_path / "rules"
+    rules.write_text("topic read #\ntopic write afarcloud/farm/answers/#\n", encoding="utf-8")
+    with (
+        mqtt_way(tmp_path / "broker", "allow_anonymous true", f"acl_file {rules}") as over,
+        station_at(over.url, tmp_path) as station,
+    ):
+        station.ingest("pose", *POSES)
+        station.relay()
+        station.wait_until(lambda: station.rows("outbox", "last_error LIKE '403%'") > 0)
+        assert station.rows("outbox", "state = 'queued'") == len(POSES)
+        assert over.store.seen == []
+        over.broker.configure()
+        over.broker.kill()
+        over.broker.start()
+        station.wait_empty()
+        assert over.store.stream(1, "pose") == list(POSES)
+
+
+@pytest.mark.parametrize("limit", ["max_packet_size 4000", "message_size_limit 4000"])
+def test_what_is_too_large_for_the_broker_is_a_dead_letter(tmp_path: Path, limit: str) -> None:
+    with (
+        mqtt_way(tmp_path / "broker", limit) as over,
+        station_at(over.url, tmp_path) as station,
+    ):
+        frame = base64.b64encode(b"\xff\xd8\xff\xe0" + bytes(6000)).decode()
+        large = station.ingest_document("image", 0, frame=frame, image_size=6004)
+        station.ingest("image", 1, 2)
+        station.ingest("pose", *POSES)
+        station.relay()
+        station.wait_until(lambda: station.rows("outbox", "state <> 'dead'") == 0)
+        assert station.rows("outbox", f"record_id = {large} AND last_error LIKE '413%'") == 1
+        assert over.store.stream(1, "image") == [1, 2]
+        assert over.store.stream(1, "pose") == list(POSES)
+
+
+def test_presence_is_told_and_a_killed_gateway_is_told_by_its_will(
+    over: MqttWay, tmp_path: Path
+) -> None:
+    with station_at(over.url, tmp_path, mqtt_client_id="north-gate") as station:
+        station.relay()
+        wait_for(lambda: ("north-gate", "online") in over.cloud.presence, "online")
+        station.stop()
+        wait_for(lambda: over.cloud.presence[-1:] == [("north-gate", "offline")], "offline")
+
+
+def test_two_gateways_have_two_names_and_each_keeps_its_own(over: MqttWay, tmp_path: Path) -> None:
+    for _ in range(2):
+        for gateway in ("a", "b"):
+            with station_at(over.url, tmp_path / gateway) as station:
+                station.relay()
+                station.ingest("pose", 0)
+                station.wait_empty()
+    wait_for(lambda: len(over.cloud.presence) == 8, "two times online and offline of each")
+    assert len({name for name, _ in over.cloud.presence}) == 2
+
+
+def test_hostile_answers_confirm_nothing(over: MqttWay, tmp_path: Path) -> None:
+    hostile = [
+        b"",
+        b"\xff\xfe",
+        b"[]",
+        b"null",
+        b'{"status": true}',
+        b'{"status": "200"}',
+        b'{"status": 200, "message_id": "01K9Z4T1W8F6Q2M3N5P7R9S0VX"}',
+        b'{"status": 200' + b" " * 66_000 + b"}",
+        b"[" * 50_000,
+    ]
+
+    def says(handler: Handler, _: Received) -> None:
+        handler.answer(200, hostile[len(handler.store.seen) - 1])
+
+    with station_at(over.url, tmp_path, read_timeout_s=20.0) as station:
+        over.store.always = says
+        station.ingest("pose", 0)
+        station.relay()
+        over.store.wait_until(lambda: len(over.store.seen) >= len(hostile), 60.0)
+        assert station.rows("telemetry") == 1
+        over.store.always = None
+        station.wait_empty()
+
+
+@pytest.fixture(scope="module")
+def authority(tmp_path_factory: pytest.TempPathFactory) -> Authority:
+    return Authority(tmp_path_factory.mktemp("authority"))
+
+
+def tls_lines(authority: Authority) -> tuple[tuple[str, ...], str]:
+    certificate, key, fingerprint = authority.certify("broker")
+    files = (f"cafile {authority.file}", f"certfile {certificate}", f"keyfile {key}")
+    return (*files, "require_certificate true", "use_identity_as_username true"), fingerprint
+
+
+def tls_url(broker: Mosquitto) -> str:
+    return broker.url.replace("mqtt://", "mqtts://")
+
+
+def test_tls_with_our_own_certificate_and_a_pin(authority: Authority, tmp_path: Path) -> None:
+    lines, fingerprint = tls_lines(authority)
+    mine, _, _ = authority.certify("gateway")
+    trust: dict[str, Any] = {
+        "cloud_ca_file": authority.file,
+        "cloud_client_certificate_file": mine,
+        "mqtt_confirm": "broker",
+        "cloud_fingerprint": fingerprint,
+    }
+    with running_mosquitto(tmp_path / "broker", *lines) as broker:
+        with station_at(tls_url(broker), tmp_path, **trust) as station:
+            station.ingest("pose", 0)
+            station.relay()
+            station.wait_until(
+                lambda: station.rows("outbox", "last_error LIKE '%nobody%'") > 0
+            )  # The broker spoke to us; it has no subscriber
+        impostor: dict[str, Any] = {"cloud_fingerprint": "0" * 64}
+        stranger: dict[str, Any] = {"cloud_ca_file": Authority(tmp_path / "other").file}
+        nameless: dict[str, Any] = {"cloud_client_certificate_file": None}
+        for change in (impostor, stranger, nameless):
+            folder = tmp_path / next(iter(change))
+            with station_at(tls_url(broker), folder, **trust | change) as station:
+                station.ingest("pose", 0)
+                station.relay()
+                station.wait_until(lambda: station.rows("outbox", "attempts > 0") > 0)
+                assert station.rows("outbox", "last_error LIKE '%nobody%'") == 0
+                assert station.rows("telemetry") == 1
+
+
+def test_the_mock_cloud_takes_batches(tmp_path: Path) -> None:
+    with running_mosquitto(tmp_path / "broker") as broker:
+        store = Store(None)
+        door = MqttDoor(store, broker.url)
+        door.open()
+        try:
+            with station_at(broker.url, tmp_path, read_timeout_s=20.0) as station:
+                station.ingest("pose", *range(60))
+                station.ingest("battery", *range(60))
+                station.relay()
+                station.wait_empty()
+        finally:
+            door.close()
+    for kind in ("pose", "battery"):
+        held = [record.body["sequence_number"] for record in store.records(kind)]
+        assert held == list(range(60))
