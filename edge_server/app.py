@@ -93,6 +93,7 @@ def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> API
     context = Context(config, database, clock)
     app.extensions["edge_context"] = context
     figures = Metrics(config, database, clock)
+    context.space.count = figures.dropped
     app.extensions[metrics.EXTENSION] = figures
     request_log.install(app, figures)
     trails.install(app, context)

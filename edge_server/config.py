@@ -45,6 +45,9 @@ class Config:
     connect_timeout_s: float = 5.0
     read_timeout_s: float = 15.0
     relay_workers: int = 4
+    data_budget_mib: int = 512
+    picture_budget_mib: int = 1024
+    dead_letter_budget_mib: int = 64
     log_level: str = "INFO"
     log_format: str = "auto"
     database_url: str | None = field(default=None, repr=False)  # It may hold a password
@@ -93,6 +96,11 @@ class Config:
     def relay_lock_path(self) -> Path:
         """Held by the one relay of this state folder."""
         return self.edge_dir / "relay.lock"
+
+    @property
+    def ballast_path(self) -> Path:
+        """Room held for the relay on a disk that is full."""
+        return self.edge_dir / "ballast"
 
     @property
     def wake_path(self) -> Path:
@@ -226,6 +234,11 @@ SETTINGS: Final = (
     Setting("connect_timeout_s", "RELAY_CONNECT_S", _seconds(0.1, 60), "reaching the cloud"),
     Setting("read_timeout_s", "RELAY_READ_S", _seconds(0.1, 600), "the cloud's answer"),
     Setting("relay_workers", "RELAY_WORKERS", _whole(2, 32), "requests to the cloud at once"),
+    Setting("data_budget_mib", "DATA_BUDGET_MIB", _whole(1, 2**20), "MiB of records, at most"),
+    Setting("picture_budget_mib", "PICTURE_BUDGET_MIB", _whole(1, 2**20), "MiB of pictures"),
+    Setting(
+        "dead_letter_budget_mib", "DEAD_LETTER_BUDGET_MIB", _whole(1, 2**20), "MiB of dead letters"
+    ),
     Setting("log_level", "LOG_LEVEL", _level, "DEBUG, INFO, WARNING or ERROR"),
     Setting("requests_per_minute", "EDGE_REQUESTS_PER_MINUTE", _PER_MINUTE, "of one key"),
     Setting(

@@ -2,6 +2,7 @@
 
 import logging
 import threading
+import time
 from typing import Final
 
 from sqlalchemy.exc import SQLAlchemyError
@@ -22,8 +23,10 @@ def run(context: Context, stopping: threading.Event) -> None:
     while not stopping.wait(EXPIRY_S):
         try:
             broker_work.expire_if_due(context)
+            context.space.keep(time.monotonic())
             if turn % FORGETTING_EVERY == 0:
                 forget(context)
+                context.space.keep_age(time.monotonic())
         except SQLAlchemyError as error:
             LOG.warning("housekeeping has to wait: %s", error)
         turn += 1

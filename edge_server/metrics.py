@@ -82,6 +82,10 @@ class Metrics:
         """Count reports that were not taken."""
         self._tally.add("fm_ingest_rejected", str(status), amount=records)
 
+    def dropped(self, kind: str, reason: str, records: int) -> None:
+        """Count records that were given up."""
+        self._tally.add("fm_dropped", kind, reason, amount=records)
+
     def page(self) -> bytes:
         """Write the page, in Prometheus' text format."""
         return generate_latest(self.registry)

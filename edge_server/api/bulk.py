@@ -18,7 +18,7 @@ from edge_server.api import bodies, errors, urls
 from edge_server.api.auth import BROKER, KEY_RULE, allow, is_idempotency_key
 from edge_server.api.contract import Contract, describe
 from edge_server.services import telemetry
-from edge_server.services.errors import KeyReusedError
+from edge_server.services.errors import FullError, KeyReusedError
 from edge_server.services.telemetry import Arrival
 
 MOST_RECORDS: Final = 500
@@ -81,12 +81,12 @@ def _kind_of(envelope: dict[str, Any]) -> Kind | None:
 
 
 def _answer(
-    read: Arrival | DocumentError, kept: Iterator[dict[str, Any] | KeyReusedError]
+    read: Arrival | DocumentError, kept: Iterator[dict[str, Any] | KeyReusedError | FullError]
 ) -> dict[str, Any]:
     """What a report is answered: its receipt, or the error it would have got alone."""
     if isinstance(read, DocumentError):
         return {"status": 422, **errors.body("the document cannot be used", read.faults)}
     outcome = next(kept)
-    if isinstance(outcome, KeyReusedError):
-        return {"status": errors.STATUS[KeyReusedError], **errors.body(str(outcome))}
+    if isinstance(outcome, KeyReusedError | FullError):
+        return {"status": errors.STATUS[type(outcome)], **errors.body(str(outcome))}
     return {"status": 201, **outcome}

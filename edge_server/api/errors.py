@@ -21,6 +21,7 @@ from afarcloud.faults import DocumentError, Fault, SyntaxFaultError
 from edge_server.services.errors import (
     ChangedError,
     ConflictError,
+    FullError,
     KeyReusedError,
     NotFoundError,
     ServiceError,
@@ -38,6 +39,7 @@ STATUS: Final[dict[type[ServiceError], int]] = {
     TooMuchError: 429,
     KeyReusedError: 422,
     ChangedError: 412,
+    FullError: 507,
     SpentError: 403,
 }
 RETRY_SOON: Final = {"Retry-After": "1"}

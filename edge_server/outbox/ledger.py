@@ -5,6 +5,7 @@ the two sends the record again under the same key.
 """
 
 import logging
+from pathlib import Path
 from typing import Final, NamedTuple
 
 from sqlalchemy.exc import OperationalError
@@ -13,7 +14,9 @@ from edge_server.outbox import queue
 from edge_server.outbox.answers import Meaning, Verdict
 from edge_server.outbox.queue import Delivered, Parcel
 from edge_server.outbox.states import Happening
+from edge_server.store import ballast
 from edge_server.store.database import Database
+from edge_server.store.failures import is_full
 
 LOG = logging.getLogger(__name__)
 
@@ -36,8 +39,9 @@ class Entry(NamedTuple):
 class Ledger:
     """Times are monotonic seconds, except where they are said to be wall clock."""
 
-    def __init__(self, database: Database) -> None:
+    def __init__(self, database: Database, ballast_path: Path | None = None) -> None:
         self._database = database
+        self._ballast_path = ballast_path
         self._entries: list[Entry] = []
         self._since = 0.0
         self._not_before = 0.0
@@ -76,10 +80,18 @@ class Ledger:
             changed = self._write(now, wall_clock)
         except OperationalError as error:
             LOG.warning("cannot write what the cloud has confirmed: %s", error.orig)
-            self._not_before = now + RETRY_S
+            gave_way = is_full(error) and self._give_way()
+            self._not_before = now + (0.0 if gave_way else RETRY_S)
             return False
         self._entries.clear()
         return changed
+
+    def _give_way(self) -> bool:
+        """Free the room that is held for us on a full disk."""
+        if self._ballast_path is None or not ballast.release(self._ballast_path):
+            return False
+        LOG.warning("the disk is full; the ballast %s is given up", self._ballast_path)
+        return True
 
     def _write(self, now: float, wall_clock: float) -> bool:
         if not self._entries and now < self._clean_at:

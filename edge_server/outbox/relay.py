@@ -58,7 +58,7 @@ class Relay:
         self._uplink = uplink
         self._counts = counts
         self._crew = Crew(uplink, workers)
-        self._ledger = Ledger(database)
+        self._ledger = Ledger(database, database_path.with_name("ballast"))
         self._wake = wakeup.open_for_reading(wake_path)
         self._newest_row = 0
         self._look_at = 0.0

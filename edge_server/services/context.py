@@ -11,6 +11,7 @@ from afarcloud.numbers import format_time
 from edge_server.config import Config
 from edge_server.outbox import wakeup
 from edge_server.services.bell import Bell
+from edge_server.services.space import Space
 from edge_server.store.database import Database, Topic
 
 WAITING_LIMIT = 8
@@ -39,6 +40,7 @@ class Context:
     database: Database
     clock: Callable[[], float]
     bell: Bell = field(init=False)
+    space: Space = field(init=False)
     places_to_wait: threading.BoundedSemaphore = field(
         default_factory=lambda: threading.BoundedSemaphore(WAITING_LIMIT)
     )
@@ -46,6 +48,10 @@ class Context:
     def __post_init__(self) -> None:
         bell = Bell(lambda: self.database.announce(Topic.WORK))
         object.__setattr__(self, "bell", bell)
+        space = Space(
+            self.config, self.database, self.clock, lambda: self.wake_relay(changed=True)
+        )
+        object.__setattr__(self, "space", space)
 
     @property
     def wake_path(self) -> Path:

@@ -7,6 +7,7 @@ ServiceError
   +- KeyReusedError     the idempotency key has been used for something else
   +- ChangedError       it is not as the caller last saw it
   +- SpentError         the signature has been used for something else
+  +- FullError          there is no room for it on the disk, or within its budget
 """
 
 from afarcloud.faults import Fault
@@ -34,6 +35,10 @@ class TooMuchError(ServiceError):
 
 class KeyReusedError(ServiceError):
     """The idempotency key belongs to another request."""
+
+
+class FullError(ServiceError):
+    """There is no room for it."""
 
 
 class ChangedError(ServiceError):

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import Connection
 from ulid import ULID
 
-from afarcloud.state import MissionReport, Report
+from afarcloud.state import Image, MissionReport, Report
 from afarcloud.wire import Kind, write
 from edge_server.outbox import queue
 from edge_server.outbox.queue import Stream
@@ -20,7 +20,12 @@ from edge_server.services.context import (
     show_time,
     unconditionally,
 )
-from edge_server.services.errors import ConflictError, KeyReusedError, NotFoundError
+from edge_server.services.errors import (
+    ConflictError,
+    FullError,
+    KeyReusedError,
+    NotFoundError,
+)
 from edge_server.store import telemetry
 from edge_server.store.database import to_json
 from edge_server.store.idempotency import Answered
@@ -42,8 +47,10 @@ def ingest(context: Context, kind: Kind, report: Report, caller: Caller) -> dict
 
     Raises:
         KeyReusedError: if the idempotency key belongs to another request.
+        FullError: if there is no room for it.
     """
     body = write(report)
+    context.space.admit(kind.value, _picture_bytes(report))
     with context.database.write(*_locks(kind, report.vehicle_id)) as connection:
         answered = _keep(connection, kind, report, body, caller, context.clock())
     context.wake_relay()
@@ -53,16 +60,20 @@ def ingest(context: Context, kind: Kind, report: Report, caller: Caller) -> dict
 @repeatable
 def ingest_all(
     context: Context, arrivals: Sequence[Arrival], role: str
-) -> list[dict[str, Any] | KeyReusedError]:
+) -> list[dict[str, Any] | KeyReusedError | FullError]:
     """Keep many reports in one transaction, in their order; returns a receipt or fault for each.
 
-    A key that belongs to another request spoils its own report only.
+    A key that belongs to another request spoils its own report only, and so does a lack of room.
     """
-    outcomes: list[dict[str, Any] | KeyReusedError] = []
+    outcomes: list[dict[str, Any] | KeyReusedError | FullError] = []
+    refused = _without_room(context, arrivals)
     wanted = {lock for one in arrivals for lock in _locks(one.kind, one.report.vehicle_id)}
     with context.database.write(*wanted) as connection:
         now = context.clock()
-        for kind, report, key in arrivals:
+        for number, (kind, report, key) in enumerate(arrivals):
+            if number in refused:
+                outcomes.append(refused[number])
+                continue
             caller = Caller(role, key)
             try:
                 answered = _keep(connection, kind, report, write(report), caller, now)
@@ -72,6 +83,21 @@ def ingest_all(
                 outcomes.append({"id": answered.object_id, **_receipt(answered)})
     context.wake_relay()
     return outcomes
+
+
+def _without_room(context: Context, arrivals: Sequence[Arrival]) -> dict[int, FullError]:
+    """Which of these cannot come in, by their place."""
+    refused = {}
+    for number, arrival in enumerate(arrivals):
+        try:
+            context.space.admit(arrival.kind.value, _picture_bytes(arrival.report))
+        except FullError as error:
+            refused[number] = error
+    return refused
+
+
+def _picture_bytes(report: Report) -> int:
+    return len(report.frame) if isinstance(report, Image) else 0
 
 
 def _locks(kind: Kind, vehicle_id: int) -> tuple[Lock, ...]:

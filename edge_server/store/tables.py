@@ -15,6 +15,7 @@ from sqlalchemy import (
     Table,
     Text,
     false,
+    text,
 )
 
 METADATA = MetaData(
@@ -39,10 +40,18 @@ telemetry = Table(
     Column("vehicle_id", Integer, nullable=False),
     Column("payload", Text, nullable=False),  # The JSON that the cloud gets, message_id included
     Column("received_at", Float, nullable=False),
+    Column("size_bytes", Integer, nullable=False, server_default="0"),  # Of the payload, about
     Index(None, "kind", "id"),
+    Index(
+        None,
+        "kind",
+        "size_bytes",
+        sqlite_where=text("kind = 'image'"),
+        postgresql_where=text("kind = 'image'"),
+    ),
     sqlite_autoincrement=True,
 )
-"""Reports of vehicles, until the cloud has confirmed them."""
+"""Reports of vehicles and gaps, until the cloud has confirmed them."""
 
 outbox = Table(
     "outbox",
@@ -62,6 +71,12 @@ outbox = Table(
     CheckConstraint("state IN ('queued', 'dead')", name="state"),
     CheckConstraint("state <> 'dead' OR last_error IS NOT NULL", name="dead_has_reason"),
     Index(None, "vehicle_id", "kind", "state", "id"),
+    Index(
+        "ix_outbox_dead",
+        "id",
+        sqlite_where=text("state = 'dead'"),
+        postgresql_where=text("state = 'dead'"),
+    ),
     sqlite_autoincrement=True,
 )
 """What the relay has still to send, or may never send again."""

@@ -1,0 +1,139 @@
+"""Gaps: what could not be kept is declared, in the transaction that drops it.
+
+A gap is a record of its own, delivered to `{cloud}/gap` and kept until the cloud has confirmed it.
+Neighbouring gaps of a stream become one while they wait far behind what is being sent, so an
+outage of any length leaves a bounded number of them.
+"""
+
+import json
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from enum import StrEnum
+from typing import Any, Final, NamedTuple
+
+from sqlalchemy import Connection, delete, select
+from ulid import ULID
+
+from afarcloud.numbers import format_time
+from edge_server.outbox import queue
+from edge_server.outbox.queue import Stream
+from edge_server.store import telemetry as records
+from edge_server.store.database import to_json
+from edge_server.store.tables import outbox, telemetry
+
+KIND: Final = "gap"
+_FAR_BEHIND: Final = 300
+"""So many rows before it in its stream, and the relay cannot hold it in its hands."""
+_LOOK_BACK: Final = 16
+_CHUNK: Final = 500
+
+
+class Reason(StrEnum):
+    """Why a record was given up."""
+
+    THINNED = "thinned"
+    BUDGET = "budget"
+    AGE = "age"
+    DEAD_LETTERS = "dead_letters"
+
+
+class Lost(NamedTuple):
+    """A record that goes."""
+
+    record_id: int
+    message_id: str
+    stream: Stream
+    payload: str
+    received_at: float
+
+
+def drop(
+    connection: Connection, lost: Sequence[Lost], reason: Reason, now: float
+) -> dict[str, int]:
+    """Delete records, and declare a gap for each of their streams; returns how many by kind."""
+    streams: dict[Stream, list[Lost]] = {}
+    for one in lost:
+        streams.setdefault(one.stream, []).append(one)
+    for start in range(0, len(lost), _CHUNK):
+        going = [one.record_id for one in lost[start : start + _CHUNK]]
+        connection.execute(delete(telemetry).where(telemetry.c.id.in_(going)))
+    dropped: dict[str, int] = {}
+    for stream, gone in streams.items():
+        _declare(connection, stream, gone, reason, now)
+        dropped[stream.kind] = dropped.get(stream.kind, 0) + len(gone)
+    return dropped
+
+
+def _declare(
+    connection: Connection, stream: Stream, gone: Sequence[Lost], reason: Reason, now: float
+) -> None:
+    body = _body(stream, gone, reason, now)
+    earlier = _mergeable(connection, stream, reason)
+    message_id = str(ULID())
+    if earlier is not None:
+        record_id, before = earlier
+        body |= {name: value for name, value in before.items() if name.startswith("from_")}
+        body["count"] += before["count"]
+        payload = to_json({**body, "message_id": message_id})
+        records.replace(connection, record_id, message_id=message_id, payload=payload)
+        return
+    record_id = records.add(
+        connection,
+        kind=KIND,
+        vehicle_id=stream.vehicle_id,
+        message_id=message_id,
+        payload=to_json({**body, "message_id": message_id}),
+        received_at=now,
+    )
+    queue.enqueue(connection, record_id, Stream(stream.vehicle_id, KIND))
+
+
+def _body(stream: Stream, gone: Sequence[Lost], reason: Reason, now: float) -> dict[str, Any]:
+    first, last = gone[0], gone[-1]
+    return {
+        "stream": f"{stream.vehicle_id}/{stream.kind}",
+        "vehicle_id": stream.vehicle_id,
+        "kind": stream.kind,
+        "from_sequence_number": json.loads(first.payload).get("sequence_number"),
+        "from_message_id": first.message_id,
+        "from_id": first.record_id,
+        "from_received_at": _time(first.received_at),
+        "to_sequence_number": json.loads(last.payload).get("sequence_number"),
+        "to_message_id": last.message_id,
+        "to_id": last.record_id,
+        "to_received_at": _time(last.received_at),
+        "count": len(gone),
+        "reason": reason.value,
+        "recorded_at": _time(now),
+    }
+
+
+def _mergeable(
+    connection: Connection, stream: Stream, reason: Reason
+) -> tuple[int, dict[str, Any]] | None:
+    """Find the newest gap of a stream that has never been sent and is not about to be."""
+    waiting = (
+        outbox.c.vehicle_id == stream.vehicle_id,
+        outbox.c.kind == KIND,
+        outbox.c.state == "queued",
+    )
+    near = select(outbox.c.id).where(*waiting).order_by(outbox.c.id).limit(1).offset(_FAR_BEHIND)
+    border = connection.execute(near).scalar_one_or_none()
+    if border is None:
+        return None
+    rows = connection.execute(
+        select(telemetry.c.id, telemetry.c.payload)
+        .join(outbox, outbox.c.record_id == telemetry.c.id)
+        .where(*waiting, outbox.c.id > border, outbox.c.attempts == 0)
+        .order_by(outbox.c.id.desc())
+        .limit(_LOOK_BACK)
+    )
+    for record_id, payload in rows:
+        body: dict[str, Any] = json.loads(payload)
+        if (body["kind"], body["reason"]) == (stream.kind, reason):
+            return record_id, body
+    return None
+
+
+def _time(epoch_s: float) -> str:
+    return format_time(datetime.fromtimestamp(round(epoch_s, 3), UTC))

@@ -1,0 +1,215 @@
+"""Keeps within the disk budget: refuses what has no room, thins and drops the backlog.
+
+How full it is is measured once per turn of the housekeeping, and whenever a hundredth of the
+budget has come in since; in between, what comes in is only added up.
+"""
+
+import logging
+import threading
+from collections.abc import Callable
+from typing import Final
+
+from edge_server.config import Config
+from edge_server.outbox import budget, gaps, thinning, usage
+from edge_server.outbox.budget import Level, Usage
+from edge_server.outbox.gaps import Reason
+from edge_server.outbox.queue import PRIORITY
+from edge_server.outbox.thinning import Intervals
+from edge_server.services.errors import FullError
+from edge_server.store import ballast
+from edge_server.store.database import Database
+
+LOG = logging.getLogger(__name__)
+RECORD_BYTES: Final = 500  # What a record takes with its indexes, about
+RECEIPTS_KEPT_S: Final = 3600.0  # Even when it is full
+MOST_ROWS: Final = 2000  # Per transaction
+STEPS: Final = 40  # Transactions per turn
+STEADY_S: Final = 3600.0
+"""So long a clock must have run evenly before anything is called too old."""
+_JUMP_S: Final = 60.0
+_MEASURE_SHARE: Final = 0.01
+_MIB: Final = 1024 * 1024
+Counter = Callable[[str, str, int], None]
+"""Takes kind, reason and number of dropped records."""
+
+
+class Space:
+    """The disk budget of one edge server; safe to use from several threads."""
+
+    def __init__(
+        self,
+        config: Config,
+        database: Database,
+        clock: Callable[[], float],
+        wake_relay: Callable[[], None],
+    ) -> None:
+        self._config = config
+        self._database = database
+        self._clock = clock
+        self._wake_relay = wake_relay
+        self._data_budget = config.data_budget_mib * _MIB
+        self._lock = threading.Lock()
+        self._making_room = threading.Lock()
+        self._usage: Usage | None = None
+        self._come_bytes = 0
+        self._holds_ballast = False
+        self._thinned_to = 0
+        self._intervals: Intervals = {}
+        self._clock_was: tuple[float, float] | None = None
+        self._level_was = Level.ROOMY
+        self.count: Counter = _count_nothing
+        self.rows_at_once = max(20, min(MOST_ROWS, self._data_budget // 100 // RECORD_BYTES))
+
+    def admit(self, kind: str, picture_bytes: int = 0) -> None:
+        """Let a record come in, making room if that is needed and can be done.
+
+        Raises:
+            FullError: if there is no room for it.
+        """
+        if self._holds_ballast and not self._config.ballast_path.exists():
+            raise FullError("the disk is full; nothing was stored")
+        now = self.level()
+        if now >= Level.DROPPING and not self._database.is_shared:
+            now = self._make_room()
+        if not budget.has_room(kind, now):
+            raise FullError("the disk budget is used up; nothing was stored")
+        with self._lock:
+            used = self._usage or Usage(0, 0)
+            pictures = used.picture_bytes + picture_bytes
+            if picture_bytes and pictures > self._config.picture_budget_mib * _MIB:
+                raise FullError("the budget for pictures is used up; nothing was stored")
+            self._come_bytes += RECORD_BYTES + picture_bytes
+            self._usage = Usage(used.data_bytes + RECORD_BYTES, pictures)
+
+    def level(self) -> Level:
+        """How full it is, by the last measurement and what has come in since."""
+        with self._lock:
+            found = self._usage
+            stale = self._come_bytes > _MEASURE_SHARE * self._data_budget
+        return self._level_of(self.measure() if found is None or stale else found)
+
+    def _level_of(self, found: Usage) -> Level:
+        return budget.level(found.data_bytes, self._data_budget)
+
+    def measure(self) -> Usage:
+        """Ask the database."""
+        with self._database.read() as connection:
+            found = usage.measure(connection)
+        with self._lock:
+            self._usage = found
+            self._come_bytes = 0
+        return found
+
+    def keep(self, monotonic: float) -> None:
+        """One turn: hold the ballast, forget, thin and drop what has to go."""
+        if not self._database.is_shared:
+            self._holds_ballast |= ballast.hold(self._config.ballast_path)
+        self.measure()
+        self._tell()
+        for _ in range(1 if self._database.is_shared else STEPS):
+            if self.level() < Level.THINNING or not (self._forget() or self._thin()):
+                break
+        if self.level() >= Level.DROPPING:
+            self._make_room()
+        self._watch_clock(monotonic)
+
+    def keep_age(self, monotonic: float) -> None:
+        """Drop what is too old, and dead letters beyond their own budget."""
+        now = self._clock()
+        if self._clock_is_steady(monotonic):
+            for kind in PRIORITY.keys() - {gaps.KIND}:
+                while self._drop_aged(kind, now):
+                    continue
+        while self._drop_dead_letters(now):
+            continue
+
+    def _watch_clock(self, monotonic: float) -> None:
+        """Note since when the wall clock has run like the monotonic one."""
+        now = self._clock()
+        was = self._clock_was
+        if was is None or abs((now - was[0]) - (monotonic - was[1])) > _JUMP_S:
+            self._clock_was = (now, monotonic)
+
+    def _clock_is_steady(self, monotonic: float) -> bool:
+        """A clock that has just been set may be wrong by years: nothing is old by such a clock."""
+        self._watch_clock(monotonic)
+        return self._clock_was is not None and monotonic - self._clock_was[1] >= STEADY_S
+
+    def _make_room(self) -> Level:
+        """Drop the oldest records that may be missed until there is room, or none is left."""
+        with self._making_room:
+            now = self._level_of(self.measure())
+            while now >= Level.DROPPING and (self._forget() or self._drop_oldest()):
+                now = self._level_of(self.measure())
+                if self._database.is_shared:
+                    break  # Its statistics lag behind; the next turn sees what this one has done
+            return now
+
+    def _forget(self) -> bool:
+        """Forget receipts of long ago, which only the audit would miss."""
+        with self._database.write() as connection:
+            before = self._clock() - RECEIPTS_KEPT_S
+            gone = usage.forget_receipts(connection, before, self.rows_at_once)
+        if gone:
+            self.measure()
+        return gone > 0
+
+    def _thin(self) -> bool:
+        """Thin the next part of the backlog; false when all of it has been looked through."""
+        with self._database.write() as connection:
+            done = thinning.thin(
+                connection, self._thinned_to, self.rows_at_once, self._intervals, self._clock()
+            )
+        self._thinned_to = done.bookmark
+        self._note_dropped(done.dropped, Reason.THINNED)
+        return not done.at_end
+
+    def _drop_oldest(self) -> bool:
+        with self._database.write() as connection:
+            dropped = thinning.drop_oldest(connection, self.rows_at_once, self._clock())
+        return self._note_dropped(dropped, Reason.BUDGET)
+
+    def _drop_aged(self, kind: str, now: float) -> bool:
+        is_picture = kind == "image"
+        days = self._config.retain_images_days if is_picture else self._config.retain_telemetry_days
+        with self._database.write() as connection:
+            dropped = thinning.drop_aged(
+                connection, kind, now - days * 86400.0, self.rows_at_once, now
+            )
+        return self._note_dropped(dropped, Reason.AGE)
+
+    def _drop_dead_letters(self, now: float) -> bool:
+        most = self._config.dead_letter_budget_mib * _MIB
+        with self._database.write() as connection:
+            dropped = thinning.drop_dead_letters(connection, most, self.rows_at_once, now)
+        return self._note_dropped(dropped, Reason.DEAD_LETTERS)
+
+    def _note_dropped(self, dropped: dict[str, int], reason: Reason) -> bool:
+        """Count what was dropped; says whether anything was."""
+        for kind, number in dropped.items():
+            self.count(kind, reason.value, number)
+        if dropped:
+            self._wake_relay()
+            self.measure()
+        return bool(dropped)
+
+    def _tell(self) -> None:
+        """Log how full it is, once per change."""
+        now = self.level()
+        if now != self._level_was:
+            log = LOG.warning if now > self._level_was else LOG.info
+            log("disk budget: %s", _WORDS[now])
+        self._level_was = now
+
+
+_WORDS: Final = {
+    Level.ROOMY: "there is room",
+    Level.THINNING: "more than 80 % used, state vectors and poses are thinned",
+    Level.NO_PICTURES: "more than 95 % used, pictures are refused",
+    Level.DROPPING: "used up, the oldest state vectors, poses and batteries are dropped",
+    Level.FULL: "used up with its reserve, nothing is taken in",
+}
+
+
+def _count_nothing(_kind: str, _reason: str, _number: int) -> None:
+    """Stand in until somebody counts."""
