@@ -15,12 +15,13 @@ from typing import Final
 from sqlalchemy import Connection, Engine, inspect, make_url, text
 from sqlalchemy.exc import DBAPIError
 
-from edge_server.store import integrity, locks
+from edge_server.store import integrity, locks, recovery
 from edge_server.store.engines import WRITING, open_engine, sqlite_url
 
 LOG = logging.getLogger(__name__)
 HEAD: Final = "0005"
 _SCRIPTS: Final = Path(__file__).parent / "migrations"
+_REPLACEMENT: Final = ".new"
 _SIDE_FILES: Final = ("-wal", "-shm", "-journal")
 
 
@@ -80,16 +81,17 @@ def _one_at_a_time(lock: Path) -> Iterator[None]:
 
 
 def _prepare_file(path: Path) -> None:
+    replacement = path.with_name(path.name + _REPLACEMENT)
+    if replacement.exists() and not path.exists():
+        replacement.rename(path)  # Finished, and killed before it stood in its place
     if path.exists() and (fault := _fault_of(path)) is not None:
-        moved_to = set_aside(path, time.strftime("%Y%m%dT%H%M%S", time.gmtime()))
-        LOG.critical(
-            "the database %s is broken (%s); it is kept as %s and a new one is made: what it "
-            "held has not reached the cloud",
-            path,
-            fault,
-            moved_to,
-        )
+        _replace(path, fault)
     integrity.forget_fault(path)
+    _bring_up(path)
+
+
+def _bring_up(path: Path) -> None:
+    """Make a file that is missing; give it our shape."""
     engine = open_engine(sqlite_url(path))
     try:
         if revision(engine) != HEAD:
@@ -97,6 +99,28 @@ def _prepare_file(path: Path) -> None:
     finally:
         engine.dispose()
     path.chmod(0o600)
+
+
+def _replace(path: Path, fault: str) -> None:
+    """Put a new database in the place of a broken one, with all rows that can be saved.
+
+    The broken one stays in its place until the new one is finished: a kill loses neither.
+    """
+    replacement = path.with_name(path.name + _REPLACEMENT)
+    for end in ("", *_SIDE_FILES):
+        replacement.with_name(replacement.name + end).unlink(missing_ok=True)
+    _bring_up(replacement)
+    saved = recovery.recover(path, replacement)
+    moved_to = set_aside(path, time.strftime("%Y%m%dT%H%M%S", time.gmtime()))
+    replacement.rename(path)
+    LOG.critical(
+        "the database %s was broken (%s); it is kept as %s, and a new one was made with %s%s",
+        path,
+        fault,
+        moved_to,
+        ", ".join(f"{number} rows of {name}" for name, number in saved.rows.items()) or "no row",
+        "" if saved.whole else "; what could not be read has not reached the cloud",
+    )
 
 
 def is_ready(url: str) -> bool:

@@ -1,0 +1,262 @@
+"""Rows of a broken SQLite file, as many as can still be read, into a new database.
+
+A damaged page makes every statement fail that meets it, so each table is read by rowid up to the
+damage and on from the first row behind it. A file whose first page is lost, which says where
+everything is, gets the first page of the new database for the reading: one that the same version
+has made has its tables in the same places. What does not look like a row of ours is left out.
+
+The file in quarantine itself is only read.
+"""
+
+import json
+import logging
+import shutil
+import sqlite3
+import struct
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import closing, suppress
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+from urllib.parse import quote
+
+from edge_server.store.tables import METADATA, outbox, telemetry
+
+LOG = logging.getLogger(__name__)
+_CHUNK: Final = 1000
+_LARGEST_ROWID: Final = 2**63 - 1
+_PAGE_SIZE_AT: Final = 16
+_PAGES_AT: Final = 28  # In the header (SQLite file format, section 1.3)
+_FREELIST_AT: Final = 32
+_WAL_VERSIONS_AT: Final = 18
+
+
+class Recovered(NamedTuple):
+    """How many rows were saved, by table; `whole` when none was unreadable."""
+
+    rows: dict[str, int]
+    whole: bool
+
+
+def recover(broken: Path, fresh: Path) -> Recovered:
+    """Copy what can be read of a broken database into a new, empty one of the newest shape.
+
+    All of it is in one transaction; a disk without room for it leaves the new one empty.
+    """
+    scratch = fresh.with_name(fresh.name + ".graft")
+    try:
+        with (
+            closing(sqlite3.connect(fresh, isolation_level=None)) as target,
+            closing(_open(broken, fresh, scratch)) as source,
+        ):
+            target.execute("PRAGMA foreign_keys=OFF")
+            target.execute("BEGIN IMMEDIATE")
+            found = _copy_all(source, target)
+            target.execute("COMMIT")
+    except (sqlite3.DatabaseError, OSError) as error:
+        LOG.critical("nothing can be saved of %s: %s", broken, error)
+        return Recovered({}, whole=False)
+    finally:
+        scratch.unlink(missing_ok=True)
+    return found
+
+
+def _open(broken: Path, fresh: Path, scratch: Path) -> sqlite3.Connection:
+    """Open the broken file, or a copy of it with another first page."""
+    connection = _open_to_read(broken)
+    try:
+        connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+        connection.execute("SELECT max(rowid) FROM alembic_version").fetchone()
+    except sqlite3.DatabaseError:
+        connection.close()
+        _graft(broken, fresh, scratch)
+        return _open_to_read(scratch)
+    return connection
+
+
+def _open_to_read(path: Path) -> sqlite3.Connection:
+    """Open without changing a byte; the log of changes beside the file is read if there is one."""
+    has_log = path.with_name(path.name + "-wal").exists()
+    how = "mode=ro" if has_log else "mode=ro&immutable=1"
+    return sqlite3.connect(f"file:{quote(str(path))}?{how}", uri=True, isolation_level=None)
+
+
+def _graft(broken: Path, fresh: Path, scratch: Path) -> None:
+    """Copy a file under the first page of a new database."""
+    with closing(sqlite3.connect(fresh)) as connection:
+        connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    with fresh.open("rb") as file:
+        head = bytearray(file.read(_PAGE_SIZE_AT + 2))
+        (page_size,) = struct.unpack_from(">H", head, _PAGE_SIZE_AT)
+        head += file.read(page_size - len(head))
+    shutil.copyfile(broken, scratch)
+    pages = max(broken.stat().st_size // page_size, 1)
+    struct.pack_into(">I", head, _PAGES_AT, pages)
+    struct.pack_into(">II", head, _FREELIST_AT, 0, 0)
+    head[_WAL_VERSIONS_AT : _WAL_VERSIONS_AT + 2] = b"\1\1"
+    with scratch.open("rb+") as file:
+        file.write(head)
+
+
+def _copy_all(source: sqlite3.Connection, target: sqlite3.Connection) -> Recovered:
+    rows: dict[str, int] = {}
+    whole = True
+    for table in METADATA.sorted_tables:
+        reader = _Reader(source, table.name, [column.name for column in table.columns])
+        kept = _outbox_rows(reader, target) if table is outbox else iter(reader)
+        if table is telemetry:
+            kept = (row for row in kept if _is_record(row))
+        rows[table.name] = _insert(target, table.name, reader.columns, kept)
+        whole = whole and reader.whole
+    _drop_orphans(target)
+    _go_on_counting(source, target)
+    return Recovered({name: number for name, number in rows.items() if number}, whole)
+
+
+class _Reader:
+    """The rows of a table that can be read, as dicts, in the order of their rowids."""
+
+    def __init__(self, source: sqlite3.Connection, table: str, wanted: Sequence[str]) -> None:
+        self._source = source
+        self._table = table
+        self.columns = self._known(wanted)
+        self.whole = bool(self.columns)
+
+    def _known(self, wanted: Sequence[str]) -> list[str]:
+        try:
+            rows = self._source.execute(f'PRAGMA table_info("{self._table}")').fetchall()
+        except sqlite3.DatabaseError:
+            return []
+        there = {row[1] for row in rows}
+        return [name for name in wanted if name in there]
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        if not self.columns:
+            return
+        names = ", ".join(f'"{name}"' for name in self.columns)
+        query = f'SELECT rowid, {names} FROM "{self._table}" WHERE rowid >= ? ORDER BY rowid'  # noqa: S608  # our own names
+        start: int | None = -_LARGEST_ROWID
+        while start is not None:
+            after = start
+            try:
+                for row in self._source.execute(query, (start,)):
+                    after = row[0] + 1
+                    yield dict(zip(self.columns, row[1:], strict=True))
+            except (sqlite3.DatabaseError, UnicodeDecodeError):
+                self.whole = False
+                start = self._behind_the_damage(max(after, 1))
+            else:
+                start = None
+
+    def _behind_the_damage(self, bad: int) -> int | None:
+        """The first rowid after a bad one from which reading goes on; None when there is none."""
+        step, good = 1, None
+        last = self._last_rowid()
+        while bad + step <= last:
+            if self._can_read(bad + step):
+                good = bad + step
+                break
+            step *= 2
+        if good is None:
+            return None
+        low = bad + step // 2
+        while good - low > 1:
+            middle = (low + good) // 2
+            low, good = (low, middle) if self._can_read(middle) else (middle, good)
+        return good
+
+    def _can_read(self, rowid: int) -> bool:
+        query = f'SELECT * FROM "{self._table}" WHERE rowid >= ? ORDER BY rowid LIMIT 1'  # noqa: S608  # our own names
+        try:
+            return self._source.execute(query, (rowid,)).fetchone() is not None
+        except (sqlite3.DatabaseError, UnicodeDecodeError):
+            return False
+
+    def _last_rowid(self) -> int:
+        found = 0
+        for query in (
+            f'SELECT max(rowid) FROM "{self._table}"',  # noqa: S608  # our own names
+            f"SELECT seq FROM sqlite_sequence WHERE name = '{self._table}'",  # noqa: S608  # as above
+        ):
+            with suppress(sqlite3.DatabaseError):
+                row = self._source.execute(query).fetchone()
+                found = max(found, int(row[0] or 0)) if row else found
+        return found
+
+
+def _is_record(row: dict[str, Any]) -> bool:
+    """Whether a row is a whole record: its JSON names its own message_id."""
+    try:
+        body = json.loads(row["payload"])
+    except (TypeError, ValueError, RecursionError):
+        return False
+    return isinstance(body, dict) and body.get("message_id") == row["message_id"]
+
+
+def _outbox_rows(reader: _Reader, target: sqlite3.Connection) -> Iterator[dict[str, Any]]:
+    """One row for each record that was saved, in the order in which the records came.
+
+    A record whose own row is lost is due again: a record leaves only together with its row.
+    """
+    known = {row["record_id"]: row for row in reader}
+    reader.columns = [column.name for column in outbox.columns]
+    records = target.execute("SELECT id, vehicle_id, kind FROM telemetry ORDER BY id").fetchall()
+    for record_id, vehicle_id, kind in records:
+        row = known.get(record_id, {})
+        is_dead = row.get("state") == "dead" and row.get("last_error") is not None
+        yield {
+            "id": record_id,
+            "record_id": record_id,
+            "vehicle_id": vehicle_id,
+            "kind": kind,
+            "state": "dead" if is_dead else "queued",
+            "attempts": row.get("attempts", 0) if is_dead else 0,
+            "last_error": row.get("last_error") if is_dead else None,
+        }
+
+
+def _insert(
+    target: sqlite3.Connection, table: str, columns: Sequence[str], rows: Iterable[dict[str, Any]]
+) -> int:
+    """Insert rows; one that breaks a rule of the table is left out."""
+    if not columns:
+        return 0
+    before = target.total_changes
+    chunk: list[dict[str, Any]] = []
+    for row in rows:
+        chunk.append(row)
+        if len(chunk) == _CHUNK:
+            _insert_chunk(target, table, columns, chunk)
+            chunk.clear()
+    _insert_chunk(target, table, columns, chunk)
+    return target.total_changes - before
+
+
+def _insert_chunk(
+    target: sqlite3.Connection, table: str, columns: Sequence[str], rows: list[dict[str, Any]]
+) -> None:
+    names = ", ".join(f'"{name}"' for name in columns)
+    values = ", ".join(f":{name}" for name in columns)
+    target.executemany(f'INSERT OR IGNORE INTO "{table}" ({names}) VALUES ({values})', rows)  # noqa: S608  # our own names
+
+
+def _drop_orphans(target: sqlite3.Connection) -> None:
+    """Leave out what belongs to a row that was not saved, until nothing is without its owner."""
+    while orphans := target.execute("PRAGMA foreign_key_check").fetchall():
+        for table, rowid, *_ in orphans:
+            target.execute(f'DELETE FROM "{table}" WHERE rowid = ?', (rowid,))  # noqa: S608  # our own names
+
+
+def _go_on_counting(source: sqlite3.Connection, target: sqlite3.Connection) -> None:
+    """Never give out an id again that the broken database has given out."""
+    with suppress(sqlite3.DatabaseError):
+        for name, last in source.execute("SELECT name, seq FROM sqlite_sequence").fetchall():
+            if not isinstance(last, int) or not 0 < last < 2**53 or name not in METADATA.tables:
+                continue
+            target.execute(
+                "INSERT INTO sqlite_sequence SELECT ?, 0 WHERE NOT EXISTS "
+                "(SELECT 1 FROM sqlite_sequence WHERE name = ?)",
+                (name, name),
+            )
+            target.execute(
+                "UPDATE sqlite_sequence SET seq = max(seq, ?) WHERE name = ?", (last, name)
+            )
