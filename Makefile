@@ -107,6 +107,10 @@ format: $(DEV) ## format and fix what a tool can fix
 bench: $(DEV) ## measure and write STATE_DIR/bench/results.json; BENCH=flight,speed,system,links,missions chooses
 	@exec $(RUN) -m tests.bench
 
+.PHONY: soak
+soak: $(DEV) ## kill the edge server CYCLES (200) times under load, and what else takes long; SOAK=kill chooses
+	@exec $(RUN) -m tests.soak
+
 .PHONY: fuzz
 fuzz: $(DEV) ## fly a mission under FRAMES (1000000) hostile frames; 0 if nothing moved by them
 	@exec env FRAMES=$(FRAMES) $(RUN) -m tests.bench.fuzz

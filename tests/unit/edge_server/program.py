@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
 import requests
 
@@ -30,25 +31,33 @@ class Program:
             "RELAY_BACKOFF_BASE_S": "0.05",
         }
         self.process: subprocess.Popen[str] | None = None
+        self._log = state_dir.with_name(f"{state_dir.name}.log")
 
     @property
     def url(self) -> str:
         return f"http://127.0.0.1:{self.port}"
 
-    def spawn(self, *arguments: str) -> "subprocess.Popen[str]":
+    def spawn(
+        self, *arguments: str, stderr: IO[str] | int = subprocess.PIPE
+    ) -> "subprocess.Popen[str]":
         command = [sys.executable, "-m", "edge_server", *arguments]
         return subprocess.Popen(
             command,
             env=self.environment,
-            stderr=subprocess.PIPE,
-            stdout=subprocess.PIPE,
+            stderr=stderr,
+            stdout=subprocess.DEVNULL if stderr is not subprocess.PIPE else subprocess.PIPE,
             text=True,
             start_new_session=True,
         )
 
     def start(self, *arguments: str) -> None:
-        self.process = self.spawn(*arguments)
+        self.begin(*arguments)
         self.wait_ready()
+
+    def begin(self, *arguments: str) -> None:
+        """Start the program under watch; a file takes its log, which no full pipe may hold up."""
+        with self._log.open("w", encoding="utf-8") as log:
+            self.process = self.spawn(*arguments, stderr=log)
 
     def wait_ready(self) -> None:
         deadline = time.monotonic() + START_S
@@ -65,17 +74,20 @@ class Program:
         return (self.state_dir / "keys" / f"{role}.key").read_text(encoding="ascii").strip()
 
     def end(self, how: int = signal.SIGTERM) -> tuple[int, str]:
-        """Send a signal; returns exit code and what it wrote to stderr."""
+        """Send a signal; returns exit code and log."""
         assert self.process is not None
         self.process.send_signal(how)
         return self.wait()
 
     def wait(self) -> tuple[int, str]:
         assert self.process is not None
-        _, errors = self.process.communicate(timeout=PATIENCE_S)
-        code = self.process.returncode
+        code = self.process.wait(PATIENCE_S)
         self.process = None
-        return code, errors
+        return code, self.log()
+
+    def log(self) -> str:
+        """What the program has written since it was started."""
+        return self._log.read_text(encoding="utf-8")
 
 
 @contextmanager

@@ -1,0 +1,15 @@
+"""Killed twenty times under load; `make soak` does it two hundred times."""
+
+from pathlib import Path
+
+from tests.soak import kill_nine
+
+CYCLES = 20
+SEED = 9
+
+
+def test_every_acknowledged_record_arrives_once_and_in_order(tmp_path: Path) -> None:
+    outcome = kill_nine.run(CYCLES, tmp_path / "state", SEED)
+    assert outcome.kills.total() == CYCLES
+    assert set(outcome.kills) == {"relay", "worker", "server", "supervisor"}
+    assert all(number > 0 for number in outcome.acknowledged.values())
