@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from edge_server import logs
+from edge_server import logs, redaction
 from edge_server.config import SETTINGS, Config, ConfigError, load
 from edge_server.exit_codes import FAILED, OK, WRONG_SETUP
 from edge_server.supervisor import PARENT_VARIABLE, Supervisor
@@ -30,6 +30,7 @@ def main(arguments: list[str]) -> int:
         print(f"edge server: {error}", file=sys.stderr)
         return WRONG_SETUP
     logs.configure(config.log_level, config.log_format)
+    logs.redact_with(redaction.redact)
     if options.command is None:
         return Supervisor(arguments).run()
     if parent := os.environ.get(PARENT_VARIABLE):
@@ -45,7 +46,7 @@ def _serve(config: Config, _options: argparse.Namespace) -> int:
 
     try:
         server.serve(config)
-    except server.PortTakenError as error:
+    except (server.PortTakenError, server.WrongDoorError) as error:
         print(f"edge server: {error}", file=sys.stderr)
         return WRONG_SETUP
     except server.UnpreparedError as error:
@@ -70,11 +71,12 @@ def _relay(config: Config, _options: argparse.Namespace) -> int:
 
 def _migrate(config: Config, _options: argparse.Namespace) -> int:
     from edge_server import preparation  # noqa: PLC0415  # as above
+    from edge_server.key_files import OpenSecretError  # noqa: PLC0415  # as above
     from edge_server.store.migrate import HEAD, StoreError  # noqa: PLC0415  # as above
 
     try:
         preparation.prepare(config)
-    except StoreError as error:
+    except (OpenSecretError, StoreError) as error:
         print(f"edge server: {error}", file=sys.stderr)
         return FAILED
     print(f"{config.database_path} is at {HEAD}")

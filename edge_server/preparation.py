@@ -14,7 +14,10 @@ def prepare(config: Config) -> None:
 
     Raises:
         StoreError: if the database cannot be used.
+        OpenSecretError: if others can read a secret that was given to us.
     """
+    key_files.check_given(config)
+    config.edge_dir.mkdir(parents=True, exist_ok=True, mode=0o700)
     migrate.prepare(config.database)
     database = open_database(config)
     try:

@@ -7,11 +7,13 @@ The server's parent process loads neither the application nor the database: it o
 
 PortTakenError   another program listens on our port
 UnpreparedError  the state folder cannot be used
+WrongDoorError   what we are told to serve with would let others in, or nobody
 """
 
 import logging
 import os
 import socket
+import ssl
 import threading
 import time
 from collections.abc import Callable, Iterable
@@ -20,7 +22,7 @@ from typing import Any, Final
 from gunicorn.app.base import BaseApplication  # type: ignore[import-untyped]  # it has no types
 from gunicorn.arbiter import Arbiter  # type: ignore[import-untyped]  # as above
 
-from edge_server import children, workers
+from edge_server import children, tls, workers
 from edge_server.config import Config
 from edge_server.exit_codes import FAILED, OK, WRONG_SETUP
 
@@ -35,16 +37,26 @@ class PortTakenError(Exception):
     """Another program listens on our port."""
 
 
+class WrongDoorError(Exception):
+    """What we are told to serve with would let others in, or nobody."""
+
+
 def serve(config: Config) -> None:
     """Prepare the database and the keys, then serve until a signal ends it.
 
     Raises:
         PortTakenError: if the port is taken.
+        WrongDoorError: if it could be reached without TLS, or certificate or key are no good.
         UnpreparedError: if the state folder cannot be used; the reason has been logged.
     """
+    try:
+        tls.check_exposure(config)
+        context = tls.context_for(config)
+    except (tls.ExposedError, tls.CertificateError) as error:
+        raise WrongDoorError(str(error)) from None
     listener = listen(config.host, config.port, BIND_PATIENCE_S)
     _prepare_apart(config)
-    workers.run(_Application(config, listener))
+    workers.run(_Application(config, listener, context))
 
 
 def _prepare_apart(config: Config) -> None:
@@ -58,12 +70,13 @@ def _prepare_apart(config: Config) -> None:
 
 
 def _prepare(config: Config) -> int:
-    from edge_server.preparation import prepare  # noqa: PLC0415  # stays in the child
+    from edge_server.key_files import OpenSecretError  # noqa: PLC0415  # stays in the child
+    from edge_server.preparation import prepare  # noqa: PLC0415  # as above
     from edge_server.store.migrate import StoreError  # noqa: PLC0415  # as above
 
     try:
         prepare(config)
-    except StoreError as error:
+    except (OpenSecretError, StoreError) as error:
         LOG.error("%s", error)  # noqa: TRY400  # the sentence is enough
         return WRONG_SETUP
     except OSError:
@@ -109,12 +122,20 @@ class UnpreparedError(Exception):
 class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no types
     """Gunicorn, configured by our configuration."""
 
-    def __init__(self, config: Config, listener: socket.socket) -> None:
+    def __init__(
+        self, config: Config, listener: socket.socket, context: ssl.SSLContext | None
+    ) -> None:
         self._config = config
         self._listener = listener
+        self._context = context
         super().__init__()
 
     def load_config(self) -> None:
+        if self._context is not None:
+            # Gunicorn takes the presence of a file as the wish for TLS
+            self.cfg.set("certfile", str(self._config.tls_certificate_file))
+            self.cfg.set("keyfile", str(self._config.tls_key_file))
+            self.cfg.set("ssl_context", lambda _config, _default: self._context)
         for name, value in {
             "bind": f"fd://{self._listener.fileno()}",
             "workers": 1,
@@ -145,7 +166,8 @@ class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no ty
         ]
         for chore in chores:
             threading.Thread(target=chore, daemon=True).start()
-        LOG.info("serving on http://%s:%d", self._config.host, self._config.port)
+        scheme = "http" if self._context is None else "https"
+        LOG.info("serving on %s://%s:%d", scheme, self._config.host, self._config.port)
         return app
 
 

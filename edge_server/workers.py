@@ -11,6 +11,7 @@ import logging
 import os
 import signal
 import socket
+import ssl
 import sys
 import threading
 from collections.abc import Callable
@@ -81,7 +82,10 @@ class EdgeWorker(ThreadWorker):  # type: ignore[misc]  # gunicorn has no types
     def handle_error(
         self, req: Any, client: socket.socket, addr: tuple[str, int] | None, exc: Exception
     ) -> None:
-        """Answer what is no HTTP in the shape of every error."""
+        """Answer what is no HTTP in the shape of every error; a failure of TLS gets none."""
+        if isinstance(exc, ssl.SSLError):
+            LOG.info("no TLS with %s: %s", addr[0] if addr else "somebody", exc.reason)
+            return
         status, reason = _STATUS.get(type(exc), (400, "Bad Request"))
         if not isinstance(exc, (errors.ParseException, errors.InvalidChunkSize)):
             status, reason = 500, "Internal Server Error"
@@ -99,9 +103,12 @@ def _answer(status: int, reason: str) -> bytes:
     request_id = os.urandom(8).hex()
     body = {"message": _SENTENCES[status], "detail": {}, "request_id": request_id}
     content = json.dumps(body).encode()
+    from edge_server.api.headers import HEADERS  # noqa: PLC0415  # only the worker has loaded it
+
+    hardening = "".join(f"{name}: {value}\r\n" for name, value in HEADERS.items())
     head = (
         f"HTTP/1.1 {status} {reason}\r\nConnection: close\r\nContent-Type: application/json\r\n"
-        f"X-Request-ID: {request_id}\r\nContent-Length: {len(content)}\r\n\r\n"
+        f"X-Request-ID: {request_id}\r\nContent-Length: {len(content)}\r\n{hardening}\r\n"
     )
     return head.encode() + content
 
