@@ -18,13 +18,16 @@ from sqlalchemy.exc import DBAPIError
 
 from edge_server.cloud import HttpUplink
 from edge_server.config import Config
+from edge_server.outbox import wakeup
 from edge_server.outbox.counting import RelayCounts
 from edge_server.outbox.relay import Relay, RelayError
 from edge_server.outbox.retry import Backoff
 from edge_server.outbox.schedule import Schedule
+from edge_server.outbox.streams import AllStreams, Streams
 from edge_server.store import integrity, migrate
-from edge_server.store.database import Database
+from edge_server.store.database import Database, Topic
 from edge_server.store.engines import open_engine
+from edge_server.store.failures import is_lost
 from edge_server.tally import Tally
 from edge_server.uplinks.mqtt import MqttUplink
 from edge_server.uplinks.mqtt_topics import is_mqtt
@@ -39,35 +42,55 @@ class LockedError(Exception):
 
 
 def run(config: Config) -> None:
-    """Relay until SIGTERM or SIGINT.
+    """Relay until SIGTERM or SIGINT; a database server that is away is waited for.
 
     Raises:
         LockedError: if another relay runs.
         RelayError: if it cannot go on and should be started again.
     """
     config.edge_dir.mkdir(parents=True, exist_ok=True, mode=0o700)
-    lock = take_lock(config.relay_lock_path, LOCK_PATIENCE_S)
+    # Relays on PostgreSQL share the streams among them; a file has one relay.
+    lock = None if config.database_url else take_lock(config.relay_lock_path, LOCK_PATIENCE_S)
     stopping = threading.Event()
     _at_first_signal(stopping.set)
-    if not _wait_for_database(config.database, stopping):
-        return
-    database = Database(open_engine(config.database))
-    relay = build(config, database)
-    if not stopping.is_set():
-        _at_first_signal(relay.stop)
-    if stopping.is_set():
-        relay.stop()
-    LOG.info("relaying to %s", config.cloud_url)
     try:
+        while not stopping.is_set() and _wait_for_database(config.database, stopping):
+            _relay_once(config, stopping)
+    finally:
+        if lock is not None:
+            os.close(lock)
+
+
+def _relay_once(config: Config, stopping: threading.Event) -> None:
+    """Relay until we are told to stop, or the database server hangs up."""
+    database = Database(open_engine(config.database))
+    try:
+        relay = build(config, database)
+        _stop_with(relay, stopping)
+        LOG.info("relaying to %s", config.cloud_url)
         relay.run()
     except DBAPIError as error:
-        if not integrity.is_broken(error):
+        if integrity.is_broken(error):
+            integrity.note_fault(config.database_path, str(error.orig))
+            raise RelayError(f"the database is broken: {error.orig}") from None
+        if not is_lost(error):
             raise
-        integrity.note_fault(config.database_path, str(error.orig))
-        raise RelayError(f"the database is broken: {error.orig}") from None
+        LOG.warning("the database does not answer; waiting for it: %s", error.orig)
     finally:
         database.close()
-        os.close(lock)
+
+
+def _stop_with(relay: Relay, stopping: threading.Event) -> None:
+    """End a relay when we are told to stop, now or later."""
+
+    def stop() -> None:
+        stopping.set()
+        relay.stop()
+
+    if not stopping.is_set():
+        _at_first_signal(stop)
+    if stopping.is_set():
+        relay.stop()
 
 
 def _at_first_signal(end: Callable[[], None]) -> None:
@@ -94,11 +117,32 @@ def build(config: Config, database: Database) -> Relay:
         database=database,
         schedule=schedule,
         uplink=MqttUplink(config) if is_mqtt(config.cloud_url) else HttpUplink(config),
-        database_path=config.database_path,
-        wake_path=config.wake_path,
+        streams=_streams(config, database),
+        wake=_wake(config, database),
+        ballast_path=None if database.is_shared else config.database_path.with_name("ballast"),
         workers=config.relay_workers,
         counts=RelayCounts(Tally(config.relay_tally_path)),
     )
+
+
+def _streams(config: Config, database: Database) -> Streams:
+    if not database.is_shared:
+        return AllStreams(database, config.database_path)
+    from edge_server.outbox.sharing import SharedStreams  # noqa: PLC0415  # only PostgreSQL needs it
+
+    return SharedStreams(database.engine)
+
+
+def _wake(config: Config, database: Database) -> int:
+    """Give the descriptor at which the relay is woken: the pipe, or what the notices come to."""
+    if not database.is_shared:
+        return wakeup.open_for_reading(config.wake_path)
+    read_end, write_end = wakeup.open_pair()
+    database.listen(
+        lambda topic: wakeup.write(write_end, changed=topic == Topic.CHANGED),
+        at_end=lambda: wakeup.close(write_end),
+    )
+    return read_end
 
 
 def take_lock(path: Path, patience_s: float) -> int:
@@ -126,7 +170,7 @@ def take_lock(path: Path, patience_s: float) -> int:
 
 
 def _wait_for_database(url: str, stopping: threading.Event) -> bool:
-    """Wait until the server has made the database; false when we should stop instead."""
+    """Wait until a server has made the tables; false when we should stop instead."""
     told = time.monotonic() + 5.0
     while not migrate.is_ready(url):
         if stopping.wait(_LOOK_S):

@@ -12,7 +12,7 @@ from sqlalchemy.exc import OperationalError
 
 from edge_server.outbox import queue
 from edge_server.outbox.answers import Meaning, Verdict
-from edge_server.outbox.queue import Delivered, Parcel
+from edge_server.outbox.queue import Delivered, Parcel, Stream
 from edge_server.outbox.states import Happening
 from edge_server.store import ballast
 from edge_server.store.database import Database
@@ -51,6 +51,11 @@ class Ledger:
     def is_full(self) -> bool:
         """Whether the relay has to wait until something can be written."""
         return len(self._entries) >= MOST
+
+    @property
+    def streams(self) -> set[Stream]:
+        """Streams of which an answer is not written yet."""
+        return {entry.parcel.stream for entry in self._entries}
 
     def note(self, entry: Entry, now: float) -> None:
         """Remember an answer until it is written."""

@@ -1,7 +1,6 @@
 """The relay's loop: read what is due, decide, hand to the crew, write what was answered.
 
-RelayError
-  +- ReplacedError    the database file is another one than the one that we read
+RelayError  the relay cannot go on
 """
 
 import logging
@@ -20,6 +19,7 @@ from edge_server.outbox.ledger import Entry, Ledger
 from edge_server.outbox.queue import Parcel
 from edge_server.outbox.schedule import Schedule
 from edge_server.outbox.states import Happening
+from edge_server.outbox.streams import ReplacedError, Situation, Streams
 from edge_server.outbox.uplink import Uplink
 from edge_server.store.database import Database
 
@@ -33,10 +33,6 @@ class RelayError(Exception):
     """The relay cannot go on; the process should start again."""
 
 
-class ReplacedError(RelayError):
-    """The database file is another one than the one that we read."""
-
-
 class Relay:
     """Sends what is due until it is stopped."""
 
@@ -46,21 +42,20 @@ class Relay:
         database: Database,
         schedule: Schedule,
         uplink: Uplink,
-        database_path: Path,
-        wake_path: Path,
+        streams: Streams,
+        wake: int,
         workers: int,
+        ballast_path: Path | None = None,
         counts: RelayCounts | None = None,
     ) -> None:
         self._database = database
-        self._database_path = database_path
-        self._database_inode = database_path.stat().st_ino
+        self._streams = streams
         self._schedule = schedule
         self._uplink = uplink
         self._counts = counts
         self._crew = Crew(uplink, workers)
-        self._ledger = Ledger(database, database_path.with_name("ballast"))
-        self._wake = wakeup.open_for_reading(wake_path)
-        self._newest_row = 0
+        self._ledger = Ledger(database, ballast_path)
+        self._wake = wake
         self._look_at = 0.0
         self._stopping = threading.Event()
         self._uplink_was = UplinkState.OPEN
@@ -79,10 +74,11 @@ class Relay:
             while not self._stopping.is_set():
                 self._turn(time.monotonic())
             self._finish(time.monotonic() + STOP_WAIT_S)
-        except WorkerDiedError as error:
+        except (WorkerDiedError, ReplacedError) as error:
             raise RelayError(str(error)) from error
         finally:
             self._crew.dismiss()
+            self._streams.close()
             wakeup.close(self._wake)
 
     def _turn(self, now: float) -> None:
@@ -120,27 +116,22 @@ class Relay:
         if wakeup.CHANGED in signals:
             self._write(now)
             self._schedule.rewind()
-        if now >= self._look_at:
-            self._check_file()
         if signals or now >= self._look_at:
             self._look_at = now + TICK_S
-            with self._database.read() as connection:
-                streams, self._newest_row = queue.streams_after(connection, self._newest_row)
-            self._schedule.announce(streams)
+            news, gone = self._streams.look(self._situation(now))
+            self._schedule.forget(gone)
+            self._schedule.announce(news)
         if hungry := self._schedule.hungry():
             with self._database.read() as connection:
                 for stream, after_id, limit in hungry:
                     parcels = queue.heads(connection, stream, after_id, limit)
                     self._schedule.feed(stream, parcels, limit)
 
-    def _check_file(self) -> None:
-        """The server sets a broken database aside and makes a new one; then we must follow."""
-        try:
-            inode = self._database_path.stat().st_ino
-        except FileNotFoundError:
-            inode = 0
-        if inode != self._database_inode:
-            raise ReplacedError(f"{self._database_path} has been replaced")
+    def _situation(self, now: float) -> Situation:
+        unwritten = self._ledger.streams
+        flying = self._schedule.in_flight() | unwritten
+        busy = self._schedule.busy() | unwritten
+        return Situation(now, not self._schedule.blocked, busy, flying)
 
     def _write(self, now: float) -> None:
         if self._ledger.write(now, time.time()):

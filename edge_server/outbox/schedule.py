@@ -111,6 +111,24 @@ class Schedule:
             lane.read_to = 0
             lane.has_more = True
 
+    def busy(self) -> set[Stream]:
+        """Streams of which something is read or under way."""
+        return {stream for stream, lane in self._lanes.items() if lane.waiting or lane.flying}
+
+    def in_flight(self) -> set[Stream]:
+        """Streams of which something is under way."""
+        return {stream for stream, lane in self._lanes.items() if lane.flying}
+
+    def forget(self, streams: Iterable[Stream]) -> None:
+        """Send no more of these: another relay does."""
+        for stream in streams:
+            lane = self._lanes.get(stream)
+            if lane is not None and lane.flying:
+                lane.waiting.clear()
+                lane.has_more = False
+            else:
+                self._lanes.pop(stream, None)
+
     def take(self, now: float, offer: Offer = ONE_BY_ONE) -> list[Shipment]:
         """Choose what goes out now, filled up to what is offered; it is in flight from here on."""
         chosen = []

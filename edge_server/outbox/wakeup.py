@@ -25,6 +25,11 @@ def open_for_reading(path: Path) -> int:
     return os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
 
 
+def open_pair() -> tuple[int, int]:
+    """Make a pipe without a name, for a relay whose notices come from a database: (ours, theirs)."""
+    return os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
+
+
 def drain(descriptor: int) -> bytes:
     """Take all bytes that lie in a pipe."""
     taken = b""
@@ -43,12 +48,18 @@ def wake(path: Path, *, changed: bool = False) -> None:
             return
         raise
     try:
+        write(descriptor, changed=changed)
+    finally:
+        os.close(descriptor)
+
+
+def write(descriptor: int, *, changed: bool) -> None:
+    """Put a byte into an open pipe; harmless when it is full or nobody reads it any more."""
+    try:
         os.write(descriptor, CHANGED if changed else _ADDED)
     except OSError as error:
         if error.errno not in _NOBODY_LISTENS:
             raise
-    finally:
-        os.close(descriptor)
 
 
 def close(descriptor: int) -> None:

@@ -79,12 +79,17 @@ class Database:
                 self._sender = Sender(self.engine)
         self._sender.send(topic)
 
-    def listen(self, on_notice: Callable[[str], None]) -> None:
-        """Hear, in a thread of its own, what other programs on a shared database announce."""
+    def listen(
+        self, on_notice: Callable[[str], None], at_end: Callable[[], None] = lambda: None
+    ) -> None:
+        """Hear, in a thread of its own, what other programs on a shared database announce.
+
+        `at_end` is called when no more can be heard: when the database is closed.
+        """
         if self.is_shared:
             from edge_server.store.notices import Listener  # noqa: PLC0415  # as above
 
-            self._listener = Listener(self.engine, on_notice).start()
+            self._listener = Listener(self.engine, on_notice, at_end).start()
 
     def close(self) -> None:
         """Send what is to be told, then close all connections."""

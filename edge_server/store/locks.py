@@ -33,6 +33,8 @@ _VEHICLE: Final = _OURS + 4
 _STREAM: Final = _OURS + 5
 RELAY: Final = _OURS + 6
 """Family of the locks that relays hold while they live, by their number."""
+OPEN_RELAY: Final = _OURS + 7
+"""The same while they get through to the cloud."""
 
 _TAKE: Final = text(
     "SELECT pg_advisory_xact_lock(wanted.family, wanted.number) FROM "

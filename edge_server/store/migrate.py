@@ -19,7 +19,7 @@ from edge_server.store import integrity, locks, recovery
 from edge_server.store.engines import WRITING, open_engine, sqlite_url
 
 LOG = logging.getLogger(__name__)
-HEAD: Final = "0005"
+HEAD: Final = "0006"
 _SCRIPTS: Final = Path(__file__).parent / "migrations"
 _REPLACEMENT: Final = ".new"
 _SIDE_FILES: Final = ("-wal", "-shm", "-journal")

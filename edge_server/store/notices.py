@@ -76,9 +76,12 @@ class Sender:
 class Listener:
     """Hears notices in a thread of its own, and connects again when the connection is lost."""
 
-    def __init__(self, engine: Engine, on_notice: Callable[[str], None]) -> None:
+    def __init__(
+        self, engine: Engine, on_notice: Callable[[str], None], at_end: Callable[[], None]
+    ) -> None:
         self._engine = engine
         self._on_notice = on_notice
+        self._at_end = at_end
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
@@ -91,6 +94,7 @@ class Listener:
         """Hear no more."""
         self._stopping.set()
         self._thread.join()
+        self._at_end()
 
     def _run(self) -> None:
         while not self._stopping.is_set():
@@ -104,7 +108,7 @@ class Listener:
         with self._engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
             connection.detach()  # Its session listens, so nobody else shall use it
             connection.exec_driver_sql(f"LISTEN {_CHANNEL}").close()
-            driver = cast("psycopg.Connection[object]", connection.connection.driver_connection)
+            driver = cast("psycopg.Connection[object]", connection.connection.dbapi_connection)
             for topic in (Topic.CHANGED, Topic.WORK):  # Whatever was told before this moment
                 self._on_notice(topic)
             while not self._stopping.is_set():

@@ -81,6 +81,15 @@ outbox = Table(
 )
 """What the relay has still to send, or may never send again."""
 
+stream = Table(
+    "stream",
+    METADATA,
+    Column("vehicle_id", Integer, primary_key=True, autoincrement=False),
+    Column("kind", String(20), primary_key=True),
+    Column("owner", Integer),  # Number of the relay that sends it
+)
+"""Who sends what, where several relays share a database."""
+
 tombstone = Table(
     "tombstone",
     METADATA,

@@ -79,10 +79,11 @@ class Station:
 
 
 @pytest.fixture
-def config(tmp_path: Path) -> Config:
+def config(tmp_path: Path, engine_name: str, database_url: str) -> Config:
     """A state folder with an empty database, and a relay that is quick to try again."""
     made = Config(
         state_dir=tmp_path,
+        database_url=None if engine_name == "sqlite" else database_url,
         backoff_base_s=0.02,
         backoff_cap_s=0.1,
         probe_interval_s=0.05,
@@ -105,7 +106,13 @@ def station(config: Config) -> Iterator[Station]:
 def _with_cloud(config: Config, url: str) -> Config:
     settings = {
         name: getattr(config, name)
-        for name in ("state_dir", "backoff_base_s", "backoff_cap_s", "probe_interval_s")
+        for name in (
+            "state_dir",
+            "database_url",
+            "backoff_base_s",
+            "backoff_cap_s",
+            "probe_interval_s",
+        )
     }
     return Config(**settings, read_timeout_s=config.read_timeout_s, cloud_url=url)
 
@@ -344,7 +351,11 @@ def test_the_key_for_the_cloud_comes_from_its_file(config: Config, tmp_path: Pat
     key_file = tmp_path / "cloud-uplink.key"
     key_file.write_text("s3cret\n", encoding="ascii")
     with running_cloud() as cloud:
-        settings: dict[str, Any] = {"state_dir": config.state_dir, "cloud_url": cloud.url}
+        settings: dict[str, Any] = {
+            "state_dir": config.state_dir,
+            "database_url": config.database_url,
+            "cloud_url": cloud.url,
+        }
         station = Station(Config(**settings, cloud_key_file=key_file), cloud)
         station.ingest("pose", 0)
         station.relay()

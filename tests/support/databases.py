@@ -69,8 +69,8 @@ class PostgresServer:
         if self._identity:
             os.chown(folder, self._identity["user"], self._identity["group"])
         folder.chmod(0o755)
-        command = ["initdb", "-D", self._data, "-U", USER, "-A", "trust", "-E", "UTF8", "-N"]
-        self._run(*command, "--locale=C")
+        options = ["-U", USER, "-A", "trust", "-E", "UTF8", "--locale=C", "-N"]
+        self._run("initdb", "-D", self._data, *options)
 
     def _run(self, name: str, *arguments: object) -> None:
         subprocess.run(
