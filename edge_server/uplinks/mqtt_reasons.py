@@ -50,8 +50,8 @@ packet cannot carry; to us that is a protocol error, each time that the record i
 
 
 def of_record(code: int) -> Reply:
-    """What the broker's acknowledgement means; any unknown failure is one that may pass."""
-    return _OF_A_RECORD.get(code, Answer(500) if code >= FAILURE else Answer(200))
+    """What the broker's acknowledgement means; a code that is unknown here confirms nothing."""
+    return _OF_A_RECORD.get(code, Answer(500))
 
 
 def of_refusal(code: int, text: str) -> Reply:

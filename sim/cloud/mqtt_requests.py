@@ -11,7 +11,7 @@ import json
 from http import HTTPStatus
 from typing import Any, Final, NamedTuple
 
-from sim.cloud.store import KINDS, Outcome, Store
+from sim.cloud.store import KINDS, Message, Outcome, Store
 
 BATCH: Final = "batch"
 MOST_RECORDS: Final = 100
@@ -42,34 +42,47 @@ def answer(store: Store, request: Request, now: float) -> dict[str, Any]:
 
 
 def _answer_batch(store: Store, payload: bytes, now: float) -> dict[str, Any]:
-    lines = [_object(line) for line in payload.splitlines()]
+    """All lines are kept in one go, or none of them."""
+    lines = payload.splitlines()
     if len(lines) > MOST_RECORDS:
         return {"status": HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "message": "too many records"}
-    results: list[dict[str, Any]] = []
-    stuck: set[tuple[str, str]] = set()
+    messages: list[Message] = []
     for line in lines:
-        record = (line or {}).get("record")
-        if line is None or not isinstance(record, dict):
+        entry = _object(line) or {}
+        record = entry.get("record")
+        if not isinstance(record, dict):
             return {"status": HTTPStatus.BAD_REQUEST, "message": "each line must hold a record"}
-        kind, key = str(line.get("kind")), str(record.get("message_id"))
-        stream = (kind, str(record.get("vehicle_id")))
-        if stream in stuck:
-            results.append(_refusal(key, HTTPStatus.FAILED_DEPENDENCY, "the one before it failed"))
-            continue
-        results.append(_keep(store, kind, key, record, now))
-        if results[-1]["status"] >= HTTPStatus.INTERNAL_SERVER_ERROR:
-            stuck.add(stream)
+        messages.append(Message(str(entry.get("kind")), str(record.get("message_id")), record))
+    try:
+        outcomes = iter(store.add_all([m for m in messages if m.kind in KINDS], now))
+    except OSError as error:
+        return _not_stored(error)
+    results = [
+        _result(m.message_id, next(outcomes)) if m.kind in KINDS else _no_kind(m.message_id, m.kind)
+        for m in messages
+    ]
     return {"status": HTTPStatus.OK, "results": results}
 
 
 def _keep(store: Store, kind: str, key: str, body: dict[str, Any], now: float) -> dict[str, Any]:
     if kind not in KINDS:
-        return _refusal(key, HTTPStatus.NOT_FOUND, f"there is no kind {kind}")
+        return _no_kind(key, kind)
     try:
-        outcome = store.add(kind, key, body, now)
+        return _result(key, store.add(kind, key, body, now))
     except OSError as error:
-        return _refusal(key, HTTPStatus.INSUFFICIENT_STORAGE, f"not stored: {error.strerror}")
+        return {"message_id": key, **_not_stored(error)}
+
+
+def _result(key: str, outcome: Outcome) -> dict[str, Any]:
     return {"message_id": key, "status": _STATUS[outcome], "outcome": outcome.value}
+
+
+def _no_kind(key: str, kind: str) -> dict[str, Any]:
+    return _refusal(key, HTTPStatus.NOT_FOUND, f"there is no kind {kind}")
+
+
+def _not_stored(error: OSError) -> dict[str, Any]:
+    return {"status": HTTPStatus.INSUFFICIENT_STORAGE, "message": f"not stored: {error.strerror}"}
 
 
 def _refusal(key: str, status: HTTPStatus, message: str) -> dict[str, Any]:
