@@ -58,7 +58,9 @@ def main() -> int:
         print(f"mavlink_broker: {error}", file=sys.stderr)
         return 2
     signals = _Signals()
-    edge = EdgeClient(settings.edge_url, settings.key_file, link.wake)
+    edge = EdgeClient(
+        settings.edge_url, settings.key_file, link.wake, ca_file=settings.edge_ca_file
+    )
     edge.start()
     app = App(settings, link, edge, SystemClock(), lambda: str(ULID()))
     _LOG.info("listening on UDP %d, edge server %s", link.port, settings.edge_url)

@@ -22,6 +22,7 @@ class Config:
     """Everything that can be set."""
 
     edge_url: str = f"http://127.0.0.1:{DEFAULT_EDGE_PORT}"
+    edge_ca_file: Path | None = None  # PEM; None: the authorities that everybody trusts
     key_file: Path = Path("var/keys/broker.key")
     mavlink_host: str = "0.0.0.0"  # noqa: S104  # vehicles come from anywhere on the farm
     mavlink_port: int = DEFAULT_MAVLINK_PORT
@@ -94,6 +95,7 @@ def load(arguments: Sequence[str], environment: Mapping[str, str]) -> Config:
         parser.error("--state-vector-interval must be above 0, --battery-capacity 0 to 100 Ah")
     return Config(
         edge_url=options.edge_url,
+        edge_ca_file=options.edge_ca_file,
         key_file=options.key_file or options.state_dir / "keys" / "broker.key",
         mavlink_host=options.mavlink_host,
         mavlink_port=options.mavlink_port,
@@ -114,6 +116,7 @@ def _parser(environment: Mapping[str, str]) -> argparse.ArgumentParser:
     edge_port = environment.get("EDGE_PORT") or DEFAULT_EDGE_PORT
     options: tuple[tuple[str, object, object, str], ...] = (
         ("EDGE_URL", str, f"http://127.0.0.1:{edge_port}", "where the edge server is"),
+        ("EDGE_CA_FILE", Path, None, "who may vouch for the edge server's certificate, PEM"),
         ("STATE_DIR", Path, "var", "folder of the system's state and keys"),
         ("KEY_FILE", Path, None, "the broker's access key; in STATE_DIR/keys unless given"),
         ("MAVLINK_HOST", str, "0.0.0.0", "address to listen on"),  # noqa: S104  # as above

@@ -46,11 +46,13 @@ class NoKeyError(Exception):
 class _Door:
     """One thread's connection to the edge server."""
 
-    def __init__(self, url: str, key_file: Path) -> None:
+    def __init__(self, url: str, key_file: Path, ca_file: Path | None) -> None:
         self._url = url.rstrip("/")
         self._key_file = key_file
         self._http = requests.Session()
         self._http.trust_env = False
+        if ca_file is not None:
+            self._http.verify = str(ca_file)
         self._key: str | None = None
 
     def request(self, method: str, path: str, timeout_s: float, **how: Any) -> requests.Response:
@@ -94,9 +96,13 @@ def is_final(status_code: int) -> bool:
 class EdgeClient:
     """The edge server as the program's loop sees it: work to take, posts to leave."""
 
-    def __init__(self, url: str, key_file: Path, wake: Callable[[], None]) -> None:
+    def __init__(
+        self, url: str, key_file: Path, wake: Callable[[], None], *, ca_file: Path | None = None
+    ) -> None:
+        """Take where the edge server is, our key, and who alone vouches for its certificate."""
         self._url = url
         self._key_file = key_file
+        self._ca_file = ca_file
         self._wake = wake
         self._work: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
         self._posts = SendQueue(random.Random())
@@ -152,7 +158,7 @@ class EdgeClient:
             return self._posts.dropped
 
     def _poll_work(self) -> None:
-        door, cursor = _Door(self._url, self._key_file), 0
+        door, cursor = _Door(self._url, self._key_file, self._ca_file), 0
         while not self._stopping.is_set():
             try:
                 # The first question after a silence is answered at once, to see who is there.
@@ -189,7 +195,7 @@ class EdgeClient:
         return cursor
 
     def _send_posts(self) -> None:
-        door = _Door(self._url, self._key_file)
+        door = _Door(self._url, self._key_file, self._ca_file)
         while not self._stopping.is_set():
             with self._changed:
                 post = self._posts.take(time.monotonic())

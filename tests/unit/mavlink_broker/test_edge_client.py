@@ -1,7 +1,11 @@
 """The edge server over real HTTP: retried until answered, in order, the key when it is there."""
 
+import logging
+import ssl
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +14,7 @@ import pytest
 from mavlink_broker.edge_client import EdgeClient, is_final
 from mavlink_broker.send_queue import Post, Urgency
 from tests.support.broker_world import first_flight
+from tests.support.certificates import Authority
 from tests.support.fake_edge import FakeEdgeServer
 
 KEY = "broker-key"
@@ -133,3 +138,48 @@ def test_work_wakes_the_loop(server: FakeEdgeServer, tmp_path: Path) -> None:
 )
 def test_what_counts_as_an_answer(status: int, final: bool) -> None:
     assert is_final(status) is final
+
+
+def wait_until(true: Callable[[], bool], patience_s: float = 20.0) -> None:
+    deadline = time.monotonic() + patience_s
+    while not true():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+@contextmanager
+def https(server: FakeEdgeServer, authority: Authority) -> Iterator[str]:
+    """The same server behind TLS; gives its address."""
+    certificate, _, _ = authority.certify("edge")
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(certificate)
+    server._server.socket = context.wrap_socket(server._server.socket, server_side=True)
+    yield server.url.replace("http://", "https://")
+
+
+def test_an_edge_server_that_the_farms_authority_vouches_for_is_believed(tmp_path: Path) -> None:
+    (tmp_path / "broker.key").write_text(KEY + "\n")
+    authority = Authority(tmp_path / "farm")
+    server = FakeEdgeServer(0, KEY)
+    with https(server, authority) as url, server.running():
+        client = EdgeClient(url, tmp_path / "broker.key", Woken(), ca_file=authority.file)
+        client.start()
+        client.post(pose(1))
+        assert numbers(server.wait_for("/pose/", 1)) == [1]
+        client.stop(within_s=1.0)
+
+
+def test_an_edge_server_of_another_authority_is_told_nothing(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO, "mavlink_broker.edge_client")
+    (tmp_path / "broker.key").write_text(KEY + "\n")
+    server = FakeEdgeServer(0, KEY)
+    with https(server, Authority(tmp_path / "stranger")) as url, server.running():
+        ours = Authority(tmp_path / "farm").file
+        client = EdgeClient(url, tmp_path / "broker.key", Woken(), ca_file=ours)
+        client.start()
+        client.post(pose(1))
+        wait_until(lambda: "certificate verify failed" in caplog.text)
+        client.stop(within_s=0.0)
+        assert server.wait_for("/pose/", 1, timeout_s=0.0) == []
