@@ -9,7 +9,7 @@ from typing import Self
 from sim import signing_keys
 from sim.console import Screen
 from sim.farm_client import FarmClient, NotReadyError, RefusedError
-from sim.processes import programs
+from sim.processes import programs, uplink
 from sim.settings import Settings
 from sim.supervisor import Supervisor, SupervisorError, check_ports
 
@@ -50,8 +50,8 @@ class System:
             **os.environ,
             "PYTHONUNBUFFERED": "1",
             "STATE_DIR": str(settings.state_dir),
-            "CLOUD_URL": settings.cloud_url,
             "EDGE_URL": settings.edge_url,
+            **uplink(settings),
         }
         logs = settings.state_dir / "logs"
         self._supervisor = Supervisor(self._programs, environment, logs, screen.log)
@@ -100,6 +100,10 @@ class System:
         return f"vehicles {absent} are not connected" if absent else None
 
 
+def _by_mqtt(settings: Settings) -> str:
+    return f", records come over {settings.mqtt_url}" if settings.mqtt_url else ""
+
+
 def greeting(settings: Settings) -> str:
     """Tell where everything is and how to fly the first plan."""
     key = settings.key_path("operator")
@@ -107,7 +111,7 @@ def greeting(settings: Settings) -> str:
         (
             "The system is up.",
             f"  edge server   {settings.edge_url}",
-            f"  mock cloud    {settings.cloud_url}",
+            f"  mock cloud    {settings.cloud_url}" + _by_mqtt(settings),
             (
                 f"  MAVLink       broker UDP {settings.mavlink_port}, "
                 f"ground station UDP {settings.gcs_port}, "

@@ -21,6 +21,7 @@ class Program(NamedTuple):
 def programs(settings: Settings) -> list[Program]:
     """Give the programs of one system; settings reach them by environment."""
     return [
+        *_mqtt_broker(settings),
         Program("cloud", _module("sim.cloud"), tcp_port=settings.cloud_port),
         Program("edge", _module("edge_server"), tcp_port=settings.edge_port),
         Program(
@@ -37,6 +38,20 @@ def programs(settings: Settings) -> list[Program]:
             for system_id in range(1, settings.vehicles + 1)
         ),
     ]
+
+
+def uplink(settings: Settings) -> dict[str, str]:
+    """Environment that says how records reach the mock cloud: straight, or over a broker."""
+    url = settings.mqtt_url
+    return {"CLOUD_URL": url or settings.cloud_url, "CLOUD_MQTT_URL": url or ""}
+
+
+def _mqtt_broker(settings: Settings) -> list[Program]:
+    if settings.mqtt_port is None or settings.mosquitto is None:
+        return []
+    # Without a file of configuration Mosquitto listens on this machine alone, and knows no users.
+    command = (settings.mosquitto, "-p", str(settings.mqtt_port))
+    return [Program("mosquitto", command, tcp_port=settings.mqtt_port)]
 
 
 def _vehicle(settings: Settings, system_id: int) -> tuple[str, ...]:

@@ -1,5 +1,7 @@
 """What the launcher is told: environment variables, as the Makefile exports them."""
 
+import os
+import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +27,8 @@ class Settings:
     vehicle_port_base: int
     state_dir: Path
     plan: Path | None
+    mqtt_port: int | None = None  # A broker's, over which the edge server reaches the mock cloud
+    mosquitto: str | None = None  # Where that broker's program is
 
     @property
     def edge_url(self) -> str:
@@ -35,6 +39,11 @@ class Settings:
     def cloud_url(self) -> str:
         """Base address of the mock cloud."""
         return f"http://127.0.0.1:{self.cloud_port}"
+
+    @property
+    def mqtt_url(self) -> str | None:
+        """Broker and topics of the farm, if records go over MQTT."""
+        return f"mqtt://127.0.0.1:{self.mqtt_port}/afarcloud/farm" if self.mqtt_port else None
 
     @property
     def keys_dir(self) -> Path:
@@ -70,7 +79,11 @@ def from_environment(environment: Mapping[str, str]) -> Settings:
         vehicle_port_base=_integer(environment, "VEHICLE_PORT_BASE", 14580, 1, MAXIMUM_PORT - 100),
         state_dir=Path(environment.get("STATE_DIR") or "var"),
         plan=Path(environment["PLAN"]) if environment.get("PLAN") else None,
+        mqtt_port=_integer(environment, "MQTT_PORT", 0, 0, MAXIMUM_PORT) or None,
+        mosquitto=shutil.which("mosquitto", path=f"{os.environ.get('PATH', '')}:/usr/sbin"),
     )
+    if settings.mqtt_port is not None and settings.mosquitto is None:
+        raise SettingsError("MQTT_PORT: mosquitto is not installed")
     if settings.plan is not None and not settings.plan.is_file():
         raise SettingsError(f"PLAN: there is no file {settings.plan}")
     return settings

@@ -7,18 +7,21 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import requests
 
 from edge_server.preparation import prepare
 from sim.cloud.mqtt import MqttDoor
 from sim.cloud.store import Store
+from sim.farm_client import rows
 from tests.support import fake_cloud
 from tests.support.certificates import Authority
 from tests.support.fake_cloud import Handler, Received
 from tests.support.mosquitto import Mosquitto, password_file, running_mosquitto
 from tests.support.mqtt_cloud import running_mqtt_cloud
 from tests.support.station import Station, station_config
-from tests.support.system import wait_for
+from tests.support.system import FarmSystem, wait_for
 from tests.support.ways import MqttWay, mqtt_way
+from tests.unit.edge_server import documents
 
 POSES = range(12)
 
@@ -290,3 +293,34 @@ def test_the_mock_cloud_takes_batches(tmp_path: Path) -> None:
     for kind in ("pose", "battery"):
         held = [record.body["sequence_number"] for record in store.records(kind)]
         assert held == list(range(60))
+
+
+def test_the_launchers_programs_over_mqtt_survive_being_killed_one_by_one(tmp_path: Path) -> None:
+    with FarmSystem(tmp_path, mqtt=True) as system:
+        system.start("mosquitto", "cloud", "edge")
+        system.wait_until_edge_answers()
+        sent = 0
+        for victim in ("mosquitto", "cloud", "edge"):
+            sent = report_poses(system, sent, 5)
+            system.kill(victim)
+            if victim != "edge":
+                sent = report_poses(system, sent, 5)
+            system.start(victim)
+            system.wait_until_edge_answers()
+        wait_for(lambda: not rows(system.get("/pose/")), "delivery to the cloud")
+        held = [record["body"]["sequence_number"] for record in system.cloud("/pose")]
+        assert held == list(range(sent))
+
+
+def report_poses(system: FarmSystem, first: int, count: int) -> int:
+    """Post poses as the broker does; gives the next number."""
+    url = f"{system.settings.edge_url}/pose/"
+    for number in range(first, first + count):
+        answer = requests.post(
+            url,
+            json=documents.telemetry("pose", number, 1),
+            headers=system.headers("broker"),
+            timeout=30,
+        )
+        assert answer.status_code == 201, answer.text
+    return first + count

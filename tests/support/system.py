@@ -17,7 +17,7 @@ import requests
 
 from sim import signing_keys
 from sim.farm_client import rows
-from sim.processes import programs
+from sim.processes import programs, uplink
 from sim.settings import Settings, from_environment
 from tests.support.process_tree import descendants, gone
 
@@ -70,8 +70,10 @@ def wait_for(condition: Callable[[], Any], what: str, patience_s: float = PATIEN
 class FarmSystem:
     """Cloud, edge server, broker and vehicles; each can be started and killed by name."""
 
-    def __init__(self, state_dir: Path, *, vehicles: int = 1, speed: float = 5.0) -> None:
-        ports = free_ports(5 + vehicles)
+    def __init__(
+        self, state_dir: Path, *, vehicles: int = 1, speed: float = 5.0, mqtt: bool = False
+    ) -> None:
+        ports = free_ports(6 + vehicles)
         self.environment = {
             **os.environ,
             "VEHICLES": str(vehicles),
@@ -83,14 +85,15 @@ class FarmSystem:
             "CLOUD_PORT": str(ports[1]),
             "MAVLINK_PORT": str(ports[2]),
             "GCS_PORT": str(ports[3]),
-            "VEHICLE_PORT_BASE": str(ports[4]),
+            "MQTT_PORT": str(ports[4]) if mqtt else "",
+            "VEHICLE_PORT_BASE": str(ports[5]),
             "STATE_DIR": str(state_dir),
             "EDGE_URL": f"http://127.0.0.1:{ports[0]}",
-            "CLOUD_URL": f"http://127.0.0.1:{ports[1]}",
             "PYTHONUNBUFFERED": "1",
             "PLAN": "",
         }
         self.settings: Settings = from_environment(self.environment)
+        self.environment |= uplink(self.settings)
         self.state_dir = state_dir
         self._programs = {program.name: program for program in programs(self.settings)}
         self._running: dict[str, subprocess.Popen[bytes]] = {}

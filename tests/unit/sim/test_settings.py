@@ -18,6 +18,20 @@ def test_without_variables_the_documented_defaults_hold() -> None:
     assert settings.key_path("operator") == Path("var/keys/operator.key")
 
 
+def test_records_go_over_http_unless_a_broker_has_a_port() -> None:
+    assert from_environment({"MQTT_PORT": ""}).mqtt_url is None
+    settings = from_environment({"MQTT_PORT": "1884"})
+    assert settings.mqtt_url == "mqtt://127.0.0.1:1884/afarcloud/farm"
+    assert settings.cloud_url == "http://127.0.0.1:8100"
+
+
+def test_a_broker_that_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("shutil.which", lambda *_, **__: None)
+    assert from_environment({}).mosquitto is None
+    with pytest.raises(SettingsError, match=r"MQTT_PORT.*mosquitto"):
+        from_environment({"MQTT_PORT": "1884"})
+
+
 def test_an_empty_variable_is_no_variable() -> None:
     assert from_environment({"PLAN": "", "VEHICLES": "", "STATE_DIR": ""}) == from_environment({})
 
