@@ -170,6 +170,7 @@ class NavigatorModule:
 
     def refusal_of(self, target: ModeTarget) -> str | None:
         """Why the geofence forbids an order; None when it does not. For the commander."""
+        self._area.update(self._flight)  # A fence may have come or gone together with the order
         return area.refusal_of(target, self._flight)
 
     def update(self, now_us: int) -> None:

@@ -22,6 +22,8 @@ from uav_firmware.modules.navigator.way_round import length, way_round
 from uav_firmware.msg.vectors import Vector3
 
 _WARNING: Final = 4  # MAV_SEVERITY
+_BELOW_CEILING_M: Final = 1.0  # [m] Gusts and the estimate's noise take less
+_BELOW_CEILING_SHARE: Final = 0.2  # Of a ceiling that is low itself
 
 
 class ReturnPhase(Enum):
@@ -66,8 +68,9 @@ class ReturnHome:
         distance = math.hypot(goal[0] - here[0], goal[1] - here[1])
         down = here[2]
         if distance > flight.params.return_close_radius:
-            height = max(flight.params.return_height, flight.height_of(goal[2]))
-            down = min(down, flight.home_down(min(height, flight.fence.height_max)))
+            heights = (flight.params.return_height, flight.height_of(goal[2]))
+            height = max(*heights, flight.height_of(down))
+            down = flight.home_down(min(height, _below(flight.fence.height_max)))
         self._over_home = (goal[0], goal[1], down)
         climb = flight.stop_at((here[0], here[1], down))
         on_the_way = [flight.stop_at((*turn, down)) for turn in turns]
@@ -90,6 +93,11 @@ class ReturnHome:
         else:
             ground = (self._goal[0], self._goal[1], flight.home_down(0.0))
             self._land = Land(flight, ground, math.nan)
+
+
+def _below(ceiling: float) -> float:
+    """Height above home [m] at which a little climb too far does not break the ceiling yet."""
+    return ceiling - min(_BELOW_CEILING_M, _BELOW_CEILING_SHARE * ceiling)
 
 
 def choose_way(flight: Flight) -> tuple[Vector3 | None, tuple[Point, ...]]:

@@ -12,7 +12,7 @@ from uav_firmware.lib.stepwise import finished
 from uav_firmware.modules.navigator.geofence import Area, Disc, Geofence, Polygon
 from uav_firmware.modules.navigator.geofence_plan import check_fence, check_rally_points
 from uav_firmware.msg.geofence import Fence, FenceAction, FenceBreach, RallyPoints
-from uav_firmware.msg.mission import MissionItem, MissionResult
+from uav_firmware.msg.mission import MissionItem, MissionResult, NavigatorTarget
 from uav_firmware.msg.status import Command, NavigationState
 
 ACCEPTED, DENIED = 0, 2
@@ -322,6 +322,38 @@ def test_a_return_from_a_breach_leads_to_the_return_point_below_the_ceiling() ->
     vehicle.run_until(lambda v: not v.armed, 120.0)
     assert math.dist(vehicle.position[:2], (10.0, 10.0)) < 0.3
     assert max(-down for _, _, down in vehicle.track[begin:]) < 12.5
+
+
+@pytest.mark.parametrize("begin_height_m", [8.0, 14.0, 18.0])
+def test_a_return_keeps_away_from_the_ceiling_also_when_it_begins_above(
+    begin_height_m: float,
+) -> None:
+    vehicle = airborne()
+    place = at(40.0, 0.0)
+    values = (-1.0, 1.0, 0.0, NAN, place["x"], place["y"], begin_height_m)
+    assert vehicle.send(Command.DO_REPOSITION, *values, frame=6) == ACCEPTED
+    vehicle.run_until(lambda v: math.dist(v.position, (40.0, 0.0, -begin_height_m)) < 0.1, 60.0)
+    vehicle.registry.set("GF_ACTION", 1.0)
+    vehicle.registry.set("GF_MAX_VER_DIST", 15.0)
+    assert vehicle.send(Command.NAV_RETURN_TO_LAUNCH) == ACCEPTED
+    begin = len(vehicle.track)
+    vehicle.run_until(lambda v: not v.armed, 120.0)
+    on_the_way = [-down for north, _, down in vehicle.track[begin:] if 2.0 < north < 38.0]
+    assert on_the_way
+    assert all(13.5 < height < 14.5 for height in on_the_way)
+
+
+def test_an_order_that_comes_with_a_new_fence_is_judged_by_it() -> None:
+    vehicle = airborne()
+    place = at(40.0, 0.0)
+    goal = NavigatorTarget(
+        vehicle.now_us, NavigationState.AUTO_LOITER, place["x"], place["y"], NAN, NAN, NAN
+    )
+    circle = item(0, 5003, frame=3, param1=20.0, **at(0.0, 0.0))
+    vehicle.fence.publish(Fence(vehicle.now_us, 1, (circle,)))
+    assert vehicle.navigator.refusal_of(goal) is not None
+    vehicle.fence.publish(Fence(vehicle.now_us, 0, ()))
+    assert vehicle.navigator.refusal_of(goal) is None
 
 
 @pytest.mark.parametrize(
