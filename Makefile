@@ -116,6 +116,10 @@ soak: $(DEV) ## kill the edge server CYCLES (200) times under load, and what els
 fuzz: $(DEV) ## fly a mission under FRAMES (1000000) hostile frames; 0 if nothing moved by them
 	@exec env FRAMES=$(FRAMES) $(RUN) -m tests.bench.fuzz
 
+.PHONY: image-proof
+image-proof: ## build the containers from nothing and fly in them (root on Debian; PROFILES="postgres mqtt tls")
+	deploy/prove.sh $(PROFILES)
+
 .PHONY: clean
 clean: ## remove the state and the virtual environment
 	rm -rf $(VENV) $(STATE_DIR)

@@ -1,0 +1,138 @@
+"""`python -m deploy.health PROGRAM`: is the program of this container well? 0 yes, 1 no and why.
+
+It asks each program where an outsider can see that it works, not merely that it lives: an HTTP
+server for an answer, the relay for its lock, and who speaks MAVLink whether it empties its
+socket. Only the standard library is loaded, since it is asked every few seconds.
+
+UnwellError  the program does not do its work; the message says what is wrong
+"""
+
+import fcntl
+import http.client
+import os
+import socket
+import ssl
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Final, TypeAlias
+
+TIMEOUT_S: Final = 4.0
+UNREAD_BYTES: Final = 128 * 1024
+"""What a program that reads its socket fifty times a second never leaves there."""
+_OK: Final = 200
+_UDP_TABLES: Final = (Path("/proc/net/udp"), Path("/proc/net/udp6"))
+
+Environment: TypeAlias = Mapping[str, str]
+
+
+class UnwellError(Exception):
+    """The program does not do its work."""
+
+
+def ask_http(port: int, path: str, tls: ssl.SSLContext | None = None) -> None:
+    """Ask a server on this machine; raises UnwellError unless it answers 200."""
+    connection = (
+        http.client.HTTPConnection("127.0.0.1", port, timeout=TIMEOUT_S)
+        if tls is None
+        else http.client.HTTPSConnection("127.0.0.1", port, timeout=TIMEOUT_S, context=tls)
+    )
+    try:
+        connection.request("GET", path)
+        status = connection.getresponse().status
+    except (OSError, http.client.HTTPException) as error:
+        raise UnwellError(f"port {port} does not answer: {error}") from error
+    finally:
+        connection.close()
+    if status != _OK:
+        raise UnwellError(f"{path} on port {port} answers {status}")
+
+
+def connect(port: int) -> None:
+    """Connect to a server on this machine; raises UnwellError unless it accepts."""
+    try:
+        socket.create_connection(("127.0.0.1", port), TIMEOUT_S).close()
+    except OSError as error:
+        raise UnwellError(f"port {port} does not answer: {error}") from error
+
+
+def look_at_socket(port: int, tables: tuple[Path, ...] = _UDP_TABLES) -> None:
+    """Look at a UDP port (proc(5), net/udp); raises UnwellError if nobody listens or reads."""
+    unread = [
+        int(row[4].partition(":")[2], 16)
+        for table in tables
+        if table.exists()
+        for row in map(str.split, table.read_text(encoding="ascii").splitlines()[1:])
+        if int(row[1].rpartition(":")[2], 16) == port
+    ]
+    if not unread:
+        raise UnwellError(f"nobody listens on UDP port {port}")
+    if max(unread) > UNREAD_BYTES:
+        raise UnwellError(f"{max(unread)} bytes wait unread on UDP port {port}")
+
+
+def look_at_lock(path: Path) -> None:
+    """Raise UnwellError unless some process holds the lock on a file."""
+    try:
+        with path.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return
+    except OSError as error:
+        raise UnwellError(f"{path}: {error.strerror}") from error
+    raise UnwellError(f"nobody holds {path}")
+
+
+def _edge_server(environment: Environment) -> None:
+    port = int(environment.get("EDGE_PORT") or 8000)
+    if environment.get("EDGE_TLS_CLIENT_CA_FILE"):
+        connect(port)  # Without a certificate of its own nobody gets an answer
+        return
+    tls = None
+    if environment.get("EDGE_TLS_CERTIFICATE_FILE"):
+        # It asks itself over the loopback, where the certificate's name cannot fit.
+        tls = ssl._create_unverified_context()  # noqa: S323, SLF001  # as above
+    ask_http(port, "/readyz", tls)
+
+
+def _relay(environment: Environment) -> None:
+    look_at_lock(Path(environment.get("STATE_DIR") or "var") / "edge" / "relay.lock")
+
+
+def _broker(environment: Environment) -> None:
+    look_at_socket(int(environment.get("MAVLINK_PORT") or 14540))
+
+
+def _vehicle(environment: Environment) -> None:
+    base = int(environment.get("VEHICLE_PORT_BASE") or 14580)
+    look_at_socket(base + int(environment.get("SYSTEM_ID") or 1))
+
+
+def _cloud(environment: Environment) -> None:
+    ask_http(int(environment.get("CLOUD_PORT") or 8100), "/healthz")
+
+
+PROGRAMS: Final[Mapping[str, Callable[[Environment], None]]] = {
+    "edge-server": _edge_server,
+    "relay": _relay,
+    "broker": _broker,
+    "vehicle": _vehicle,
+    "cloud": _cloud,
+}
+
+
+def main(arguments: list[str], environment: Environment) -> int:
+    """Ask the one program that is named; gives the exit code, 2 for a name that is none."""
+    if len(arguments) != 1 or (check := PROGRAMS.get(arguments[0])) is None:
+        print(f"health: name one of {', '.join(PROGRAMS)}", file=sys.stderr)
+        return 2
+    try:
+        check(environment)
+    except UnwellError as error:
+        print(f"{arguments[0]}: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:], os.environ))
