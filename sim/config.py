@@ -52,7 +52,7 @@ class SimulationConfig:
         self._check_range("seed", 0, _LARGEST_SEED)
         self._check_range("home_latitude_deg", -85.0, 85.0)
         self._check_range("home_longitude_deg", -180.0, 180.0)
-        self._check_range("home_altitude_amsl_m", -400.0, 6000.0)
+        self._check_range("home_altitude_amsl_m", -500.0, 6000.0)
         self._check_range("start_east_m", -10_000.0, 10_000.0)
         self._check_range("physics_rate_hz", 500, 10_000)
         self._check_range("control_rate_hz", 50, 10_000)

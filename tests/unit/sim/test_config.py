@@ -17,6 +17,10 @@ def test_a_control_step_lasts_the_inverse_of_the_rate() -> None:
     assert SimulationConfig(control_rate_hz=500).step_us == 2000
 
 
+def test_home_may_be_the_shore_of_the_dead_sea() -> None:
+    assert SimulationConfig(home_altitude_amsl_m=-430.0).home_altitude_amsl_m == -430.0
+
+
 @pytest.mark.parametrize(
     ("field", "value"),
     [
