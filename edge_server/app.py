@@ -23,6 +23,7 @@ from edge_server.api import (
     health,
     keys,
     metrics,
+    plan_files,
     plans,
     request_log,
     surveys,
@@ -53,6 +54,7 @@ class _Json(DefaultJSONProvider):
 
 _PARTS = (
     plans,
+    plan_files,
     events,
     fields,
     surveys,

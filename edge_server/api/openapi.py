@@ -35,6 +35,15 @@ _QUERY: Final[dict[str, tuple[str, dict[str, Any]]]] = {
     ),
     "vehicle_id": ("Only of this vehicle", {"type": "integer", "minimum": 1, "maximum": 2**31 - 1}),
     "kind": ("Only of this kind", {"enum": [kind.value for kind in TELEMETRY]}),
+    "vehicle_id:required": (
+        "Whose mission it is",
+        {"type": "integer", "minimum": 1, "maximum": 2**31 - 1},
+    ),
+    "dispatch": ("Fly it; else it is held", {"type": "boolean"}),
+    "mission_id": ("Number of the mission", {"type": "integer", "minimum": 0}),
+    "maximum_speed": ("In place of the file's own [m/s]", {"type": "number"}),
+    "name": ("Name of the plan", {"type": "string", "minLength": 1, "maxLength": 255}),
+    "format:plan": ("As JSON, or as a file of QGroundControl", {"enum": ["json", "plan"]}),
     "format:geojson": ("As JSON or as GeoJSON", {"enum": ["json", "geojson"]}),
     "preview": ("Only plan, keep nothing", {"type": "boolean"}),
     "wait": ("Seconds to wait for work", {"type": "number", "minimum": 0, "maximum": 25}),
@@ -179,7 +188,9 @@ def _other_parameters(route: Route) -> Iterable[dict[str, Any]]:
     contract = route.contract
     for name in contract.query:
         text, schema = _QUERY[name]
-        yield {"name": name.partition(":")[0], "in": "query", "description": text, "schema": schema}
+        parameter, _, kind = name.partition(":")
+        found = {"name": parameter, "in": "query", "description": text, "schema": schema}
+        yield {**found, "required": True} if kind == "required" else found
     if contract.conditional:
         name = "If-None-Match" if route.method == "GET" else "If-Match"
         yield {"name": name, "in": "header", "schema": _TAG}

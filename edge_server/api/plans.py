@@ -9,7 +9,7 @@ from werkzeug.exceptions import Forbidden
 
 from afarcloud.plan import Plan
 from afarcloud.wire import Kind
-from edge_server.api import bodies, etags, urls
+from edge_server.api import bodies, etags, plan_files, urls
 from edge_server.api.auth import PLANNERS, READERS, allow, audit, caller
 from edge_server.api.contract import PAGE, Contract, describe
 from edge_server.services import plans
@@ -79,9 +79,11 @@ def page() -> list[dict[str, Any]]:
 
 
 @allow(READERS)
-@describe(Contract({200: STORED}, conditional=True))
+@describe(Contract({200: STORED}, query=("format:plan", "vehicle_id"), conditional=True))
 def get(reference: int | str) -> ResponseReturnValue:
-    """Give a plan with its live status."""
+    """Give a plan with its live status, or a mission of it as a file of QGroundControl."""
+    if plan_files.wants_plan_file():
+        return plan_files.export(reference)
     return etags.tagged(plans.find(bodies.context(), reference))
 
 

@@ -66,6 +66,27 @@ SURVEY: Final[dict[str, Any]] = {
 }
 
 
+PLAN_FILE: Final[dict[str, Any]] = {
+    "type": "object",
+    "description": "A .plan file of QGroundControl; its own documentation says more.",
+    "properties": {
+        "fileType": {"const": "Plan"},
+        "version": {"const": 1},
+        "mission": {
+            "type": "object",
+            "properties": {
+                "version": {"const": 2},
+                "items": {"type": "array", "items": {"type": "object"}, "minItems": 1},
+            },
+            "required": ["version", "items"],
+        },
+        "geoFence": {"type": "object"},
+        "rallyPoints": {"type": "object"},
+    },
+    "required": ["fileType", "version", "mission"],
+}
+
+
 def name_of(kind: Kind) -> str:
     """Name of the schema of a kind."""
     return MODELS[kind].__name__
@@ -96,6 +117,7 @@ def components() -> dict[str, Any]:
     found |= _keys()
     found |= field_schemas.components(found["Field"], REFERENCE)
     found["Survey"] = SURVEY
+    found["QGroundControlPlan"] = PLAN_FILE
     return found
 
 

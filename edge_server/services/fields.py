@@ -6,6 +6,7 @@ from typing import Any, Final
 from afarcloud.wire import write
 from edge_server.exchange.field import Field, area_m2
 from edge_server.services import once
+from edge_server.services.attempts import repeatable
 from edge_server.services.context import (
     Caller,
     Context,
@@ -21,6 +22,7 @@ from edge_server.store.idempotency import Answered
 _ROUTE: Final = "field"
 
 
+@repeatable
 def create_all(
     context: Context, documents: Sequence[Field], caller: Caller
 ) -> list[dict[str, Any]]:
@@ -64,6 +66,7 @@ def page(
     return [show(stored) for stored in found]
 
 
+@repeatable
 def replace(
     context: Context,
     identifier: int,
@@ -78,6 +81,7 @@ def replace(
         return show(_known(fields.get(connection, identifier), identifier))
 
 
+@repeatable
 def remove(context: Context, identifier: int) -> None:
     """Forget a field; plans that name it stay as they are. Raises NotFoundError."""
     with context.database.write() as connection:

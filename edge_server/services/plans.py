@@ -49,11 +49,16 @@ def create(context: Context, plan: Plan, caller: Caller) -> dict[str, Any]:
 
 @repeatable
 def create_all(
-    context: Context, documents: Sequence[Plan], caller: Caller, asked: dict[str, Any]
+    context: Context,
+    documents: Sequence[Plan],
+    caller: Caller,
+    asked: dict[str, Any],
+    warnings: Sequence[Fault] = (),
 ) -> list[dict[str, Any]]:
     """Keep several plans in one transaction, in their order; returns them as stored.
 
-    `asked` is what they were made from, by which a repeated request is known.
+    `asked` is what they were made from, by which a repeated request is known; `warnings` of the
+    making are kept with each.
 
     Raises:
         as `create`; then none of them is kept.
@@ -63,7 +68,7 @@ def create_all(
         answered = once.earlier(connection, caller, _SEVERAL, body_sha256)
         if answered is None:
             now = context.clock()
-            rows = [_create(connection, context, plan, now) for plan in documents]
+            rows = [_create(connection, context, plan, now, warnings) for plan in documents]
             # Ids made under one lock follow each other, so the first one tells them all
             answered = Answered(_SEVERAL, body_sha256, rows[0], None, now)
             once.remember(connection, caller, answered)
@@ -75,9 +80,16 @@ def create_all(
     return shown
 
 
-def _create(connection: Connection, context: Context, plan: Plan, now: float) -> int:
+def _create(
+    connection: Connection,
+    context: Context,
+    plan: Plan,
+    now: float,
+    warnings: Sequence[Fault] = (),
+) -> int:
     broker_work.expire(connection, now)
     stored = _checked(connection, context, plan, now)
+    stored.warnings.extend({"path": one.path, "message": one.message} for one in warnings)
     if plans.find(connection, stored.plan_id) is not None:
         raise ConflictError(
             "a plan of this plan_id is here already", (Fault("plan_id", "is already taken"),)

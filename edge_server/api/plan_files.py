@@ -1,0 +1,135 @@
+"""`/plans/import`, and a plan as `.plan`: missions to and from QGroundControl and its like."""
+
+import re
+from typing import Any, Final
+
+from apiflask import APIBlueprint
+from flask import make_response, request, url_for
+from flask.typing import ResponseReturnValue
+from werkzeug.exceptions import Forbidden
+
+from afarcloud.faults import Fault, InvalidError
+from afarcloud.wire import read_as
+from edge_server.api import bodies, exchange, scopes, urls
+from edge_server.api.auth import PLANNERS, allow, audit, caller
+from edge_server.api.contract import Contract, describe
+from edge_server.api.errors import RequestError
+from edge_server.services import plan_files
+from edge_server.services.plan_files import ImportOrder
+from edge_server.store.keys import Role
+
+FILES: Final = ("text/plain", exchange.UNTOLD)
+EXAMPLE: Final[dict[str, Any]] = {
+    "fileType": "Plan",
+    "version": 1,
+    "groundStation": "QGroundControl",
+    "mission": {
+        "version": 2,
+        "firmwareType": 12,
+        "vehicleType": 2,
+        "cruiseSpeed": 15,
+        "hoverSpeed": 5,
+        "plannedHomePosition": [40.4434, -3.7382, 650],
+        "items": [
+            {
+                "type": "SimpleItem",
+                "autoContinue": True,
+                "command": 22,
+                "doJumpId": 1,
+                "frame": 3,
+                "params": [0, 0, 0, None, 40.4434, -3.7382, 10],
+            },
+            {
+                "type": "SimpleItem",
+                "autoContinue": True,
+                "command": 20,
+                "doJumpId": 2,
+                "frame": 2,
+                "params": [0, 0, 0, 0, 0, 0, 0],
+            },
+        ],
+    },
+    "geoFence": {"version": 2, "circles": [], "polygons": []},
+    "rallyPoints": {"version": 2, "points": []},
+}
+ORDER: Final = ("vehicle_id:required", "dispatch", "mission_id", "maximum_speed", "name")
+_FORMATS: Final = ("json", "plan")
+_WHOLE: Final = re.compile(r"\d{1,10}")
+_FRACTION: Final = re.compile(r"\d{1,6}(\.\d{1,6})?")
+_FLAGS: Final = {"true": True, "false": False}
+
+
+def blueprint() -> APIBlueprint:
+    """Make the route."""
+    routes = APIBlueprint("plan_files", __name__)
+    urls.add(routes, ("plans", "plan"), "create", create, "POST", action="import")
+    return routes
+
+
+@allow(PLANNERS | {Role.FARMER})
+@describe(
+    Contract(
+        {201: "StoredPlan"},
+        body="QGroundControlPlan",
+        query=ORDER,
+        repeatable=True,
+        errors=(409,),
+        files=FILES,
+        example=EXAMPLE,
+    )
+)
+def create() -> ResponseReturnValue:
+    """Keep the plan that a QGroundControl `.plan` or `QGC WPL 110` file tells; it is held."""
+    upload = exchange.upload((exchange.JSON, *FILES))
+    order = _order()
+    if caller().role == Role.FARMER and order.dispatch:
+        raise Forbidden("a farmer may post drafts only: dispatch=false")
+    scopes.check(order.vehicle_id)
+    stored = plan_files.create(bodies.context(), upload.raw, order, caller())
+    audit(f"imported plan {stored['id']}")
+    return stored, 201, {"Location": url_for("plans.get", reference=stored["id"])}
+
+
+def wants_plan_file() -> bool:
+    """Whether a plan is asked for as a `.plan`; raises 422 for a format that there is not."""
+    told = request.args.get("format", "json")
+    if told not in _FORMATS:
+        fault = Fault("format", "must be json or plan")
+        raise RequestError(422, "the query cannot be used", (fault,))
+    return told == "plan"
+
+
+def export(reference: int | str) -> ResponseReturnValue:
+    """Give one mission of a plan as a file."""
+    vehicle_id = bodies.query_vehicle()
+    try:
+        document, chosen = plan_files.export(bodies.context(), reference, vehicle_id)
+    except InvalidError as error:
+        raise RequestError(422, "the query cannot be used", error.faults) from None
+    scopes.check(chosen)
+    response = make_response(document)
+    name = f"plan-{reference}-vehicle-{chosen}.plan"
+    response.headers["Content-Disposition"] = f'attachment; filename="{name}"'
+    return response
+
+
+def _order() -> ImportOrder:
+    """Read from query or form what the file does not say; raises RequestError."""
+    told = request.form.to_dict() | request.args.to_dict()
+    known = {name: told[name] for name in ImportOrder.model_fields if name in told}
+    values: dict[str, Any] = {name: _value(name, text) for name, text in known.items()}
+    try:
+        return read_as(ImportOrder, values)
+    except InvalidError as error:
+        raise RequestError(422, "the query cannot be used", error.faults) from None
+
+
+def _value(name: str, text: str) -> Any:
+    """A text as the JSON value that it stands for; the model judges what it is."""
+    if name == "name":
+        return text
+    if name == "dispatch":
+        return _FLAGS.get(text, text)
+    if _WHOLE.fullmatch(text):
+        return int(text)
+    return float(text) if _FRACTION.fullmatch(text) else text

@@ -1,0 +1,17 @@
+"""What any file with a mission says, once it is read."""
+
+from typing import Any, NamedTuple
+
+from afarcloud.faults import Fault
+from edge_server.exchange.mission_item import Home, Item
+
+
+class MissionFile(NamedTuple):
+    """A mission before it is translated."""
+
+    items: list[Item]
+    home: Home | None
+    speed_m_s: float | None = None  # Where no item says one
+    zero_yaw_is_unset: bool = False
+    geofence: dict[str, Any] | None = None
+    warnings: tuple[Fault, ...] = ()

@@ -1,0 +1,114 @@
+"""The fence of a `.plan`: polygons as they are, circles as polygons on the safe side. Pure."""
+
+import math
+from collections.abc import Mapping
+from typing import Any, Final, TypeGuard
+
+from afarcloud.faults import Fault, InvalidError
+from edge_server.exchange.mission_item import EXTRA, Place
+
+VERSION: Final = 2
+CORNERS_OF_A_CIRCLE: Final = 72
+_SMALLEST_M, _LARGEST_M = 0.1, 1e6
+
+
+def read(fence: Any) -> tuple[dict[str, Any] | None, list[Fault]]:
+    """Give a geofence as document, None for none; and what is done otherwise than it says.
+
+    Raises:
+        InvalidError: naming each part that is wrong.
+    """
+    if fence is None:
+        return None, []
+    if not isinstance(fence, dict) or fence.get("version") != VERSION:
+        raise InvalidError((Fault("geoFence.version", f"must be {VERSION}"),))
+    found: dict[str, Any] = {"inclusion": [], "exclusion": []}
+    warnings: list[Fault] = []
+    for index, polygon in enumerate(_list(fence, "polygons")):
+        path = f"geoFence.polygons.{index}"
+        found[_side(polygon, path)].append(_polygon(polygon, path))
+    for index, circle in enumerate(_list(fence, "circles")):
+        path = f"geoFence.circles.{index}"
+        side = _side(circle, path)
+        found[side].append(_circle(circle, path, is_inner=side == "inclusion"))
+        message = f"becomes a polygon of {CORNERS_OF_A_CIRCLE} corners on the safe side"
+        warnings.append(Fault(path, message))
+    if fence.get("breachReturn") is not None:
+        warnings.append(Fault("geoFence.breachReturn", "is left out: a plan has no such place"))
+    extra = fence.get(EXTRA)
+    height = extra.get("max_altitude") if isinstance(extra, dict) else None
+    if height is not None:
+        found["max_altitude"] = height
+    return (found if any(found.values()) else None), warnings
+
+
+def _list(fence: Mapping[str, Any], name: str) -> list[Any]:
+    found = fence.get(name, [])
+    if not isinstance(found, list):
+        raise InvalidError((Fault(f"geoFence.{name}", "must be a list"),))
+    return found
+
+
+def _side(area: Any, path: str) -> str:
+    inclusion = area.get("inclusion") if isinstance(area, dict) else None
+    if not isinstance(inclusion, bool):
+        raise InvalidError((Fault(f"{path}.inclusion", "must be true or false"),))
+    return "inclusion" if inclusion else "exclusion"
+
+
+def _polygon(area: Mapping[str, Any], path: str) -> Any:
+    """The corners as they are; the model judges them."""
+    polygon = area.get("polygon")
+    if not isinstance(polygon, list):
+        raise InvalidError((Fault(f"{path}.polygon", "must be a list of corners"),))
+    return polygon
+
+
+def _circle(area: Mapping[str, Any], path: str, *, is_inner: bool) -> list[list[float]]:
+    """Corners on the circle where one stays inside, around it where one stays outside."""
+    circle = area.get("circle")
+    told = circle if isinstance(circle, dict) else {}
+    centre, radius = told.get("center"), told.get("radius")
+    if not _is_place(centre) or not _is_number(radius) or not _SMALLEST_M <= radius <= _LARGEST_M:
+        message = "must have a center of latitude and longitude and a radius [m]"
+        raise InvalidError((Fault(f"{path}.circle", message),))
+    step = math.tau / CORNERS_OF_A_CIRCLE
+    reach = radius if is_inner else radius / math.cos(step / 2.0)
+    middle = Place(centre[0], centre[1], 0.0)
+    corners = [
+        middle.moved(reach * math.cos(number * step), reach * math.sin(number * step))
+        for number in range(CORNERS_OF_A_CIRCLE)
+    ]
+    return [[corner.latitude_deg, corner.longitude_deg] for corner in corners]
+
+
+def _is_place(value: Any) -> TypeGuard[list[float]]:
+    if not isinstance(value, list) or len(value) != 2 or not all(map(_is_number, value)):
+        return False
+    latitude, longitude = value
+    return bool(-89.9 <= latitude <= 89.9 and -180.0 <= longitude <= 180.0)
+
+
+def _is_number(value: Any) -> TypeGuard[float]:
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return is_number and math.isfinite(value)
+
+
+def rally_warnings(rally: Any) -> list[Fault]:
+    """Say that rally points are left out, where there are any."""
+    points = rally.get("points") if isinstance(rally, dict) else None
+    return [Fault("rallyPoints", "are left out: a plan has none")] if points else []
+
+
+def write(geofence: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Write a geofence; its height, which the file has no place for, in a member of our own."""
+    fence = geofence or {}
+    polygons = [
+        {"version": 1, "inclusion": side == "inclusion", "polygon": [list(one) for one in polygon]}
+        for side in ("inclusion", "exclusion")
+        for polygon in fence.get(side, ())
+    ]
+    written: dict[str, Any] = {"version": VERSION, "circles": [], "polygons": polygons}
+    if fence.get("max_altitude") is not None:
+        written[EXTRA] = {"max_altitude": fence["max_altitude"]}
+    return written

@@ -1,0 +1,132 @@
+"""Plans out of other programs' mission files, and back into one."""
+
+import hashlib
+import re
+from collections.abc import Sequence
+from typing import Any, Final
+
+from afarcloud.annex import in_seconds
+from afarcloud.enumerations import Profile
+from afarcloud.faults import Fault, InvalidError
+from afarcloud.model import Model
+from afarcloud.numbers import INT32_MAX, Boolean, Int32, ShortText, VehicleId
+from afarcloud.plan import Mission, Plan, Speed
+from afarcloud.wire import parse_json, read_as, write
+from edge_server.exchange import from_commands, qgc_plan, to_commands, waypoint_list
+from edge_server.exchange.mission_file import MissionFile
+from edge_server.exchange.to_commands import Translated
+from edge_server.services import plans
+from edge_server.services.context import Caller, Context
+from edge_server.services.errors import NotFoundError
+from edge_server.store import plans as stored_plans
+from edge_server.store import work
+
+_OF_COMMAND: Final = re.compile(r"missions\.0\.command_array\.(\d+)(?:\.(.+))?")
+_OF_MISSION: Final = "missions.0."
+
+
+class ImportOrder(Model):
+    """What a file does not say: whose mission it is, and whether it is to be flown."""
+
+    vehicle_id: VehicleId
+    dispatch: Boolean = False
+    mission_id: Int32 | None = None
+    maximum_speed: Speed | None = None  # In place of the file's own
+    name: ShortText | None = None
+
+
+def read(raw: bytes) -> MissionFile:
+    """Read a file of either kind; raises DocumentError."""
+    if waypoint_list.is_waypoint_list(raw):
+        return waypoint_list.read(raw)
+    return qgc_plan.read(parse_json(raw))
+
+
+def create(context: Context, raw: bytes, order: ImportOrder, caller: Caller) -> dict[str, Any]:
+    """Keep the plan that a file tells; returns it as stored.
+
+    Raises:
+        DocumentError: if the file is none, or an item of it cannot be told in commands.
+        ConflictError: as for a plan.
+        KeyReusedError: if the idempotency key belongs to another request.
+    """
+    file = read(raw)
+    translated = to_commands.translate(
+        file.items, file.home, speed_m_s=file.speed_m_s, zero_yaw_is_unset=file.zero_yaw_is_unset
+    )
+    asked = {"file": hashlib.sha256(raw).hexdigest(), **write(order)}
+    warnings = [*file.warnings, *translated.warnings]
+    try:
+        plan = read_as(Plan, _document(context, file, translated, order))
+        (kept,) = plans.create_all(context, [plan], caller, asked, warnings)
+    except InvalidError as error:
+        raise InvalidError(_placed(error.faults, translated.paths)) from None
+    return kept
+
+
+def _document(
+    context: Context, file: MissionFile, translated: Translated, order: ImportOrder
+) -> dict[str, Any]:
+    mission_id = order.mission_id
+    if mission_id is None:
+        mission_id = int(context.clock()) % INT32_MAX
+    mission = {
+        "mission_id": mission_id,
+        "vehicle_id": order.vehicle_id,
+        "maximum_speed": order.maximum_speed or translated.maximum_speed_m_s,
+        "command_array": translated.commands,
+    }
+    plan: dict[str, Any] = {"dispatch": order.dispatch, "missions": [mission]}
+    if order.name is not None:
+        plan["name"] = order.name
+    if file.geofence is not None:
+        plan["geofence"] = file.geofence
+    return plan
+
+
+def _placed(faults: Sequence[Fault], paths: Sequence[str]) -> tuple[Fault, ...]:
+    """Name places of the file where the faults name places of the plan made from it."""
+    return tuple(_place(fault, paths) for fault in faults)
+
+
+def _place(fault: Fault, paths: Sequence[str]) -> Fault:
+    found = _OF_COMMAND.fullmatch(fault.path)
+    if found is not None and int(found[1]) < len(paths):
+        what = f"{found[2]} " if found[2] else ""
+        return fault._replace(path=paths[int(found[1])], message=f"{what}{fault.message}")
+    return fault._replace(path=fault.path.removeprefix(_OF_MISSION))
+
+
+def export(
+    context: Context, reference: int | str, vehicle_id: int | None
+) -> tuple[dict[str, Any], int]:
+    """Give one mission of a plan as a `.plan`, of several the vehicle's; and whose it is.
+
+    Raises:
+        NotFoundError: if there is no such plan, or no mission of the vehicle in it.
+        InvalidError: if it does not say which of several missions.
+    """
+    with context.database.read() as connection:
+        stored = stored_plans.find(connection, reference)
+        if stored is None:
+            raise NotFoundError(f"there is no plan {reference}")
+        bodies = [item.body for item in work.of_plan(connection, stored.id)]
+    missions = [Mission.model_validate(body) for body in bodies]
+    mission = _chosen(missions, vehicle_id)
+    if stored.body.get("profile") == Profile.ANNEX:
+        mission = in_seconds(mission)
+    home = from_commands.home_of(mission)
+    items = from_commands.items_of(mission, home)
+    geofence = stored.body.get("geofence")
+    return qgc_plan.write(items, home, mission.maximum_speed, geofence), mission.vehicle_id
+
+
+def _chosen(missions: Sequence[Mission], vehicle_id: int | None) -> Mission:
+    vehicles = [mission.vehicle_id for mission in missions]
+    if vehicle_id is None and len(missions) > 1:
+        told = ", ".join(map(str, vehicles))
+        message = f"must be given: the plan has missions of vehicles {told}"
+        raise InvalidError((Fault("vehicle_id", message),))
+    if vehicle_id is not None and vehicle_id not in vehicles:
+        raise NotFoundError(f"the plan has no mission of vehicle {vehicle_id}")
+    return missions[0 if vehicle_id is None else vehicles.index(vehicle_id)]
