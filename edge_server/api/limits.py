@@ -6,6 +6,7 @@ has a generous limit of its own, so that people and vehicles cannot starve each 
 
 import ipaddress
 import math
+import threading
 import time
 from typing import Final
 
@@ -17,15 +18,47 @@ from werkzeug.exceptions import TooManyRequests
 from edge_server.config import Config
 from edge_server.store.keys import Role, StoredKey
 
+_FORGETTING_S: Final = 60.0
 _NETWORK_BITS: Final = 64
 """Of an IPv6 address: one household has all the others."""
+
+
+class _Counts(MemoryStorage):
+    """Forgets what has expired once a minute, not in a thread of its own for every request."""
+
+    @property  # type: ignore[override]  # the base class has an attribute
+    def timer(self) -> "_Rarely":
+        """What stands for the next thread that forgets."""
+        return self._timer
+
+    @timer.setter
+    def timer(self, made: threading.Timer) -> None:
+        self._timer = _Rarely(made)
+
+
+class _Rarely:
+    """A timer that counts as alive for a minute after its start, so that none follows it soon."""
+
+    def __init__(self, timer: threading.Timer) -> None:
+        self._timer = timer
+        self._alive_until = 0.0
+
+    def start(self) -> None:
+        """Start it."""
+        self._timer.daemon = True
+        self._timer.start()
+        self._alive_until = time.monotonic() + _FORGETTING_S
+
+    def is_alive(self) -> bool:
+        """Whether it is too early for the next one."""
+        return time.monotonic() < self._alive_until
 
 
 class Limits:
     """Counts; safe to share between threads."""
 
     def __init__(self, config: Config) -> None:
-        self._limiter = SlidingWindowCounterRateLimiter(MemoryStorage())
+        self._limiter = SlidingWindowCounterRateLimiter(_Counts())
         self._of_people = RateLimitItemPerMinute(config.requests_per_minute, namespace="key")
         self._of_broker = RateLimitItemPerMinute(config.broker_requests_per_minute, namespace="key")
         self._of_failures = RateLimitItemPerMinute(config.failures_per_minute, namespace="wrong")

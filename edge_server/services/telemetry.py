@@ -51,8 +51,11 @@ def ingest(context: Context, kind: Kind, report: Report, caller: Caller) -> dict
     """
     body = write(report)
     context.space.admit(kind.value, _picture_bytes(report))
-    with context.database.write(*_locks(kind, report.vehicle_id)) as connection:
-        answered = _keep(connection, kind, report, body, caller, context.clock())
+    now = context.clock()
+    answered = context.database.write_together(
+        lambda connection: _keep(connection, kind, report, body, caller, now),
+        *_locks(kind, report.vehicle_id),
+    )
     context.wake_relay()
     return {"id": answered.object_id, **body, **_receipt(answered)}
 
@@ -229,9 +232,7 @@ def show(record: Record) -> dict[str, Any]:
     }
 
 
-def _find(
-    connection: Connection, kind: Kind, record_id: int, *, to_change: bool = False
-) -> Record:
+def _find(connection: Connection, kind: Kind, record_id: int, *, to_change: bool = False) -> Record:
     record = telemetry.get(connection, kind.value, record_id, to_change=to_change)
     if record is None:
         raise _missing(kind, record_id)

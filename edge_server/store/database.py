@@ -2,11 +2,12 @@
 
 import json
 import threading
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from enum import StrEnum
-from typing import Any, Final
+from typing import Any, Final, Generic, TypeVar
 
 from sqlalchemy import Connection, CursorResult, Engine, Table
 from sqlalchemy.dialects import postgresql, sqlite
@@ -16,6 +17,9 @@ from edge_server.store.engines import READING, WRITING
 from edge_server.store.locks import Lock
 
 Witness = Callable[[Connection], AbstractContextManager[None]]
+_T = TypeVar("_T")
+_GROUP: Final = 64
+"""Pieces of work in one transaction, at most."""
 WITNESS: Final[ContextVar[Witness | None]] = ContextVar("witness", default=None)
 """Who is around every transaction that changes something, as far as this thread is concerned.
 
@@ -31,6 +35,19 @@ class Topic(StrEnum):
     CHANGED = "changed"  # Records that were there before have been changed or deleted
 
 
+class _Job(Generic[_T]):
+    """A piece of work that waits for the writer's place."""
+
+    __slots__ = ("alone", "done", "result", "work")
+
+    result: _T
+
+    def __init__(self, work: Callable[[Connection], _T]) -> None:
+        self.work = work
+        self.done = False
+        self.alone = False  # Its group has failed
+
+
 class Database:
     """Transactions on one engine; safe to share between threads."""
 
@@ -42,6 +59,7 @@ class Database:
         self._reader = engine.execution_options(**READING) if self.is_shared else engine
         # SQLite's own wait for the writer sleeps in steps of up to 100 ms; ours does not.
         self._one_writer = None if self.is_shared else threading.Lock()
+        self._jobs: deque[_Job[Any]] = deque()
         self._sender_lock = threading.Lock()
         self._sender: Any = None
         self._listener: Any = None
@@ -61,6 +79,39 @@ class Database:
             if witness is not None:
                 stack.enter_context(witness(connection))
             yield connection
+
+    def write_together(self, work: Callable[[Connection], _T], *wanted: Lock) -> _T:
+        """Do a piece of work in a transaction that it may share with others of the same moment.
+
+        On SQLite every commit waits for the disk. Whoever gets the writer's place does what has
+        queued up meanwhile and commits it as one; whoever is alone waits for nobody. If anything
+        in a group fails, each piece is done again by itself: a failure is one caller's own.
+        """
+        if self._one_writer is None or WITNESS.get() is not None:
+            with self.write(*wanted) as connection:
+                return work(connection)
+        job = _Job(work)
+        self._jobs.append(job)
+        with self._one_writer, suppress(Exception):  # Raised again below, by whoever is to blame
+            while not job.done:
+                self._do_jobs()
+        if job.alone:
+            with self.write(*wanted) as connection:
+                return work(connection)
+        return job.result
+
+    def _do_jobs(self) -> None:
+        """Do what has queued up, and commit it as one."""
+        group = [self._jobs.popleft() for _ in range(min(len(self._jobs), _GROUP))]
+        kept = False
+        try:
+            with self._writer.begin() as connection:
+                for job in group:
+                    job.result = job.work(connection)
+            kept = True
+        finally:
+            for job in group:
+                job.alone, job.done = not kept, True
 
     @contextmanager
     def read(self) -> Iterator[Connection]:

@@ -18,7 +18,7 @@ from typing import Final
 from sqlalchemy.exc import DBAPIError
 
 LOG = logging.getLogger(__name__)
-PATIENCE_S: Final = 1.0
+PATIENCE_S: Final = 0.5
 _BROKEN: Final = frozenset({sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT})
 _PRIMARY: Final = 0xFF
 """The lower byte of an extended result code (sqlite.org/rescode.html)."""

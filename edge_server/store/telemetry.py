@@ -1,7 +1,7 @@
 """Reports of vehicles as rows: one row per report, any kind."""
 
 import json
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from sqlalchemy import Connection, delete, func, insert, select, update
 
@@ -25,6 +25,9 @@ class Record(NamedTuple):
         return body
 
 
+_ADD: Final = insert(telemetry)
+
+
 def add(
     connection: Connection,
     *,
@@ -36,7 +39,7 @@ def add(
 ) -> int:
     """Keep a report; returns its id."""
     result = connection.execute(
-        insert(telemetry),
+        _ADD,
         {
             "kind": kind,
             "vehicle_id": vehicle_id,

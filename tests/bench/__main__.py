@@ -2,7 +2,8 @@
 
 `BENCH` chooses what, separated by commas: `flight` (how well it flies, some minutes on both
 cores), `speed` (how fast it is simulated), `system` (the running programs), `links`
-(files over MAVLink), `missions` (their upload). Without it, all.
+(files over MAVLink), `missions` (their upload), `edge` (what the edge server takes in and sends
+on). Without it, all.
 """
 
 import os
@@ -12,7 +13,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Final
 
-from tests.bench import flight_quality, links, mission_upload, simulation, system
+from tests.bench import edge, flight_quality, links, mission_upload, simulation, system
 from tests.bench.results import Result, page, write
 
 
@@ -27,6 +28,7 @@ PARTS: Final[Mapping[str, Callable[[], Iterable[Result]]]] = {
     "system": _system,
     "links": links.measure,
     "missions": mission_upload.measure,
+    "edge": edge.measure,
 }
 
 
