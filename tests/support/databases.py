@@ -36,6 +36,11 @@ _FAST = {
     "log_min_messages": "fatal",
 }
 
+_CUT_OTHERS = (
+    "SELECT pg_terminate_backend(pid) FROM pg_stat_activity "
+    "WHERE datname = current_database() AND pid <> pg_backend_pid()"
+)
+
 
 def binaries() -> Path:
     """Where initdb and postgres lie: on the path, or where Debian puts them."""
@@ -137,8 +142,7 @@ class PostgresServer:
         filled = [t for t in tables if self.administer(f"SELECT 1 FROM {t} LIMIT 1", name)]
         self._as_new[name] = "; ".join(
             [
-                "SELECT pg_terminate_backend(pid) FROM pg_stat_activity "
-                "WHERE datname = current_database() AND pid <> pg_backend_pid()",
+                _CUT_OTHERS,
                 f"TRUNCATE {', '.join(tables)} RESTART IDENTITY",
                 *(f"INSERT INTO {table} SELECT * FROM kept.{table}" for table in filled),
             ]

@@ -1,5 +1,6 @@
 """An edge server without a network: the application, a clock that we own, keys of all roles."""
 
+import json
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,8 +18,10 @@ from edge_server.preparation import prepare
 from edge_server.services.context import Context
 from edge_server.store.keys import Role
 from tests.support.databases import PostgresServer
+from tests.unit.edge_server import signing
 
 NOON = 1_795_262_400.0  # 2026-11-21T12:00:00Z
+CLOUD_JWS = "cloud-jws.json"
 
 
 class Clock:
@@ -55,7 +58,20 @@ class Edge:
         headers = dict(options.pop("headers", {}))
         if role is not None:
             headers["Authorization"] = f"Bearer {self.key(role)}"
+        if role == "cloud" and method != "GET" and path.startswith(("/plan", "/event")):
+            self._sign(path, headers, options)
         return self.client.open(path, method=method, headers=headers, **options)
+
+    def _sign(self, path: str, headers: dict[str, Any], options: dict[str, Any]) -> None:
+        """Sign as the cloud does, unless the test brings a signature of its own (or None)."""
+        if "json" in options:
+            options["data"] = json.dumps(options.pop("json"))
+            options["content_type"] = "application/json"
+        body = str(options.get("data", "")).encode()
+        header = signing.claims(self.clock(), htu=path.partition("?")[0])
+        headers.setdefault("X-JWS-Signature", signing.sign(body, header))
+        if headers["X-JWS-Signature"] is None:
+            del headers["X-JWS-Signature"]
 
     def get(self, path: str, role: str = "operator") -> Any:
         return self.ask("GET", path, role).json
@@ -90,11 +106,23 @@ class Edge:
             return int(connection.execute(text(f"SELECT count(*) FROM {table}")).scalar_one())
 
 
+@pytest.fixture
+def engine_name(request: pytest.FixtureRequest) -> str:
+    """The kind of database: SQLite, unless a module or a test is marked with `BOTH_ENGINES`.
+
+    HTTP and decisions are the same on every database; what rests on transactions is so marked.
+    """
+    return str(getattr(request, "param", "sqlite"))
+
+
 @pytest.fixture(scope="session")
 def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A state folder with an empty database and keys, to be copied."""
     folder = tmp_path_factory.mktemp("prepared")
     prepare(Config(state_dir=folder))
+    signing_key = folder / CLOUD_JWS
+    signing_key.write_text(json.dumps(signing.SECRET_JWK), encoding="ascii")
+    signing_key.chmod(0o600)
     return folder
 
 
@@ -115,12 +143,16 @@ def config(
     folder = tmp_path / "state"
     shutil.copytree(prepared, folder)
     if engine_name == "sqlite":
-        yield Config(state_dir=folder)
+        yield Config(state_dir=folder, cloud_jws_key_file=folder / CLOUD_JWS)
         return
     server: PostgresServer = request.getfixturevalue("postgres")
     name = request.getfixturevalue("prepared_on_postgres")
     server.renew(name)
-    yield Config(state_dir=folder, database_url=server.url(name))
+    yield Config(
+        state_dir=folder,
+        database_url=server.url(name),
+        cloud_jws_key_file=folder / CLOUD_JWS,
+    )
 
 
 @pytest.fixture
