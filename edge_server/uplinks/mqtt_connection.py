@@ -118,9 +118,14 @@ class Connection:
         topic = self._settings.address.answers_topic(self._settings.client_id)
         self._client.subscribe(topic, qos=_QOS)
 
-    def announce(self) -> None:
-        """Tell that this gateway is online; the Will tells when it is not any more."""
-        self._client.publish(self._presence_topic, _presence("online"), _QOS, retain=True)
+    def announce(self) -> int:
+        """Tell that this gateway is online; the Will tells when it is not any more.
+
+        Returns the packet identifier.
+        """
+        return self._client.publish(
+            self._presence_topic, _presence("online"), _QOS, retain=True
+        ).mid
 
     def publish(self, packet: RecordPacket) -> int:
         """Send a record; returns its packet identifier."""
@@ -157,10 +162,13 @@ class Connection:
         self._client.disconnect(ReasonCode(PacketTypes.DISCONNECT, "Disconnect with will message"))
 
     def cut(self) -> None:
-        """Close without ceremony."""
+        """Close without ceremony, and leave nothing open."""
         sock = self._client.socket()
         if sock is not None:
             sock.close()
+        # The client holds us by its callbacks; without them it goes when we go, sockets and all.
+        self._client.on_connect = self._client.on_subscribe = self._client.on_publish = None
+        self._client.on_message = self._client.on_disconnect = None
 
     @property
     def _presence_topic(self) -> str:

@@ -45,7 +45,7 @@ class Exchange:
         self._behind: dict[str, deque[RecordPacket]] = {}  # By lane: not their turn yet
         self._waiting: deque[str] = deque()  # Their turn, not sent yet
         self._pending: dict[str, _Pending] = {}  # Their turn, in the order of their deadlines
-        self._unacknowledged: dict[int, str] = {}  # What counts against the receive maximum
+        self._unacknowledged: dict[int, str | None] = {}  # What counts against the receive maximum
         self._settled: list[Settled] = []
 
     @property
@@ -89,6 +89,10 @@ class Exchange:
         """Note under which packet identifier a record went out."""
         self._unacknowledged[packet_id] = key
         self._pending[key].packet_id = packet_id
+
+    def occupied(self, packet_id: int) -> None:
+        """Note a packet that is no record; the broker's room is less by it."""
+        self._unacknowledged[packet_id] = None
 
     def acknowledged(self, packet_id: int, code: int, now: float) -> None:
         """Take in the broker's acknowledgement."""

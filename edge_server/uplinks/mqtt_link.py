@@ -12,6 +12,7 @@ import time
 from collections import deque
 from collections.abc import Sequence
 from concurrent.futures import Future
+from contextlib import suppress
 from typing import Final, NamedTuple
 
 from edge_server.outbox import wakeup
@@ -83,15 +84,24 @@ class Link:
             if self._ended:
                 raise LinkEndedError("the thread of the MQTT connection has ended")
             self._orders.extend(orders)
-        os.write(self._wake_write, b"\n")
+            self._wake()
         return [order.reply.result() for order in orders]
 
     def close(self) -> None:
-        """Leave the broker in order, if that is quick; a `send` under way ends with a reason."""
+        """Leave the broker in order, if that is quick; what is under way gets a reason."""
         with self._lock:
+            if self._stopping:
+                return
             self._stopping = True
-        os.write(self._wake_write, b"\n")
+            self._wake()
         self._thread.join(STOP_WAIT_S)
+        if not self._thread.is_alive():
+            os.close(self._wake_read)
+            os.close(self._wake_write)
+
+    def _wake(self) -> None:
+        with suppress(BlockingIOError):  # So many wake-ups are there already
+            os.write(self._wake_write, b"\n")
 
     def _run(self) -> None:
         """Keep the connection until `close`; whoever waits is told when we cannot go on."""
@@ -139,7 +149,7 @@ class Link:
             case Subscribe():
                 connection.events.append(Subscribed(SUCCESS, "nothing to hear"))
             case Announce():
-                connection.announce()
+                self._session.announced(connection.announce())
             case Publish(packet):
                 self._session.sent(packet.key, connection.publish(packet))
 
@@ -152,7 +162,7 @@ class Link:
             connection.events.append(Refused(BAD_LOGIN, str(error)))
         except ssl.SSLError:
             connection.events.append(Lost("the broker's certificate, or ours, is not accepted"))
-        except OSError as error:
+        except (OSError, ValueError) as error:  # A host's name may be none
             connection.events.append(Lost(f"no connection to the broker ({type(error).__name__})"))
         else:
             self._session.opened(time.monotonic())

@@ -3,13 +3,15 @@
 LoginError  the file cannot be used; the message says why and never what is in it
 """
 
+import logging
 import os
 import stat
 from pathlib import Path
 from secrets import token_hex
 from typing import Final, NamedTuple
 
-MAXIMUM_LOGIN_BYTES: Final = 65_536
+LOG = logging.getLogger(__name__)
+MAXIMUM_LOGIN_BYTES: Final = 32_768
 
 
 class LoginError(Exception):
@@ -32,13 +34,13 @@ def read_login(path: Path) -> Login:
     try:
         with path.open("rb") as file:
             mode = os.fstat(file.fileno()).st_mode
-            text = file.read(MAXIMUM_LOGIN_BYTES).decode().strip()
+            text = file.read(MAXIMUM_LOGIN_BYTES + 1).decode().strip()
     except (OSError, UnicodeDecodeError) as error:
         raise LoginError(f"{path.name} cannot be read ({type(error).__name__})") from None
     if stat.S_IMODE(mode) & 0o077:
         raise LoginError(f"{path.name} is open to others: chmod 600 it")
     user, colon, password = text.partition(":")
-    if not user or not colon:
+    if not user or not colon or len(text) > MAXIMUM_LOGIN_BYTES:
         raise LoginError(f"{path.name} does not hold user:password")
     return Login(user, password)
 
@@ -55,5 +57,8 @@ def own_client_id(path: Path) -> str:
     if kept.isalnum():
         return kept
     drawn = f"edge{token_hex(8)}"  # Up to 23 letters and digits suit every broker
-    path.write_text(f"{drawn}\n", encoding="ascii")
+    try:
+        path.write_text(f"{drawn}\n", encoding="ascii")
+    except OSError as error:
+        LOG.warning("our name at the broker lasts for this run only: %s", error)
     return drawn

@@ -77,6 +77,10 @@ class Session:
         """Note that a record is on the wire."""
         self._exchange.sent(key, packet_id)
 
+    def announced(self, packet_id: int) -> None:
+        """Note that our presence is on the wire; it counts against the receive maximum too."""
+        self._exchange.occupied(packet_id)
+
     def opened(self, now: float) -> None:
         """Note that the broker has been greeted: from now on it has time to answer."""
         self._deadline = now + self._connect_patience_s

@@ -88,6 +88,15 @@ def test_no_more_go_than_the_broker_takes() -> None:
     assert send(exchange) == ["3"]
 
 
+def test_our_presence_takes_room_at_the_broker_too() -> None:
+    exchange = started(Limits(receive_maximum=1))
+    exchange.occupied(77)
+    exchange.offer(packet("1"), 0.0)
+    assert send(exchange) == []
+    exchange.acknowledged(77, 0, 0.0)
+    assert send(exchange) == ["1"]
+
+
 def test_what_is_larger_than_the_broker_takes_is_not_sent() -> None:
     exchange = started()
     exchange.offer(packet("1", size=500), 0.0)

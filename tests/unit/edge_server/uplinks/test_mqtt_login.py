@@ -27,7 +27,9 @@ def test_a_file_that_others_may_touch_is_refused(tmp_path: Path, mode: int) -> N
     assert "secret" not in str(refusal.value)
 
 
-@pytest.mark.parametrize("content", [b"", b"secret", b":secret", b"\xff\xfe:secret", b"\n\n"])
+@pytest.mark.parametrize(
+    "content", [b"", b"secret", b":secret", b"\xff\xfe:secret", b"\n\n", b"u:" + b"secret" * 6000]
+)
 def test_a_file_without_a_login_is_refused(tmp_path: Path, content: bytes) -> None:
     with pytest.raises(LoginError, match="login") as refusal:
         read_login(written(tmp_path, content))
@@ -54,3 +56,7 @@ def test_a_broken_name_is_drawn_anew(tmp_path: Path, content: bytes) -> None:
     name = own_client_id(tmp_path / "a")
     assert name.isalnum()
     assert own_client_id(tmp_path / "a") == name
+
+
+def test_a_name_that_cannot_be_kept_serves_for_now(tmp_path: Path) -> None:
+    assert own_client_id(tmp_path / "no" / "folder").isalnum()
