@@ -1,8 +1,9 @@
 """Gaps: what could not be kept is declared, in the transaction that drops it.
 
 A gap is a record of its own, delivered to `{cloud}/gap` and kept until the cloud has confirmed it.
-Neighbouring gaps of a stream become one while they wait far behind what is being sent, so an
-outage of any length leaves a bounded number of them.
+While a gap waits, what goes next of the same stream for the same reason is added to it, so an
+outage of any length leaves a few. It keeps its `gap_id` then and becomes a new message: a cloud
+that has got the smaller one already replaces it.
 """
 
 import json
@@ -22,9 +23,7 @@ from edge_server.store.database import to_json
 from edge_server.store.tables import outbox, telemetry
 
 KIND: Final = "gap"
-_FAR_BEHIND: Final = 300
-"""So many rows before it in its stream, and the relay cannot hold it in its hands."""
-_LOOK_BACK: Final = 16
+_LOOK_BACK: Final = 64
 _CHUNK: Final = 500
 
 
@@ -68,15 +67,16 @@ def _declare(
     connection: Connection, stream: Stream, gone: Sequence[Lost], reason: Reason, now: float
 ) -> None:
     body = _body(stream, gone, reason, now)
-    earlier = _mergeable(connection, stream, reason)
     message_id = str(ULID())
+    earlier = _waiting(connection, stream, reason)
     if earlier is not None:
         record_id, before = earlier
         body |= {name: value for name, value in before.items() if name.startswith("from_")}
-        body["count"] += before["count"]
+        body |= {"gap_id": before["gap_id"], "count": body["count"] + before["count"]}
         payload = to_json({**body, "message_id": message_id})
         records.replace(connection, record_id, message_id=message_id, payload=payload)
         return
+    body["gap_id"] = message_id
     record_id = records.add(
         connection,
         kind=KIND,
@@ -108,25 +108,21 @@ def _body(stream: Stream, gone: Sequence[Lost], reason: Reason, now: float) -> d
     }
 
 
-def _mergeable(
+def _waiting(
     connection: Connection, stream: Stream, reason: Reason
 ) -> tuple[int, dict[str, Any]] | None:
-    """Find the newest gap of a stream that has never been sent and is not about to be."""
-    waiting = (
-        outbox.c.vehicle_id == stream.vehicle_id,
-        outbox.c.kind == KIND,
-        outbox.c.state == "queued",
-    )
-    near = select(outbox.c.id).where(*waiting).order_by(outbox.c.id).limit(1).offset(_FAR_BEHIND)
-    border = connection.execute(near).scalar_one_or_none()
-    if border is None:
-        return None
+    """Find the gap of a stream that the cloud has not confirmed; nobody else can settle it now."""
     rows = connection.execute(
         select(telemetry.c.id, telemetry.c.payload)
         .join(outbox, outbox.c.record_id == telemetry.c.id)
-        .where(*waiting, outbox.c.id > border, outbox.c.attempts == 0)
+        .where(
+            outbox.c.vehicle_id == stream.vehicle_id,
+            outbox.c.kind == KIND,
+            outbox.c.state == "queued",
+        )
         .order_by(outbox.c.id.desc())
         .limit(_LOOK_BACK)
+        .with_for_update(of=telemetry)
     )
     for record_id, payload in rows:
         body: dict[str, Any] = json.loads(payload)

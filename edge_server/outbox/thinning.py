@@ -70,7 +70,7 @@ def drop_dead_letters(
     connection: Connection, budget_bytes: int, limit: int, now: float
 ) -> dict[str, int]:
     """Drop the oldest dead letters while all of them take more than their budget."""
-    dead = outbox.c.state == DEAD
+    dead = (outbox.c.state == DEAD) & (outbox.c.kind != gaps.KIND)
     used = connection.execute(
         select(func.coalesce(func.sum(telemetry.c.size_bytes), 0))
         .join(outbox, outbox.c.record_id == telemetry.c.id)

@@ -27,6 +27,8 @@ STEPS: Final = 40  # Transactions per turn
 STEADY_S: Final = 3600.0
 """So long a clock must have run evenly before anything is called too old."""
 _JUMP_S: Final = 60.0
+_LOOK_AGAIN_S: Final = 1.0
+"""So long after nothing could be dropped, nothing is looked for."""
 _MEASURE_SHARE: Final = 0.01
 _MIB: Final = 1024 * 1024
 Counter = Callable[[str, str, int], None]
@@ -53,6 +55,7 @@ class Space:
         self._usage: Usage | None = None
         self._come_bytes = 0
         self._holds_ballast = False
+        self._nothing_left_until = 0.0
         self._thinned_to = 0
         self._intervals: Intervals = {}
         self._clock_was: tuple[float, float] | None = None
@@ -139,7 +142,12 @@ class Space:
         """Drop the oldest records that may be missed until there is room, or none is left."""
         with self._making_room:
             now = self._level_of(self.measure())
-            while now >= Level.DROPPING and (self._forget() or self._drop_oldest()):
+            if self._clock() < self._nothing_left_until <= self._clock() + _LOOK_AGAIN_S:
+                return now
+            while now >= Level.DROPPING:
+                if not (self._forget() or self._drop_oldest()):
+                    self._nothing_left_until = self._clock() + _LOOK_AGAIN_S
+                    break
                 now = self._level_of(self.measure())
                 if self._database.is_shared:
                     break  # Its statistics lag behind; the next turn sees what this one has done

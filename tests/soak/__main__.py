@@ -1,6 +1,7 @@
 """`make soak`: what takes too long for every test run, one after the other, until one fails.
 
-`SOAK` chooses, separated by commas: `kill` (the edge server killed again and again under load).
+`SOAK` chooses, separated by commas: `kill` (the edge server killed again and again under load),
+`outage` (72 simulated hours without a cloud; `BURST_S` (3600) seconds of each the vehicles report).
 Without it, all. `CYCLES` (200) says how often it is killed, `SEED` in which order.
 """
 
@@ -11,7 +12,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
-from tests.soak import kill_nine
+from edge_server.config import Config
+from tests.soak import kill_nine, outage
 
 
 def _kill() -> None:
@@ -26,7 +28,16 @@ def _kill() -> None:
     print(f"sent again under the same key: {outcome.sent_again}")
 
 
-PARTS: Final[Mapping[str, Callable[[], None]]] = {"kill": _kill}
+def _outage() -> None:
+    burst_s = int(os.environ.get("BURST_S") or 3600)
+    with tempfile.TemporaryDirectory() as folder:
+        outcome = outage.run(Config(state_dir=Path(folder), data_budget_mib=64), burst_s)
+    print(f"{outcome.taken} records in {outage.HOURS} simulated hours without a cloud:")
+    print(f"{outcome.delivered} arrived, {outcome.declared} declared in {outcome.gaps} gaps")
+    print(f"at most {outcome.largest_share:.1%} of the budget in use")
+
+
+PARTS: Final[Mapping[str, Callable[[], None]]] = {"kill": _kill, "outage": _outage}
 
 
 def main() -> int:
