@@ -1,0 +1,116 @@
+"""Health checks: a program is well only while it does its work."""
+
+import fcntl
+import socket
+import threading
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from deploy import health
+from deploy.health import UnwellError
+
+HEADER = "  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid\n"
+
+
+class Answer(BaseHTTPRequestHandler):
+    """Answers /readyz as it is told to, and everything else with 404."""
+
+    status = 200
+
+    def do_GET(self) -> None:
+        self.send_response(self.status if self.path in {"/readyz", "/healthz"} else 404)
+        self.send_header("Content-Length", "0")
+        self.end_headers()
+
+    def log_message(self, *_: Any) -> None:
+        """Say nothing."""
+
+
+@pytest.fixture
+def server() -> Iterator[tuple[type[Answer], int]]:
+    handler = type("Answering", (Answer,), {})
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as running:
+        thread = threading.Thread(target=running.serve_forever, args=(0.01,))
+        thread.start()
+        yield handler, running.server_address[1]
+        running.shutdown()
+        thread.join()
+
+
+@pytest.mark.parametrize(
+    ("program", "variable"), [("edge-server", "EDGE_PORT"), ("cloud", "CLOUD_PORT")]
+)
+def test_a_server_is_well_while_it_says_so(
+    server: tuple[type[Answer], int],
+    program: str,
+    variable: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    handler, port = server
+    assert health.main([program], {variable: str(port)}) == 0
+    handler.status = 503
+    assert health.main([program], {variable: str(port)}) == 1
+    assert "503" in capsys.readouterr().err
+
+
+def test_a_server_that_does_not_answer_is_unwell() -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))  # Bound, but nobody listens
+        with pytest.raises(UnwellError, match="does not answer"):
+            health.ask_http(taken.getsockname()[1], "/readyz")
+
+
+def test_where_only_known_clients_get_an_answer_a_connection_is_enough() -> None:
+    environment = {"EDGE_TLS_CLIENT_CA_FILE": "ca.pem"}
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        environment["EDGE_PORT"] = str(listener.getsockname()[1])
+        assert health.main(["edge-server"], environment) == 0
+    assert health.main(["edge-server"], environment) == 1
+
+
+@pytest.mark.parametrize("program", ["broker", "vehicle"])
+def test_who_speaks_mavlink_is_well_while_it_listens(program: str) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
+        link.bind(("127.0.0.1", 0))
+        port = link.getsockname()[1]
+        environment = {
+            "MAVLINK_PORT": str(port),
+            "SYSTEM_ID": "7",
+            "VEHICLE_PORT_BASE": str(port - 7),
+        }
+        assert health.main([program], environment) == 0
+    assert health.main([program], environment) == 1
+
+
+@pytest.mark.parametrize(("unread", "well"), [(0, True), (131_072, True), (131_073, False)])
+def test_who_leaves_its_socket_full_is_unwell(tmp_path: Path, unread: int, *, well: bool) -> None:
+    table = tmp_path / "udp"
+    row = "15440: 00000000:38CC 00000000:0000 07 00000000:{:08X} 00:00000000 00000000 10001\n"
+    table.write_text(HEADER + row.format(unread))
+    if well:
+        health.look_at_socket(14540, (table,))
+    else:
+        with pytest.raises(UnwellError, match=str(unread)):
+            health.look_at_socket(14540, (table,))
+    with pytest.raises(UnwellError, match="nobody listens"):
+        health.look_at_socket(14541, (table,))
+
+
+def test_a_relay_is_well_while_it_holds_its_lock(tmp_path: Path) -> None:
+    environment = {"STATE_DIR": str(tmp_path)}
+    assert health.main(["relay"], environment) == 1  # There is no lock at all
+    lock = tmp_path / "edge" / "relay.lock"
+    lock.parent.mkdir()
+    with lock.open("w") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        assert health.main(["relay"], environment) == 0
+    assert health.main(["relay"], environment) == 1
+
+
+def test_a_name_that_is_none_is_refused() -> None:
+    assert health.main(["pilot"], {}) == 2
+    assert health.main([], {}) == 2
