@@ -14,7 +14,7 @@ from edge_server.exchange.field import Field
 from edge_server.services.event_states import State
 from edge_server.services.keys import KeyRequest
 from edge_server.services.vehicles import VehicleState
-from edge_server.survey.request import SurveyRequest
+from edge_server.survey.request import SurveyOrder
 
 REFERENCE: Final = "#/components/schemas/{model}"
 _TIME: Final = {"type": "string", "format": "date-time"}
@@ -99,7 +99,7 @@ def stored_name(kind: Kind) -> str:
 
 def components() -> dict[str, Any]:
     """Give every schema by name."""
-    own: list[type[Model]] = [Field, KeyRequest, VehicleState, Acknowledged, SurveyRequest]
+    own: list[type[Model]] = [Field, KeyRequest, VehicleState, Acknowledged, SurveyOrder]
     _, document = models_json_schema(
         [(model, "validation") for model in [*MODELS.values(), *own]], ref_template=REFERENCE
     )

@@ -1,4 +1,4 @@
-"""`/surveys/`: the boundary of a field in, the plans that cover it out."""
+"""`/surveys/`: a field or its boundary in, the plans that cover it out."""
 
 from typing import Final
 
@@ -14,7 +14,7 @@ from edge_server.api.contract import Contract, describe
 from edge_server.api.errors import RequestError
 from edge_server.services import surveys
 from edge_server.store.keys import Role
-from edge_server.survey.request import SurveyRequest
+from edge_server.survey.request import SurveyOrder
 
 EXAMPLE: Final = {
     "name": "North field",
@@ -42,7 +42,7 @@ def blueprint() -> APIBlueprint:
 @describe(
     Contract(
         {200: "Survey", 201: "Survey"},
-        body="SurveyRequest",
+        body="SurveyOrder",
         query=("preview",),
         repeatable=True,
         errors=(409,),
@@ -51,7 +51,7 @@ def blueprint() -> APIBlueprint:
 )
 def create() -> ResponseReturnValue:
     """Plan a survey of a field; with `preview=true` nothing is kept."""
-    wanted = bodies.model(SurveyRequest)
+    wanted = bodies.model(SurveyOrder)
     if _is_preview():
         return surveys.preview(bodies.context(), wanted), 200
     if caller().role == Role.FARMER and wanted.dispatch:

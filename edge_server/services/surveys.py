@@ -5,21 +5,22 @@ from typing import Any
 from afarcloud.faults import Fault, InvalidError
 from afarcloud.numbers import INT32_MAX
 from afarcloud.plan import Plan
-from afarcloud.wire import write
-from edge_server.services import plans
+from afarcloud.wire import read_as, write
+from edge_server.exchange.field import Field
+from edge_server.services import fields, plans
 from edge_server.services.context import Caller, Context
 from edge_server.store import vehicles
 from edge_server.survey.planner import NoSurveyError, Survey, survey
-from edge_server.survey.request import Place, SurveyRequest
+from edge_server.survey.request import Place, SurveyOrder, SurveyRequest, SurveyTerms
 
 
-def preview(context: Context, request: SurveyRequest) -> dict[str, Any]:
+def preview(context: Context, order: SurveyOrder) -> dict[str, Any]:
     """Plan a survey and keep nothing; raises InvalidError."""
-    planned = _planned(context, request)
+    planned = _planned(context, order, _field_of(context, order))
     return {**planned.figures, "plans": planned.plans}
 
 
-def create(context: Context, request: SurveyRequest, caller: Caller) -> dict[str, Any]:
+def create(context: Context, order: SurveyOrder, caller: Caller) -> dict[str, Any]:
     """Plan a survey and keep its plans, in the order of flight.
 
     Raises:
@@ -27,22 +28,56 @@ def create(context: Context, request: SurveyRequest, caller: Caller) -> dict[str
         ConflictError: as for a plan.
         KeyReusedError: if the idempotency key belongs to another request.
     """
-    planned = _planned(context, request)
+    field = _field_of(context, order)
+    planned = _planned(context, order, field)
     documents = [Plan.model_validate(plan) for plan in planned.plans]
-    return {
-        **planned.figures,
-        "plans": plans.create_all(context, documents, caller, write(request)),
-    }
+    asked = {**write(order), "field": None if field is None else write(field)}
+    return {**planned.figures, "plans": plans.create_all(context, documents, caller, asked)}
 
 
-def _planned(context: Context, request: SurveyRequest) -> Survey:
-    first = request.first_mission_id
+def _field_of(context: Context, order: SurveyOrder) -> Field | None:
+    """The field that an order names; raises InvalidError when there is none."""
+    if order.field_id is None:
+        return None
+    field = fields.outline(context, order.field_id)
+    if field is None:
+        raise InvalidError((Fault("field_id", f"there is no field {order.field_id}"),))
+    return field
+
+
+def _planned(context: Context, order: SurveyOrder, field: Field | None) -> Survey:
+    first = order.first_mission_id
     if first is None:
         first = int(context.clock()) % INT32_MAX
+    request = _request(order, field)
     try:
-        return survey(request, _home(context, request), first)
+        planned = survey(request, _home(context, request), first)
     except NoSurveyError as error:
-        raise InvalidError((Fault(error.field, str(error)),)) from None
+        is_outline = field is not None and error.field in {"boundary", "holes"}
+        path = "field_id" if is_outline else error.field
+        raise InvalidError((Fault(path, str(error)),)) from None
+    if field is not None:
+        for plan in planned.plans:
+            plan["field_id"] = order.field_id
+    return planned
+
+
+def _request(order: SurveyOrder, field: Field | None) -> SurveyRequest:
+    """An order with the outline of its field."""
+    terms = {name: getattr(order, name) for name in SurveyTerms.model_fields}
+    outline: dict[str, Any] = {
+        "boundary": order.boundary,
+        "holes": order.holes,
+        "exclusions": order.exclusions,
+    }
+    if field is not None:
+        terms["name"] = order.name or field.name
+        outline = {
+            "boundary": field.boundary,
+            "holes": (*field.holes, *order.holes),
+            "exclusions": (*field.exclusions, *order.exclusions),
+        }
+    return read_as(SurveyRequest, {**terms, **outline})
 
 
 def _home(context: Context, request: SurveyRequest) -> Place:

@@ -1,6 +1,6 @@
 """What a survey is asked for, and with what pictures or swath. Angles in degrees, lengths in m."""
 
-from typing import Annotated
+from typing import Annotated, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -24,6 +24,7 @@ from edge_server.survey.lines import Footprint
 Overlap = Annotated[float, Field(ge=0, le=0.95), BeforeValidator(json_number)]
 Millimetres = Annotated[float, Field(gt=0, le=1000), BeforeValidator(json_number)]
 Metres = Annotated[float, Field(ge=0.5, le=500), BeforeValidator(json_number)]
+Rings = Annotated[tuple[Polygon, ...], Field(max_length=50)]
 SMALLEST_SPACING_M = 0.5
 
 
@@ -42,13 +43,10 @@ class Place(Model):
     longitude: Longitude
 
 
-class SurveyRequest(Model):
-    """A field, how it is to be covered, and by whom."""
+class SurveyTerms(Model):
+    """How a field is to be covered, and by whom."""
 
     name: ShortText | None = None
-    boundary: Polygon
-    holes: Annotated[tuple[Polygon, ...], Field(max_length=50)] = ()
-    exclusions: Annotated[tuple[Polygon, ...], Field(max_length=50)] = ()
     geofence: Geofence | None = None
     camera: Camera | None = None
     swath_width: Metres | None = None
@@ -66,7 +64,7 @@ class SurveyRequest(Model):
     dispatch: Boolean = False
 
     @model_validator(mode="after")
-    def _fields_fit(self) -> "SurveyRequest":
+    def _fields_fit(self) -> Self:
         if (self.camera is None) == (self.swath_width is None):
             raise field_error("camera", "goes in place of swath_width: give exactly one of them")
         if len(set(self.vehicles)) != len(self.vehicles):
@@ -96,3 +94,29 @@ class SurveyRequest(Model):
             across * (1.0 - self.side_overlap),
             along * (1.0 - self.front_overlap),
         )
+
+
+class SurveyRequest(SurveyTerms):
+    """A field and how it is to be covered: what is planned."""
+
+    boundary: Polygon
+    holes: Rings = ()
+    exclusions: Rings = ()
+
+
+class SurveyOrder(SurveyTerms):
+    """What is asked for: a field by its number, or by a boundary of its own.
+
+    Holes and exclusions are those of this survey; a field that is named has its own besides.
+    """
+
+    field_id: Int32 | None = None
+    boundary: Polygon | None = None
+    holes: Rings = ()
+    exclusions: Rings = ()
+
+    @model_validator(mode="after")
+    def _one_field(self) -> Self:
+        if (self.field_id is None) == (self.boundary is None):
+            raise field_error("boundary", "goes in place of field_id: give exactly one of them")
+        return self

@@ -60,6 +60,55 @@ def test_a_farmer_drafts(edge: Edge) -> None:
     assert ask(edge, role="farmer").status_code == 201
 
 
+def without_boundary(**changes: Any) -> dict[str, Any]:
+    return {name: value for name, value in EXAMPLE.items() if name != "boundary"} | changes
+
+
+def test_a_field_that_is_kept_is_covered_like_its_boundary(edge: Edge) -> None:
+    hole = [[40.4434, -3.7387], [40.4436, -3.7387], [40.4436, -3.7385]]
+    field = {"name": "Hill", "boundary": EXAMPLE["boundary"], "exclusions": [hole]}
+    assert edge.post("/fields/", field, "farmer").status_code == 201
+    drawn = ask(edge, "?preview=true", exclusions=[hole])
+    named = edge.post("/surveys/?preview=true", without_boundary(field_id=1, name=None), "farmer")
+    assert named.status_code == 200
+    known: Any = named.json
+    assert known["duration_s"] == drawn.json["duration_s"]
+    assert known["area_m2"] == drawn.json["area_m2"]
+    assert {plan["field_id"] for plan in known["plans"]} == {1}
+    assert known["plans"][0]["name"] == "Hill 1"
+    kept = edge.post("/surveys/", without_boundary(field_id=1, exclusions=[hole]), "operator")
+    assert kept.status_code == 201
+    assert {plan["field_id"] for plan in edge.get("/plans/")} == {1}
+
+
+@pytest.mark.parametrize(
+    ("order", "path"),
+    [
+        (without_boundary(), "boundary"),
+        ({**EXAMPLE, "field_id": 1}, "boundary"),
+        (without_boundary(field_id=9), "field_id"),
+        (without_boundary(field_id="1"), "field_id"),
+        (without_boundary(field_id=1, altitude=3), "field_id"),
+    ],
+)
+def test_a_survey_has_one_field(edge: Edge, order: dict[str, Any], path: str) -> None:
+    large = [[40.0, -3.0], [40.0, -2.9], [40.1, -2.9], [40.1, -3.0]]
+    assert edge.post("/fields/", {"boundary": large}, "operator").status_code == 201
+    answer = edge.post("/surveys/", order, "operator")
+    assert answer.status_code == 422
+    assert path in (answer.json or {})["detail"]["json"]
+
+
+def test_a_repeated_survey_of_a_field_that_has_changed_is_another_one(edge: Edge) -> None:
+    edge.post("/fields/", {"boundary": EXAMPLE["boundary"]}, "operator")
+    order = without_boundary(field_id=1)
+    assert edge.post("/surveys/", order, "operator", key="one").status_code == 201
+    assert edge.post("/surveys/", order, "operator", key="one").status_code == 201
+    corners = [*EXAMPLE["boundary"][:3], [40.4429, -3.7380]]  # type: ignore[index]  # it is a list
+    edge.ask("PUT", "/fields/1", "operator", json={"boundary": corners})
+    assert edge.post("/surveys/", order, "operator", key="one").status_code == 422
+
+
 @pytest.mark.parametrize(
     ("changes", "field"),
     [

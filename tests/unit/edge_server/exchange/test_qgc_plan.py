@@ -46,8 +46,7 @@ def test_simple_items_are_read_with_their_place_in_the_file() -> None:
     assert file.items[1].parameters == (1, 2, 3, None, 40.4435, -3.7382, 10)
     assert file.home == Home(*HOME, 650)
     assert file.speed_m_s == 5
-    assert file.geofence is None
-    assert file.warnings == ()
+    assert (file.geofence, file.warnings) == (None, ())
 
 
 @pytest.mark.parametrize("kind", ["survey", "CorridorScan"])
