@@ -26,6 +26,7 @@ from edge_server.api import (
     plan_files,
     plans,
     request_log,
+    signatures,
     surveys,
     telemetry,
     trails,
@@ -103,6 +104,11 @@ def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> API
     limits = Limits(config)
     app.extensions[keys.KEY_RING] = ring
     app.before_request(lambda: auth.check_caller(ring, limits, context))
+    if config.cloud_jws_key_file is not None:
+        from edge_server.api import jws  # noqa: PLC0415  # it costs memory
+
+        app.extensions[signatures.EXTENSION] = jws.load(config.cloud_jws_key_file, config.edge_id)
+    app.before_request(signatures.check_request)
     headers.install(app, config)
     app.after_request(bodies.discard_rest)
     for part in _PARTS:

@@ -7,7 +7,7 @@ A secret that others can read is none. What we have made ourselves is closed aga
 a file that was given to us (a TLS key, say) is refused, because only who gave it knows who has
 read it.
 
-OpenSecretError  a secret that was given to us can be read by others
+OpenSecretError  a secret that was given to us cannot be used, or can be read by others
 """
 
 import logging
@@ -30,7 +30,7 @@ _ROOTS_OTHERS: Final = 0o037
 
 
 class OpenSecretError(Exception):
-    """A secret that was given to us can be read by others."""
+    """A secret that was given to us cannot be used, or can be read by others."""
 
 
 def path_of(keys_dir: Path, role: Role) -> Path:

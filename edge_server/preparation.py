@@ -14,9 +14,10 @@ def prepare(config: Config) -> None:
 
     Raises:
         StoreError: if the database cannot be used.
-        OpenSecretError: if others can read a secret that was given to us.
+        OpenSecretError: if a secret that was given to us cannot be used, or others can read it.
     """
     key_files.check_given(config)
+    _check_signature_key(config)
     config.edge_dir.mkdir(parents=True, exist_ok=True, mode=0o700)
     migrate.prepare(config.database)
     database = open_database(config)
@@ -24,6 +25,17 @@ def prepare(config: Config) -> None:
         key_files.ensure(database, config.keys_dir, time.time())
     finally:
         database.close()
+
+
+def _check_signature_key(config: Config) -> None:
+    if config.cloud_jws_key_file is None:
+        return
+    from edge_server.api import jws  # noqa: PLC0415  # loads what else nobody needs
+
+    try:
+        jws.load(config.cloud_jws_key_file, config.edge_id)
+    except jws.SignatureKeyError as error:
+        raise key_files.OpenSecretError(f"CLOUD_JWS_KEY_FILE: {error}") from None
 
 
 def open_database(config: Config) -> Database:

@@ -8,7 +8,7 @@ from flask import Response, current_app, request
 from werkzeug.exceptions import RequestEntityTooLarge
 
 from afarcloud import wire
-from afarcloud.faults import Fault
+from afarcloud.faults import Fault, SyntaxFaultError
 from afarcloud.model import Model
 from afarcloud.numbers import INT32_MAX
 from afarcloud.wire import Kind
@@ -16,6 +16,8 @@ from edge_server.api.errors import RequestError
 from edge_server.services.context import Context
 
 MAXIMUM_BODY_BYTES: Final = 1024 * 1024
+MAXIMUM_DEPTH: Final = 20
+_NESTING: Final = (dict, list)
 MAXIMUM_IMAGE_BODY_BYTES: Final = 3 * 512 * 1024  # A 1 MiB frame in base64, and its fields
 _WHOLE: Final = re.compile(r"([0-9]{1,19})(?:\.0+)?")  # 5.0 is an integer, as in a body
 _EPOCH: Final = re.compile(r"[0-9]{1,11}(\.[0-9]{1,6})?")
@@ -33,20 +35,42 @@ def context() -> Context:
     return found
 
 
+def extension(name: str) -> Any:
+    """Give something that this app shares, None when it has none of this name."""
+    return current_app.extensions.get(name)
+
+
 def json_body(limit: int = MAXIMUM_BODY_BYTES) -> Any:
     """Read and parse the body; raises 413 or 415, or SyntaxFaultError."""
     if not request.is_json:
         raise RequestError(415, "the body must be application/json")
-    return wire.parse_json(raw_body(limit))
+    parsed = wire.parse_json(raw_body(limit))
+    if not _is_flat(parsed, MAXIMUM_DEPTH):
+        raise SyntaxFaultError((Fault("", f"nests deeper than {MAXIMUM_DEPTH}"),))
+    return parsed
 
 
-def raw_body(limit: int = MAXIMUM_BODY_BYTES) -> bytes:
-    """Read the body; one in chunks has no length to refuse it by and is cut after the limit."""
+def _is_flat(value: Any, levels: int) -> bool:
+    """Whether nothing nests deeper than so many levels."""
+    if isinstance(value, dict):
+        value = value.values()
+    elif not isinstance(value, list):
+        return True
+    return levels > 0 and all(
+        _is_flat(one, levels - 1) for one in value if one.__class__ in _NESTING
+    )
+
+
+def raw_body(limit: int = MAXIMUM_BODY_BYTES, *, keep: bool = False) -> bytes:
+    """Read the body; one in chunks has no length to refuse it by and is cut after the limit.
+
+    It can be read again only if it is kept.
+    """
     request.max_content_length = limit + 1
     too_long = Fault("", f"must be at most {limit} bytes")
     refusal = RequestError(413, "the body is too large", (too_long,), where="json")
     try:
-        raw = request.get_data(cache=False)
+        raw = request.get_data(cache=keep)
     except RequestEntityTooLarge:
         raise refusal from None
     if len(raw) > limit:

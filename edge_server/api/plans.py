@@ -5,17 +5,18 @@ from typing import Any
 from apiflask import APIBlueprint
 from flask import url_for
 from flask.typing import ResponseReturnValue
-from werkzeug.exceptions import Forbidden
 
 from afarcloud.plan import Plan
 from afarcloud.wire import Kind
 from edge_server.api import bodies, etags, plan_files, urls
-from edge_server.api.auth import PLANNERS, READERS, allow, audit, caller
+from edge_server.api.auth import PLANNERS, READERS, allow, audit, caller, refusal
 from edge_server.api.contract import PAGE, Contract, describe
+from edge_server.api.scopes import check, checked, guarding, own_missions, pages
 from edge_server.services import plans
 from edge_server.store.keys import Role
 
 WORDS = ("plans", "plan")
+_UNATTENDED = 'a farmer or the cloud may post drafts only: {"dispatch": false}'
 BY_NUMBER = "int64:reference"
 BY_ULID = "string(length=26):reference"
 STORED = "StoredPlan"
@@ -53,13 +54,12 @@ def blueprint() -> APIBlueprint:
     return routes
 
 
-@allow(PLANNERS | {Role.FARMER})
+@allow(PLANNERS | {Role.FARMER, Role.CLOUD})
 @describe(Contract({201: STORED}, body="Plan", repeatable=True, errors=(409,), example=EXAMPLE))
 def create() -> ResponseReturnValue:
-    """Keep a plan and queue its missions; a farmer's waits for somebody who may dispatch it."""
-    plan = _plan()
-    if caller().role == Role.FARMER and plan.dispatch:
-        raise Forbidden('a farmer may post drafts only: {"dispatch": false}')
+    """Keep a plan and queue its missions; a farmer's or the cloud's waits for a dispatcher."""
+    plan = _held_unless_allowed(_plan())
+    check(*(mission.vehicle_id for mission in plan.missions))
     stored = plans.create(bodies.context(), plan, caller())
     audit(f"posted plan {stored['id']}")
     return stored, 201, {"Location": url_for("plans.get", reference=stored["id"])}
@@ -69,13 +69,20 @@ def create() -> ResponseReturnValue:
 @describe(Contract({200: STORED}, is_list=True, query=PAGE))
 def page() -> list[dict[str, Any]]:
     """List plans."""
-    return plans.page(
-        bodies.context(),
-        after_id=bodies.query_integer("after", 0, 0, 2**63 - 1),
-        limit=bodies.query_integer("limit", bodies.PAGE_DEFAULT, 1, bodies.PAGE_LIMIT),
-        since_s=bodies.query_time("since"),
-        vehicle_id=bodies.query_vehicle(),
-    )
+    after_id = bodies.query_integer("after", 0, 0, 2**63 - 1)
+    limit = bodies.query_integer("limit", bodies.PAGE_DEFAULT, 1, bodies.PAGE_LIMIT)
+    since_s = bodies.query_time("since")
+
+    def of(vehicle_id: int | None) -> list[dict[str, Any]]:
+        return plans.page(
+            bodies.context(),
+            after_id=after_id,
+            limit=limit,
+            since_s=since_s,
+            vehicle_id=vehicle_id,
+        )
+
+    return [own_missions(plan) for plan in pages(of, bodies.query_vehicle(), limit)]
 
 
 @allow(READERS)
@@ -84,22 +91,28 @@ def get(reference: int | str) -> ResponseReturnValue:
     """Give a plan with its live status, or a mission of it as a file of QGroundControl."""
     if plan_files.wants_plan_file():
         return plan_files.export(reference)
-    return etags.tagged(plans.find(bodies.context(), reference))
+    return etags.tagged(own_missions(plans.find(bodies.context(), reference)))
 
 
-@allow(PLANNERS)
+@allow(PLANNERS | {Role.FARMER, Role.CLOUD})
 @describe(Contract({200: STORED}, body="Plan", conditional=True, errors=(409,), example=EXAMPLE))
 def put(reference: int | str) -> ResponseReturnValue:
-    """Replace a plan that nobody has begun."""
-    stored = plans.replace(bodies.context(), reference, _plan(), etags.check_match)
+    """Replace a plan that nobody has begun; a farmer or the cloud only one that is held."""
+    plan = _held_unless_allowed(_plan())
+    check(*(mission.vehicle_id for mission in plan.missions))
+    precondition = guarding(_check_draft if _needs_dispatcher() else etags.check_match)
+    stored = plans.replace(bodies.context(), reference, plan, precondition)
     audit(f"replaced plan {stored['id']}")
     return etags.tagged(stored)
 
 
-@allow(PLANNERS)
+@allow(PLANNERS | {Role.CLOUD})
 @describe(Contract({200: STORED}, errors=(409, 422)))
 def dispatch(reference: int | str) -> ResponseReturnValue:
     """Let a plan that was posted with `"dispatch": false` be flown."""
+    if _needs_dispatcher():
+        raise refusal(_UNATTENDED)
+    checked(plans.find(bodies.context(), reference))
     stored = plans.dispatch(bodies.context(), reference)
     audit(f"dispatched plan {stored['id']}")
     return etags.tagged(stored)
@@ -109,9 +122,33 @@ def dispatch(reference: int | str) -> ResponseReturnValue:
 @describe(Contract({204: None}, errors=(409,)))
 def delete(reference: int | str) -> ResponseReturnValue:
     """Forget a plan and cancel what waits of it."""
+    checked(plans.find(bodies.context(), reference))
     plans.remove(bodies.context(), reference)
     audit(f"deleted plan {reference}")
     return "", 204
+
+
+def _needs_dispatcher() -> bool:
+    """Whether somebody else must let the caller's plans be flown."""
+    role = caller().role
+    if role == Role.CLOUD:
+        return not bodies.context().config.cloud_may_dispatch
+    return role == Role.FARMER
+
+
+def _held_unless_allowed(plan: Plan) -> Plan:
+    """Hold a plan that its sender may not start; raises 403 when it asks for that."""
+    if not plan.dispatch or not _needs_dispatcher():
+        return plan
+    if caller().role == Role.FARMER or "dispatch" in plan.model_fields_set:
+        raise refusal(_UNATTENDED)
+    return plan.model_copy(update={"dispatch": False})
+
+
+def _check_draft(shown: dict[str, Any]) -> None:
+    if any(mission["dispatch_state"] != "held" for mission in shown["missions"]):
+        raise refusal(_UNATTENDED)
+    etags.check_match(shown)
 
 
 def _plan() -> Plan:
