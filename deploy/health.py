@@ -1,7 +1,7 @@
 """`python -m deploy.health PROGRAM`: is the program of this container well? 0 yes, 1 no and why.
 
 It asks each program where an outsider can see that it works, not merely that it lives: an HTTP
-server for an answer, the relay for its lock, and who speaks MAVLink whether it empties its
+server for an answer, the relay for its lock (or its database server), and who speaks MAVLink whether it empties its
 socket. Only the standard library is loaded, since it is asked every few seconds.
 
 UnwellError  the program does not do its work; the message says what is wrong
@@ -13,15 +13,19 @@ import os
 import socket
 import ssl
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Final, TypeAlias
+from urllib.parse import urlsplit
 
 TIMEOUT_S: Final = 4.0
 UNREAD_BYTES: Final = 128 * 1024
 """What a program that reads its socket fifty times a second never leaves there."""
 _OK: Final = 200
 _UDP_TABLES: Final = (Path("/proc/net/udp"), Path("/proc/net/udp6"))
+_TCP_TABLES: Final = (Path("/proc/net/tcp"), Path("/proc/net/tcp6"))
+_ESTABLISHED: Final = "01"
+_POSTGRES_PORT: Final = 5432
 
 Environment: TypeAlias = Mapping[str, str]
 
@@ -60,15 +64,28 @@ def look_at_socket(port: int, tables: tuple[Path, ...] = _UDP_TABLES) -> None:
     """Look at a UDP port (proc(5), net/udp); raises UnwellError if nobody listens or reads."""
     unread = [
         int(row[4].partition(":")[2], 16)
-        for table in tables
-        if table.exists()
-        for row in map(str.split, table.read_text(encoding="ascii").splitlines()[1:])
+        for row in _rows(tables)
         if int(row[1].rpartition(":")[2], 16) == port
     ]
     if not unread:
         raise UnwellError(f"nobody listens on UDP port {port}")
     if max(unread) > UNREAD_BYTES:
         raise UnwellError(f"{max(unread)} bytes wait unread on UDP port {port}")
+
+
+def look_at_connection(port: int, tables: tuple[Path, ...] = _TCP_TABLES) -> None:
+    """Raise UnwellError unless this container is connected to a port of another (net/tcp)."""
+    if not any(
+        row[3] == _ESTABLISHED and int(row[2].rpartition(":")[2], 16) == port
+        for row in _rows(tables)
+    ):
+        raise UnwellError(f"there is no connection to port {port}")
+
+
+def _rows(tables: tuple[Path, ...]) -> Iterator[list[str]]:
+    for table in tables:
+        if table.exists():
+            yield from map(str.split, table.read_text(encoding="ascii").splitlines()[1:])
 
 
 def look_at_lock(path: Path) -> None:
@@ -96,6 +113,9 @@ def _edge_server(environment: Environment) -> None:
 
 
 def _relay(environment: Environment) -> None:
+    if url := environment.get("DATABASE_URL"):
+        look_at_connection(urlsplit(url).port or _POSTGRES_PORT)  # Relays share it without a lock
+        return
     look_at_lock(Path(environment.get("STATE_DIR") or "var") / "edge" / "relay.lock")
 
 

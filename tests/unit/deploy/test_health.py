@@ -111,6 +111,15 @@ def test_a_relay_is_well_while_it_holds_its_lock(tmp_path: Path) -> None:
     assert health.main(["relay"], environment) == 1
 
 
+def test_a_relay_on_a_database_server_is_well_while_it_is_connected() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+        environment = {"DATABASE_URL": f"postgresql+psycopg://farm@postgres:{port}/farm"}
+        assert health.main(["relay"], environment) == 1  # Somebody listens, nobody is connected
+        with socket.create_connection(("127.0.0.1", port)):
+            assert health.main(["relay"], environment) == 0
+
+
 def test_a_name_that_is_none_is_refused() -> None:
     assert health.main(["pilot"], {}) == 2
     assert health.main([], {}) == 2
