@@ -1,8 +1,9 @@
 """`python -m deploy.health PROGRAM`: is the program of this container well? 0 yes, 1 no and why.
 
 It asks each program where an outsider can see that it works, not merely that it lives: an HTTP
-server for an answer, the relay for its lock (or its database server), and who speaks MAVLink whether it empties its
-socket. Only the standard library is loaded, since it is asked every few seconds.
+server for an answer, the relay for its lock or its database server, and who speaks MAVLink
+whether it empties its socket. Only the standard library is loaded, since it is asked every few
+seconds.
 
 UnwellError  the program does not do its work; the message says what is wrong
 """
