@@ -31,6 +31,8 @@ IDLE_WAIT_S: Final = 0.02
 AUTOPILOT: Final = 1
 """MAV_COMP_ID_AUTOPILOT1."""
 PEERS_KEPT: Final = 1024
+PAYLOAD_WORDS: Final = frozenset({"COMMAND_ACK"})
+"""What is taken from a vehicle's other components, such as its camera."""
 
 _LOG = logging.getLogger(__name__)
 
@@ -129,10 +131,13 @@ class App:
         if message.get_type() == "HEARTBEAT" and is_vehicle(message):
             self._introduce(source, address)
         peer = self._peers.get(source.system)
-        if peer is None or peer.address is None or source.component != peer.component:
+        if peer is None or peer.address is None:
             return
         effects = Effects()
-        peer.session.receive(message, now, effects)
+        if source.component == peer.component:
+            peer.session.receive(message, now, effects)
+        elif message.get_type() in PAYLOAD_WORDS:
+            peer.session.receive_payload(message, now, effects)
         self._carry_out(effects, peer)
 
     def _introduce(self, source: Source, address: Address) -> None:

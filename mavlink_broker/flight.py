@@ -14,14 +14,16 @@ from mavlink_broker.activities import Activity
 from mavlink_broker.dialect import Message
 from mavlink_broker.effects import Effects
 from mavlink_broker.follower import Follower
+from mavlink_broker.performer import Performer, Phase
 from mavlink_broker.protocol.command import Accepted, Refused
 from mavlink_broker.protocol.mission_upload import NotStored, Stored, Uncertain
 from mavlink_broker.protocol.mission_verify import Different, Verified
 from mavlink_broker.readiness import Attachment
 from mavlink_broker.reporter import Reporter
 from mavlink_broker.session_states import Event, State, follow
+from mavlink_broker.stages import Stages
 from mavlink_broker.translation.ledger import Ledger
-from mavlink_broker.translation.mission import FlightPlan, Home, RefusedError, translate
+from mavlink_broker.translation.mission import FlightPlan, LiveCommand, RefusedError
 from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.vehicle import Vehicle
 from mavlink_broker.work import MissionWork
@@ -54,8 +56,10 @@ class Flight:
         self._told_to_start = False
         self._flies_another = False  # Somebody else's mission; ours waits for the landing
         self._activity: Activity | None = None
-        self._plan = FlightPlan.empty()
+        self._stages = Stages(work.mission, vehicle)
         self._follower: Follower | None = None
+        self._performer: Performer | None = None
+        self._was_running = False  # An earlier run of the broker has seen it fly
         self._opaque_id = 0
         self._began_at = 0.0
         self._entered_at = 0.0
@@ -66,7 +70,7 @@ class Flight:
     def leaves_hovering(self) -> bool:
         """Whether the vehicle hovers afterwards: at the end, or still where it did before."""
         if self.ledger.status == Status.FINISHED:
-            return not self._plan.ends_on_ground
+            return not self._stages.ends_on_ground
         return self._hovering and not self._told_to_start
 
     def is_expired(self, now: float) -> bool:
@@ -82,12 +86,15 @@ class Flight:
         self._began_at = now
         if self.work.report is not None:
             self.ledger.restore(self.work.report)
+        self._was_running = self.ledger.status == Status.RUNNING
         self._move(Event.MISSION_RESUMED if resumed else Event.MISSION_TAKEN, now, effects)
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
         """Take a message of the vehicle's autopilot."""
         if self._follower is not None:
             self._follower.receive(message)
+        if self._performer is not None:
+            effects.messages += self._performer.receive(message, now)
         if self._activity is not None:
             effects.messages += self._activity.receive(message, now)
             self._settle(now, effects)
@@ -103,7 +110,8 @@ class Flight:
     def rebooted(self, now: float, effects: Effects) -> None:
         """Take that the vehicle was restarted."""
         preparing = self.state in _BEFORE_TAKEOFF
-        if self.state is State.RUNNING or (preparing and self._hovering):
+        flying = self.state in {State.RUNNING, State.PERFORMING}
+        if flying or (preparing and self._hovering):
             self._fail("the vehicle was restarted", now, effects)
         elif preparing:
             self._move(Event.REBOOTED, now, effects)
@@ -138,7 +146,7 @@ class Flight:
 
     def _fail(self, reason: str, now: float, effects: Effects, command: int | None = None) -> None:
         self._fault = reason, command
-        self._follower = None
+        self._follower = self._performer = None
         self._move(Event.FAULT, now, effects)
 
     def _settle(self, now: float, effects: Effects) -> None:
@@ -150,6 +158,10 @@ class Flight:
             case Uncertain():
                 self._opaque_id = 0
                 self._move(Event.STORED, now, effects)
+            case Verified() | Different() if self._is_between_stages:
+                self._hovering = not self._vehicle.snapshot.is_on_ground
+                self._was_running = False
+                self._move(self._event_of_stage(), now, effects)
             case Verified():
                 attaching = self.state is State.ATTACHING
                 self._move(Event.FLYING if attaching else Event.VERIFIED, now, effects)
@@ -157,9 +169,8 @@ class Flight:
                 self._move(_AFTER_ACCEPTANCE[self.state], now, effects)
             case Accepted() if self._accepted_at is None:
                 self._accepted_at = now
-            case NotStored(reason, item):
-                command = None if item is None else self._plan.command_of_item[item]
-                self._fail(reason, now, effects, command)
+            case NotStored() as refusal:
+                self._not_stored(refusal, now, effects)
             case Different() if self.state is State.ATTACHING and not self._has_flown:
                 self._activity = None
                 self._flies_another = True
@@ -167,15 +178,60 @@ class Flight:
                 self._fail(reason, now, effects)
 
     @property
+    def _is_between_stages(self) -> bool:
+        """Whether an earlier run ended behind one stage and before the next one flew."""
+        if self.state is not State.ATTACHING or self._stages.is_first:
+            return False
+        begun = self.ledger.commands[self._plan.first_command] is not Status.NOT_STARTED
+        same = isinstance(self._activity.outcome if self._activity else None, Verified)
+        return not begun and not (same and self._vehicle.mode_role is ModeRole.MISSION)
+
+    @property
     def _has_flown(self) -> bool:
         """Whether the mission has been reported to run."""
         return self.ledger.status != Status.NOT_STARTED
 
+    @property
+    def _plan(self) -> FlightPlan:
+        """The stretch of items that is flown now."""
+        return self._stages.plan
+
+    def _not_stored(self, refusal: NotStored, now: float, effects: Effects) -> None:
+        """Say otherwise what the vehicle does not know, if there is another way to say it."""
+        item = refusal.item
+        if item is None:
+            self._fail(refusal.reason, now, effects)
+        elif refusal.is_unsupported and self._stages.do_without(item):
+            self._note_all()
+            self._move(Event.REFUSED, now, effects)
+        else:
+            command = self._plan.command_of_item[item]
+            self._fail(refusal.reason, now, effects, command)
+
     def _translate(self) -> None:
-        home = self._vehicle.snapshot.home or Home(0.0, 0.0, 0.0)
-        self._plan = translate(self.work.mission, self._vehicle.family, home)
-        for index, notes in enumerate(self._plan.notes):
+        self._stages.translate()
+        self._note_all()
+
+    def _note_all(self) -> None:
+        for index, notes in enumerate(self._stages.notes):
             self.ledger.note(index, notes)
+
+    def _next_stage(self, now: float, effects: Effects) -> None:
+        """Go on behind a stretch or a live command, or end."""
+        landed = self._stages.is_on_ground
+        if not self._stages.advance():
+            self._follower = self._performer = None
+            self._move(Event.ENDED, now, effects)
+            return
+        self._follower = self._performer = None
+        self._was_running = False
+        self._hovering = not landed
+        self._move(self._event_of_stage(), now, effects)
+
+    def _event_of_stage(self) -> Event:
+        if isinstance(self._stages.current, LiveCommand):
+            return Event.LIVE_NEXT
+        return Event.ITEMS_NEXT if self._hovering else Event.GROUND_NEXT
 
     # What a state begins with.
 
@@ -184,11 +240,6 @@ class Flight:
         self._start(activities.commands(ways, self._vehicle), now, effects)
 
     def _enter_uploading(self, now: float, effects: Effects) -> None:
-        try:
-            self._translate()
-        except RefusedError as error:
-            self._fail(error.reason, now, effects, error.command_index)
-            return
         self._start(activities.upload(self._plan, self._vehicle), now, effects)
 
     def _enter_verifying(self, now: float, effects: Effects) -> None:
@@ -213,9 +264,15 @@ class Flight:
             self.ledger,
             self._vehicle,
             self._reporter,
-            resumed=self.ledger.status == Status.RUNNING,
+            resumed=self._was_running,
         )
         effects.for_edge += self._follower.begin(now)
+
+    def _enter_performing(self, now: float, effects: Effects) -> None:
+        live = self._stages.live
+        resumed = self.ledger.commands[live.command] is Status.RUNNING
+        self._performer = Performer(live.action, self._vehicle)
+        effects.messages += self._performer.start(now, resumed=resumed)
 
     # What a state does as time passes.
 
@@ -227,8 +284,17 @@ class Flight:
             case Attachment.BEGIN:
                 self._move(Event.NOT_STARTED, now, effects)
             case Attachment.COMPARE if not self._flies_another:
-                self._translate()
-                self._start(activities.recognition(self._plan, self._vehicle), now, effects)
+                self._attach(now, effects)
+
+    def _attach(self, now: float, effects: Effects) -> None:
+        """Find the stage that was being flown; a live command shows in the vehicle's mode."""
+        self._translate()
+        self._stages.go_to(self.ledger.finished)
+        if not isinstance(self._stages.current, LiveCommand):
+            self._start(activities.recognition(self._plan, self._vehicle), now, effects)
+            return
+        self._hovering = True
+        self._move(Event.LIVE_NEXT, now, effects)
 
     def _step_waiting(self, now: float, effects: Effects) -> None:
         if self.is_expired(now):
@@ -237,10 +303,23 @@ class Flight:
             return
         obstacle = readiness.obstacle(self._vehicle, now, hovering=self._hovering)
         if obstacle is None:
-            flying = self._hovering and bool(self._vehicle.snapshot.armed)
-            self._move(Event.HOVERS if flying else Event.READY, now, effects)
+            self._set_out(now, effects)
         elif now - self._entered_at >= readiness.WITHIN_S:
             self._fail(f"not ready after {readiness.WITHIN_S:.0f} s: {obstacle}", now, effects)
+
+    def _set_out(self, now: float, effects: Effects) -> None:
+        try:
+            self._translate()
+        except RefusedError as error:
+            self._fail(error.reason, now, effects, error.command_index)
+            return
+        flying = self._hovering and bool(self._vehicle.snapshot.armed)
+        if not isinstance(self._stages.current, LiveCommand):
+            self._move(Event.HOVERS if flying else Event.READY, now, effects)
+        elif flying or not self._stages.live.action.moves:
+            self._move(Event.LIVE_NEXT, now, effects)
+        else:
+            self._fail("the vehicle is on the ground: a take-off has to come first", now, effects)
 
     def _step_starting(self, now: float, effects: Effects) -> None:
         """Believe that it flies when it says so: armed, and in a mission mode."""
@@ -257,10 +336,37 @@ class Flight:
             return
         effects.for_edge += self._follower.step(now)
         if self._follower.is_finished:
-            self._follower = None
-            self._move(Event.ENDED, now, effects)
+            self._next_stage(now, effects)
         elif self._follower.departure is not None:
             self._fail(self._follower.departure, now, effects)
+
+    def _step_performing(self, now: float, effects: Effects) -> None:
+        performer = self._performer
+        if performer is None:
+            return
+        effects.messages += performer.tick(now)
+        index = self._stages.live.command
+        if performer.has_begun:
+            self._note_way(index, performer.note)
+            if self._run(index):
+                effects.for_edge.append(self._reporter.mission(self.ledger))
+        if performer.phase is Phase.DONE:
+            self.ledger.set_command(index, Status.FINISHED)
+            effects.for_edge += self._reporter.results()
+            if self._stages.is_last:
+                self.ledger.set_mission(Status.FINISHED)
+            effects.for_edge.append(self._reporter.mission(self.ledger))
+            self._next_stage(now, effects)
+        elif performer.phase is Phase.FAILED:
+            self._fail(performer.reason, now, effects, index)
+
+    def _run(self, index: int) -> bool:
+        begins = self.ledger.set_mission(Status.RUNNING)
+        return self.ledger.set_command(index, Status.RUNNING) or begins
+
+    def _note_way(self, index: int, note: str | None) -> None:
+        if note is not None:
+            self.ledger.note(index, (*self._stages.notes[index], note))
 
     def _step_failing(self, now: float, effects: Effects) -> None:
         if now - self._entered_at < LAST_WORDS_S:
@@ -283,6 +389,7 @@ _ENTRIES: Final[Mapping[State, _Handler]] = {
     State.ARMING: Flight._enter_arming,  # noqa: SLF001
     State.STARTING: Flight._enter_starting,  # noqa: SLF001
     State.RUNNING: Flight._enter_running,  # noqa: SLF001
+    State.PERFORMING: Flight._enter_performing,  # noqa: SLF001
 }
 
 _STEPS: Final[Mapping[State, _Handler]] = {
@@ -290,5 +397,6 @@ _STEPS: Final[Mapping[State, _Handler]] = {
     State.WAITING: Flight._step_waiting,  # noqa: SLF001
     State.STARTING: Flight._step_starting,  # noqa: SLF001
     State.RUNNING: Flight._step_running,  # noqa: SLF001
+    State.PERFORMING: Flight._step_performing,  # noqa: SLF001
     State.FAILING: Flight._step_failing,  # noqa: SLF001
 }

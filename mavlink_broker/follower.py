@@ -40,7 +40,8 @@ class Follower:
         self._ledger = ledger
         self._vehicle = vehicle
         self._reporter = reporter
-        self._progress = Progress.after(plan, ledger.finished)
+        self._progress = Progress.after(plan, max(0, ledger.finished - plan.first_command))
+        self._plan = plan
         self._mission_id: int | None = None  # The vehicle's own, once it has told it
         self._under_way = resumed
         self._reported_at = 0.0
@@ -92,17 +93,17 @@ class Follower:
 
     def _finish_commands(self) -> list[Report]:
         reports: list[Report] = []
-        for index in range(self._progress.finished_commands):
+        for index in self._plan.commands[: self._progress.finished_commands]:
             if not self._ledger.commands[index].is_terminal:
                 self._ledger.set_command(index, Status.FINISHED)
                 reports += self._reporter.results()
-        if self.is_finished:
+        if all(status.is_terminal for status in self._ledger.commands):
             self._ledger.set_mission(Status.FINISHED)
         return reports
 
     def _run_next(self) -> bool:
-        index = self._progress.finished_commands
-        if index >= len(self._ledger.commands):
+        index = self._plan.first_command + self._progress.finished_commands
+        if index not in self._plan.commands:
             return False
         return self._ledger.set_command(index, Status.RUNNING)
 
@@ -127,7 +128,7 @@ class Follower:
         ending = self._progress.plan.ends_on_ground and self._progress.last_command_has_begun
         if snapshot.armed is False:
             return "the vehicle disarmed before the end of the mission"
-        if role is ModeRole.OTHER or (role is ModeRole.ENDING and not ending):
+        if role in {ModeRole.OTHER, ModeRole.GUIDED} or (role is ModeRole.ENDING and not ending):
             return f"the vehicle left the mission: mode {vehicle.mode}"
         told = snapshot.mission.mission_id if snapshot.mission else None
         if self._mission_id is not None and told != self._mission_id:

@@ -19,6 +19,7 @@ def obstacle(vehicle: Vehicle, now: float, *, hovering: bool) -> str | None:
     snapshot = vehicle.snapshot
     obstacles = {
         "the vehicle is not heard": not vehicle.is_heard(now),
+        "its kind is not known": not vehicle.is_identified,
         "its position is not known": snapshot.position is None,
         "its home is not known": snapshot.home is None,
         "it is armed": bool(snapshot.armed) and not hovering,
@@ -41,7 +42,7 @@ def attachment(vehicle: Vehicle, now: float, *, started: bool, waited_s: float) 
     A started mission is never begun again: the vehicle is waited for as long as it takes.
     """
     snapshot = vehicle.snapshot
-    if not vehicle.is_heard(now) or snapshot.armed is None:
+    if not vehicle.is_heard(now) or snapshot.armed is None or not vehicle.is_identified:
         patient = started or waited_s < WITHIN_S
         return Attachment.WAIT if patient else Attachment.BEGIN
     if not started and snapshot.is_on_ground:

@@ -93,12 +93,19 @@ class Session:
             self._flight.receive(message, now, effects)
             self._close_flight()
 
+    def receive_payload(self, message: Message, now: float, effects: Effects) -> None:
+        """Take a message of another component of the vehicle: its camera, its gimbal."""
+        if self._flight is not None:
+            self._flight.receive(message, now, effects)
+            self._close_flight()
+
     def step(self, now: float, effects: Effects) -> None:
         """Let time pass."""
         self._update(now, effects)
         if self.vehicle.is_heard(now):
             effects.messages += self._heartbeat.tick(now)
             effects.messages += self._streams.tick(now)
+            self.vehicle.is_identified |= self._streams.is_version_settled
             self._read_capacity(now, effects)
             self._watch_hover()
         self._next_flight(now, effects)
@@ -182,7 +189,7 @@ class Session:
         vehicle, snapshot = self.vehicle, self.vehicle.snapshot
         body: dict[str, Any] = {
             "link_state": vehicle.link_state(now).value,
-            "autopilot": vehicle.family.name,
+            "autopilot": vehicle.family.autopilot,
             "mission_id": self._mission_id,
         }
         if snapshot.armed is not None:

@@ -21,6 +21,7 @@ class State(Enum):
     ARMING = auto()
     STARTING = auto()  # Told to start, not yet seen to fly
     RUNNING = auto()  # It flies; progress is followed and reported
+    PERFORMING = auto()  # A command is flown live, between stretches of the mission
     FAILING = auto()  # Something was refused or went wrong; the vehicle may say why
 
 
@@ -34,10 +35,14 @@ class Event(Enum):
     READY = auto()
     HOVERS = auto()  # Ready, in the air where a mission of ours has left it
     HELD = auto()
+    REFUSED = auto()  # An item, for which there is another one
     STORED = auto()
     VERIFIED = auto()
     SELECTED = auto()
     ARMED = auto()
+    LIVE_NEXT = auto()  # The next command is flown live
+    ITEMS_NEXT = auto()  # The next commands are mission items, and the vehicle is in the air
+    GROUND_NEXT = auto()  # The next commands begin with a take-off
     REBOOTED = auto()  # On the ground, before it flew: begin again
     FAULT = auto()
     ENDED = auto()  # The mission has its terminal status
@@ -48,15 +53,20 @@ TRANSITIONS: Final[Mapping[tuple[State, Event], State]] = {
     (State.IDLE, Event.MISSION_RESUMED): State.ATTACHING,
     (State.ATTACHING, Event.FLYING): State.RUNNING,
     (State.ATTACHING, Event.NOT_STARTED): State.WAITING,
+    (State.ATTACHING, Event.LIVE_NEXT): State.PERFORMING,
+    (State.ATTACHING, Event.ITEMS_NEXT): State.HOLDING,
+    (State.ATTACHING, Event.GROUND_NEXT): State.WAITING,
     (State.ATTACHING, Event.FAULT): State.FAILING,
     (State.WAITING, Event.READY): State.UPLOADING,
     (State.WAITING, Event.HOVERS): State.HOLDING,
+    (State.WAITING, Event.LIVE_NEXT): State.PERFORMING,
     (State.WAITING, Event.FAULT): State.FAILING,
     (State.WAITING, Event.ENDED): State.IDLE,
     (State.HOLDING, Event.HELD): State.UPLOADING,
     (State.HOLDING, Event.FAULT): State.FAILING,
     (State.UPLOADING, Event.STORED): State.VERIFYING,
     (State.UPLOADING, Event.REBOOTED): State.WAITING,
+    (State.UPLOADING, Event.REFUSED): State.UPLOADING,
     (State.UPLOADING, Event.FAULT): State.FAILING,
     (State.VERIFYING, Event.VERIFIED): State.SELECTING,
     (State.VERIFYING, Event.REBOOTED): State.WAITING,
@@ -71,7 +81,15 @@ TRANSITIONS: Final[Mapping[tuple[State, Event], State]] = {
     (State.STARTING, Event.REBOOTED): State.WAITING,
     (State.STARTING, Event.FAULT): State.FAILING,
     (State.RUNNING, Event.ENDED): State.IDLE,
+    (State.RUNNING, Event.LIVE_NEXT): State.PERFORMING,
+    (State.RUNNING, Event.ITEMS_NEXT): State.HOLDING,
+    (State.RUNNING, Event.GROUND_NEXT): State.WAITING,
     (State.RUNNING, Event.FAULT): State.FAILING,
+    (State.PERFORMING, Event.LIVE_NEXT): State.PERFORMING,
+    (State.PERFORMING, Event.ITEMS_NEXT): State.HOLDING,
+    (State.PERFORMING, Event.GROUND_NEXT): State.WAITING,
+    (State.PERFORMING, Event.ENDED): State.IDLE,
+    (State.PERFORMING, Event.FAULT): State.FAILING,
     (State.FAILING, Event.ENDED): State.IDLE,
 }
 

@@ -23,6 +23,10 @@ class Vehicle:
     snapshot: Snapshot = field(default_factory=Snapshot)
     link: LinkWatch = field(default_factory=LinkWatch)
     round_trip: RoundTrip = field(default_factory=RoundTrip)
+    product: tuple[int, int] | None = None  # Vendor and product, once it has told them
+    is_identified: bool = False  # It has told them, or will not
+    refused_items: set[int] = field(default_factory=set)  # MAV_CMD that no mission of it may hold
+    _autopilot: int = 0
     _reboots: RebootWatch = field(default_factory=RebootWatch)
     _words: StatusTexts = field(default_factory=StatusTexts)
 
@@ -31,7 +35,12 @@ class Vehicle:
         kind = message.get_type()
         if kind == "HEARTBEAT":
             self.link.heard(now)
-            self.family = family_of(message.autopilot)
+            self._autopilot = message.autopilot
+            self.family = family_of(message.autopilot, self.product)
+        elif kind == "AUTOPILOT_VERSION":
+            self.product = message.vendor_id, message.product_id
+            self.is_identified = True
+            self.family = family_of(self._autopilot, self.product)
         self._words.receive(message, now)
         rebooted = hasattr(message, "time_boot_ms") and self._reboots.sample(message.time_boot_ms)
         if rebooted:

@@ -26,16 +26,25 @@ class CommandLong:
 
     command: int
     parameters: Seven = (0.0,) * 7
+    component: int | None = None  # Another than the autopilot, such as its camera
 
     def message(self, route: Route, confirmation: int) -> Message:
         """COMMAND_LONG(76) for one vehicle."""
         return mavlink.MAVLink_command_long_message(
             route.target_system,
-            route.target_component,
+            route.target_component if self.component is None else self.component,
             self.command,
             confirmation,
             *self.parameters,
         )
+
+
+def long_command(command: int, *values: float, component: int | None = None) -> CommandLong:
+    """Make a command of its first parameters; the others are 0."""
+    p1, p2, p3, p4, p5, p6, p7 = (*values, *(0.0,) * (7 - len(values)))
+    return CommandLong(
+        command=command, parameters=(p1, p2, p3, p4, p5, p6, p7), component=component
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

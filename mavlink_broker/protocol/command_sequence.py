@@ -31,6 +31,7 @@ class CommandSequence:
         self._round_trip = round_trip
         self._running: CommandTransaction | None = None
         self._first_refusal: Refused | None = None
+        self.way = 0  # That is being gone, or was gone
         self.outcome: CommandOutcome | None = None
 
     def start(self, now: float) -> list[Message]:
@@ -56,6 +57,7 @@ class CommandSequence:
             case Refused() as refusal:
                 self._first_refusal = self._first_refusal or refusal
                 del self._steps[0]
+                self.way += 1
                 return self._next(now)
             case _:
                 return []

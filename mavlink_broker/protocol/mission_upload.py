@@ -31,6 +31,15 @@ _REQUESTS: Final = frozenset({"MISSION_REQUEST", "MISSION_REQUEST_INT"})
 _BUSY: Final = frozenset({mavlink.MAV_MISSION_ERROR, mavlink.MAV_MISSION_DENIED})
 _TRANSIENT: Final = frozenset({mavlink.MAV_MISSION_ERROR, mavlink.MAV_MISSION_INVALID_SEQUENCE})
 """What some vehicles answer to a repeated item although the transfer goes on, or is complete."""
+_UNSUPPORTED: Final = frozenset(
+    {
+        mavlink.MAV_MISSION_UNSUPPORTED,
+        mavlink.MAV_MISSION_UNSUPPORTED_FRAME,
+        mavlink.MAV_MISSION_INVALID,
+        *range(mavlink.MAV_MISSION_INVALID_PARAM1, mavlink.MAV_MISSION_INVALID_PARAM7 + 1),
+    }
+)
+"""What a vehicle answers to a command that it does not know as an item, or not so."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +60,7 @@ class NotStored:
 
     reason: str
     item: int | None = None
+    is_unsupported: bool = False  # It knows no such item, or not with such parameters
 
 
 UploadOutcome: TypeAlias = Stored | Uncertain | NotStored
@@ -190,7 +200,11 @@ class MissionUpload:
         elif complete and self._attempts > 1 and result in _TRANSIENT:
             self.outcome = Uncertain()
         elif result not in _TRANSIENT:
-            self.outcome = NotStored(f"mission refused: {self._complaint}", self._last_requested)
+            self.outcome = NotStored(
+                f"mission refused: {self._complaint}",
+                self._last_requested,
+                is_unsupported=result in _UNSUPPORTED,
+            )
 
     def _pause(self, seconds: float, now: float) -> None:
         if self._transfers >= TRANSFERS:

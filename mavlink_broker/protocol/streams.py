@@ -1,7 +1,8 @@
 """Asks the vehicle for the messages that the broker lives on, and asks again when they stop.
 
 One SET_MESSAGE_INTERVAL is outstanding at a time, because COMMAND_ACK does not say which of
-several it answers. HOME_POSITION is asked for until it is there; vehicles send it rarely. What
+several it answers. HOME_POSITION is asked for until it is there; vehicles send it rarely.
+AUTOPILOT_VERSION is asked for a few times, since it tells kinds of vehicles apart. What
 a vehicle sends often and nobody here reads is turned off: PX4 pours some 400 messages a second
 on a companion computer's link, and a fleet's broker would read them all for nothing.
 """
@@ -73,6 +74,8 @@ _OFF_US: Final = -1.0
 SILENT_AFTER_S: Final = 6.0
 ASK_AGAIN_S: Final = 10.0
 HOME_EVERY_S: Final = 1.0
+VERSION_EVERY_S: Final = 0.5
+VERSION_ATTEMPTS: Final = 8
 
 
 class StreamRequests:
@@ -85,6 +88,13 @@ class StreamRequests:
         self._asked_at: dict[str, float] = {}
         self._running: CommandTransaction | None = None
         self._home_asked_at: float | None = None
+        self._version_asked = 0
+        self._version_asked_at = -math.inf
+
+    @property
+    def is_version_settled(self) -> bool:
+        """Whether AUTOPILOT_VERSION has come, or has been asked for often enough."""
+        return self._version_asked > VERSION_ATTEMPTS
 
     def renew(self) -> None:
         """Ask for everything again: the vehicle has been restarted."""
@@ -92,6 +102,7 @@ class StreamRequests:
         self._asked_at.clear()
         self._running = None
         self._home_asked_at = None
+        self._version_asked = 0
 
     def receive(self, message: Message, now: float) -> list[Message]:
         """Take a message or an answer."""
@@ -103,7 +114,7 @@ class StreamRequests:
 
     def tick(self, now: float) -> list[Message]:
         """Ask for what is missing; to be called only while the vehicle is heard."""
-        messages = self._home(now)
+        messages = [*self._home(now), *self._version(now)]
         if self._running is not None:
             messages += self._running.tick(now)
         return messages + self._next(now)
@@ -144,6 +155,17 @@ class StreamRequests:
             return []
         self._home_asked_at = now
         return [request_message(self._route, mavlink.MAVLINK_MSG_ID_HOME_POSITION)]
+
+    def _version(self, now: float) -> list[Message]:
+        if "AUTOPILOT_VERSION" in self._heard_at:
+            self._version_asked = VERSION_ATTEMPTS + 1
+        if self.is_version_settled or now - self._version_asked_at < VERSION_EVERY_S:
+            return []
+        self._version_asked += 1
+        self._version_asked_at = now
+        if self._version_asked > VERSION_ATTEMPTS:
+            return []
+        return [request_message(self._route, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)]
 
 
 def request_message(route: Route, message_id: int) -> Message:

@@ -5,9 +5,11 @@ protocol: arm, start the mission, judge nothing by its modes.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from enum import Enum, auto
 from typing import Final
 
+from afarcloud.enumerations import OrbitType
 from mavlink_broker.dialect import mavlink
 from mavlink_broker.protocol.command import CommandLong
 from mavlink_broker.protocol.command_sequence import Ways
@@ -42,11 +44,45 @@ _COPTER_AUTO: Final = _mode(3)
 _COPTER_GUIDED: Final = _mode(4)
 
 
+_FOLLOW_OF_PX4: Final = _mode(4, 8)
+_FOLLOW_OF_COPTER: Final = _mode(23)
+
+
+class Orbiting(Enum):
+    """How a vehicle goes round a point."""
+
+    COUNTED = auto()  # DO_ORBIT with an angle, after which it holds by itself
+    ENDLESS = auto()  # DO_ORBIT until told otherwise
+    BY_ITEM = auto()  # NAV_LOITER_TURNS in a mission
+
+
+class Following(Enum):
+    """How a vehicle is told to follow."""
+
+    BY_COMMAND = auto()  # DO_FOLLOW
+    BY_MODE = auto()
+
+
+STANDARD_HEADINGS: Final[Mapping[OrbitType, float]] = {
+    OrbitType.ALONG_CIRCLE_LOOKING_FORWARDS: 3.0,
+    OrbitType.TOWARDS_HOT_POINT: 0.0,
+    OrbitType.CONTROLLED_BY_REMOTE_CONTROLLER: 4.0,
+    OrbitType.USING_INITIAL_HEADING: 1.0,
+}
+"""ORBIT_YAW_BEHAVIOUR, the third parameter of DO_ORBIT."""
+OWN_HEADINGS: Final = {
+    **STANDARD_HEADINGS,
+    OrbitType.ALONG_CIRCLE_LOOKING_BACKWARDS: 6.0,
+    OrbitType.AWAY_FROM_HOT_POINT: 7.0,
+}
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Family:
     """What is special about one family of autopilots."""
 
-    name: str  # As the edge server knows it
+    name: str
+    autopilot: str = "generic"  # As the edge server knows it
     home_is_item_0: bool = False  # The list begins with home, the mission with item 1
     takeoff_holds_position: bool = True  # Take-off climbs in place: a waypoint must follow
     yaw_by_condition: bool = False  # A yaw needs a CONDITION_YAW item before
@@ -59,6 +95,11 @@ class Family:
     arming: Ways = ((_ARM,),)
     starting: Ways = ((_START,),)
     holding: Ways = ((_PAUSE,),)  # Stay in the air, out of the mission
+    orbiting: Orbiting = Orbiting.ENDLESS
+    orbit_headings: Mapping[OrbitType, float] = field(default_factory=lambda: STANDARD_HEADINGS)
+    following: Following = Following.BY_COMMAND
+    follow_modes: Ways = ()
+    takes_panoramas: bool = False  # Its camera does, by PANORAMA_CREATE
     busy_pause_s: float = 6.0  # After "busy": the vehicle's own idle timeout and a second
     battery_capacity_parameter: str | None = None  # In mAh
     mode_name: Callable[[int, int], str] = modes.generic_name
@@ -67,16 +108,30 @@ class Family:
 
 PX4: Final = Family(
     name="px4",
+    autopilot="px4",
     arming=((_ARM,), (_PX4_MISSION_MODE, _ARM)),
     starting=((_START,), (_PX4_MISSION_MODE,)),
     holding=((_PX4_HOLD,), (_PAUSE,)),
+    following=Following.BY_MODE,
+    follow_modes=((_FOLLOW_OF_PX4,),),
     battery_capacity_parameter="BAT1_CAPACITY",
     mode_name=modes.px4_name,
     mode_role=modes.px4_role,
 )
 
+OWN: Final = replace(
+    PX4,
+    name="farm-flight",
+    orbiting=Orbiting.COUNTED,
+    orbit_headings=OWN_HEADINGS,
+    following=Following.BY_COMMAND,
+    takes_panoramas=True,
+)
+"""The project's own vehicle, which is PX4 to everybody who does not look at its vendor."""
+
 ARDUPILOT: Final = Family(
     name="ardupilot",
+    autopilot="ardupilot",
     home_is_item_0=True,
     yaw_by_condition=True,
     honours_acceptance_radius=False,
@@ -87,7 +142,16 @@ ARDUPILOT: Final = Family(
         mavlink.MAV_CMD_NAV_TAKEOFF: frozenset({0}),
         mavlink.MAV_CMD_NAV_LAND: frozenset({0}),
         mavlink.MAV_CMD_NAV_LOITER_UNLIM: frozenset(),
+        mavlink.MAV_CMD_NAV_LOITER_TURNS: frozenset({0, 2}),
+        mavlink.MAV_CMD_DO_SET_ROI_LOCATION: frozenset(),
+        mavlink.MAV_CMD_NAV_DELAY: frozenset({0}),
+        mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW: frozenset({0, 1}),
+        mavlink.MAV_CMD_VIDEO_START_CAPTURE: frozenset({0}),
+        mavlink.MAV_CMD_VIDEO_STOP_CAPTURE: frozenset({0}),
     },
+    orbiting=Orbiting.BY_ITEM,
+    following=Following.BY_MODE,
+    follow_modes=((_FOLLOW_OF_COPTER,),),
     arming=((_COPTER_GUIDED, _ARM), (_ARM,)),
     starting=((_START,), (_COPTER_AUTO,)),
     holding=((_COPTER_GUIDED,), (_PAUSE,)),
@@ -106,6 +170,11 @@ FAMILIES: Final[Mapping[int, Family]] = {
 """By HEARTBEAT.autopilot."""
 
 
-def family_of(autopilot: int) -> Family:
-    """Family of a MAV_AUTOPILOT."""
-    return FAMILIES.get(autopilot, GENERIC)
+OWN_PRODUCT: Final = (0x1209, 0x0001)
+"""Vendor and product in AUTOPILOT_VERSION by which the project's own vehicle is told."""
+
+
+def family_of(autopilot: int, product: tuple[int, int] | None = None) -> Family:
+    """Family of a MAV_AUTOPILOT; `product` is vendor and product, if the vehicle has told it."""
+    family = FAMILIES.get(autopilot, GENERIC)
+    return OWN if family is PX4 and product == OWN_PRODUCT else family

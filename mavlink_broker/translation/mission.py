@@ -1,41 +1,44 @@
-"""A mission to the items that a vehicle flies, and back from items to commands."""
+"""A mission to what a vehicle flies: stretches of mission items, and live actions between them.
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Self
+Everything is one stretch where the vehicle's family takes it all as items, so that a link that
+is lost after the start costs nothing. A stretch that does not end on the ground ends in a hold.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import Self, TypeAlias
 
 from afarcloud.commands import FLYING, Command
+from afarcloud.enumerations import CommandType
 from afarcloud.plan import Mission
 from mavlink_broker.dialect import Message
 from mavlink_broker.translation import mission_item
-from mavlink_broker.translation.commands import (
-    DEFAULT_ALTITUDE_M,
-    Home,
-    Items,
-    RefusedError,
-    Situation,
-    translate_command,
-)
+from mavlink_broker.translation.commands import translate_command
 from mavlink_broker.translation.families import Family
+from mavlink_broker.translation.live import LiveAction
 from mavlink_broker.translation.mission_item import MissionItem
+from mavlink_broker.translation.situation import Home, Items, RefusedError, Situation
 
-__all__ = ["FlightPlan", "Home", "RefusedError", "translate"]
+__all__ = ["FlightPlan", "Home", "Itinerary", "LiveCommand", "RefusedError", "translate"]
+
+_NOTHING_TO_HOLD_AT = "nothing before it says where the vehicle is to be when the mission ends"
+_ON_THE_GROUND = "it follows a landing: a take-off has to come first"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightPlan:
-    """The items of one mission and what they belong to.
+    """The items of one stretch and what they belong to.
 
     Commands are told by their place in the mission's `command_array`. Items that serve the whole
-    mission (home, the speed, the hold at its end) belong to the command next to them.
+    stretch (home, the speed, the hold at its end) belong to the command next to them.
     """
 
     items: tuple[MissionItem, ...]
     command_of_item: tuple[int, ...]
-    done_item: tuple[int, ...]  # Per command: the item that finishes it when reached
+    done_item: tuple[int, ...]  # Per command of the stretch: the item that finishes it
     notes: tuple[tuple[str, ...], ...]  # Per command: what was left out, for its report
     first_item: int  # At which the mission begins: 1 behind home, else 0
     ends_on_ground: bool  # The last command lands: it ends on the ground and disarmed
+    first_command: int = 0
 
     @classmethod
     def empty(cls) -> Self:
@@ -43,6 +46,11 @@ class FlightPlan:
         return cls(
             items=(), command_of_item=(), done_item=(), notes=(), first_item=0, ends_on_ground=True
         )
+
+    @property
+    def commands(self) -> range:
+        """The commands that it flies."""
+        return range(self.first_command, self.first_command + len(self.done_item))
 
     def first_item_of(self, command: int) -> int:
         """Give the first item that belongs to a command."""
@@ -58,58 +66,186 @@ class FlightPlan:
         )
 
 
-def translate(mission: Mission, family: Family, home: Home) -> FlightPlan:
+@dataclass(frozen=True, slots=True)
+class LiveCommand:
+    """A command that is flown live."""
+
+    command: int
+    action: LiveAction
+
+    @property
+    def commands(self) -> range:
+        """The commands that it flies: one."""
+        return range(self.command, self.command + 1)
+
+
+Segment: TypeAlias = FlightPlan | LiveCommand
+
+
+@dataclass(frozen=True, slots=True)
+class Itinerary:
+    """A whole mission, in the order of its flight."""
+
+    segments: tuple[Segment, ...]
+
+    @property
+    def ends_on_ground(self) -> bool:
+        """Whether the vehicle stands at the end; pictures and video change nothing about that."""
+        moving = [
+            segment.ends_on_ground if isinstance(segment, FlightPlan) else False
+            for segment in self.segments
+            if isinstance(segment, FlightPlan) or segment.action.moves
+        ]
+        return bool(moving) and moving[-1]
+
+    @property
+    def notes(self) -> tuple[tuple[str, ...], ...]:
+        """Per command: what was left out or is done in another way."""
+        return tuple(
+            note
+            for segment in self.segments
+            for note in (
+                segment.notes if isinstance(segment, FlightPlan) else (segment.action.notes,)
+            )
+        )
+
+    def segment_of(self, command: int) -> int:
+        """Give the number of the segment that flies a command; beyond the last, the last."""
+        numbers = (n for n, segment in enumerate(self.segments) if command in segment.commands)
+        return next(numbers, len(self.segments) - 1)
+
+
+@dataclass(slots=True)
+class _Stretch:
+    """Items that are being put together."""
+
+    first_command: int
+    items: list[MissionItem] = field(default_factory=list)
+    owners: list[int] = field(default_factory=list)
+    done: list[int] = field(default_factory=list)
+    notes: list[tuple[str, ...]] = field(default_factory=list)
+    ends_on_ground: bool = False
+    has_speed: bool = False
+
+    def add(self, owner: int, *more: MissionItem) -> None:
+        self.items.extend(more)
+        self.owners.extend([owner] * len(more))
+
+    def take(self, owner: int, part: Items) -> None:
+        self.done.append(len(self.items) + part.done)
+        self.notes.append(part.notes)
+        self.ends_on_ground = part.ends_on_ground
+        self.add(owner, *part.items)
+
+
+class _Translation:
+    """Goes through the commands and keeps what the next one has to know."""
+
+    def __init__(self, mission: Mission, situation: Situation) -> None:
+        self._mission = mission
+        self._situation = situation
+        self._at_home = False
+        self._landed = False
+        self._stretch: _Stretch | None = None
+        self.segments: list[Segment] = []
+
+    def go(self) -> Itinerary:
+        for index, command in enumerate(self._mission.command_array):
+            self._refuse_on_ground(index, command)
+            part = translate_command(index, command, self._situation)
+            if isinstance(part, LiveAction):
+                self._close()
+                self.segments.append(LiveCommand(index, part))
+                if part.moves:
+                    self._situation = self._situation._replace(spot=None, after_live=True)
+            else:
+                self._take(index, command, part)
+        self._close()
+        return Itinerary(tuple(self.segments))
+
+    def _refuse_on_ground(self, index: int, command: Command) -> None:
+        kind = command.command_type_id
+        if self._landed and kind in FLYING and kind is not CommandType.NAV_TAKEOFF:
+            raise RefusedError(index, command, _ON_THE_GROUND)
+
+    def _take(self, index: int, command: Command, part: Items) -> None:
+        if self._stretch is None:
+            self._stretch = _Stretch(index)
+            if self._situation.family.home_is_item_0:
+                self._stretch.add(index, _home_item(self._situation.home))
+        stretch = self._stretch
+        if not stretch.has_speed and command.command_type_id in FLYING:
+            stretch.has_speed = True
+            stretch.add(index, mission_item.change_speed(self._mission.maximum_speed))
+        stretch.take(index, part)
+        if part.spot is not None:
+            self._at_home = part.at_home
+            self._situation = self._situation._replace(
+                spot=part.spot,
+                relative_altitude_m=part.spot.relative_altitude_m,
+                after_live=False,
+            )
+            self._landed = False
+        if part.heading_deg is not None:
+            self._situation = self._situation._replace(heading_deg=part.heading_deg)
+        if part.ends_on_ground:
+            self._landed = True
+            self._situation = self._situation._replace(spot=None, after_live=True)
+            self._close()
+
+    def _close(self) -> None:
+        stretch, self._stretch = self._stretch, None
+        if stretch is None:
+            return
+        if not stretch.ends_on_ground:
+            last = stretch.owners[-1]
+            stretch.add(last, self._hold(last))
+        self.segments.append(
+            FlightPlan(
+                items=tuple(stretch.items),
+                command_of_item=tuple(stretch.owners),
+                done_item=tuple(stretch.done),
+                notes=tuple(stretch.notes),
+                first_item=int(self._situation.family.home_is_item_0),
+                ends_on_ground=stretch.ends_on_ground,
+                first_command=stretch.first_command,
+            )
+        )
+
+    def _hold(self, last: int) -> MissionItem:
+        """Stay at the last place; arriving at this item also proves the one before."""
+        if self._situation.spot is None:
+            command = self._mission.command_array[last]
+            raise RefusedError(last, command, _NOTHING_TO_HOLD_AT)
+        hold = mission_item.hold(**self._situation.spot._asdict())
+        return replace(hold, at_home=self._at_home)
+
+
+def translate(
+    mission: Mission,
+    family: Family,
+    home: Home,
+    *,
+    own_system: int = 254,
+    refused: frozenset[int] = frozenset(),
+) -> Itinerary:
     """Translate a whole mission for one family of autopilots.
 
-    The same mission, family and home always give the same items.
+    The same mission, family, home and refusals always give the same items. `refused` are the
+    MAV_CMDs that the vehicle has refused as mission items.
 
     Raises:
         RefusedError: for the first command that cannot be flown.
     """
-    translated = _translate_commands(mission.command_array, family, home)
-    items: list[MissionItem] = []
-    owners: list[int] = []
-    done: list[int] = []
-
-    def add(owner: int, *more: MissionItem) -> None:
-        items.extend(more)
-        owners.extend([owner] * len(more))
-
-    if family.home_is_item_0:
-        add(0, _home_item(home))
-    speed_before = _first_flying(mission.command_array)
-    for index, part in enumerate(translated):
-        if index == speed_before:
-            add(index, mission_item.change_speed(mission.maximum_speed))
-        done.append(len(items) + part.done)
-        add(index, *part.items)
-    ends_on_ground = translated[-1].ends_on_ground
-    if not ends_on_ground:
-        add(len(translated) - 1, _hold_behind(items[-1]))
-    return FlightPlan(
-        items=tuple(items),
-        command_of_item=tuple(owners),
-        done_item=tuple(done),
-        notes=tuple(part.notes for part in translated),
-        first_item=int(family.home_is_item_0),
-        ends_on_ground=ends_on_ground,
+    situation = Situation(
+        family,
+        home,
+        mission_id=mission.mission_id,
+        own_system=own_system,
+        refused=refused,
+        maximum_speed_m_s=mission.maximum_speed,
     )
-
-
-def _translate_commands(commands: Sequence[Command], family: Family, home: Home) -> list[Items]:
-    altitude_m = DEFAULT_ALTITUDE_M
-    translated = []
-    for index, command in enumerate(commands):
-        part = translate_command(index, command, Situation(family, home, altitude_m))
-        translated.append(part)
-        if part.relative_altitude_m is not None:
-            altitude_m = part.relative_altitude_m
-    return translated
-
-
-def _first_flying(commands: Sequence[Command]) -> int | None:
-    flying = (i for i, command in enumerate(commands) if command.command_type_id in FLYING)
-    return next(flying, None)
+    return _Translation(mission, situation).go()
 
 
 def _home_item(home: Home) -> MissionItem:
@@ -118,13 +254,3 @@ def _home_item(home: Home) -> MissionItem:
         longitude_deg=home.longitude_deg,
         altitude_amsl_m=home.altitude_amsl_m,
     )
-
-
-def _hold_behind(item: MissionItem) -> MissionItem:
-    """Hold where the last waypoint is; arriving at this item also proves the one before."""
-    hold = mission_item.hold(
-        latitude_deg=item.latitude_deg,
-        longitude_deg=item.longitude_deg,
-        relative_altitude_m=item.altitude_m,
-    )
-    return replace(hold, at_home=item.at_home)

@@ -1,7 +1,8 @@
 """One mission item in degrees and metres, and its way to and from the wire.
 
 Encoding that strict and lenient autopilots both accept: an unset parameter is 0, never NaN,
-except the yaw (fourth parameter) of waypoint, land and take-off, where 0 would mean north.
+except the yaw (fourth parameter) of waypoint, land and take-off, where 0 would mean north, and
+the rates of a gimbal, where 0 would mean that it does not move.
 Positions go in frame 6 (altitude above home), everything else in frame 2.
 """
 
@@ -32,6 +33,7 @@ class MissionItem:
     latitude_deg: float = 0.0
     longitude_deg: float = 0.0
     altitude_m: float = 0.0
+    fifth: int = 0  # Fifth parameter of a command without a place
     at_home: bool = False
 
     @property
@@ -129,6 +131,81 @@ def condition_yaw(yaw_deg: float) -> MissionItem:
     )
 
 
+def delay(duration_s: float) -> MissionItem:
+    """NAV_DELAY(93): stay for some time; its clock times stay unused (0)."""
+    return MissionItem(command=mavlink.MAV_CMD_NAV_DELAY, parameters=(duration_s, 0.0, 0.0, 0.0))
+
+
+def point_gimbal(pitch_deg: float, yaw_deg: float, flags: float) -> MissionItem:
+    """DO_GIMBAL_MANAGER_PITCHYAW(1000) of every gimbal; rates NaN, that is the gimbal's own.
+
+    `flags` (GIMBAL_MANAGER_FLAGS) stand where a place has its latitude, as a plain number.
+    """
+    return MissionItem(
+        command=mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW,
+        parameters=(pitch_deg, yaw_deg, math.nan, math.nan),
+        fifth=round(flags),
+    )
+
+
+def point_mount(pitch_deg: float, yaw_deg: float) -> MissionItem:
+    """DO_MOUNT_CONTROL(205) by angles: how older autopilots aim."""
+    return MissionItem(
+        command=mavlink.MAV_CMD_DO_MOUNT_CONTROL,
+        parameters=(pitch_deg, 0.0, yaw_deg, 0.0),
+        altitude_m=float(mavlink.MAV_MOUNT_MODE_MAVLINK_TARGETING),
+    )
+
+
+def take_pictures(interval_s: float, count: float, number: float) -> MissionItem:
+    """IMAGE_START_CAPTURE(2000) on every camera; `number` marks a single picture."""
+    return MissionItem(
+        command=mavlink.MAV_CMD_IMAGE_START_CAPTURE, parameters=(0.0, interval_s, count, number)
+    )
+
+
+def trigger_camera() -> MissionItem:
+    """DO_DIGICAM_CONTROL(203): one picture of a camera that is only a shutter."""
+    return MissionItem(command=mavlink.MAV_CMD_DO_DIGICAM_CONTROL, fifth=1)
+
+
+def turns(
+    *,
+    latitude_deg: float,
+    longitude_deg: float,
+    relative_altitude_m: float,
+    number: float,
+    radius_m: float,
+) -> MissionItem:
+    """NAV_LOITER_TURNS(18); a negative radius goes round counter-clockwise."""
+    return MissionItem(
+        command=mavlink.MAV_CMD_NAV_LOITER_TURNS,
+        frame=mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+        parameters=(number, 0.0, radius_m, 0.0),
+        latitude_deg=latitude_deg,
+        longitude_deg=longitude_deg,
+        altitude_m=relative_altitude_m,
+    )
+
+
+def look_at(
+    *, latitude_deg: float, longitude_deg: float, relative_altitude_m: float
+) -> MissionItem:
+    """DO_SET_ROI_LOCATION(195): the nose or the camera keeps to a place."""
+    return MissionItem(
+        command=mavlink.MAV_CMD_DO_SET_ROI_LOCATION,
+        frame=mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+        latitude_deg=latitude_deg,
+        longitude_deg=longitude_deg,
+        altitude_m=relative_altitude_m,
+    )
+
+
+def look_ahead() -> MissionItem:
+    """DO_SET_ROI_NONE(197)."""
+    return MissionItem(command=mavlink.MAV_CMD_DO_SET_ROI_NONE)
+
+
 def home(*, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> MissionItem:
     """Item 0 of families that keep home in the mission: a waypoint above mean sea level."""
     return MissionItem(
@@ -151,7 +228,7 @@ def to_message(item: MissionItem, *, seq: int, first: int, system: int, componen
         int(seq == first),
         1,
         *item.parameters,
-        round(item.latitude_deg * _E7),
+        round(item.latitude_deg * _E7) if item.is_positional else item.fifth,
         round(item.longitude_deg * _E7),
         item.altitude_m,
         mavlink.MAV_MISSION_TYPE_MISSION,
@@ -161,11 +238,13 @@ def to_message(item: MissionItem, *, seq: int, first: int, system: int, componen
 def from_message(message: Message) -> MissionItem:
     """Read MISSION_ITEM_INT(73) as a vehicle sends it."""
     frame = _FRAME_NAMES.get(message.frame, message.frame)
+    is_place = frame != mavlink.MAV_FRAME_MISSION
     return MissionItem(
         command=message.command,
         frame=frame,
         parameters=(message.param1, message.param2, message.param3, message.param4),
-        latitude_deg=message.x / _E7,
+        fifth=0 if is_place else message.x,
+        latitude_deg=message.x / _E7 if is_place else 0.0,
         longitude_deg=message.y / _E7,
         altitude_m=message.z,
     )

@@ -12,6 +12,7 @@ class ModeRole(Enum):
 
     MISSION = auto()  # It flies the mission
     HOLD = auto()  # Somebody paused it; it can be resumed
+    GUIDED = auto()  # It flies a live command
     ENDING = auto()  # Return or land: part of the mission only while its last command runs
     OTHER = auto()  # Somebody else flies
 
@@ -44,6 +45,8 @@ _PX4_ROLES: Final[Mapping[str, ModeRole]] = {
     "AUTO.MISSION": ModeRole.MISSION,
     "AUTO.TAKEOFF": ModeRole.MISSION,
     "AUTO.LOITER": ModeRole.HOLD,
+    "AUTO.FOLLOW_TARGET": ModeRole.GUIDED,
+    "POSCTL.ORBIT": ModeRole.GUIDED,
     "AUTO.RTL": ModeRole.ENDING,
     "AUTO.LAND": ModeRole.ENDING,
     "AUTO.PRECLAND": ModeRole.ENDING,
@@ -76,6 +79,9 @@ _COPTER: Final = {
 _COPTER_ROLES: Final[Mapping[str, ModeRole]] = {
     "AUTO": ModeRole.MISSION,
     "LOITER": ModeRole.HOLD,
+    "GUIDED": ModeRole.GUIDED,
+    "FOLLOW": ModeRole.GUIDED,
+    "CIRCLE": ModeRole.GUIDED,
     "BRAKE": ModeRole.HOLD,
     "RTL": ModeRole.ENDING,
     "SMART_RTL": ModeRole.ENDING,

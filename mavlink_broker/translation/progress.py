@@ -16,7 +16,7 @@ NOTHING = -1
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """The farthest that is known of one flight."""
+    """The farthest that is known of one stretch; its commands are counted from its own first."""
 
     plan: FlightPlan
     current: int = NOTHING  # Highest item that was current
@@ -55,7 +55,7 @@ class Progress:
     @property
     def last_command_has_begun(self) -> bool:
         """Whether the last command's items are being flown, or have been."""
-        last = len(self.plan.done_item) - 1
+        last = self.plan.commands[-1]
         return self.current >= self.plan.first_item_of(last)
 
     @property

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 from afarcloud.state import Battery, Pose, StateVector
 from mavlink_broker.dialect import Message, mavlink
-from mavlink_broker.translation.commands import Home
+from mavlink_broker.translation.situation import Home
 
 _PREARM: Final = mavlink.MAV_SYS_STATUS_PREARM_CHECK
 _MAXIMUM_SPEED_M_S: Final = 100.0
@@ -49,6 +49,7 @@ class Snapshot:
     armed: bool | None = None
     base_mode: int = 0
     custom_mode: int = 0
+    time_s: float | None = None  # The vehicle's own, since it was switched on
     position: Position | None = None
     attitude: Attitude | None = None
     home: Home | None = None
@@ -84,6 +85,7 @@ def _heartbeat(snapshot: Snapshot, message: Message) -> None:
 
 
 def _global_position(snapshot: Snapshot, message: Message) -> None:
+    snapshot.time_s = message.time_boot_ms / 1e3
     if not _is_place(message.lat, message.lon):
         return
     snapshot.position = Position(

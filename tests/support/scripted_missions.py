@@ -29,6 +29,7 @@ class Script:
     lost_acknowledgements: int = 0  # The first so many final MISSION_ACK are not sent
     busy_for_s: float = 0.0  # Answers MISSION_COUNT with MISSION_ERROR
     refused_item: int | None = None  # Answered by INVALID_PARAM3
+    unknown_items: frozenset[int] = frozenset()  # Commands answered by UNSUPPORTED
     corrupts_item: int | None = None  # Stored at another altitude
     results: Mapping[int, int] = field(default_factory=dict)  # MAV_RESULT per command
     ready_to_arm_after_s: float = 0.0
@@ -38,6 +39,7 @@ class Script:
     has_home: bool = True
     battery_capacity_mah: float | None = 4200.0
     ignores_start: bool = False
+    product: tuple[int, int] = (0, 0)  # Vendor and product in AUTOPILOT_VERSION
 
 
 PX4 = Script()
@@ -59,6 +61,7 @@ class ScriptedMissions:
         self.script = script
         self.items: list[Message] = []
         self.uploads = 0
+        self.refusals = 0
         self.busy_until = 0.0
         self.complain: Callable[[], None] = lambda: None
         self._send = send
@@ -125,9 +128,10 @@ class ScriptedMissions:
             self._ask()
             return
         if message.seq == self.script.refused_item:
-            self._transfer_count = 0
-            self.complain()
-            self._acknowledge(mavlink.MAV_MISSION_INVALID_PARAM3)
+            self._refuse(mavlink.MAV_MISSION_INVALID_PARAM3)
+            return
+        if message.command in self.script.unknown_items:
+            self._refuse(mavlink.MAV_MISSION_UNSUPPORTED)
             return
         self._transfer[message.seq] = self._stored(message)
         self._progress_at = self._now
@@ -135,6 +139,12 @@ class ScriptedMissions:
             self._ask()
         else:
             self._complete()
+
+    def _refuse(self, result: int) -> None:
+        self.refusals += 1
+        self._transfer_count = 0
+        self.complain()
+        self._acknowledge(result)
 
     def _stored(self, message: Message) -> Message:
         if message.seq == self.script.corrupts_item:

@@ -5,9 +5,11 @@ knows nothing of the broker but its frames. Time is simulated; bytes in, bytes o
 """
 
 import math
+from dataclasses import dataclass
 
 from mavlink_broker.codec import Decoder, Encoder
 from mavlink_broker.dialect import Message, MissionCurrent, mavlink
+from mavlink_broker.translation.geo import shifted
 from tests.support.scripted_missions import ARDUPILOT, PX4, Script, ScriptedMissions
 
 __all__ = ["ARDUPILOT", "PX4", "Script", "ScriptedVehicle"]
@@ -17,8 +19,33 @@ PX4_HOLD = 4 << 16 | 3 << 24
 PX4_MISSION = 4 << 16 | 4 << 24
 PX4_RETURN = 4 << 16 | 5 << 24
 PX4_POSITION = 3 << 16
+PX4_ORBIT = 3 << 16 | 1 << 24
+PX4_FOLLOW = 4 << 16 | 8 << 24
+PLACE = ("param5", "param6", "param7")
 COPTER_GUIDED = 4
 COPTER_AUTO = 3
+TELEMETRY_S = 0.2
+
+
+@dataclass
+class Circle:
+    """A circle that is being flown, from its northernmost point."""
+
+    centre: tuple[float, float]
+    radius_m: float  # Negative: counter-clockwise
+    speed_m_s: float
+    angle_rad: float  # To fly; infinite: until told otherwise
+    flown_rad: float = 0.0
+
+    def after(self, seconds: float) -> tuple[float, float]:
+        """Fly on; gives the new place."""
+        self.flown_rad += self.speed_m_s / abs(self.radius_m) * seconds
+        sense = math.copysign(1.0, self.radius_m)
+        return shifted(*self.centre, sense * math.degrees(self.flown_rad), abs(self.radius_m))
+
+    @property
+    def is_complete(self) -> bool:
+        return self.flown_rad >= self.angle_rad
 
 
 class ScriptedVehicle:
@@ -38,6 +65,10 @@ class ScriptedVehicle:
         self.parameters: list[tuple[int, tuple[float, ...]]] = []
         self.silent = False
         self.home = HOME
+        self.place = HOME[:2]
+        self.height_m = 5.0
+        self.circle: Circle | None = None
+        self.targets = 0  # FOLLOW_TARGET heard
         self._booted_at = booted_at
         self._now = booted_at
         self._decoder = Decoder()
@@ -88,7 +119,8 @@ class ScriptedVehicle:
             self._next["heartbeat"] = now + 1.0
             self.heartbeat()
         if now >= self._next["telemetry"]:
-            self._next["telemetry"] = now + 0.2
+            self._next["telemetry"] = now + TELEMETRY_S
+            self._go_round()
             self._telemetry()
         frames, self._outbox = self._outbox, []
         return [] if self.silent else frames
@@ -135,8 +167,8 @@ class ScriptedVehicle:
 
     def _telemetry(self) -> None:
         boot_ms = int((self._now - self._booted_at) * 1000)
-        height_mm = 5000 if self.airborne else 0
-        latitude, longitude = round(HOME[0] * 1e7), round(HOME[1] * 1e7)
+        height_mm = round(self.height_m * 1e3) if self.airborne else 0
+        latitude, longitude = (round(degrees * 1e7) for degrees in self.place)
         amsl_mm = round(HOME[2] * 1000)
         ready = self._now - self._booted_at >= self.script.ready_to_arm_after_s
         prearm = mavlink.MAV_SYS_STATUS_PREARM_CHECK
@@ -173,8 +205,10 @@ class ScriptedVehicle:
 
     def _handle(self, message: Message) -> None:
         match message.get_type():
-            case "COMMAND_LONG":
+            case "COMMAND_LONG" | "COMMAND_INT":
                 self._command(message)
+            case "FOLLOW_TARGET":
+                self.targets += 1
             case "PARAM_REQUEST_READ":
                 self._parameter(message)
             case "MISSION_SET_CURRENT":
@@ -197,7 +231,9 @@ class ScriptedVehicle:
             self._send(mavlink.MAVLink_param_value_message(name, capacity_mah, kind, 1, 0))
 
     def _command(self, message: Message) -> None:
-        values = tuple(getattr(message, f"param{i}") for i in range(1, 8))
+        last = ("x", "y", "z") if message.get_type() == "COMMAND_INT" else PLACE
+        names = (*(f"param{i}" for i in range(1, 5)), *last)
+        values = tuple(getattr(message, name) for name in names)
         self.commands.append(message.command)
         self.parameters.append((message.command, values))
         result = self.script.results.get(message.command, mavlink.MAV_RESULT_ACCEPTED)
@@ -232,6 +268,17 @@ class ScriptedVehicle:
             case mavlink.MAV_CMD_DO_PAUSE_CONTINUE if message.param1 == 0.0:
                 self.custom_mode = PX4_HOLD
                 self.heartbeat()
+            case mavlink.MAV_CMD_DO_REPOSITION:
+                self.place = message.x / 1e7, message.y / 1e7
+                self.height_m = message.z - HOME[2]
+                self.set_mode(PX4_HOLD)
+            case mavlink.MAV_CMD_DO_ORBIT:
+                centre = message.x / 1e7, message.y / 1e7
+                angle = math.inf if math.isnan(message.param4) else message.param4
+                self.circle = Circle(centre, message.param1, message.param2, angle)
+                self.set_mode(PX4_ORBIT)
+            case mavlink.MAV_CMD_DO_FOLLOW:
+                self.set_mode(PX4_FOLLOW)
             case mavlink.MAV_CMD_DO_SET_MISSION_CURRENT:
                 self._set_current(int(message.param1))
             case mavlink.MAV_CMD_REQUEST_MESSAGE:
@@ -240,6 +287,8 @@ class ScriptedVehicle:
     def _requested(self, message_id: int) -> None:
         if message_id == mavlink.MAVLINK_MSG_ID_MISSION_CURRENT:
             self._send(self._mission_current())
+        elif message_id == mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
+            self._send(self._autopilot_version())
         elif message_id == mavlink.MAVLINK_MSG_ID_HOME_POSITION and self.script.has_home:
             self._send(
                 mavlink.MAVLink_home_position_message(
@@ -252,6 +301,12 @@ class ScriptedVehicle:
                 )
             )
 
+    def _autopilot_version(self) -> Message:
+        nothing = [0] * 8
+        return mavlink.MAVLink_autopilot_version_message(
+            0, 0, 0, 0, 0, nothing, nothing, nothing, *self.script.product, 0
+        )
+
     def _complain(self) -> None:
         if self.script.complaint:
             self.say(self.script.complaint)
@@ -263,6 +318,15 @@ class ScriptedVehicle:
             self.airborne = True
             self.mission_state = mavlink.MISSION_STATE_ACTIVE
             self._item_began_at = self._now
+
+    def _go_round(self) -> None:
+        """Fly on along the circle, and hold when it has been flown as far as was asked for."""
+        if self.circle is None or self.custom_mode != PX4_ORBIT:
+            return
+        self.place = self.circle.after(TELEMETRY_S)
+        if self.circle.is_complete:
+            self.circle = None
+            self.set_mode(PX4_HOLD)
 
     def _fly(self) -> None:
         active = self.mission_state == mavlink.MISSION_STATE_ACTIVE

@@ -14,6 +14,7 @@ from tests.support.broker_world import (
     first_flight,
     flying_world,
     go_home,
+    land,
     mission,
     takeoff,
     waypoint,
@@ -33,12 +34,11 @@ class TestARefusal:
         world = World()
         vehicle = world.add_vehicle()
         world.run(5.0)
-        video = {"command_id": 7, "command_type_id": 5, "parameters": {}}
-        work = world.edge.plan(mission(takeoff(), video, go_home()))
+        work = world.edge.plan(mission(land(1), waypoint(), go_home()))
         world.run(5.0)
         assert world.edge.statuses(1201) == [Status.ABORTED, Status.FAILED, Status.ABORTED]
         message = world.edge.reports(1201)[0]["command_report_array"][1]["message"]
-        assert message == "VIDEO_START_CAPTURE cannot be flown yet"
+        assert message == "it follows a landing: a take-off has to come first"
         assert world.edge.acknowledgements(work)[0]["status"] == "refused"
         assert vehicle.uploads == 0
 

@@ -88,13 +88,29 @@ def test_what_is_read_is_never_turned_off() -> None:
 
 def test_home_is_asked_for_until_it_is_told() -> None:
     def wishes(messages: list[Message]) -> int:
-        return sum(m.command == mavlink.MAV_CMD_REQUEST_MESSAGE for m in messages)
+        return sum(
+            m.command == mavlink.MAV_CMD_REQUEST_MESSAGE
+            and m.param1 == mavlink.MAVLINK_MSG_ID_HOME_POSITION
+            for m in messages
+        )
 
     requests = StreamRequests(ROUTE, RoundTrip())
     assert wishes(tick_until(requests, 0.0, 3.0)) == 3
     home = mavlink.MAVLink_home_position_message(1, 2, 3, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)
     requests.receive(received(home), 3.0)
     assert wishes(tick_until(requests, 3.0, 9.0)) == 0
+
+
+def test_the_version_is_asked_for_a_few_times() -> None:
+    def wishes(messages: list[Message]) -> int:
+        version = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
+        return sum(getattr(m, "param1", None) == version for m in messages)
+
+    requests = StreamRequests(ROUTE, RoundTrip())
+    assert wishes(tick_until(requests, 0.0, 3.0)) == 6
+    assert not requests.is_version_settled
+    assert wishes(tick_until(requests, 3.0, 20.0)) == 2
+    assert requests.is_version_settled
 
 
 def value(name: bytes, kind: int, number: float) -> Message:

@@ -7,18 +7,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from afarcloud.commands import FLYING
 from afarcloud.enumerations import CommandType
 from afarcloud.plan import Mission
 from mavlink_broker.codec import Decoder, Encoder
 from mavlink_broker.dialect import mavlink
-from mavlink_broker.translation.commands import TRANSLATORS
-from mavlink_broker.translation.families import ARDUPILOT, FAMILIES, GENERIC, PX4, Family
+from mavlink_broker.translation.families import ARDUPILOT, FAMILIES, GENERIC, OWN, PX4, Family
 from mavlink_broker.translation.mission import FlightPlan, Home, RefusedError, translate
 from mavlink_broker.translation.mission_item import from_message
 from mavlink_broker.translation.read_back import difference
 
 HOME = Home(40.4434, -3.7382, 650.0)
-families = st.sampled_from([PX4, ARDUPILOT, GENERIC])
+families = st.sampled_from([PX4, ARDUPILOT, GENERIC, OWN])
 yaws = st.none() | st.floats(-180, 359.99)
 
 
@@ -46,17 +46,56 @@ PARAMETERS: dict[int, st.SearchStrategy[dict[str, Any]]] = {
             "trajectory_control": st.floats(-50, 50),
         },
     ),
+    CommandType.CAMERA_IMAGE: st.fixed_dictionaries(
+        {"pitch_angle": st.floats(-90, 90), "time_interval": st.integers(1, 9)},
+        optional={"yaw_angle": yaws, "photo_count": st.integers(1, 9)},
+    ),
+    CommandType.VIDEO_START_CAPTURE: st.fixed_dictionaries(
+        {"video_stream_id": st.integers(0, 9), "freq": st.floats(0, 5)}
+    ),
+    CommandType.VIDEO_STOP_CAPTURE: st.fixed_dictionaries({"video_stream_id": st.integers(0, 9)}),
+    CommandType.NAV_HOTPOINT: st.fixed_dictionaries(
+        {**_place(), "orbit_altitude": st.floats(2, 120), "radius": st.floats(5, 500)},
+        optional={
+            "angular_velocity": st.floats(1, 60),
+            "is_clockwise": st.booleans(),
+            "start_point": st.integers(0, 4),
+            "orbit_type": st.integers(0, 5),
+        },
+    ),
+    CommandType.NAV_FOLLOW_TARGET: st.fixed_dictionaries(
+        {**_place(), "altitude": st.floats(0, 120), "heading": st.integers(0, 1)}
+    ),
+    CommandType.NAV_TRACK_SUBJECT: st.just({"corners": [[0.2, 0.3], [0.7, 0.6]]}),
+    CommandType.CAMERA_PANORAMA: st.fixed_dictionaries({"panorama_mode": st.integers(0, 1)}),
     CommandType.NAV_HOME: st.fixed_dictionaries({"landing": st.booleans()}),
 }
+ON_THE_GROUND = [
+    CommandType.NAV_TAKEOFF,
+    CommandType.VIDEO_START_CAPTURE,
+    CommandType.VIDEO_STOP_CAPTURE,
+]
 
 
 @st.composite
 def missions(draw: st.DrawFn) -> Mission:
-    kinds = draw(st.lists(st.sampled_from(sorted(PARAMETERS)), min_size=1, max_size=12))
-    commands = [
-        {"command_id": i, "command_type_id": int(kind), "parameters": draw(PARAMETERS[kind])}
-        for i, kind in enumerate(kinds)
-    ]
+    """Any mission that takes off before it flies, again behind each landing."""
+    commands: list[dict[str, Any]] = []
+    on_ground, turns_possible = True, False
+    for _ in range(draw(st.integers(1, 12))):
+        kinds = ON_THE_GROUND if on_ground and commands else sorted(PARAMETERS)
+        kind = draw(st.sampled_from(kinds)) if commands else CommandType.NAV_TAKEOFF
+        if kind is CommandType.CAMERA_PANORAMA and not turns_possible:
+            kind = CommandType.CAMERA_IMAGE
+        parameters = draw(PARAMETERS[kind])
+        commands.append(
+            {"command_id": len(commands), "command_type_id": int(kind), "parameters": parameters}
+        )
+        lands = kind == CommandType.NAV_LAND or parameters.get("landing", False)
+        on_ground = lands or (on_ground and kind != CommandType.NAV_TAKEOFF)
+        gives_place = kind in {CommandType.NAV_TAKEOFF, CommandType.NAV_WAYPOINT}
+        keeps_place = kind in {CommandType.CAMERA_IMAGE, CommandType.VIDEO_START_CAPTURE}
+        turns_possible = gives_place or (turns_possible and keeps_place)
     return Mission.model_validate(
         {
             "mission_id": 1,
@@ -67,6 +106,18 @@ def missions(draw: st.DrawFn) -> Mission:
     )
 
 
+def stretches_of(mission: Mission, family: Family) -> list[FlightPlan]:
+    segments = translate(mission, family, HOME).segments
+    return [segment for segment in segments if isinstance(segment, FlightPlan)]
+
+
+def plan_of(mission: Mission, family: Family) -> FlightPlan:
+    """The stretch that a mission is, when nothing in it is flown live."""
+    (plan,) = translate(mission, family, HOME).segments
+    assert isinstance(plan, FlightPlan)
+    return plan
+
+
 def over_the_wire(plan: FlightPlan) -> list[Any]:
     encoder, decoder = Encoder(1, 1), Decoder()
     frames = [encoder.encode(message) for message in plan.messages(1, 1)]
@@ -74,26 +125,33 @@ def over_the_wire(plan: FlightPlan) -> list[Any]:
 
 
 @given(missions(), families)
+def test_every_command_is_flown_once_and_in_order(mission: Mission, family: Family) -> None:
+    segments = translate(mission, family, HOME).segments
+    flown = [command for segment in segments for command in segment.commands]
+    assert flown == list(range(len(mission.command_array)))
+
+
+@given(missions(), families)
 def test_every_item_belongs_to_a_command_and_commands_come_in_order(
     mission: Mission, family: Family
 ) -> None:
-    plan = translate(mission, family, HOME)
-    assert len(plan.command_of_item) == len(plan.items)
-    assert list(plan.command_of_item) == sorted(plan.command_of_item)
-    assert set(plan.command_of_item) == set(range(len(mission.command_array)))
-    for command, done in enumerate(plan.done_item):
-        assert plan.command_of_item[done] == command
+    for plan in stretches_of(mission, family):
+        assert len(plan.command_of_item) == len(plan.items)
+        assert list(plan.command_of_item) == sorted(plan.command_of_item)
+        assert set(plan.command_of_item) == set(plan.commands)
+        for command, done in zip(plan.commands, plan.done_item, strict=True):
+            assert plan.command_of_item[done] == command
 
 
 @given(missions(), families)
 def test_what_a_vehicle_gives_back_is_what_was_meant(mission: Mission, family: Family) -> None:
-    plan = translate(mission, family, HOME)
-    assert difference(plan, over_the_wire(plan), family) is None
+    for plan in stretches_of(mission, family):
+        assert difference(plan, over_the_wire(plan), family) is None
 
 
 @given(missions(), families, st.data())
 def test_a_changed_item_is_noticed(mission: Mission, family: Family, data: st.DataObject) -> None:
-    plan = translate(mission, family, HOME)
+    plan = data.draw(st.sampled_from(stretches_of(mission, family)))
     held = over_the_wire(plan)
     places = [i for i, item in enumerate(plan.items) if item.is_positional and i >= plan.first_item]
     if not places:
@@ -104,40 +162,55 @@ def test_a_changed_item_is_noticed(mission: Mission, family: Family, data: st.Da
 
 
 @given(missions(), families)
-def test_nothing_is_nan_but_the_yaw_of_waypoint_land_and_takeoff(
+def test_nothing_is_nan_but_the_yaw_of_places_and_the_rates_of_gimbals(
     mission: Mission, family: Family
 ) -> None:
     may = {mavlink.MAV_CMD_NAV_WAYPOINT, mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_TAKEOFF}
-    for item in translate(mission, family, HOME).items:
-        numbers = (*item.parameters[:3], item.latitude_deg, item.longitude_deg, item.altitude_m)
-        assert not any(math.isnan(number) for number in numbers)
-        assert item.command in may or not math.isnan(item.parameters[3])
+    for plan in stretches_of(mission, family):
+        for item in plan.items:
+            if item.command == mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW:
+                assert [math.isnan(number) for number in item.parameters] == [0, 0, 1, 1]
+                continue
+            numbers = (*item.parameters[:3], *(item.latitude_deg, item.longitude_deg))
+            assert not any(math.isnan(number) for number in (*numbers, item.altitude_m))
+            assert item.command in may or not math.isnan(item.parameters[3])
 
 
 @given(missions(), families)
 def test_a_waypoint_never_has_a_pass_radius(mission: Mission, family: Family) -> None:
-    for item in translate(mission, family, HOME).items:
-        if item.command == mavlink.MAV_CMD_NAV_WAYPOINT:
-            assert item.parameters[2] == 0.0
+    for plan in stretches_of(mission, family):
+        for item in plan.items:
+            if item.command == mavlink.MAV_CMD_NAV_WAYPOINT:
+                assert item.parameters[2] == 0.0
 
 
 @given(missions(), families)
-def test_the_speed_is_set_once_before_anything_flies(mission: Mission, family: Family) -> None:
-    plan = translate(mission, family, HOME)
-    speeds = [
-        i for i, item in enumerate(plan.items) if item.command == mavlink.MAV_CMD_DO_CHANGE_SPEED
-    ]
-    assert speeds == [plan.first_item]
-    assert plan.items[speeds[0]].parameters[:3] == (1.0, mission.maximum_speed, -1.0)
+def test_the_speed_is_set_once_in_each_stretch_before_anything_flies(
+    mission: Mission, family: Family
+) -> None:
+    for plan in stretches_of(mission, family):
+        places = [item.is_positional for item in plan.items[plan.first_item :]]
+        speeds = [
+            i - plan.first_item
+            for i, item in enumerate(plan.items)
+            if item.command == mavlink.MAV_CMD_DO_CHANGE_SPEED
+        ]
+        flies = any(mission.command_array[c].command_type_id in FLYING for c in plan.commands)
+        assert len(speeds) == int(flies)
+        if flies:
+            speed = plan.items[plan.first_item + speeds[0]]
+            assert not any(places[: speeds[0]])
+            assert speed.parameters[:3] == (1.0, mission.maximum_speed, -1.0)
 
 
 @given(missions(), families)
-def test_a_mission_ends_on_the_ground_or_holding(mission: Mission, family: Family) -> None:
-    plan = translate(mission, family, HOME)
+def test_a_stretch_ends_on_the_ground_or_holding(mission: Mission, family: Family) -> None:
     lands = {mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH}
-    last = plan.items[-1].command
-    assert (last in lands) == plan.ends_on_ground
-    assert plan.ends_on_ground or last == mavlink.MAV_CMD_NAV_LOITER_UNLIM
+    for plan in stretches_of(mission, family):
+        last = plan.items[-1].command
+        assert (last in lands) == plan.ends_on_ground
+        assert plan.ends_on_ground or last == mavlink.MAV_CMD_NAV_LOITER_UNLIM
+        assert not any(item.command in lands for item in plan.items[:-1])
 
 
 @given(missions(), families)
@@ -148,11 +221,11 @@ def test_translation_depends_on_nothing_else(mission: Mission, family: Family) -
 
 @given(missions())
 def test_ardupilot_has_home_first_and_px4_has_not(mission: Mission) -> None:
-    plan = translate(mission, ARDUPILOT, HOME)
-    assert plan.first_item == 1
-    assert plan.items[0].frame == mavlink.MAV_FRAME_GLOBAL
-    assert plan.items[0].altitude_m == HOME.altitude_amsl_m
-    assert translate(mission, PX4, HOME).first_item == 0
+    for plan in stretches_of(mission, ARDUPILOT):
+        assert plan.first_item == 1
+        assert plan.items[0].frame == mavlink.MAV_FRAME_GLOBAL
+        assert plan.items[0].altitude_m == HOME.altitude_amsl_m
+    assert all(plan.first_item == 0 for plan in stretches_of(mission, PX4))
 
 
 def mission_with(*commands: dict[str, Any]) -> Mission:
@@ -161,7 +234,7 @@ def mission_with(*commands: dict[str, Any]) -> Mission:
 
 
 def test_home_without_landing_goes_home_at_the_height_of_the_command_before() -> None:
-    plan = translate(
+    plan = plan_of(
         mission_with(
             {
                 "command_type_id": 3,
@@ -170,7 +243,6 @@ def test_home_without_landing_goes_home_at_the_height_of_the_command_before() ->
             {"command_type_id": 11, "parameters": {"landing": False}},
         ),
         PX4,
-        HOME,
     )
     go = plan.items[plan.done_item[1]]
     assert (go.latitude_deg, go.longitude_deg) == (HOME.latitude_deg, HOME.longitude_deg)
@@ -179,7 +251,7 @@ def test_home_without_landing_goes_home_at_the_height_of_the_command_before() ->
 
 def test_a_takeoff_is_followed_by_a_waypoint_because_it_climbs_in_place() -> None:
     place = {"latitude": 40.1, "longitude": -3.1, "altitude": 7}
-    plan = translate(mission_with({"command_type_id": 1, "parameters": place}), PX4, HOME)
+    plan = plan_of(mission_with({"command_type_id": 1, "parameters": place}), PX4)
     commands = [item.command for item in plan.items]
     assert commands == [178, 22, 16, 17]
     assert plan.done_item == (2,)
@@ -187,31 +259,38 @@ def test_a_takeoff_is_followed_by_a_waypoint_because_it_climbs_in_place() -> Non
 
 def test_what_is_left_out_is_said() -> None:
     place = {"latitude": 40.1, "longitude": -3.1, "altitude": 7, "trajectory_control": 2}
-    plan = translate(mission_with({"command_type_id": 3, "parameters": place}), PX4, HOME)
+    plan = plan_of(mission_with({"command_type_id": 3, "parameters": place}), PX4)
     assert plan.notes == (("trajectory_control is not supported and was left out",),)
 
 
-@pytest.mark.parametrize("kind", sorted(set(CommandType) - set(TRANSLATORS)))
-def test_other_kinds_are_refused_by_id_and_reason(kind: CommandType) -> None:
+def test_what_flies_behind_a_landing_is_refused_before_take_off() -> None:
     place = {"latitude": 40, "longitude": -3}
-    parameters: dict[int, dict[str, Any]] = {
-        CommandType.CAMERA_IMAGE: {"pitch_angle": -90},
-        CommandType.NAV_HOTPOINT: place | {"orbit_altitude": 8, "radius": 10},
-        CommandType.NAV_FOLLOW_TARGET: place | {"altitude": 8},
-        CommandType.NAV_TRACK_SUBJECT: {"corners": [[0.1, 0.1], [0.9, 0.9]]},
-    }
-    command = {"command_type_id": int(kind), "parameters": parameters.get(kind, {})}
-    with pytest.raises(RefusedError, match=f"command 1: {kind.name} cannot be flown yet"):
-        translate(mission_with(command), PX4, HOME)
+    land = {"command_type_id": 2, "parameters": place}
+    waypoint = {"command_type_id": 3, "parameters": place | {"altitude": 5}}
+    with pytest.raises(RefusedError, match="command 2: it follows a landing"):
+        translate(mission_with(land, waypoint), PX4, HOME)
+
+
+def test_a_second_take_off_begins_a_stretch_of_its_own() -> None:
+    place = {"latitude": 40, "longitude": -3}
+    takeoff = {"command_type_id": 1, "parameters": place | {"altitude": 5}}
+    land = {"command_type_id": 2, "parameters": place}
+    itinerary = translate(mission_with(takeoff, land, takeoff, land), PX4, HOME)
+    assert [list(segment.commands) for segment in itinerary.segments] == [[0, 1], [2, 3]]
+    assert itinerary.ends_on_ground
+
+
+def test_a_mission_that_never_goes_anywhere_is_refused() -> None:
+    with pytest.raises(RefusedError, match="nothing before it says where"):
+        translate(mission_with({"command_type_id": 5, "parameters": {}}), PX4, HOME)
 
 
 def test_frames_of_the_older_kind_are_read_as_their_integer_twins() -> None:
-    plan = translate(
+    plan = plan_of(
         mission_with(
             {"command_type_id": 3, "parameters": {"latitude": 1, "longitude": 2, "altitude": 3}}
         ),
         PX4,
-        HOME,
     )
     message = over_the_wire(plan)[1]
     message.frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
@@ -219,7 +298,7 @@ def test_frames_of_the_older_kind_are_read_as_their_integer_twins() -> None:
 
 
 def test_a_vehicle_that_holds_fewer_items_is_told_so() -> None:
-    plan = translate(mission_with({"command_type_id": 11, "parameters": {}}), PX4, HOME)
+    plan = plan_of(mission_with({"command_type_id": 11, "parameters": {}}), PX4)
     assert difference(plan, (), PX4) == "the vehicle holds 0 items instead of 2"
 
 

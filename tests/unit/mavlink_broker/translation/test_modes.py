@@ -14,7 +14,7 @@ from mavlink_broker.translation.modes import ModeRole
         (PX4, 1, 4 << 16 | 5 << 24, "AUTO.RTL", ModeRole.ENDING),
         (PX4, 1, 4 << 16 | 6 << 24, "AUTO.LAND", ModeRole.ENDING),
         (PX4, 1, 3 << 16, "POSCTL", ModeRole.OTHER),
-        (PX4, 1, 3 << 16 | 1 << 24, "POSCTL.ORBIT", ModeRole.OTHER),
+        (PX4, 1, 3 << 16 | 1 << 24, "POSCTL.ORBIT", ModeRole.GUIDED),
         (PX4, 1, 99 << 16 | 7 << 24, "MODE_99.7", ModeRole.OTHER),
         (ARDUPILOT, 1, 3, "AUTO", ModeRole.MISSION),
         (ARDUPILOT, 1, 17, "BRAKE", ModeRole.HOLD),

@@ -1,0 +1,258 @@
+"""Flies one live command: gets there, begins, watches for the end, ends it.
+
+    APPROACHING --THERE--> BEGINNING --BEGUN--> GOING --OVER--> ENDING --ENDED--> DONE
+    any but DONE --FAULT--> FAILED
+
+A live command needs a link: what is to be told again and again (a target's place) is told at
+5 Hz, and a link that is lost is waited out, since the vehicle holds by itself. What lasts lasts
+by the vehicle's own time, which a simulation may let run at any speed.
+"""
+
+import math
+from enum import Enum, auto
+from typing import Final
+
+from mavlink_broker.dialect import Message, mavlink
+from mavlink_broker.protocol.command import Accepted, CommandOutcome, Refused
+from mavlink_broker.protocol.command_sequence import CommandSequence, Ways
+from mavlink_broker.translation.geo import distance_m, offset
+from mavlink_broker.translation.live import Lasted, LiveAction, Turned, reposition
+from mavlink_broker.translation.modes import ModeRole
+from mavlink_broker.translation.situation import Spot
+from mavlink_broker.vehicle import Vehicle
+
+THERE_WITHIN_M: Final = 2.0
+SLOW_M_S: Final = 1.0
+TARGET_EVERY_S: Final = 0.2
+"""As often as positions come, with one of which it is told."""
+TARGET_SLACK_S: Final = 0.05
+GRACE_S: Final = 5.0
+"""How long a departure must last before it is believed."""
+ALMOST: Final = 0.99
+"""Share of a turn at which it is ended: the vehicle needs some time to stop."""
+_KNOWN: Final = 3  # FOLLOW_TARGET.est_capabilities: position and velocity
+
+
+class Phase(Enum):
+    """How far a live command is."""
+
+    APPROACHING = auto()
+    BEGINNING = auto()
+    GOING = auto()
+    ENDING = auto()
+    DONE = auto()
+    FAILED = auto()
+
+
+class Turning:
+    """Counts how far a vehicle has gone round a centre, from its positions."""
+
+    def __init__(self, end: Turned) -> None:
+        self._end = end
+        self._bearing: float | None = None
+        self.turned_rad = 0.0
+
+    def take(self, latitude_deg: float, longitude_deg: float) -> None:
+        """Take a position; off the circle nothing counts."""
+        end = self._end
+        north, east = offset(end.latitude_deg, end.longitude_deg, latitude_deg, longitude_deg)
+        bearing, distance = math.atan2(east, north), math.hypot(north, east)
+        if abs(distance - end.radius_m) > max(2.0, 0.3 * end.radius_m):
+            self._bearing = None
+            return
+        if self._bearing is not None:
+            step = math.remainder(bearing - self._bearing, 2.0 * math.pi)
+            self.turned_rad += step if end.is_clockwise else -step
+        self._bearing = bearing
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the angle has been flown, but for what it takes to stop."""
+        return self.turned_rad >= ALMOST * self._end.angle_rad
+
+
+class Performer:
+    """One live command."""
+
+    def __init__(self, action: LiveAction, vehicle: Vehicle) -> None:
+        self._action = action
+        self._vehicle = vehicle
+        self._sequence: CommandSequence | None = None
+        self._turning = Turning(action.end) if isinstance(action.end, Turned) else None
+        self._phase_at = 0.0
+        self._began_at = 0.0
+        self._target_due_at = -math.inf
+        self._departed_at: float | None = None
+        self._was_guided = False
+        self.phase = Phase.APPROACHING
+        self.reason = ""
+        self.note: str | None = None  # What the way that was taken cannot do
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether the vehicle has agreed to it."""
+        return self.phase in {Phase.GOING, Phase.ENDING, Phase.DONE}
+
+    def start(self, now: float, *, resumed: bool = False) -> list[Message]:
+        """Begin; `resumed` if the vehicle agreed to it in an earlier run of the broker.
+
+        What it has done since is not known: a time or an endless turn is counted anew, a turn that
+        the vehicle counts may be over.
+        """
+        self._began_at = self._phase_at = self._time_s(now)
+        if resumed:
+            self.phase = Phase.GOING
+            self._was_guided = True
+            return []
+        if self._action.approach is None:
+            return self._begin(now)
+        home = self._vehicle.snapshot.home
+        if home is None:
+            return self._fail("the vehicle's home is not known")
+        return self._order(((reposition(self._action.approach, home),),), now)
+
+    def receive(self, message: Message, now: float) -> list[Message]:
+        """Take a message of the vehicle."""
+        messages = self._sequence.receive(message, now) if self._sequence else []
+        if message.get_type() == "GLOBAL_POSITION_INT":
+            self._count_turn()
+            messages += self._tell_target(now)
+        return [*messages, *self._advance(now)]
+
+    def tick(self, now: float) -> list[Message]:
+        """Let time pass."""
+        messages = self._sequence.tick(now) if self._sequence else []
+        messages += self._advance(now)
+        self._watch(now)
+        return messages
+
+    def _time_s(self, now: float) -> float:
+        """The vehicle's time; the broker's where the vehicle tells none."""
+        told = self._vehicle.snapshot.time_s
+        return now if told is None else told
+
+    def _count_turn(self) -> None:
+        place = self._vehicle.snapshot.position
+        if self._turning is not None and self.phase is Phase.GOING and place is not None:
+            self._turning.take(place.latitude_deg, place.longitude_deg)
+
+    def _advance(self, now: float) -> list[Message]:
+        outcome = self._sequence.outcome if self._sequence else None
+        if isinstance(outcome, Refused) and self.phase is not Phase.ENDING:
+            return self._fail(outcome.reason)
+        match self.phase:
+            case Phase.APPROACHING if isinstance(outcome, Accepted) and self._is_there():
+                return self._begin(now)
+            case Phase.BEGINNING if isinstance(outcome, Accepted):
+                self._note_way()
+                self._enter(Phase.GOING, now)
+            case Phase.GOING if self._is_over(now):
+                return self._finish(now)
+            case Phase.ENDING if self._is_ended(outcome):
+                self._enter(Phase.DONE, now)
+        return []
+
+    def _begin(self, now: float) -> list[Message]:
+        self._enter(Phase.BEGINNING, now)
+        return [*self._tell_target(now), *self._order(self._action.begin, now)]
+
+    def _finish(self, now: float) -> list[Message]:
+        self._enter(Phase.ENDING, now)
+        has_released = self._turning is not None and self._has_released()
+        if not self._action.finish or has_released:
+            self._enter(Phase.DONE, now)
+            return []
+        return self._order(self._action.finish, now)
+
+    def _order(self, ways: Ways, now: float) -> list[Message]:
+        vehicle = self._vehicle
+        self._sequence = CommandSequence(ways, vehicle.route, vehicle.round_trip)
+        return self._sequence.start(now)
+
+    def _enter(self, phase: Phase, now: float) -> None:
+        self.phase, self._phase_at = phase, self._time_s(now)
+
+    def _fail(self, reason: str) -> list[Message]:
+        self.phase, self.reason = Phase.FAILED, reason
+        return []
+
+    def _note_way(self) -> None:
+        way = self._sequence.way if self._sequence else 0
+        if way < len(self._action.way_notes):
+            self.note = self._action.way_notes[way] or None
+
+    def _is_there(self) -> bool:
+        place, spot = self._vehicle.snapshot.position, self._action.approach
+        if place is None or spot is None:
+            return False
+        away = distance_m(*place[:2], *spot[:2])
+        high = abs(place.altitude_m - spot.relative_altitude_m)
+        return max(away, high) <= THERE_WITHIN_M and place.speed_m_s <= SLOW_M_S
+
+    def _is_over(self, now: float) -> bool:
+        self._was_guided |= self._vehicle.mode_role is ModeRole.GUIDED
+        match self._action.end:
+            case Lasted(duration_s):
+                return self._time_s(now) - self._phase_at >= duration_s
+            case Turned():
+                complete = self._turning is not None and self._turning.is_complete
+                return complete or self._has_released()
+
+    def _has_released(self) -> bool:
+        """Whether a vehicle that counts its turns has ended by itself."""
+        return self._was_guided and self._vehicle.mode_role is ModeRole.HOLD
+
+    def _is_ended(self, outcome: CommandOutcome | None) -> bool:
+        """Whether the end has been agreed to; what refuses to end has perhaps ended already."""
+        return outcome is not None
+
+    def _tell_target(self, now: float) -> list[Message]:
+        spot, home = self._action.follow, self._vehicle.snapshot.home
+        wanted = self.phase in {Phase.BEGINNING, Phase.GOING}
+        time_s = self._time_s(now)
+        if spot is None or home is None or not wanted or time_s < self._target_due_at:
+            return []
+        self._target_due_at = time_s + TARGET_EVERY_S - TARGET_SLACK_S
+        return [_target(spot, home.altitude_amsl_m, now)]
+
+    def _watch(self, now: float) -> None:
+        """Fail what another hand has ended, and what takes too long."""
+        if self.phase in {Phase.DONE, Phase.FAILED} or not self._vehicle.is_heard(now):
+            return
+        if self._time_s(now) - self._began_at > self._action.within_s + self._approach_time_s():
+            self._fail(f"it has not ended within {self._action.within_s:.0f} s")
+            return
+        reason = self._departure() if self._action.moves else None
+        if reason is None:
+            self._departed_at = None
+        elif self._departed_at is None:
+            self._departed_at = now
+        elif now - self._departed_at >= GRACE_S:
+            self._fail(reason)
+
+    def _approach_time_s(self) -> float:
+        return 0.0 if self._action.approach is None else 300.0
+
+    def _departure(self) -> str | None:
+        if self._vehicle.snapshot.armed is False:
+            return "the vehicle disarmed before the end of the mission"
+        if self._vehicle.mode_role in {ModeRole.OTHER, ModeRole.ENDING}:
+            return f"the vehicle left the mission: mode {self._vehicle.mode}"
+        return None
+
+
+def _target(spot: Spot, home_amsl_m: float, now: float) -> Message:
+    """FOLLOW_TARGET(144) of a target that stands still; its time is the broker's own clock."""
+    return mavlink.MAVLink_follow_target_message(
+        int(now * 1e3),
+        _KNOWN,
+        round(spot.latitude_deg * 1e7),
+        round(spot.longitude_deg * 1e7),
+        home_amsl_m + spot.relative_altitude_m,
+        (0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.0),
+        (1.0, 0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.0),
+        0,
+    )

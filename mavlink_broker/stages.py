@@ -1,0 +1,108 @@
+"""The stages of one mission on one vehicle: which is flown now, and what it became."""
+
+from afarcloud.plan import Mission
+from mavlink_broker.translation.mission import (
+    FlightPlan,
+    Itinerary,
+    LiveCommand,
+    Segment,
+    translate,
+)
+from mavlink_broker.translation.situation import Home
+from mavlink_broker.vehicle import Vehicle
+
+
+class Stages:
+    """An itinerary and a place in it."""
+
+    def __init__(self, mission: Mission, vehicle: Vehicle) -> None:
+        self._mission = mission
+        self._vehicle = vehicle
+        self._itinerary: Itinerary | None = None
+        self._number = 0
+
+    def translate(self) -> None:
+        """Make the itinerary for the vehicle as it is known now; the place in it stays.
+
+        Raises:
+            RefusedError: for the first command that cannot be flown.
+        """
+        vehicle = self._vehicle
+        self._itinerary = translate(
+            self._mission,
+            vehicle.family,
+            vehicle.snapshot.home or Home(0.0, 0.0, 0.0),
+            own_system=vehicle.route.own_system,
+            refused=frozenset(vehicle.refused_items),
+        )
+
+    def do_without(self, item: int) -> bool:
+        """Translate again without the command of an item; whether that changes anything."""
+        before = self.plan
+        self._vehicle.refused_items.add(before.items[item].command)
+        self.translate()
+        return self.plan.items != before.items
+
+    @property
+    def notes(self) -> tuple[tuple[str, ...], ...]:
+        """Per command: what was left out or is done in another way."""
+        return () if self._itinerary is None else self._itinerary.notes
+
+    @property
+    def ends_on_ground(self) -> bool:
+        """Whether the vehicle stands when all stages are over."""
+        return self._itinerary is None or self._itinerary.ends_on_ground
+
+    @property
+    def current(self) -> Segment:
+        """The stage that is flown; before there is one, a stretch of nothing."""
+        return FlightPlan.empty() if self._itinerary is None else self._segments[self._number]
+
+    @property
+    def plan(self) -> FlightPlan:
+        """The stretch of items that is flown; a stretch of nothing in a live command."""
+        current = self.current
+        return current if isinstance(current, FlightPlan) else FlightPlan.empty()
+
+    @property
+    def live(self) -> LiveCommand:
+        """The live command that is flown.
+
+        Raises:
+            TypeError: if items are being flown.
+        """
+        current = self.current
+        if not isinstance(current, LiveCommand):
+            raise TypeError("no live command is being flown")
+        return current
+
+    @property
+    def is_on_ground(self) -> bool:
+        """Whether the vehicle stands when this stage is over."""
+        return Itinerary(self._segments[: self._number + 1]).ends_on_ground
+
+    @property
+    def is_first(self) -> bool:
+        """Whether no stage lies before."""
+        return self._number == 0
+
+    @property
+    def is_last(self) -> bool:
+        """Whether no stage follows."""
+        return self._number + 1 >= len(self._segments)
+
+    def advance(self) -> bool:
+        """Go to the next stage; false if there is none."""
+        if self.is_last:
+            return False
+        self._number += 1
+        return True
+
+    def go_to(self, command: int) -> None:
+        """Go to the stage of a command."""
+        if self._itinerary is not None:
+            self._number = self._itinerary.segment_of(command)
+
+    @property
+    def _segments(self) -> tuple[Segment, ...]:
+        return () if self._itinerary is None else self._itinerary.segments

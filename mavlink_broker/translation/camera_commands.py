@@ -1,0 +1,155 @@
+"""Pictures, video and panoramas: as mission items, or live where the vehicle's place is unknown.
+
+A gimbal's or camera's command that the vehicle has refused as an item is replaced by the older
+one, as ground stations do.
+"""
+
+import math
+import zlib
+from collections.abc import Sequence
+from typing import Final
+
+from afarcloud.commands import CameraImage, CameraPanorama, VideoStartCapture, VideoStopCapture
+from afarcloud.enumerations import PanoramaMode
+from mavlink_broker.dialect import mavlink
+from mavlink_broker.protocol.command import long_command
+from mavlink_broker.translation import mission_item
+from mavlink_broker.translation.live import Lasted, LiveAction
+from mavlink_broker.translation.mission_item import MissionItem
+from mavlink_broker.translation.situation import Items, Situation
+
+CAMERA: Final[int] = mavlink.MAV_COMP_ID_CAMERA
+PANORAMA_WITHIN_S: Final = 180.0
+_STEP_DEG: Final = 45.0
+_SHOTS: Final = {PanoramaMode.FULL_CIRCLE: 8, PanoramaMode.HALF_CIRCLE: 5}
+_SPAN_DEG: Final = {PanoramaMode.FULL_CIRCLE: 360.0, PanoramaMode.HALF_CIRCLE: 180.0}
+_SETTLE_S: Final = 2.0
+_GIMBAL_SLACK_S: Final = 5.0
+_SEQUENCES: Final = 2**23
+"""Numbers that a float carries exactly."""
+_EARTH: Final = float(
+    mavlink.GIMBAL_MANAGER_FLAGS_YAW_IN_EARTH_FRAME | mavlink.GIMBAL_MANAGER_FLAGS_YAW_LOCK
+)
+_VEHICLE: Final = float(mavlink.GIMBAL_MANAGER_FLAGS_YAW_IN_VEHICLE_FRAME)
+
+
+def image(command: CameraImage, situation: Situation) -> Items | LiveAction:
+    """Point the camera, take the pictures, wait until they are taken.
+
+    The yaw counts from north; without one the camera looks along the nose.
+    """
+    p = command.parameters
+    duration_s = max(1.0, (p.photo_count - 1) * p.time_interval + 1.0)
+    number = _picture_number(situation.mission_id, command.command_id)
+    shots = (float(p.time_interval), float(p.photo_count))
+    if situation.after_live:
+        return _live_image(p.pitch_angle, p.yaw_angle, shots, number, duration_s)
+    pointing, notes = _pointing(p.pitch_angle, p.yaw_angle, situation.refused)
+    capture, more = _capture(shots, number, situation.refused)
+    items = (*pointing, capture, mission_item.delay(duration_s))
+    return Items(items, len(items) - 1, (*notes, *more))
+
+
+def video_start(command: VideoStartCapture, situation: Situation) -> Items | LiveAction:
+    """Start recording."""
+    p = command.parameters
+    values = (float(p.video_stream_id), p.freq)
+    return _video(mavlink.MAV_CMD_VIDEO_START_CAPTURE, values, situation)
+
+
+def video_stop(command: VideoStopCapture, situation: Situation) -> Items | LiveAction:
+    """Stop recording."""
+    values = (float(command.parameters.video_stream_id), 0.0)
+    return _video(mavlink.MAV_CMD_VIDEO_STOP_CAPTURE, values, situation)
+
+
+def panorama(command: CameraPanorama, situation: Situation) -> Items | LiveAction | str:
+    """Have the camera take it where it can, else turn the vehicle from picture to picture."""
+    mode = command.parameters.panorama_mode
+    if situation.family.takes_panoramas:
+        angles = (_SPAN_DEG[mode], math.nan, math.nan, math.nan)
+        create = long_command(mavlink.MAV_CMD_PANORAMA_CREATE, *angles, component=CAMERA)
+        return LiveAction(begin=((create,),), end=Lasted(), within_s=PANORAMA_WITHIN_S, moves=False)
+    if situation.spot is None:
+        return "a panorama needs a command before it that goes to a place"
+    middle_deg = situation.heading_deg or 0.0
+    first_deg = middle_deg - (90.0 if mode is PanoramaMode.HALF_CIRCLE else 0.0)
+    items: list[MissionItem] = []
+    for shot in range(_SHOTS[mode]):
+        yaw_deg = (first_deg + shot * _STEP_DEG) % 360.0
+        number = _picture_number(situation.mission_id, command.command_id, shot)
+        items += _turn(yaw_deg, situation)
+        items.append(_capture((0.0, 1.0), number, situation.refused)[0])
+    items.append(mission_item.delay(1.0))
+    note = "the vehicle turns from picture to picture: the camera takes no panoramas"
+    return Items(tuple(items), len(items) - 1, (note,))
+
+
+def _turn(yaw_deg: float, situation: Situation) -> Sequence[MissionItem]:
+    """Look into a direction from where the vehicle is, and come to rest."""
+    if situation.spot is None:
+        raise ValueError("nobody knows where to turn")
+    by_condition = situation.family.yaw_by_condition
+    stop = mission_item.waypoint(
+        **situation.spot._asdict(), hold_s=_SETTLE_S, yaw_deg=None if by_condition else yaw_deg
+    )
+    return [mission_item.condition_yaw(yaw_deg), stop] if by_condition else [stop]
+
+
+def _pointing(
+    pitch_deg: float, yaw_deg: float | None, refused: frozenset[int]
+) -> tuple[tuple[MissionItem, ...], tuple[str, ...]]:
+    """Aim the gimbal by the newest command that has not been refused."""
+    if mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW not in refused:
+        flags, yaw = (_VEHICLE, 0.0) if yaw_deg is None else (_EARTH, yaw_deg)
+        return (mission_item.point_gimbal(pitch_deg, yaw, flags),), ()
+    if mavlink.MAV_CMD_DO_MOUNT_CONTROL not in refused:
+        return (mission_item.point_mount(pitch_deg, yaw_deg or 0.0),), ()
+    return (), ("the vehicle has no gimbal: pitch_angle and yaw_angle were left out",)
+
+
+def _capture(
+    shots: tuple[float, float], number: float, refused: frozenset[int]
+) -> tuple[MissionItem, tuple[str, ...]]:
+    interval_s, count = shots
+    if mavlink.MAV_CMD_IMAGE_START_CAPTURE not in refused:
+        single = number if count == 1.0 else 0.0
+        return mission_item.take_pictures(interval_s, count, single), ()
+    lost = "" if count == 1.0 else f": one picture instead of {count:.0f}"
+    return mission_item.trigger_camera(), (f"the vehicle knows only a shutter{lost}",)
+
+
+def _live_image(
+    pitch_deg: float,
+    yaw_deg: float | None,
+    shots: tuple[float, float],
+    number: float,
+    duration_s: float,
+) -> LiveAction:
+    flags, yaw = (_VEHICLE, 0.0) if yaw_deg is None else (_EARTH, yaw_deg)
+    aim = long_command(
+        mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW, pitch_deg, yaw, math.nan, math.nan, flags
+    )
+    single = number if shots[1] == 1.0 else 0.0
+    take = long_command(mavlink.MAV_CMD_IMAGE_START_CAPTURE, 0.0, *shots, single, component=CAMERA)
+    return LiveAction(
+        begin=((aim, take), (take,)),
+        way_notes=("", "the vehicle has no gimbal: pitch_angle and yaw_angle were left out"),
+        end=Lasted(duration_s),
+        within_s=duration_s + PANORAMA_WITHIN_S,
+        moves=False,
+    )
+
+
+def _video(command: int, values: tuple[float, float], situation: Situation) -> Items | LiveAction:
+    stream, frequency_hz = values
+    if not situation.after_live:
+        item = MissionItem(command=command, parameters=(stream, frequency_hz, 0.0, 0.0))
+        return Items((item,), 0)
+    ways = ((long_command(command, *values, component=CAMERA),), (long_command(command, *values),))
+    return LiveAction(begin=ways, end=Lasted(), within_s=PANORAMA_WITHIN_S, moves=False)
+
+
+def _picture_number(mission_id: int, command_id: int, shot: int = 0) -> float:
+    """A number that the camera has not seen lately: it ignores a single picture's repetition."""
+    return float(1 + zlib.crc32(f"{mission_id}/{command_id}/{shot}".encode()) % _SEQUENCES)

@@ -1,0 +1,114 @@
+"""A turn about a point: DO_ORBIT in flight, or LOITER_TURNS where missions have it."""
+
+import math
+from typing import Final
+
+from afarcloud.commands import NavHotpoint, NavHotpointParameters
+from afarcloud.enumerations import OrbitType, StartPoint
+from mavlink_broker.dialect import mavlink
+from mavlink_broker.protocol.command import CommandInt
+from mavlink_broker.translation import mission_item
+from mavlink_broker.translation.families import Family, Orbiting
+from mavlink_broker.translation.geo import shifted
+from mavlink_broker.translation.live import LiveAction, Turned
+from mavlink_broker.translation.situation import Items, Situation, Spot
+
+FULL_TURN_RAD: Final = 2.0 * math.pi
+SPEED_MAX_M_S: Final = 10.0
+ACCELERATION_MAX_M_S2: Final = 0.98 * 0.98 * 2.0
+"""PX4 lets a vehicle on a circle accelerate by 2 m/s^2; a little less is always accepted."""
+SLACK_S: Final = 120.0
+_START_BEARING_DEG: Final = {
+    StartPoint.NORTH: 0.0,
+    StartPoint.EAST: 90.0,
+    StartPoint.SOUTH: 180.0,
+    StartPoint.WEST: 270.0,
+}
+_FORWARDS: Final = 3.0  # ORBIT_YAW_BEHAVIOUR_HOLD_FRONT_TANGENT_TO_CIRCLE
+
+
+def hotpoint(command: NavHotpoint, situation: Situation) -> Items | LiveAction:
+    """One full turn, begun at the start point if there is one."""
+    p = command.parameters
+    if situation.family.orbiting is Orbiting.BY_ITEM:
+        return _as_items(p, situation)
+    return _live(p, situation)
+
+
+def speed_on_circle_m_s(angular_velocity_deg_s: float, radius_m: float) -> float:
+    """Speed that the angular velocity asks for, within what a vehicle can do on the circle."""
+    wanted = math.radians(angular_velocity_deg_s) * radius_m
+    return min(wanted, SPEED_MAX_M_S, math.sqrt(ACCELERATION_MAX_M_S2 * radius_m))
+
+
+def start_point(p: NavHotpointParameters) -> Spot | None:
+    """Where on the circle it begins; None at the nearest point."""
+    if p.start_point is StartPoint.NEAREST:
+        return None
+    bearing_deg = _START_BEARING_DEG[p.start_point]
+    return Spot(*shifted(p.latitude, p.longitude, bearing_deg, p.radius), p.orbit_altitude)
+
+
+def _live(p: NavHotpointParameters, situation: Situation) -> LiveAction:
+    speed_m_s = speed_on_circle_m_s(p.angular_velocity, p.radius)
+    heading, notes = _heading(p.orbit_type, situation.family)
+    counts = situation.family.orbiting is Orbiting.COUNTED
+    orbit = CommandInt(
+        command=mavlink.MAV_CMD_DO_ORBIT,
+        frame=mavlink.MAV_FRAME_GLOBAL,
+        parameters=(
+            p.radius if p.is_clockwise else -p.radius,
+            speed_m_s,
+            heading,
+            FULL_TURN_RAD if counts else math.nan,
+        ),
+        latitude_deg=p.latitude,
+        longitude_deg=p.longitude,
+        altitude_m=situation.home.altitude_amsl_m + p.orbit_altitude,
+    )
+    return LiveAction(
+        begin=((orbit,),),
+        approach=start_point(p),
+        end=Turned(p.latitude, p.longitude, p.radius, FULL_TURN_RAD, p.is_clockwise),
+        finish=situation.family.holding,
+        within_s=2.0 * FULL_TURN_RAD * p.radius / speed_m_s + SLACK_S,
+        notes=(*_limited(p, speed_m_s), *notes),
+    )
+
+
+def _as_items(p: NavHotpointParameters, situation: Situation) -> Items:
+    """ArduPilot's circle: the vehicle's own rate; it looks ahead, or at the centre by a ROI."""
+    notes = [f"angular_velocity: {situation.family.name} uses its own rate on a circle"]
+    centre = {"latitude_deg": p.latitude, "longitude_deg": p.longitude}
+    circle = mission_item.turns(
+        **centre,
+        relative_altitude_m=p.orbit_altitude,
+        number=1.0,
+        radius_m=p.radius if p.is_clockwise else -p.radius,
+    )
+    before = []
+    start = start_point(p)
+    if start is not None:
+        before.append(mission_item.waypoint(**start._asdict()))
+    behind = []
+    if p.orbit_type is OrbitType.TOWARDS_HOT_POINT:
+        before.append(mission_item.look_at(**centre, relative_altitude_m=0.0))
+        behind.append(mission_item.look_ahead())
+    elif p.orbit_type is not OrbitType.ALONG_CIRCLE_LOOKING_FORWARDS:
+        notes.append(f"orbit_type {p.orbit_type.name} is not supported: it looks forwards")
+    spot = start or Spot(p.latitude, p.longitude, p.orbit_altitude)
+    return Items((*before, circle, *behind), len(before), tuple(notes), spot)
+
+
+def _heading(wanted: OrbitType, family: Family) -> tuple[float, tuple[str, ...]]:
+    value = family.orbit_headings.get(wanted)
+    if value is not None:
+        return value, ()
+    return _FORWARDS, (f"orbit_type {wanted.name} is not supported: it looks forwards",)
+
+
+def _limited(p: NavHotpointParameters, speed_m_s: float) -> tuple[str, ...]:
+    flown_deg_s = math.degrees(speed_m_s / p.radius)
+    if flown_deg_s >= p.angular_velocity * 0.999:
+        return ()
+    return (f"angular_velocity was limited to {flown_deg_s:.1f} deg/s",)

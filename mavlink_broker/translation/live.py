@@ -1,0 +1,59 @@
+"""What cannot be a mission item: commands in flight, and how their end is told."""
+
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+from mavlink_broker.dialect import mavlink
+from mavlink_broker.protocol.command import CommandInt
+from mavlink_broker.protocol.command_sequence import Ways
+from mavlink_broker.translation.situation import Home, Spot
+
+CHANGE_MODE: Final = float(mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE)
+
+
+@dataclass(frozen=True, slots=True)
+class Turned:
+    """It ends when the vehicle has gone round a centre, or has left its circle by itself."""
+
+    latitude_deg: float
+    longitude_deg: float
+    radius_m: float
+    angle_rad: float
+    is_clockwise: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Lasted:
+    """It ends after some time [s]; none: as soon as it has been accepted."""
+
+    duration_s: float = 0.0
+
+
+End: TypeAlias = Turned | Lasted
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LiveAction:
+    """One command flown in flight; ways are tried in order."""
+
+    begin: Ways
+    end: End
+    within_s: float  # Beginning to end; longer means that something is wrong
+    approach: Spot | None = None  # Gone to before it begins
+    follow: Spot | None = None  # Told to the vehicle as the place of a target, all the time
+    finish: Ways = ()  # What ends it, when its time has come
+    notes: tuple[str, ...] = ()
+    way_notes: tuple[str, ...] = ()  # What is lost by each way, "" for nothing
+    moves: bool = True  # It takes the vehicle out of its mission
+
+
+def reposition(spot: Spot, home: Home, yaw_rad: float = float("nan")) -> CommandInt:
+    """DO_REPOSITION(192) in frame 0, the one that every family reads alike."""
+    return CommandInt(
+        command=mavlink.MAV_CMD_DO_REPOSITION,
+        frame=mavlink.MAV_FRAME_GLOBAL,
+        parameters=(-1.0, CHANGE_MODE, 0.0, yaw_rad),
+        latitude_deg=spot.latitude_deg,
+        longitude_deg=spot.longitude_deg,
+        altitude_m=home.altitude_amsl_m + spot.relative_altitude_m,
+    )

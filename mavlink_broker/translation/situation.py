@@ -1,0 +1,67 @@
+"""What the meaning of a command may depend on, and what a command becomes.
+
+RefusedError  a command that cannot be flown, with its id and the reason
+"""
+
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from afarcloud.commands import Command
+from mavlink_broker.translation.families import Family
+from mavlink_broker.translation.mission_item import MissionItem
+
+DEFAULT_ALTITUDE_M: Final = 10.0
+"""Height above home for a return that nothing has given a height yet."""
+
+
+class RefusedError(Exception):
+    """A command that cannot be flown."""
+
+    def __init__(self, command_index: int, command: Command, reason: str) -> None:
+        super().__init__(f"command {command.command_id}: {reason}")
+        self.command_index = command_index
+        self.reason = reason
+
+
+class Home(NamedTuple):
+    """Where the vehicle's altitudes begin."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+
+
+class Spot(NamedTuple):
+    """A place in the air."""
+
+    latitude_deg: float
+    longitude_deg: float
+    relative_altitude_m: float  # Above home
+
+
+class Situation(NamedTuple):
+    """What the meaning of a command may depend on."""
+
+    family: Family
+    home: Home
+    mission_id: int = 0
+    own_system: int = 254  # The broker's, whose target a vehicle follows
+    refused: frozenset[int] = frozenset()  # MAV_CMD that this vehicle refused as mission items
+    spot: Spot | None = None  # Where the command before ends; None where that is not known
+    heading_deg: float | None = None  # Last one asked for
+    maximum_speed_m_s: float = 0.0
+    relative_altitude_m: float = DEFAULT_ALTITUDE_M  # At which the mission flies
+    after_live: bool = False  # A live command came before, and nothing since gave a place
+
+
+@dataclass(frozen=True, slots=True)
+class Items:
+    """Mission items that one command became."""
+
+    items: tuple[MissionItem, ...]
+    done: int  # Which of them, when reached, finishes the command
+    notes: tuple[str, ...] = ()
+    spot: Spot | None = None  # Where the vehicle is afterwards; None: where it was
+    heading_deg: float | None = None  # Asked for; None: as it was
+    at_home: bool = False  # The spot is home
+    ends_on_ground: bool = False
