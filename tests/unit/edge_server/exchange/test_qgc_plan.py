@@ -43,7 +43,7 @@ def faults(document: Any) -> dict[str, str]:
 def test_simple_items_are_read_with_their_place_in_the_file() -> None:
     file = qgc_plan.read(plan_file(TAKEOFF, at(16, 1, 2, 3, None)))
     assert [item.path for item in file.items] == ["mission.items.0", "mission.items.1"]
-    assert file.items[1].parameters == (1, 2, 3, None, 40.4435, -3.7382, 10)
+    assert list(file.items[1].parameters) == [1, 2, 3, None, 40.4435, -3.7382, 10]
     assert file.home == Home(*HOME, 650)
     assert file.speed_m_s == 5
     assert (file.geofence, file.warnings) == (None, ())
