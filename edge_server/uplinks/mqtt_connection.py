@@ -28,7 +28,7 @@ from paho.mqtt.reasoncodes import ReasonCode
 
 from edge_server.uplinks import mqtt_reasons
 from edge_server.uplinks.mqtt_answers import MAXIMUM_ANSWER_BYTES
-from edge_server.uplinks.mqtt_login import read_login
+from edge_server.uplinks.mqtt_login import LoginError, read_login
 from edge_server.uplinks.mqtt_messages import (
     ACCEPT_BATCH,
     IDEMPOTENCY_KEY,
@@ -87,7 +87,7 @@ class Connection:
         """Connect and greet the broker; its answer comes as an event.
 
         Raises:
-            LoginError: if the file with user and password cannot be used.
+            LoginError: if a file with user and password or with certificates cannot be used.
             OSError: if the broker cannot be reached, or is not the one we trust.
         """
         settings = self._settings
@@ -238,10 +238,17 @@ def _acknowledge_at_once(sock: Any) -> None:
 
 
 def _trust(settings: BrokerSettings) -> ssl.SSLContext:
-    """TLS 1.2 or newer with a verified peer; our own certificate if there is one."""
-    context = ssl.create_default_context(cafile=settings.ca_file)
-    if settings.certificate_file is not None:
-        context.load_cert_chain(settings.certificate_file)
+    """TLS 1.2 or newer with a verified peer; our own certificate if there is one.
+
+    Raises:
+        LoginError: if a file of certificates cannot be used.
+    """
+    try:
+        context = ssl.create_default_context(cafile=settings.ca_file)
+        if settings.certificate_file is not None:
+            context.load_cert_chain(settings.certificate_file)
+    except OSError as error:  # An SSLError is one
+        raise LoginError(f"certificates cannot be used: {error.strerror or error}") from None
     context.sslsocket_class = _checking(settings.fingerprint)
     return context
 

@@ -47,6 +47,7 @@ class Exchange:
         self._pending: dict[str, _Pending] = {}  # Their turn, in the order of their deadlines
         self._unacknowledged: dict[int, str | None] = {}  # What counts against the receive maximum
         self._settled: list[Settled] = []
+        self._sent_at = 0.0  # When the last one went out
 
     @property
     def idle(self) -> bool:
@@ -54,7 +55,10 @@ class Exchange:
         return not self._pending
 
     def offer(self, packet: RecordPacket, now: float) -> None:
-        """Take a record; it is settled in one way or another, each within our patience."""
+        """Take a record; it is settled in one way or another.
+
+        Our patience is for its answer once it is sent, and before that as long as others are sent.
+        """
         behind = self._behind.get(packet.lane)
         if behind is not None:
             behind.append(packet)
@@ -85,10 +89,17 @@ class Exchange:
     def _has_room(self, chosen: int) -> bool:
         return len(self._unacknowledged) + chosen < self._limits.receive_maximum
 
-    def sent(self, key: str, packet_id: int) -> None:
+    def sent(self, key: str, packet_id: int, now: float) -> None:
         """Note under which packet identifier a record went out."""
         self._unacknowledged[packet_id] = key
+        self._sent_at = now
         self._pending[key].packet_id = packet_id
+        self._extend(key, now)
+
+    def _extend(self, key: str, since: float) -> None:
+        pending = self._pending.pop(key)
+        pending.deadline = since + self._patience_s
+        self._pending[key] = pending
 
     def occupied(self, packet_id: int) -> None:
         """Note a packet that is no record; the broker's room is less by it."""
@@ -113,12 +124,15 @@ class Exchange:
     def tick(self, now: float) -> None:
         """Give up what has waited too long: no answer in time."""
         late = []
-        for key, pending in self._pending.items():
+        for key, pending in list(self._pending.items()):
             if pending.deadline > now:
                 break
-            late.append(key)
+            if pending.packet_id is None and self._sent_at + self._patience_s > now:
+                self._extend(key, self._sent_at)  # The broker takes few at a time, but it does
+            else:
+                late.append(key)
         if late:
-            self._waiting = deque(m for m in self._waiting if m not in late)
+            self._waiting = deque(key for key in self._waiting if key not in late)
             self._settle_all(late, Unreachable("no answer in time"), now)
 
     def next_deadline(self) -> float | None:

@@ -151,7 +151,7 @@ class Link:
             case Announce():
                 self._session.announced(connection.announce())
             case Publish(packet):
-                self._session.sent(packet.key, connection.publish(packet))
+                self._session.sent(packet.key, connection.publish(packet), time.monotonic())
 
     def _open(self) -> None:
         """Connect; what prevents it is an event like any other."""

@@ -1,6 +1,6 @@
 """Who we are to the broker: `user:password` in a file that only its owner may read.
 
-LoginError  the file cannot be used; the message says why and never what is in it
+LoginError  a file that says who we or they are cannot be used; never says what is in it
 """
 
 import logging
@@ -15,7 +15,7 @@ MAXIMUM_LOGIN_BYTES: Final = 32_768
 
 
 class LoginError(Exception):
-    """The file with user and password cannot be used."""
+    """A file with user and password, or with certificates, cannot be used."""
 
 
 class Login(NamedTuple):

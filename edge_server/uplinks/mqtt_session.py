@@ -73,9 +73,9 @@ class Session:
         """Take a record that should go out."""
         self._exchange.offer(packet, now)
 
-    def sent(self, key: str, packet_id: int) -> None:
+    def sent(self, key: str, packet_id: int, now: float) -> None:
         """Note that a record is on the wire."""
-        self._exchange.sent(key, packet_id)
+        self._exchange.sent(key, packet_id, now)
 
     def announced(self, packet_id: int) -> None:
         """Note that our presence is on the wire; it counts against the receive maximum too."""

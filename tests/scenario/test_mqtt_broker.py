@@ -288,6 +288,13 @@ def test_tls_with_our_own_certificate_and_a_pin(authority: Authority, tmp_path: 
                 station.wait_until(lambda: station.rows("outbox", "attempts > 0") > 0)
                 assert station.rows("outbox", "last_error LIKE '%nobody%'") == 0
                 assert station.rows("telemetry") == 1
+        url = tls_url(broker).replace("127.0.0.1", "localhost")  # Not what the certificate names
+        trust["cloud_fingerprint"] = None
+        with station_at(url, tmp_path / "misnamed", **trust) as station:
+            station.ingest("pose", 0)
+            station.relay()
+            station.wait_until(lambda: station.rows("outbox", "attempts > 0") > 0)
+            assert station.rows("outbox", "last_error LIKE '%certificate%'") == 1
 
 
 def test_the_mock_cloud_takes_batches(tmp_path: Path) -> None:

@@ -32,7 +32,7 @@ def send(exchange: Exchange, now: float = 0.0) -> list[str]:
     """Send what may go, under packet identifiers from the keys."""
     taken = exchange.take(now)
     for each in taken:
-        exchange.sent(each.key, int(each.key))
+        exchange.sent(each.key, int(each.key), now)
     return [each.key for each in taken]
 
 
@@ -135,15 +135,38 @@ def test_silence_ends_after_our_patience_and_a_late_answer_is_nobodys() -> None:
     assert outcome(exchange) == {}
 
 
+def test_a_broker_that_takes_one_at_a_time_is_not_taken_for_a_dead_one() -> None:
+    exchange, now = started(Limits(receive_maximum=1)), 0.0
+    keys = [str(number) for number in range(1, 8)]
+    for key in keys:
+        exchange.offer(packet(key, lane=key), now)
+    for key in keys:
+        assert send(exchange, now) == [key]
+        now += PATIENCE_S * 0.8
+        exchange.tick(now)
+        exchange.acknowledged(int(key), 0, now)
+        exchange.answered(key.encode(), OK, now)
+    assert set(meanings(exchange).values()) == {Meaning.CONFIRMED}
+
+
+def test_what_cannot_be_sent_while_nothing_is_gets_a_reason() -> None:
+    exchange = started(Limits(receive_maximum=1))
+    exchange.offer(packet("1", lane="a"), 0.0)
+    exchange.offer(packet("2", lane="b"), 0.0)
+    send(exchange)
+    exchange.tick(PATIENCE_S)
+    assert meanings(exchange) == {"1": Meaning.NO_CLOUD, "2": Meaning.NO_CLOUD}
+
+
 def test_the_late_acknowledgement_of_an_earlier_try_is_not_taken_for_this_one() -> None:
     exchange = started()
     exchange.offer(packet("1", answers=None), 0.0)
     exchange.take(0.0)
-    exchange.sent("1", 100)
+    exchange.sent("1", 100, 0.0)
     exchange.tick(PATIENCE_S)
     exchange.offer(packet("1", answers=None), PATIENCE_S)
     assert [each.key for each in exchange.take(PATIENCE_S)] == ["1"]
-    exchange.sent("1", 101)
+    exchange.sent("1", 101, PATIENCE_S)
     exchange.settled()
     exchange.acknowledged(100, 0x97, PATIENCE_S)
     assert outcome(exchange) == {}
@@ -168,7 +191,7 @@ class Traffic(RuleBasedStateMachine):
     def _take(self) -> None:
         self._collect()
         for each in self._exchange.take(self._now):
-            self._exchange.sent(each.key, int(each.key))
+            self._exchange.sent(each.key, int(each.key), self._now)
             self._acknowledgements.add(int(each.key))
             assert not self._flying(each.lane), "two of a lane at a time"
             self._sent[each.lane].append(each.key)

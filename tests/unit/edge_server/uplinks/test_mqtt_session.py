@@ -190,7 +190,7 @@ def test_a_broker_that_names_no_culprit_is_believed_after_a_few_times() -> None:
         connect(gateway, now)
         gateway.offer(record(), now)
         gateway.turn(now)
-        gateway.sent("1", 1)
+        gateway.sent("1", 1, now)
         gateway.handle(Lost("no MQTT", 0x82), now)
         found += list(meanings(gateway).values())
         now += CAP_S
@@ -202,6 +202,6 @@ def test_a_broker_that_names_a_culprit_is_believed_at_once() -> None:
     connect(gateway)
     gateway.offer(record(), 0.0)
     gateway.turn(0.0)
-    gateway.sent("1", 1)
+    gateway.sent("1", 1, 0.0)
     gateway.handle(Lost("too large", 0x95), 0.0)
     assert meanings(gateway) == {"1": Meaning.REJECTED}
