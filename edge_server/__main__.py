@@ -79,13 +79,20 @@ def _migrate(config: Config, _options: argparse.Namespace) -> int:
     except (OpenSecretError, StoreError) as error:
         print(f"edge server: {error}", file=sys.stderr)
         return FAILED
-    print(f"{config.database_path} is at {HEAD}")
+    print(f"{config.database_name} is at {HEAD}")
     return OK
 
 
 def _back_up(config: Config, options: argparse.Namespace) -> int:
     from edge_server import backup  # noqa: PLC0415  # as above
 
+    if config.database_url is not None:
+        print(
+            f"edge server: {config.database_name} is copied by PostgreSQL's own pg_dump, "
+            "while it is in use; there is no file here to copy",
+            file=sys.stderr,
+        )
+        return WRONG_SETUP
     try:
         size = backup.back_up(config.database_path, options.target)
     except backup.BackupError as error:

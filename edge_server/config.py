@@ -78,6 +78,14 @@ class Config:
         return self.database_url or f"sqlite:///{self.database_path}"
 
     @property
+    def database_name(self) -> str:
+        """What to call the database before people: no password in it."""
+        if self.database_url is None:
+            return str(self.database_path)
+        parts = urlsplit(self.database_url)
+        return f"the PostgreSQL database {parts.path[1:]} at {parts.hostname or 'this machine'}"
+
+    @property
     def database_path(self) -> Path:
         """The SQLite file; its -wal and -shm lie beside it."""
         return self.edge_dir / "edge.sqlite3"
@@ -156,7 +164,8 @@ def _confirm(value: Any) -> str:
 
 def _database_url(value: Any) -> str:
     parts = urlsplit(str(value))
-    if parts.scheme not in {"postgresql", "postgresql+psycopg"} or len(parts.path) < 2:
+    known = parts.scheme in {"postgresql", "postgresql+psycopg"}
+    if not known or len(parts.path) < 2 or parts.port == 0:  # Or a port that is no number
         raise ValueError("must be postgresql+psycopg://user@host/database")
     return f"postgresql+psycopg{str(value)[len(parts.scheme) :]}"
 

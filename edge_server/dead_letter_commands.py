@@ -34,7 +34,7 @@ def run(config: Config, action: str, record_ids: Sequence[int]) -> Iterator[str 
         NoDatabaseError: if the state folder has no database of this version.
     """
     if not is_ready(config.database):
-        raise NoDatabaseError(f"no database of this version at {config.database_path}")
+        raise NoDatabaseError(f"no database of this version: {config.database_name}")
     database = preparation.open_database(config)
     context = Context(config, database, time.time)
     try:

@@ -25,6 +25,7 @@ from prometheus_client import (
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily
 from prometheus_client.metrics_core import Metric
 from prometheus_client.registry import Collector
+from sqlalchemy import text
 
 from edge_server import tally
 from edge_server.config import Config
@@ -163,14 +164,21 @@ class _EdgeCollector(Collector):
             os.close(descriptor)
 
     def _storage(self) -> Iterator[Metric]:
-        path = self._config.database_path
-        files = [path.with_name(path.name + end) for end in ("", "-wal")]
-        size = sum(file.stat().st_size for file in files if file.exists())
+        size = self._database_bytes()
         yield _gauge("fm_db_bytes", "Size of the database and its log of changes", size)
         free = shutil.disk_usage(self._config.edge_dir).free
         yield _gauge("fm_disk_free_bytes", "Room on the disk that holds the database", free)
         quarantined = len(list((self._config.edge_dir / "quarantine").glob("*.sqlite3")))
         yield _gauge("fm_quarantined_databases", "Broken databases set aside", quarantined)
+
+    def _database_bytes(self) -> int:
+        if self._database.is_shared:
+            with self._database.read() as connection:
+                size = text("SELECT pg_database_size(current_database())")
+                return int(connection.execute(size).scalar_one())
+        path = self._config.database_path
+        files = [path.with_name(path.name + end) for end in ("", "-wal")]
+        return sum(file.stat().st_size for file in files if file.exists())
 
 
 def _sum(parts: Iterable[_Counts]) -> dict[str, dict[Labels, float]]:

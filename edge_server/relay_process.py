@@ -49,8 +49,7 @@ def run(config: Config) -> None:
         RelayError: if it cannot go on and should be started again.
     """
     config.edge_dir.mkdir(parents=True, exist_ok=True, mode=0o700)
-    # Relays on PostgreSQL share the streams among them; a file has one relay.
-    lock = None if config.database_url else take_lock(config.relay_lock_path, LOCK_PATIENCE_S)
+    lock = _lock(config)
     stopping = threading.Event()
     _at_first_signal(stopping.set)
     try:
@@ -59,6 +58,19 @@ def run(config: Config) -> None:
     finally:
         if lock is not None:
             os.close(lock)
+
+
+def _lock(config: Config) -> int | None:
+    """Take the state folder's lock. Relays on PostgreSQL share the streams and need none.
+
+    They take it where it is free: it shows that a relay runs here.
+    """
+    if config.database_url is None:
+        return take_lock(config.relay_lock_path, LOCK_PATIENCE_S)
+    try:
+        return take_lock(config.relay_lock_path, 0.0)
+    except LockedError:
+        return None
 
 
 def _relay_once(config: Config, stopping: threading.Event) -> None:

@@ -7,9 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from edge_server.__main__ import main
 from edge_server.backup import BackupError, back_up
+from edge_server.exit_codes import WRONG_SETUP
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import telemetry
+
+POSTGRESQL = "postgresql+psycopg://edge:s3cret@db.example/edge"
 
 
 def poses_in(copy: Path) -> int:
@@ -73,3 +77,14 @@ def test_a_failed_backup_leaves_nothing(edge: Edge, tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["broken.sqlite3", "state"]
     with pytest.raises(BackupError, match="no database"):
         back_up(tmp_path / "none", tmp_path / "copy.sqlite3")
+
+
+def test_a_database_of_a_server_is_pg_dumps_business(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    copy = tmp_path / "copy"
+    assert main(["--database-url", POSTGRESQL, "backup", str(copy)]) == WRONG_SETUP
+    said = capsys.readouterr().err
+    assert "pg_dump" in said
+    assert "s3cret" not in said
+    assert not copy.exists()

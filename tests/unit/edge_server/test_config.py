@@ -35,6 +35,9 @@ def test_a_cloud_port_is_a_cloud_on_this_machine() -> None:
         ("EDGE_PORT", "65536"),
         ("EDGE_PORT", "eighty"),
         ("CLOUD_URL", "ftp://cloud.example"),
+        ("DATABASE_URL", "mysql://edge@db.example/edge"),
+        ("DATABASE_URL", "postgresql+psycopg://edge@db.example"),
+        ("DATABASE_URL", "postgresql+psycopg://edge@db.example:high/edge"),
         ("CLOUD_URL", "cloud.example"),
         ("CLOUD_URL", "http://user:password@cloud.example"),
         ("RELAY_BACKOFF_CAP_S", "nan"),
@@ -69,3 +72,16 @@ def test_keys_lie_in_the_state_folder_unless_they_are_given_elsewhere(tmp_path: 
     assert load({"state_dir": str(tmp_path)}, {}).keys_dir == tmp_path / "keys"
     given = load({"state_dir": str(tmp_path)}, {"KEYS_DIR": str(tmp_path / "secrets")})
     assert given.keys_dir == tmp_path / "secrets"
+
+
+def test_a_database_is_named_without_its_password() -> None:
+    config = load({}, {"DATABASE_URL": "postgresql://edge:s3cret@db.example/farm"})
+    assert config.database == "postgresql+psycopg://edge:s3cret@db.example/farm"
+    assert "farm at db.example" in config.database_name
+    assert "s3cret" not in repr(config) + config.database_name
+
+
+def test_without_a_url_the_database_is_a_file_of_the_state_folder(tmp_path: Path) -> None:
+    config = load({"state_dir": tmp_path}, {})
+    assert config.database == f"sqlite:///{config.database_path}"
+    assert config.database_name == str(config.database_path)

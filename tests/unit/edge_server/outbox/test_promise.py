@@ -8,8 +8,9 @@ from collections import defaultdict
 from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, ClassVar
 
+import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
@@ -25,6 +26,7 @@ from edge_server.store import telemetry
 from edge_server.store.database import Database
 from edge_server.store.engines import open_engine, sqlite_url
 from edge_server.store.tables import METADATA
+from tests.support.databases import PostgresServer
 
 STREAMS = st.sampled_from(
     [Stream(1, "pose"), Stream(2, "pose"), Stream(1, "alarm"), Stream(1, "image")]
@@ -49,16 +51,21 @@ class Promise(RuleBasedStateMachine):
     @initialize()
     def begin(self) -> None:
         self._folder = TemporaryDirectory()
-        path = Path(self._folder.name) / "edge.sqlite3"
-        engine = open_engine(sqlite_url(path))
-        METADATA.create_all(engine)
-        self._database = Database(engine)
+        self._database = Database(open_engine(self._place()))
         self._numbers = 0
         self._now = 0.0
         self._sent: dict[Stream, list[str]] = defaultdict(list)
         self._effect: dict[Stream, list[str]] = defaultdict(list)
         self._rejected: set[str] = set()
         self._restart()
+
+    def _place(self) -> str:
+        """URL of an empty database with our tables."""
+        url = sqlite_url(Path(self._folder.name) / "edge.sqlite3")
+        engine = open_engine(url)
+        METADATA.create_all(engine)
+        engine.dispose()
+        return url
 
     def _restart(self) -> None:
         self._schedule = Schedule(
@@ -195,5 +202,26 @@ class Promise(RuleBasedStateMachine):
         self._folder.cleanup()
 
 
+class PromiseOnPostgresql(Promise):
+    """The same promise on the other engine."""
+
+    server: ClassVar[PostgresServer]
+    name: ClassVar[str]
+
+    def _place(self) -> str:
+        self.server.renew(self.name)
+        return self.server.url(self.name)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _server(postgres: PostgresServer, empty_on_postgres: str) -> None:
+    PromiseOnPostgresql.server = postgres
+    PromiseOnPostgresql.name = empty_on_postgres
+
+
 Promise.TestCase.settings = settings(max_examples=25, stateful_step_count=40, deadline=None)
 TestPromise = Promise.TestCase
+PromiseOnPostgresql.TestCase.settings = settings(
+    max_examples=10, stateful_step_count=40, deadline=None
+)
+TestPromiseOnPostgresql = PromiseOnPostgresql.TestCase

@@ -16,6 +16,7 @@ from edge_server.store.database import Database
 from edge_server.store.engines import open_engine, sqlite_url
 from edge_server.store.plans import StoredPlan
 from edge_server.store.tables import METADATA
+from tests.support.databases import BOTH_ENGINES, PostgresServer
 from tests.unit.edge_server import documents
 
 
@@ -26,10 +27,22 @@ def path(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def engine(path: Path) -> Iterator[Engine]:
+def url(engine_name: str, path: Path, request: pytest.FixtureRequest) -> Iterator[str]:
+    """URL of a database that holds nothing at all."""
+    if engine_name == "sqlite":
+        yield sqlite_url(path)
+        return
+    server: PostgresServer = request.getfixturevalue("postgres")
+    name = server.create()
+    yield server.url(name)
+    server.drop(name)
+
+
+@pytest.fixture
+def engine(url: str) -> Iterator[Engine]:
     """A database at the newest shape."""
-    migrate.prepare(sqlite_url(path))
-    engine = open_engine(sqlite_url(path))
+    migrate.prepare(url)
+    engine = open_engine(url)
     yield engine
     engine.dispose()
 
@@ -52,12 +65,14 @@ def fill(engine: Engine) -> None:
         queue.enqueue(connection, record_id, Stream(1, "pose"))
 
 
+@BOTH_ENGINES
 def test_the_migrations_make_what_the_code_uses(engine: Engine) -> None:
     with engine.connect() as connection:
         found = compare_metadata(MigrationContext.configure(connection), METADATA)
     assert found == []
 
 
+@BOTH_ENGINES
 def test_constraints_are_in_the_migrated_database(engine: Engine) -> None:
     inspector = inspect(engine)
     for table in METADATA.tables.values():
@@ -73,6 +88,7 @@ def test_constraints_are_in_the_migrated_database(engine: Engine) -> None:
         assert made == wanted, table.name
 
 
+@BOTH_ENGINES
 def test_down_and_up_again_on_a_filled_database(engine: Engine) -> None:
     fill(engine)
     migrate.migrate(engine, "base")
@@ -83,18 +99,44 @@ def test_down_and_up_again_on_a_filled_database(engine: Engine) -> None:
     fill(engine)
 
 
-def test_preparing_again_keeps_what_is_there(path: Path, engine: Engine) -> None:
+@BOTH_ENGINES
+def test_preparing_again_keeps_what_is_there(url: str, engine: Engine) -> None:
     fill(engine)
-    migrate.prepare(sqlite_url(path))
+    migrate.prepare(url)
     with Database(engine).read() as connection:
         assert telemetry.count_waiting(connection) == 1
 
 
-def test_programs_that_start_together_make_one_database(path: Path) -> None:
+@BOTH_ENGINES
+def test_programs_that_start_together_make_one_database(url: str, path: Path) -> None:
     with ThreadPoolExecutor(4) as together:
-        list(together.map(migrate.prepare, [sqlite_url(path)] * 4))
-    assert migrate.is_ready(sqlite_url(path))
+        list(together.map(migrate.prepare, [url] * 4))
+    assert migrate.is_ready(url)
     assert not (path.parent / "quarantine").exists()
+
+
+@pytest.mark.parametrize("engine_name", ["postgresql"], indirect=True)
+def test_a_newer_database_of_a_server_is_not_touched(url: str, engine: Engine) -> None:
+    with engine.begin() as connection:
+        connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
+    assert not migrate.is_ready(url)
+    with pytest.raises(migrate.NewerDatabaseError):
+        migrate.prepare(url)
+    assert migrate.revision(engine) == "9999"
+
+
+def test_a_database_that_cannot_hold_every_letter_is_refused(postgres: PostgresServer) -> None:
+    postgres.administer("CREATE DATABASE narrow TEMPLATE template0 ENCODING 'LATIN1' LOCALE 'C'")
+    with pytest.raises(migrate.StoreError, match="LATIN1"):
+        migrate.prepare(postgres.url("narrow"))
+
+
+def test_a_server_that_does_not_answer_is_told_without_the_password() -> None:
+    url = "postgresql+psycopg://edge:s3cret@127.0.0.1:9/edge"
+    with pytest.raises(migrate.StoreError) as caught:
+        migrate.prepare(url)
+    assert "127.0.0.1" in str(caught.value)
+    assert "s3cret" not in str(caught.value)
 
 
 def test_a_newer_database_is_not_touched(path: Path, engine: Engine) -> None:
