@@ -104,14 +104,17 @@ def _back_up(config: Config, options: argparse.Namespace) -> int:
 
 def _dead_letters(config: Config, options: argparse.Namespace) -> int:
     from edge_server import dead_letter_commands  # noqa: PLC0415  # as above
-    from edge_server.services.errors import NotFoundError  # noqa: PLC0415  # as above
+    from edge_server.services.errors import ServiceError  # noqa: PLC0415  # as above
 
     code = OK
     try:
-        for line in dead_letter_commands.run(config, options.action, options.id):
-            if isinstance(line, NotFoundError):
+        for line in dead_letter_commands.run(config, options.action, options.id, options.file):
+            if isinstance(line, ServiceError):
                 code = FAILED
-            print(line, file=sys.stderr if isinstance(line, NotFoundError) else sys.stdout)
+            print(line, file=sys.stderr if isinstance(line, ServiceError) else sys.stdout)
+    except dead_letter_commands.UnreadableError as error:
+        print(f"edge server: {error}", file=sys.stderr)
+        return FAILED
     except dead_letter_commands.NoDatabaseError as error:
         print(f"edge server: {error}", file=sys.stderr)
         return WRONG_SETUP
@@ -150,11 +153,20 @@ def _parser() -> argparse.ArgumentParser:
     copy.set_defaults(run=_back_up)
     letters = commands.add_parser("dead-letters", help="what the cloud has rejected")
     actions = letters.add_subparsers(dest="action", required=True)
-    actions.add_parser("list", help="one line each").set_defaults(run=_dead_letters, id=[])
+    for name, meaning in (
+        ("list", "one line each"),
+        ("export", "all of each, a JSON object a line"),
+        ("retry-all", "send all of them once more"),
+    ):
+        actions.add_parser(name, help=meaning).set_defaults(run=_dead_letters, id=[], file=None)
+    edit = actions.add_parser("edit", help="correct one and send it")
+    edit.add_argument("id", type=int, nargs=1)
+    edit.add_argument("file", type=Path, help="JSON file with the corrected report")
+    edit.set_defaults(run=_dead_letters)
     for name, meaning in (("retry", "send once more"), ("discard", "give up for good")):
         action = actions.add_parser(name, help=meaning)
         action.add_argument("id", type=int, nargs="+")
-        action.set_defaults(run=_dead_letters)
+        action.set_defaults(run=_dead_letters, file=None)
     _add_access(commands)
     return parser
 

@@ -3,20 +3,26 @@
 from typing import Any
 
 from apiflask import APIBlueprint
-from flask import request
+from flask import Response, request
 from flask.typing import ResponseReturnValue
 
 from afarcloud.faults import Fault
-from afarcloud.wire import TELEMETRY
-from edge_server.api import bodies, urls
+from afarcloud.state import Report
+from afarcloud.wire import TELEMETRY, Kind
+from edge_server.api import bodies, scopes, urls
+from edge_server.api.audit import NDJSON
 from edge_server.api.auth import ADMIN, PLANNERS, allow, audit
 from edge_server.api.contract import Contract, describe
 from edge_server.api.errors import RequestError
 from edge_server.services import dead_letters
+from edge_server.services.errors import ConflictError
+from edge_server.store.database import to_json
 
 WORDS = ("dead_letters", "dead_letter")
 ITEM = "int64:record_id"
-_KINDS = [kind.value for kind in TELEMETRY]
+_REPORTS = [kind.value for kind in TELEMETRY]
+_KINDS = [*_REPORTS, "gap"]
+_EXAMPLE = {"sequence_number": 7, "vehicle_id": 1, "capacity": 5.2, "percentage": 0.8}
 
 
 def blueprint() -> APIBlueprint:
@@ -25,6 +31,9 @@ def blueprint() -> APIBlueprint:
     urls.add(routes, WORDS, "page", page, "GET")
     urls.add(routes, WORDS, "get", get, "GET", item=ITEM)
     urls.add(routes, WORDS, "retry", retry, "POST", item=ITEM, action="retry")
+    urls.add(routes, WORDS, "retry_all", retry_all, "POST", action="retry")
+    urls.add(routes, WORDS, "export", export, "GET", action="export")
+    urls.add(routes, WORDS, "edit", edit, "PUT", item=ITEM)
     urls.add(routes, WORDS, "discard", discard, "DELETE", item=ITEM)
     return routes
 
@@ -35,35 +44,74 @@ def blueprint() -> APIBlueprint:
 )
 def page() -> list[dict[str, Any]]:
     """List what the cloud has rejected, and why."""
-    return dead_letters.page(
-        bodies.context(),
-        after_id=bodies.query_integer("after", 0, 0, 2**63 - 1),
-        limit=bodies.query_integer("limit", bodies.PAGE_DEFAULT, 1, bodies.PAGE_LIMIT),
-        kind=_kind(),
-        vehicle_id=bodies.query_vehicle(),
-    )
+    after_id = bodies.query_integer("after", 0, 0, 2**63 - 1)
+    limit = bodies.query_integer("limit", bodies.PAGE_DEFAULT, 1, bodies.PAGE_LIMIT)
+    kind = _kind()
+
+    def of(vehicle_id: int | None) -> list[dict[str, Any]]:
+        return dead_letters.page(
+            bodies.context(), after_id=after_id, limit=limit, kind=kind, vehicle_id=vehicle_id
+        )
+
+    return scopes.pages(of, bodies.query_vehicle(), limit)
 
 
 @allow(PLANNERS)
 @describe(Contract({200: "DeadLetter"}))
 def get(record_id: int) -> dict[str, Any]:
     """Give one dead letter."""
-    return dead_letters.find(bodies.context(), record_id)
+    return scopes.checked(dead_letters.find(bodies.context(), record_id))
 
 
 @allow(PLANNERS)
 @describe(Contract({200: "Record"}))
 def retry(record_id: int) -> dict[str, Any]:
     """Send a dead letter once more."""
+    scopes.check_found(lambda: dead_letters.find(bodies.context(), record_id))
     stored = dead_letters.retry(bodies.context(), record_id)
     audit(f"retried dead letter {record_id}")
     return stored
+
+
+@allow(PLANNERS)
+@describe(Contract({200: "Retried"}, query=("kind", "vehicle_id")))
+def retry_all() -> dict[str, int]:
+    """Send all dead letters once more, or those of a kind or vehicle."""
+    retried = dead_letters.retry_all(
+        bodies.context(), kind=_kind(), vehicle_id=bodies.query_vehicle()
+    )
+    audit(f"retried {retried} dead letters")
+    return {"retried": retried}
+
+
+@allow(ADMIN)
+@describe(Contract({200: "Record"}, body="AnyReport", errors=(409,), example=_EXAMPLE))
+def edit(record_id: int) -> dict[str, Any]:
+    """Correct a dead letter and send it."""
+    kind = dead_letters.find(bodies.context(), record_id)["kind"]
+    if kind not in _REPORTS:
+        raise ConflictError(f"a {kind} cannot be edited")
+    report = bodies.document(Kind(kind))
+    if not isinstance(report, Report):
+        raise TypeError(type(report))
+    stored = dead_letters.edit(bodies.context(), record_id, report)
+    audit(f"corrected dead letter {record_id}")
+    return stored
+
+
+@allow(PLANNERS)
+@describe(Contract({200: None}, query=("kind", "vehicle_id"), other_answers=(NDJSON,)))
+def export() -> Response:
+    """Export all dead letters, a JSON object a line."""
+    found = dead_letters.export(bodies.context(), kind=_kind(), vehicle_id=bodies.query_vehicle())
+    return Response((to_json(letter) + "\n" for letter in found), content_type=NDJSON)
 
 
 @allow(ADMIN)
 @describe(Contract({204: None}))
 def discard(record_id: int) -> ResponseReturnValue:
     """Forget a dead letter for good."""
+    scopes.check_found(lambda: dead_letters.find(bodies.context(), record_id))
     dead_letters.discard(bodies.context(), record_id)
     audit(f"discarded dead letter {record_id}")
     return "", 204

@@ -214,7 +214,7 @@ def _bulk() -> dict[str, Any]:
     ]
     receipt = {
         "type": "object",
-        "properties": {"status": {"enum": [201, 422]}},
+        "properties": {"status": {"enum": [201, 422, 507]}},
         "required": ["status"],
     }
     return {
@@ -271,7 +271,7 @@ def _dead_letters() -> dict[str, Any]:
         "type": "object",
         "properties": {
             "id": _ID,
-            "kind": {"enum": [kind.value for kind in TELEMETRY]},
+            "kind": {"enum": [*(kind.value for kind in TELEMETRY), "gap"]},
             "vehicle_id": _ID,
             "attempts": {"type": "integer", "minimum": 0},
             "reason": _TEXT,
@@ -279,7 +279,17 @@ def _dead_letters() -> dict[str, Any]:
         },
         "required": ["id", "kind", "vehicle_id", "attempts", "reason", "report"],
     }
-    return {"Record": record, "DeadLetter": letter}
+    names = [name_of(kind) for kind in TELEMETRY]
+    return {
+        "Record": record,
+        "DeadLetter": letter,
+        "AnyReport": {"anyOf": [{"$ref": REFERENCE.format(model=name)} for name in names]},
+        "Retried": {
+            "type": "object",
+            "properties": {"retried": {"type": "integer", "minimum": 0}},
+            "required": ["retried"],
+        },
+    }
 
 
 def _work() -> dict[str, Any]:

@@ -1,17 +1,25 @@
 """What the cloud has rejected: looked at, sent once more, or given up. One transaction each."""
 
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, Final
 
 from sqlalchemy import Connection
+from ulid import ULID
 
+from afarcloud.state import Report
+from afarcloud.wire import write
 from edge_server.outbox import queue
 from edge_server.services import telemetry
 from edge_server.services.attempts import repeatable
 from edge_server.services.context import Context
-from edge_server.services.errors import NotFoundError
+from edge_server.services.errors import ConflictError, NotFoundError
 from edge_server.store import dead_letters
 from edge_server.store import telemetry as records
+from edge_server.store.database import to_json
 from edge_server.store.dead_letters import DeadLetter
+
+_EXPORTED_AT_ONCE: Final = 20  # Pictures are large
+_RETRIED_AT_ONCE: Final = 500
 
 
 def page(
@@ -42,6 +50,79 @@ def retry(context: Context, record_id: int) -> dict[str, Any]:
         queue.requeue(connection, record_id)
     context.wake_relay(changed=True)
     return telemetry.show(letter.record)
+
+
+def retry_all(context: Context, *, kind: str | None, vehicle_id: int | None) -> int:
+    """Make all dead letters due again, or those of a kind or vehicle; returns how many."""
+    retried, last = 0, _last(context)
+    after_id = 0
+    while found := _retry_some(context, after_id, last, kind, vehicle_id):
+        retried += len(found)
+        after_id = found[-1]
+    if retried:
+        context.wake_relay(changed=True)
+    return retried
+
+
+def _last(context: Context) -> int:
+    """The newest dead letter: one that is rejected again while we go on is not retried twice."""
+    with context.database.read() as connection:
+        return dead_letters.newest(connection)
+
+
+@repeatable
+def _retry_some(
+    context: Context, after_id: int, up_to_id: int, kind: str | None, vehicle_id: int | None
+) -> list[int]:
+    with context.database.write() as connection:
+        found = dead_letters.ids(
+            connection, after_id=after_id, limit=_RETRIED_AT_ONCE, kind=kind, vehicle_id=vehicle_id
+        )
+        found = [record_id for record_id in found if record_id <= up_to_id]
+        for record_id in found:
+            queue.requeue(connection, record_id)
+    return found
+
+
+@repeatable
+def edit(context: Context, record_id: int, report: Report) -> dict[str, Any]:
+    """Correct a dead letter and make it due as a new message, in its old place in its stream.
+
+    Raises:
+        NotFoundError: if it is no dead letter.
+        ConflictError: if the report names another vehicle.
+    """
+    body = write(report)
+    message_id = str(ULID())
+    with context.database.write() as connection:
+        record = _find(connection, record_id, to_change=True).record
+        if record.vehicle_id != body["vehicle_id"]:
+            raise ConflictError("a report cannot change its vehicle_id")
+        payload = to_json({**body, "message_id": message_id})
+        records.replace(connection, record_id, message_id=message_id, payload=payload)
+        queue.requeue(connection, record_id)
+    context.wake_relay(changed=True)
+    return telemetry.show(record._replace(message_id=message_id, payload=payload))
+
+
+def export(
+    context: Context, *, kind: str | None, vehicle_id: int | None
+) -> Iterator[dict[str, Any]]:
+    """Give all dead letters whole, oldest first, a few at a time."""
+    after_id = 0
+    while True:
+        with context.database.read() as connection:
+            found = dead_letters.page(
+                connection,
+                after_id=after_id,
+                limit=_EXPORTED_AT_ONCE,
+                kind=kind,
+                vehicle_id=vehicle_id,
+            )
+        if not found:
+            return
+        yield from map(show, found)
+        after_id = found[-1].record.id
 
 
 @repeatable

@@ -37,12 +37,39 @@ def page(
     connection: Connection, *, after_id: int, limit: int, kind: str | None, vehicle_id: int | None
 ) -> list[DeadLetter]:
     """List dead letters, oldest record first."""
-    query = _query().where(telemetry.c.id > after_id)
+    query = _narrowed(_query(), after_id, kind, vehicle_id)
+    return [_letter(row) for row in connection.execute(query.limit(limit))]
+
+
+def ids(
+    connection: Connection, *, after_id: int, limit: int, kind: str | None, vehicle_id: int | None
+) -> list[int]:
+    """List the ids of dead letters, which are nobody else's until the end of the transaction."""
+    query = (
+        select(telemetry.c.id)
+        .join(outbox, outbox.c.record_id == telemetry.c.id)
+        .where(outbox.c.state == "dead")
+        .with_for_update()
+    )
+    query = _narrowed(query, after_id, kind, vehicle_id)
+    return list(connection.execute(query.limit(limit)).scalars())
+
+
+def newest(connection: Connection) -> int:
+    """Give the largest id of a dead letter, 0 when there is none."""
+    query = select(func.max(outbox.c.record_id)).where(outbox.c.state == "dead")
+    return connection.execute(query).scalar_one() or 0
+
+
+def _narrowed(
+    query: Select[Any], after_id: int, kind: str | None, vehicle_id: int | None
+) -> Select[Any]:
+    query = query.where(telemetry.c.id > after_id)
     if kind is not None:
         query = query.where(telemetry.c.kind == kind)
     if vehicle_id is not None:
         query = query.where(telemetry.c.vehicle_id == vehicle_id)
-    return [_letter(row) for row in connection.execute(query.order_by(telemetry.c.id).limit(limit))]
+    return query.order_by(telemetry.c.id)
 
 
 def count(connection: Connection) -> int:

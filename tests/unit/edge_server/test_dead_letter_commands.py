@@ -1,11 +1,15 @@
 """Dead letters at the shell."""
 
+import json
+from pathlib import Path
+
 import pytest
 
 from edge_server.__main__ import main
 from edge_server.exit_codes import FAILED, OK, WRONG_SETUP
 from tests.unit.edge_server.api.test_dead_letters import REASON, due, rejected
 from tests.unit.edge_server.conftest import Edge
+from tests.unit.edge_server.documents import telemetry
 
 
 def run(edge: Edge, *words: str) -> int:
@@ -43,3 +47,39 @@ def test_without_a_database_it_says_so(
 ) -> None:
     assert main(["--state-dir", str(tmp_path), "dead-letters", "list"]) == WRONG_SETUP
     assert "no database" in capsys.readouterr().err
+
+
+def test_all_are_sent_once_more(edge: Edge, capsys: pytest.CaptureFixture[str]) -> None:
+    letters = [rejected(edge)["id"] for _ in range(3)]
+    assert run(edge, "retry-all") == OK
+    assert "3 done" in capsys.readouterr().out
+    assert due(edge) == letters
+
+
+def test_they_are_exported_whole(edge: Edge, capsys: pytest.CaptureFixture[str]) -> None:
+    picture = rejected(edge, "image")
+    assert run(edge, "export") == OK
+    (line,) = capsys.readouterr().out.splitlines()
+    assert json.loads(line)["report"]["message_id"] == picture["message_id"]
+    assert "frame" in json.loads(line)["report"]
+
+
+def test_one_is_corrected_from_a_file(edge: Edge, tmp_path: Path) -> None:
+    letter = rejected(edge)
+    file = tmp_path / "pose.json"
+    file.write_text(json.dumps({"pose": telemetry("pose") | {"yaw": 12.5}}), encoding="utf-8")
+    assert run(edge, "edit", str(letter["id"]), str(file)) == OK
+    assert due(edge) == [letter["id"]]
+    assert edge.get(f"/pose/{letter['id']}")["yaw"] == 12.5
+
+
+@pytest.mark.parametrize("content", ["{", "[]", '{"battery": {}}', '{"pose": {"vehicle_id": 1}}'])
+def test_a_correction_that_cannot_be_used_is_named(
+    edge: Edge, tmp_path: Path, capsys: pytest.CaptureFixture[str], content: str
+) -> None:
+    letter = rejected(edge)
+    file = tmp_path / "pose.json"
+    file.write_text(content, encoding="utf-8")
+    assert run(edge, "edit", str(letter["id"]), str(file)) == FAILED
+    assert "pose.json" in capsys.readouterr().err
+    assert due(edge) == []

@@ -1,5 +1,6 @@
 """What the cloud has rejected: shown with the reason, sent once more, or given up."""
 
+import json
 from typing import Any
 
 import pytest
@@ -96,3 +97,58 @@ def test_a_report_that_still_waits_is_no_dead_letter(edge: Edge, method: str, ac
     waiting = (edge.report("pose", telemetry("pose")).json or {})["id"]
     assert ask(edge, method, waiting, action).status_code == 404
     assert due(edge) == [waiting]
+
+
+def test_all_are_sent_once_more_or_those_of_a_kind_or_vehicle(edge: Edge) -> None:
+    poses = [rejected(edge)["id"], rejected(edge, "pose", 2)["id"]]
+    battery = rejected(edge, "battery")["id"]
+    assert ask_all(edge, "?kind=battery") == {"retried": 1}
+    assert due(edge, "battery") == [battery]
+    assert ask_all(edge, "?vehicle_id=2") == {"retried": 1}
+    assert ask_all(edge) == {"retried": 1}
+    assert [*due(edge), *due(edge, "pose", 2)] == poses
+    assert ask_all(edge) == {"retried": 0}
+
+
+def ask_all(edge: Edge, query: str = "") -> Any:
+    return edge.ask("POST", f"/dead_letters/retry{query}", "operator").json
+
+
+def test_a_corrected_letter_is_due_as_a_new_message_in_its_old_place(edge: Edge) -> None:
+    stored = rejected(edge)
+    later = (edge.report("pose", telemetry("pose", 1)).json or {})["id"]
+    body = telemetry("pose", 0) | {"yaw": 12.5}
+    answer = edge.ask("PUT", f"/dead_letters/{stored['id']}", "admin", json=body)
+    assert answer.status_code == 200
+    assert (answer.json or {})["yaw"] == 12.5
+    assert (answer.json or {})["message_id"] != stored["message_id"]
+    assert due(edge) == [stored["id"], later]
+
+
+def test_a_correction_that_cannot_be_used_changes_nothing(edge: Edge) -> None:
+    stored = rejected(edge)
+    before = edge.get("/dead_letters/")
+    path = f"/dead_letters/{stored['id']}"
+    for body, status in (
+        (telemetry("pose", 0, 2), 409),
+        (telemetry("pose") | {"latitude": 91}, 422),
+        (telemetry("battery"), 422),
+    ):
+        assert edge.ask("PUT", path, "admin", json=body).status_code == status
+    assert edge.get("/dead_letters/") == before
+    waiting = (edge.report("pose", telemetry("pose")).json or {})["id"]
+    answer = edge.ask("PUT", f"/dead_letters/{waiting}", "admin", json=telemetry("pose"))
+    assert answer.status_code == 404
+
+
+def test_the_export_holds_each_letter_whole_in_a_line(edge: Edge) -> None:
+    letters = [rejected(edge, "image"), *(rejected(edge) for _ in range(30))]
+    answer = edge.ask("GET", "/dead_letters/export", "operator")
+    assert answer.content_type == "application/x-ndjson"
+    lines = [json.loads(line) for line in answer.text.splitlines()]
+    assert [line["report"] for line in lines] == [
+        ask(edge, "GET", letter["id"]).json["report"] for letter in letters
+    ]
+    assert "frame" in lines[0]["report"]
+    only = edge.ask("GET", "/dead_letters/export?kind=image", "operator").text
+    assert [json.loads(line)["kind"] for line in only.splitlines()] == ["image"]
