@@ -32,6 +32,8 @@ source "$proof/images.sh"
 source "$proof/checks.sh"
 source "$proof/variants.sh"
 
+exec {lock}>"$work/lock"
+flock --nonblock "$lock" || fail "another proof runs in $work"
 trap engine_stop EXIT
 say "tools"
 engine_install

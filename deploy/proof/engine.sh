@@ -50,7 +50,7 @@ CONF
     mkdir -p "$work/networks"
     export CONTAINERS_STORAGE_CONF=$work/storage.conf CONTAINERS_CONF=$work/containers.conf
     podman --log-level fatal system service --time 0 "unix://$work/podman.sock" \
-        >"$work/service.log" 2>&1 &
+        >"$work/service.log" 2>&1 {lock}>&- &
     service_pid=$!
     export DOCKER_HOST=unix://$work/podman.sock
     export SECRETS_DIR=$work/secrets IMAGE_PREFIX=localhost/farm

@@ -8,7 +8,6 @@ use_env() {
     source "$root/deploy/$1.env"
     set +a
     with=(--profile sim --profile "$1")
-    unset COMPOSE_PROFILES
 }
 use_postgres() { use_env postgres; }
 use_mqtt() { use_env mqtt; }

@@ -29,6 +29,7 @@ def read(name: str) -> dict[str, Any]:
 
 
 COMPOSE, TLS = read("compose.yaml"), read("tls.yaml")
+VARIABLE_NAMES = VARIABLE.sub(r" \1 ", (ROOT / "deploy/compose.yaml").read_text()).split()
 SERVICES: dict[str, Service] = COMPOSE["services"]
 OURS = {name: service for name, service in SERVICES.items() if "build" in service}
 every_service = pytest.mark.parametrize("name", SERVICES)
@@ -122,8 +123,9 @@ def test_every_host_is_a_service_on_a_network_that_both_are_on(document: dict[st
 def test_the_servers_of_the_env_files_are_services_of_their_profile() -> None:
     for file in ENV_FILES:
         values = settings_of(file)
+        assert set(values) <= set(VARIABLE_NAMES)
         for host in re.findall(r"(?:://|@)(?:\w+@)?([a-z]+)[:/]", " ".join(values.values())):
-            assert SERVICES[host]["profiles"] == [values["COMPOSE_PROFILES"]]
+            assert SERVICES[host]["profiles"] == [file.stem]
 
 
 @every_program
