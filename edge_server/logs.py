@@ -25,6 +25,8 @@ _redactors: Final[list[Redactor]] = []
 _RENAMED: Final = {"asctime": "time", "levelname": "level", "name": "logger"}
 _FIELDS: Final = "%(asctime)s %(levelname)s %(name)s %(process)d %(message)s"
 _QUIET: Final = ("alembic", "urllib3", "requests")
+_FOR_PROGRAMS: Final = "edge_server.access"
+"""One line for every request is nothing that people read."""
 
 
 def redact_with(redactor: Redactor) -> None:
@@ -39,6 +41,8 @@ def configure(level: str, form: str, stream: TextIO | None = None) -> None:
     as_json = form == "json" or (form == "auto" and not target.isatty())
     handler = logging.StreamHandler(target)
     handler.addFilter(_add_request_id)
+    if not as_json:
+        handler.addFilter(lambda record: record.name != _FOR_PROGRAMS)
     handler.setFormatter(_JsonLine() if as_json else _TextLine())
     root = logging.getLogger()
     for old in root.handlers[:]:

@@ -47,6 +47,7 @@ class System:
         except OSError as error:
             raise SupervisorError(f"keys cannot be written: {error}") from error
         environment = {
+            "LOG_FORMAT": "text",  # People read the lines of all programs together
             **os.environ,
             "PYTHONUNBUFFERED": "1",
             "STATE_DIR": str(settings.state_dir),

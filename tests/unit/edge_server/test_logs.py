@@ -114,3 +114,11 @@ def test_secrets_are_taken_out_wherever_they_stand(form: str) -> None:
         LOG.exception("s3cret")
     assert "s3cret" not in stream.getvalue()
     assert "***" in stream.getvalue()
+
+
+@pytest.mark.parametrize(("form", "lines"), [("text", 0), ("json", 1)])
+def test_one_line_for_every_request_is_for_programs(form: str, lines: int) -> None:
+    stream = io.StringIO()
+    logs.configure("INFO", form, stream)
+    logging.getLogger("edge_server.access").info("GET /plans/1 200")
+    assert len(stream.getvalue().splitlines()) == lines
