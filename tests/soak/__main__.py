@@ -2,7 +2,8 @@
 
 `SOAK` chooses, separated by commas: `kill` (the edge server killed again and again under load),
 `outage` (72 simulated hours without a cloud; `BURST_S` (3600) seconds of each the vehicles report).
-Without it, all. `CYCLES` (200) says how often it is killed, `SEED` in which order.
+`contract` (EXAMPLES requests per operation, 100, that fit its OpenAPI document and that do not).
+Without it, all. `CYCLES` (200) says how often it is killed; `SEED` chooses order and requests.
 """
 
 import os
@@ -14,6 +15,17 @@ from typing import Final
 
 from edge_server.config import Config
 from tests.soak import kill_nine, outage
+from tests.support import contract_fuzz
+
+
+def _contract() -> None:
+    examples = int(os.environ.get("EXAMPLES") or 100)
+    number = int(os.environ.get("SEED") or 1)
+    for mode in contract_fuzz.MODES:
+        with tempfile.TemporaryDirectory() as folder, contract_fuzz.served(Path(folder)) as server:
+            failures = list(contract_fuzz.failures(*server, mode, examples, number))
+        print(f"{mode.value}: {len(failures)} operations fail")
+        assert not failures, "\n".join(failures)
 
 
 def _kill() -> None:
@@ -37,7 +49,11 @@ def _outage() -> None:
     print(f"at most {outcome.largest_share:.1%} of the budget in use")
 
 
-PARTS: Final[Mapping[str, Callable[[], None]]] = {"kill": _kill, "outage": _outage}
+PARTS: Final[Mapping[str, Callable[[], None]]] = {
+    "kill": _kill,
+    "contract": _contract,
+    "outage": _outage,
+}
 
 
 def main() -> int:
