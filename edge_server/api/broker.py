@@ -9,7 +9,7 @@ from pydantic import Field
 from afarcloud.model import Model
 from afarcloud.plan import LatestStateVector
 from afarcloud.wire import Kind
-from edge_server.api import bodies, urls
+from edge_server.api import bodies, scopes, urls
 from edge_server.api.auth import BROKER, PEOPLE, allow, audit
 from edge_server.api.contract import Contract, describe
 from edge_server.services import broker_work
@@ -43,7 +43,7 @@ def poll() -> dict[str, Any]:
     """Give work, waiting for some if asked to."""
     after = bodies.query_integer("after", 0, 0, 2**63 - 1)
     wait_s = bodies.query_number("wait", 0.0, 0.0, LONGEST_WAIT_S)
-    return broker_work.poll(bodies.context(), after, wait_s)
+    return broker_work.poll(bodies.context(), after, wait_s, scopes.vehicles())
 
 
 @allow(BROKER)
@@ -51,6 +51,9 @@ def poll() -> dict[str, Any]:
 def acknowledge(identifier: int) -> dict[str, Any]:
     """Take in what the broker says of a piece of work."""
     said = bodies.model(Acknowledged)
+    if scopes.vehicles() is not None:
+        meant = broker_work.vehicle_of(bodies.context(), identifier)
+        scopes.check(*([] if meant is None else [meant]))
     return broker_work.acknowledge(bodies.context(), identifier, said.status, said.message)
 
 
@@ -61,6 +64,7 @@ def ask_for_state_vector() -> ResponseReturnValue:
     request = bodies.document(Kind.LATEST_STATE_VECTOR)
     if not isinstance(request, LatestStateVector):
         raise TypeError(type(request))
+    scopes.check(request.vehicle_id)
     answer = broker_work.ask_for_state_vector(bodies.context(), request)
     audit("asked for the latest state vector")
     return answer, 202

@@ -9,12 +9,13 @@ from typing import Any, Final
 
 from apiflask import APIBlueprint
 from flask import g
+from werkzeug.exceptions import Forbidden
 
 from afarcloud import wire
 from afarcloud.faults import DocumentError, Fault, InvalidError
 from afarcloud.state import Report
 from afarcloud.wire import TELEMETRY, Kind
-from edge_server.api import bodies, errors, urls
+from edge_server.api import bodies, errors, scopes, urls
 from edge_server.api.auth import BROKER, KEY_RULE, allow, is_idempotency_key
 from edge_server.api.contract import Contract, describe
 from edge_server.services import telemetry
@@ -56,7 +57,7 @@ def _records() -> list[Any]:
     return records
 
 
-def _read(record: Any) -> Arrival | DocumentError:
+def _read(record: Any) -> Arrival | DocumentError | Forbidden:
     """Read one report in its envelope, beside which its idempotency key may stand."""
     if not isinstance(record, dict):
         return InvalidError((Fault("", 'must be an object such as {"pose": {...}}'),))
@@ -73,6 +74,8 @@ def _read(record: Any) -> Arrival | DocumentError:
         return error
     if not isinstance(report, Report):
         raise TypeError(type(report))
+    if not scopes.permits([report.vehicle_id]):
+        return Forbidden(scopes.refusal([report.vehicle_id]))
     return Arrival(kind, report, key)
 
 
@@ -81,11 +84,14 @@ def _kind_of(envelope: dict[str, Any]) -> Kind | None:
 
 
 def _answer(
-    read: Arrival | DocumentError, kept: Iterator[dict[str, Any] | KeyReusedError | FullError]
+    read: Arrival | DocumentError | Forbidden,
+    kept: Iterator[dict[str, Any] | KeyReusedError | FullError],
 ) -> dict[str, Any]:
     """What a report is answered: its receipt, or the error it would have got alone."""
     if isinstance(read, DocumentError):
         return {"status": 422, **errors.body("the document cannot be used", read.faults)}
+    if isinstance(read, Forbidden):
+        return {"status": 403, **errors.body(read.description or "")}
     outcome = next(kept)
     if isinstance(outcome, KeyReusedError | FullError):
         return {"status": errors.STATUS[type(outcome)], **errors.body(str(outcome))}

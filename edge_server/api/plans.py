@@ -11,7 +11,7 @@ from afarcloud.wire import Kind
 from edge_server.api import bodies, etags, plan_files, urls
 from edge_server.api.auth import PLANNERS, READERS, allow, audit, caller, refusal
 from edge_server.api.contract import PAGE, Contract, describe
-from edge_server.api.scopes import check, checked, guarding, own_missions, pages
+from edge_server.api.scopes import check, check_found, guarding, own_missions, pages
 from edge_server.services import plans
 from edge_server.store.keys import Role
 
@@ -112,7 +112,7 @@ def dispatch(reference: int | str) -> ResponseReturnValue:
     """Let a plan that was posted with `"dispatch": false` be flown."""
     if _needs_dispatcher():
         raise refusal(_UNATTENDED)
-    checked(plans.find(bodies.context(), reference))
+    check_found(lambda: plans.find(bodies.context(), reference))
     stored = plans.dispatch(bodies.context(), reference)
     audit(f"dispatched plan {stored['id']}")
     return etags.tagged(stored)
@@ -122,7 +122,7 @@ def dispatch(reference: int | str) -> ResponseReturnValue:
 @describe(Contract({204: None}, errors=(409,)))
 def delete(reference: int | str) -> ResponseReturnValue:
     """Forget a plan and cancel what waits of it."""
-    checked(plans.find(bodies.context(), reference))
+    check_found(lambda: plans.find(bodies.context(), reference))
     plans.remove(bodies.context(), reference)
     audit(f"deleted plan {reference}")
     return "", 204

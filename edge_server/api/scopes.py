@@ -76,6 +76,12 @@ def checked(shown: dict[str, Any]) -> dict[str, Any]:
     return shown
 
 
+def check_found(find: Callable[[], dict[str, Any]]) -> None:
+    """Look at a thing before it is changed, if the caller's key is narrowed; raises 403."""
+    if vehicles() is not None:
+        checked(find())
+
+
 def guarding(precondition: Precondition) -> Precondition:
     """Make a precondition that also holds what is there against the caller's key."""
 

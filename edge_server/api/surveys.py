@@ -8,7 +8,7 @@ from flask.typing import ResponseReturnValue
 from werkzeug.exceptions import Forbidden
 
 from afarcloud.faults import Fault
-from edge_server.api import bodies, urls
+from edge_server.api import bodies, scopes, urls
 from edge_server.api.auth import PLANNERS, allow, audit, caller
 from edge_server.api.contract import Contract, describe
 from edge_server.api.errors import RequestError
@@ -52,6 +52,7 @@ def blueprint() -> APIBlueprint:
 def create() -> ResponseReturnValue:
     """Plan a survey of a field; with `preview=true` nothing is kept."""
     wanted = bodies.model(SurveyOrder)
+    scopes.check(*wanted.vehicles)
     if _is_preview():
         return surveys.preview(bodies.context(), wanted), 200
     if caller().role == Role.FARMER and wanted.dispatch:

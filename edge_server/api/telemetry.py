@@ -8,7 +8,7 @@ from flask.typing import ResponseReturnValue
 
 from afarcloud.state import Report
 from afarcloud.wire import TELEMETRY, Kind
-from edge_server.api import bodies, etags, urls
+from edge_server.api import bodies, etags, scopes, urls
 from edge_server.api.auth import ADMIN, BROKER, PEOPLE, allow, audit, caller
 from edge_server.api.contract import PAGE, Contract, describe
 from edge_server.api.schemas import name_of, stored_name
@@ -42,7 +42,9 @@ def _add_kind(routes: APIBlueprint, kind: Kind) -> None:
     @describe(Contract({201: stored}, body=name_of(kind), repeatable=True))
     def create() -> ResponseReturnValue:
         """Keep a report."""
-        kept = telemetry.ingest(bodies.context(), kind, _report(kind), caller())
+        report = _report(kind)
+        scopes.check(report.vehicle_id)
+        kept = telemetry.ingest(bodies.context(), kind, report, caller())
         location = url_for(f"telemetry.{name}_get", record_id=kept["id"])
         return kept, 201, {"Location": location}
 
@@ -50,27 +52,36 @@ def _add_kind(routes: APIBlueprint, kind: Kind) -> None:
     @describe(Contract({200: stored}, is_list=True, query=PAGE))
     def page() -> list[dict[str, Any]]:
         """List the reports that the cloud has not confirmed."""
-        return telemetry.page(
-            bodies.context(),
-            kind,
-            after_id=bodies.query_integer("after", 0, 0, 2**63 - 1),
-            limit=bodies.query_integer("limit", bodies.PAGE_DEFAULT, 1, bodies.PAGE_LIMIT),
-            vehicle_id=bodies.query_vehicle(),
-            since_s=bodies.query_time("since"),
-        )
+        after_id = bodies.query_integer("after", 0, 0, 2**63 - 1)
+        limit = bodies.query_integer("limit", bodies.PAGE_DEFAULT, 1, bodies.PAGE_LIMIT)
+        since_s = bodies.query_time("since")
+
+        def of(vehicle_id: int | None) -> list[dict[str, Any]]:
+            return telemetry.page(
+                bodies.context(),
+                kind,
+                after_id=after_id,
+                limit=limit,
+                vehicle_id=vehicle_id,
+                since_s=since_s,
+            )
+
+        return scopes.pages(of, bodies.query_vehicle(), limit)
 
     @allow(PEOPLE)
     @describe(Contract({200: stored}, conditional=True))
     def get(record_id: int) -> ResponseReturnValue:
         """Give one report."""
-        return etags.tagged(telemetry.find(bodies.context(), kind, record_id))
+        found = telemetry.find(bodies.context(), kind, record_id)
+        return etags.tagged(scopes.checked(found))
 
     @allow(ADMIN)
     @describe(Contract({200: stored}, body=name_of(kind), conditional=True, errors=(409,)))
     def put(record_id: int) -> ResponseReturnValue:
         """Correct a report."""
         report = _report(kind)
-        kept = telemetry.replace(bodies.context(), kind, record_id, report, etags.check_match)
+        precondition = scopes.guarding(etags.check_match)
+        kept = telemetry.replace(bodies.context(), kind, record_id, report, precondition)
         audit(f"corrected {name} {record_id}")
         return etags.tagged(kept)
 
@@ -78,6 +89,7 @@ def _add_kind(routes: APIBlueprint, kind: Kind) -> None:
     @describe(Contract({204: None}))
     def delete(record_id: int) -> ResponseReturnValue:
         """Forget a report."""
+        scopes.check_found(lambda: telemetry.find(bodies.context(), kind, record_id))
         telemetry.remove(bodies.context(), kind, record_id)
         audit(f"deleted {name} {record_id}")
         return "", 204

@@ -8,7 +8,7 @@ from flask.typing import ResponseReturnValue
 
 from afarcloud.faults import Fault, InvalidError
 from afarcloud.numbers import INT32_MAX
-from edge_server.api import bodies, etags, urls
+from edge_server.api import bodies, etags, scopes, urls
 from edge_server.api.auth import ADMIN, PLANNERS, READERS, allow, audit, caller
 from edge_server.api.contract import Contract, describe
 from edge_server.services import vehicles
@@ -33,13 +33,15 @@ def blueprint() -> APIBlueprint:
 @describe(Contract({200: "Vehicle"}, is_list=True))
 def page() -> list[dict[str, Any]]:
     """List vehicles."""
-    return vehicles.everyone(bodies.context())
+    everyone = vehicles.everyone(bodies.context())
+    return [one for one in everyone if scopes.permits([one["vehicle_id"]])]
 
 
 @allow(READERS)
 @describe(Contract({200: "Vehicle"}, conditional=True))
 def get(vehicle_id: int) -> ResponseReturnValue:
     """Give one vehicle."""
+    scopes.check(vehicle_id)
     return etags.tagged(vehicles.find(bodies.context(), vehicle_id))
 
 
@@ -50,6 +52,7 @@ def put(vehicle_id: int) -> ResponseReturnValue:
     state = bodies.model(VehicleState)
     if not 1 <= vehicle_id <= INT32_MAX:
         raise InvalidError((Fault("vehicle_id", f"must be 1 to {INT32_MAX}"),))
+    scopes.check(vehicle_id)
     stored, is_new = vehicles.put(bodies.context(), vehicle_id, state, etags.check_match)
     if caller().role != Role.BROKER:
         audit(f"put vehicle {vehicle_id}")
@@ -62,6 +65,7 @@ def put(vehicle_id: int) -> ResponseReturnValue:
 @describe(Contract({204: None}, errors=(409,)))
 def delete(vehicle_id: int) -> ResponseReturnValue:
     """Forget a vehicle."""
+    scopes.check(vehicle_id)
     vehicles.remove(bodies.context(), vehicle_id)
     audit(f"deleted vehicle {vehicle_id}")
     return "", 204

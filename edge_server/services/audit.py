@@ -56,6 +56,7 @@ class Trail:
         self._clock = clock
         self._made: list[str] = []
         self._changes_nothing = False
+        self._has_spent = False
 
     @contextmanager
     def __call__(self, connection: Connection) -> Iterator[None]:
@@ -80,14 +81,24 @@ class Trail:
         """Name a thing that the present transaction makes or changes."""
         self._made.append(subject)
 
+    def made(self, identifier: int) -> None:
+        """Name what the present transaction makes by its id, unless it is named already."""
+        if not self._made:
+            self._made.append(f"{self._subject}/{identifier}")
+
     def nothing_new(self) -> None:
         """Say that the present transaction changes nothing: it repeats an answer."""
         self._changes_nothing = True
 
     def _spend(self, connection: Connection) -> None:
-        token, self.token = self.token, None
-        if token is not None and not tokens.spend(connection, token.jti, token.expires_at):
+        token = self.token
+        if token is None:
+            return
+        is_new = tokens.spend(connection, token.jti, token.expires_at)
+        # A transaction may be tried again, and a request may need several
+        if not is_new and not self._has_spent:
             raise SpentError("this signature has been used before (jti)")
+        self._has_spent = True
 
     def _entry(self, subject: str, result: str) -> Entry:
         return Entry(self._clock(), *self.actor, self.action, subject, result)
@@ -103,6 +114,12 @@ def about(subject: str) -> None:
     """Name a thing that the present transaction makes, such as `plans/5`."""
     if (trail := current()) is not None:
         trail.about(subject)
+
+
+def made(identifier: int) -> None:
+    """Name what the present transaction makes by its id, unless it is named already."""
+    if (trail := current()) is not None:
+        trail.made(identifier)
 
 
 def nothing_new() -> None:

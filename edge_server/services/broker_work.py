@@ -63,8 +63,12 @@ def ask_for_state_vector(context: Context, request: LatestStateVector) -> dict[s
     return {"id": identifier, "expires_at": show_time(now + REQUEST_LIFETIME_S), **write(request)}
 
 
-def poll(context: Context, after_id: int, wait_s: float) -> dict[str, Any]:
+def poll(
+    context: Context, after_id: int, wait_s: float, vehicle_ids: frozenset[int] | None = None
+) -> dict[str, Any]:
     """Give the unfinished work after a cursor, waiting for some if there is none.
+
+    Of several vehicles' work only theirs is given; None means every vehicle's.
 
     Raises:
         TooMuchError: if too many callers wait already.
@@ -72,22 +76,27 @@ def poll(context: Context, after_id: int, wait_s: float) -> dict[str, Any]:
     if not context.places_to_wait.acquire(blocking=False):
         raise TooMuchError("too many callers wait for work")
     try:
-        return _poll(context, after_id, time.monotonic() + wait_s)
+        return _poll(context, after_id, time.monotonic() + wait_s, vehicle_ids)
     finally:
         context.places_to_wait.release()
 
 
-def _poll(context: Context, after_id: int, deadline: float) -> dict[str, Any]:
+def _poll(
+    context: Context, after_id: int, deadline: float, vehicle_ids: frozenset[int] | None
+) -> dict[str, Any]:
     while True:
         rings = context.bell.rings
-        answer = _look(context, after_id)
+        answer = _look(context, after_id, vehicle_ids)
+        if not answer["commands"] and answer["cursor"] > after_id:
+            after_id = answer["cursor"]  # A page full of work for others
+            continue
         left = deadline - time.monotonic()
         if answer["commands"] or left <= 0 or context.bell.closed:
             return answer
         context.bell.wait(rings, min(left, LOOK_S))
 
 
-def _look(context: Context, after_id: int) -> dict[str, Any]:
+def _look(context: Context, after_id: int, vehicle_ids: frozenset[int] | None) -> dict[str, Any]:
     """Give events first, then the rest in order."""
     expire_if_due(context)
     with context.database.read() as connection:
@@ -95,7 +104,11 @@ def _look(context: Context, after_id: int) -> dict[str, Any]:
         cursor = after_id if after_id <= work.newest_id(connection) else 0
         events = work.live_events(connection, context.clock(), after_id=cursor)
         found = work.unfinished(connection, after_id=cursor, limit=PAGE)
-        commands = [_show(connection, item) for item in (*events, *found)]
+        commands = [
+            _show(connection, item)
+            for item in (*events, *found)
+            if vehicle_ids is None or item.vehicle_id is None or item.vehicle_id in vehicle_ids
+        ]
     # Of a full page the rest is still to come; an event behind it will be given once more.
     seen = found if len(found) == PAGE else [*events, *found]
     return {"cursor": max((item.id for item in seen), default=cursor), "commands": commands}
@@ -132,6 +145,13 @@ def _in_seconds(connection: Connection, item: Work) -> dict[str, Any] | None:
 
 
 @repeatable
+def vehicle_of(context: Context, identifier: int) -> int | None:
+    """Give the vehicle that a piece of work is for; None for any, or when there is no such work."""
+    with context.database.read() as connection:
+        item = work.get(connection, identifier)
+    return item.vehicle_id if item else None
+
+
 def acknowledge(
     context: Context, identifier: int, said: Acknowledgement, message: str | None
 ) -> dict[str, Any]:

@@ -38,6 +38,7 @@ def earlier(
 
 
 def remember(connection: Connection, caller: Caller, answered: Answered) -> None:
-    """Keep the answer, when the caller gave a key."""
+    """Keep the answer, when the caller gave a key; the audit log names what was made."""
+    audit.made(answered.object_id)
     if caller.idempotency_key is not None:
         idempotency.remember(connection, caller.idempotency_key, caller.role, answered)

@@ -11,7 +11,7 @@ from afarcloud.faults import Fault, InvalidError
 from afarcloud.plan import Mission, Plan
 from afarcloud.vehicle import VehicleLimits
 from afarcloud.wire import Kind, write
-from edge_server.services import broker_work, once
+from edge_server.services import audit, broker_work, once
 from edge_server.services.attempts import repeatable
 from edge_server.services.context import Caller, Context, Precondition, moment, unconditionally
 from edge_server.services.errors import ConflictError, NotFoundError
@@ -95,6 +95,7 @@ def _create(
             "a plan of this plan_id is here already", (Fault("plan_id", "is already taken"),)
         )
     row = plans.add(connection, stored)
+    audit.about(f"plans/{row}")
     _queue(connection, context, plan, stored._replace(id=row), now)
     return row
 
