@@ -1,13 +1,14 @@
 """Files of other programs in a request: as its body, or as the one file of a form."""
 
 from collections.abc import Collection
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from flask import request
 from werkzeug.datastructures import FileStorage
 from werkzeug.exceptions import BadRequest, RequestEntityTooLarge
 
-from afarcloud.faults import Fault
+from afarcloud.faults import Fault, InvalidError, SyntaxFaultError
+from afarcloud.wire import parse_json
 from edge_server.api import bodies
 from edge_server.api.errors import RequestError
 
@@ -44,6 +45,21 @@ def upload(media_types: Collection[str]) -> Upload:
         raise _too_large()
     told = file.mimetype if file.mimetype in media_types else UNTOLD
     return Upload(raw, told)
+
+
+def parsed(upload: Upload, kinds: str) -> Any:
+    """Parse what should be JSON.
+
+    Raises:
+        SyntaxFaultError: if it calls itself JSON and is none.
+        InvalidError: if it may be one of several `kinds` of file and is none of them.
+    """
+    if upload.media_type.endswith("json"):
+        return parse_json(upload.raw)
+    try:
+        return parse_json(upload.raw)
+    except SyntaxFaultError:
+        raise InvalidError((Fault("", f"is not {kinds}"),)) from None
 
 
 def _only_file() -> FileStorage:

@@ -53,7 +53,12 @@ GEOJSON: Final[dict[str, Any]] = {
 def components(field: dict[str, Any], reference: str) -> dict[str, Any]:
     """Give the schemas that belong to the one of a field, by name."""
     moment = {"type": "string", "format": "date-time"}
+    corner = {"type": "array", "items": _NUMBER, "minItems": 2, "maxItems": 2}
+    ring = {"type": "array", "items": corner, "minItems": 3}
     added = {
+        "boundary": ring,
+        "holes": {"type": "array", "items": ring},
+        "exclusions": {"type": "array", "items": ring},
         "id": {"type": "integer", "minimum": 1},
         "area_m2": _NUMBER,
         "received_at": moment,
@@ -62,7 +67,7 @@ def components(field: dict[str, Any], reference: str) -> dict[str, Any]:
     stored: dict[str, Any] = {
         "type": "object",
         "properties": {**field["properties"], **added},
-        "required": ["boundary", "holes", "exclusions", *added],
+        "required": list(added),
     }
     one = {"$ref": reference.format(model="StoredField")}
     several = {

@@ -8,7 +8,7 @@ from flask import Response, make_response, request, url_for
 from flask.typing import ResponseReturnValue
 
 from afarcloud.faults import Fault, InvalidError
-from afarcloud.wire import parse_json, read_as
+from afarcloud.wire import read_as
 from edge_server.api import bodies, etags, exchange, urls
 from edge_server.api.auth import PLANNERS, READERS, allow, audit, caller
 from edge_server.api.contract import Contract, describe
@@ -130,7 +130,7 @@ def _fields() -> list[Field]:
     upload = exchange.upload((exchange.JSON, *FILES))
     if _is_kml(upload):
         return [boundary.field for boundary in kml.read(upload.raw)]
-    document = parse_json(upload.raw)
+    document = exchange.parsed(upload, "JSON, GeoJSON, KML or KMZ")
     if upload.media_type == geojson.MEDIA_TYPE or geojson.is_geojson(document):
         return [boundary.field for boundary in geojson.read(document)]
     if isinstance(document, dict) and set(document) == {"field"}:

@@ -8,6 +8,7 @@ from typing import Any, Final, NamedTuple
 from afarcloud.wire import TELEMETRY
 from edge_server.api import schemas
 from edge_server.api.contract import Contract
+from edge_server.exchange import geojson
 
 CONVERTER: Final = re.compile(r"<(?:(?P<kind>[^:<>]+):)?(?P<name>\w+)>")
 _ERRORS: Final = {
@@ -132,7 +133,9 @@ def _files(contract: Contract) -> dict[str, Any]:
         return {}
     file = {"type": "string", "format": "binary"}
     form = {"type": "object", "properties": {"file": file}, "required": ["file"]}
-    alone = {media_type: {"schema": file} for media_type in contract.files}
+    alone: dict[str, Any] = {media_type: {"schema": file} for media_type in contract.files}
+    if geojson.MEDIA_TYPE in alone:
+        alone[geojson.MEDIA_TYPE] = {"schema": _reference("GeoJson")}
     return {**alone, "multipart/form-data": {"schema": form}}
 
 

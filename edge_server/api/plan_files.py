@@ -14,6 +14,8 @@ from edge_server.api import bodies, exchange, scopes, urls
 from edge_server.api.auth import PLANNERS, allow, audit, caller
 from edge_server.api.contract import Contract, describe
 from edge_server.api.errors import RequestError
+from edge_server.exchange import qgc_plan, waypoint_list
+from edge_server.exchange.mission_file import MissionFile
 from edge_server.services import plan_files
 from edge_server.services.plan_files import ImportOrder
 from edge_server.store.keys import Role
@@ -85,9 +87,16 @@ def create() -> ResponseReturnValue:
     if caller().role == Role.FARMER and order.dispatch:
         raise Forbidden("a farmer may post drafts only: dispatch=false")
     scopes.check(order.vehicle_id)
-    stored = plan_files.create(bodies.context(), upload.raw, order, caller())
+    stored = plan_files.create(bodies.context(), _file(upload), order, caller())
     audit(f"imported plan {stored['id']}")
     return stored, 201, {"Location": url_for("plans.get", reference=stored["id"])}
+
+
+def _file(upload: exchange.Upload) -> MissionFile:
+    """Read a file of either kind; raises DocumentError."""
+    if waypoint_list.is_waypoint_list(upload.raw):
+        return waypoint_list.read(upload.raw)
+    return qgc_plan.read(exchange.parsed(upload, "a .plan or QGC WPL 110 file"))
 
 
 def wants_plan_file() -> bool:

@@ -1,6 +1,5 @@
 """Plans out of other programs' mission files, and back into one."""
 
-import hashlib
 import re
 from collections.abc import Sequence
 from typing import Any, Final
@@ -11,8 +10,8 @@ from afarcloud.faults import Fault, InvalidError
 from afarcloud.model import Model
 from afarcloud.numbers import INT32_MAX, Boolean, Int32, ShortText, VehicleId
 from afarcloud.plan import Mission, Plan, Speed
-from afarcloud.wire import parse_json, read_as, write
-from edge_server.exchange import from_commands, qgc_plan, to_commands, waypoint_list
+from afarcloud.wire import read_as, write
+from edge_server.exchange import from_commands, qgc_plan, to_commands
 from edge_server.exchange.mission_file import MissionFile
 from edge_server.exchange.to_commands import Translated
 from edge_server.services import plans
@@ -35,26 +34,25 @@ class ImportOrder(Model):
     name: ShortText | None = None
 
 
-def read(raw: bytes) -> MissionFile:
-    """Read a file of either kind; raises DocumentError."""
-    if waypoint_list.is_waypoint_list(raw):
-        return waypoint_list.read(raw)
-    return qgc_plan.read(parse_json(raw))
-
-
-def create(context: Context, raw: bytes, order: ImportOrder, caller: Caller) -> dict[str, Any]:
+def create(
+    context: Context, file: MissionFile, order: ImportOrder, caller: Caller
+) -> dict[str, Any]:
     """Keep the plan that a file tells; returns it as stored.
 
     Raises:
-        DocumentError: if the file is none, or an item of it cannot be told in commands.
+        InvalidError: if an item of it cannot be told in commands, or the plan breaks a rule.
         ConflictError: as for a plan.
         KeyReusedError: if the idempotency key belongs to another request.
     """
-    file = read(raw)
     translated = to_commands.translate(
         file.items, file.home, speed_m_s=file.speed_m_s, zero_yaw_is_unset=file.zero_yaw_is_unset
     )
-    asked = {"file": hashlib.sha256(raw).hexdigest(), **write(order)}
+    asked = {
+        "commands": translated.commands,
+        "maximum_speed": translated.maximum_speed_m_s,
+        "geofence": file.geofence,
+        "order": write(order),
+    }
     warnings = [*file.warnings, *translated.warnings]
     try:
         plan = read_as(Plan, _document(context, file, translated, order))

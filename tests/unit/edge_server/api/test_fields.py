@@ -131,6 +131,7 @@ def test_one_bad_part_of_a_file_refuses_all_of_it(edge: Edge) -> None:
         (b"{", GEOJSON, 400),
         (b"\xff", "application/json", 400),
         (b"[1]", "application/json", 422),
+        (b"hello", "application/octet-stream", 422),
         (b"<kml/>", KML, 422),
         (b"PK\x03\x04", KMZ, 422),
         (b"name=1", "application/x-www-form-urlencoded", 415),

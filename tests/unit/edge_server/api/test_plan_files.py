@@ -148,9 +148,9 @@ def test_a_mission_that_cannot_be_flown_is_refused(
     [
         (b"{", "application/json", 400),
         (b"QGC WPL 100", "text/plain", 422),
-        (b"hello", "text/plain", 400),
-        (b"\xff\xfe", "application/octet-stream", 400),
-        (b"", "text/plain", 400),
+        (b"hello", "text/plain", 422),
+        (b"\xff\xfe", "application/octet-stream", 422),
+        (b"", "text/plain", 422),
         (b"<plan/>", "text/xml", 415),
         (b"QGC" + b" " * 1024 * 1024, "text/plain", 413),
     ],
