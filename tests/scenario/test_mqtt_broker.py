@@ -19,7 +19,7 @@ from tests.support.fake_cloud import Handler, Received
 from tests.support.mosquitto import Mosquitto, password_file, running_mosquitto
 from tests.support.mqtt_cloud import running_mqtt_cloud
 from tests.support.station import Station, station_config
-from tests.support.system import FarmSystem, wait_for
+from tests.support.system import PATIENCE_S, FarmSystem, wait_for
 from tests.support.ways import MqttWay, mqtt_way
 from tests.unit.edge_server import documents
 
@@ -66,7 +66,7 @@ def test_restarts_of_the_broker_under_way(tmp_path: Path, how: str, *, keeps: bo
         station.relay()
         for first in (0, 10):
             station.ingest("pose", *range(first, first + 10))
-            over.store.wait_for(first + 1)
+            over.store.wait_for(first + 1, PATIENCE_S)
             getattr(over.broker, how)()
             over.broker.start()
         station.wait_empty()
@@ -240,7 +240,7 @@ def test_hostile_answers_confirm_nothing(over: MqttWay, tmp_path: Path) -> None:
         over.store.always = says
         station.ingest("pose", 0)
         station.relay()
-        over.store.wait_until(lambda: len(over.store.seen) >= len(hostile), 60.0)
+        over.store.wait_until(lambda: len(over.store.seen) >= len(hostile), PATIENCE_S)
         assert station.rows("telemetry") == 1
         over.store.always = None
         station.wait_empty()
@@ -315,6 +315,7 @@ def test_the_mock_cloud_takes_batches(tmp_path: Path) -> None:
         assert held == list(range(60))
 
 
+@pytest.mark.scenario
 def test_the_launchers_programs_over_mqtt_survive_being_killed_one_by_one(tmp_path: Path) -> None:
     with FarmSystem(tmp_path, mqtt=True) as system:
         system.environment |= {"RELAY_BACKOFF_CAP_S": "0.2", "RELAY_READ_S": "2"}

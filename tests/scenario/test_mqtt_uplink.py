@@ -13,6 +13,7 @@ from edge_server.preparation import prepare
 from tests.support import fake_cloud
 from tests.support.fake_cloud import Fault, Handler, Received
 from tests.support.station import Station, station_config
+from tests.support.system import PATIENCE_S
 from tests.support.ways import Way, way
 from tests.unit.edge_server import documents
 
@@ -61,13 +62,13 @@ def test_every_kind_reaches_its_place_and_is_gone_here(over: Way, station: Stati
 def test_nothing_is_lost_and_the_order_holds_over_outages(over: Way, station: Station) -> None:
     station.relay()
     station.ingest("pose", *range(5))
-    over.store.wait_for(5)
+    over.store.wait_for(5, PATIENCE_S)
     for first in (5, 15, 25):
         over.cut()
         station.ingest("pose", *range(first, first + 5))
         over.restore()
         station.ingest("pose", *range(first + 5, first + 10))
-        over.store.wait_for(first + 10)
+        over.store.wait_for(first + 10, PATIENCE_S)
     station.wait_empty()
     assert effect(over) == list(range(35))
 
@@ -134,7 +135,7 @@ def test_while_our_key_is_refused_nothing_is_dead(over: Way, station: Station) -
     over.store.always = fake_cloud.status(401)
     station.ingest("pose", *POSES)
     station.relay()
-    over.store.wait_until(lambda: len(over.store.seen) >= 5)
+    over.store.wait_until(lambda: len(over.store.seen) >= 5, PATIENCE_S)
     assert station.rows("outbox", "state = 'queued'") == len(POSES)
     assert {received.body["sequence_number"] for received in over.store.seen} == {0}
     over.store.always = None
@@ -165,9 +166,9 @@ def test_a_stuck_stream_does_not_hold_up_the_others(over: Way, station: Station)
     over.store.faults.append(fake_cloud.hold(release))
     station.relay()
     station.ingest("image", 0)
-    over.store.wait_until(lambda: len(over.store.seen) == 1)
+    over.store.wait_until(lambda: len(over.store.seen) == 1, PATIENCE_S)
     station.ingest("pose", *POSES)
-    over.store.wait_for(len(POSES))
+    over.store.wait_for(len(POSES), PATIENCE_S)
     assert effect(over) == list(POSES)
     release.set()
     station.wait_empty()
@@ -189,7 +190,7 @@ def test_a_restarted_relay_goes_on_where_it_was(over: Way, station: Station) -> 
     station.ingest("pose", *range(30))
     for _ in range(3):
         station.relay()
-        over.store.wait_until(lambda: bool(over.store.seen))
+        over.store.wait_until(lambda: bool(over.store.seen), PATIENCE_S)
         station.stop()
     station.relay()
     station.wait_empty()

@@ -62,6 +62,21 @@ def test_an_address_that_names_no_topics_is_refused_without_its_secrets(url: str
     assert "secret" not in str(refusal.value)
 
 
+@pytest.mark.parametrize(
+    ("variable", "value"),
+    [
+        ("MQTT_CONFIRM", "nobody"),
+        ("MQTT_CLIENT_ID", "a/b"),
+        ("MQTT_CLIENT_ID", "#"),
+        ("MQTT_KEEP_ALIVE_S", "0"),
+        ("MQTT_KEEP_ALIVE_S", "65536"),
+    ],
+)
+def test_a_bad_setting_is_refused_by_name(variable: str, value: str) -> None:
+    with pytest.raises(ConfigError, match=variable):
+        load({}, {variable: value})
+
+
 @given(st.text(max_size=60))
 def test_whatever_path_is_accepted_is_a_topic(path: str) -> None:
     try:
