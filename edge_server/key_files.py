@@ -22,6 +22,7 @@ from edge_server.services import keys as service
 from edge_server.store import keys
 from edge_server.store.database import Database
 from edge_server.store.keys import Role
+from edge_server.store.locks import KEYS
 
 LOG = logging.getLogger(__name__)
 _OTHERS: Final = 0o077
@@ -41,7 +42,7 @@ def path_of(keys_dir: Path, role: Role) -> Path:
 def ensure(database: Database, keys_dir: Path, now: float) -> None:
     """Make what is missing: a key per role, or in a new database the keys that lie there."""
     keys_dir.mkdir(parents=True, exist_ok=True, mode=0o700)
-    with database.write() as connection:
+    with database.write(KEYS) as connection:
         have_key = {key.role for key in keys.active(connection) if key.in_file}
         for role in Role:
             path = path_of(keys_dir, role)
@@ -67,7 +68,7 @@ def rotate(
     path = path_of(keys_dir, role)
     keys_dir.mkdir(parents=True, exist_ok=True, mode=0o700)
     key = keys.generate()
-    with database.write() as connection:
+    with database.write(KEYS) as connection:
         for old in keys.active(connection):
             if old.in_file and old.role == role:
                 service.retire(connection, old, overlap_s, now)

@@ -52,6 +52,7 @@ class System:
             "PYTHONUNBUFFERED": "1",
             "STATE_DIR": str(settings.state_dir),
             "EDGE_URL": settings.edge_url,
+            "DATABASE_URL": "",  # A file of the state folder, whatever else this machine serves
             **uplink(settings),
         }
         logs = settings.state_dir / "logs"

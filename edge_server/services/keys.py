@@ -14,6 +14,7 @@ from edge_server.services.errors import ConflictError, NotFoundError
 from edge_server.store import keys
 from edge_server.store.database import Database
 from edge_server.store.keys import Role, Scope, StoredKey
+from edge_server.store.locks import KEYS
 
 MOST_KEYS: Final = 1000
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]
@@ -45,7 +46,7 @@ def create(database: Database, request: KeyRequest, now: float) -> tuple[StoredK
         vehicle_ids=None if request.vehicle_ids is None else frozenset(request.vehicle_ids),
         expires_at=expires_at,
     )
-    with database.write() as connection:
+    with database.write(KEYS) as connection:
         _check_name(connection, key, now)
         keys.add(connection, key)
         audit.about(f"keys/{key.prefix}")
@@ -59,7 +60,7 @@ def replace(database: Database, prefix: str, overlap_s: float, now: float) -> tu
         NotFoundError: if no key of this prefix opens anything.
     """
     secret = keys.generate()
-    with database.write() as connection:
+    with database.write(KEYS) as connection:
         old = _active(connection, prefix, now)
         made = keys.made_from(secret, Role(old.role), old.name, now)
         new = old._replace(prefix=made.prefix, sha256=made.sha256, created_at=now)
@@ -85,7 +86,7 @@ def revoke(database: Database, prefix: str, now: float, *, last_admin_too: bool 
         NotFoundError: if no key of this prefix opens anything.
         ConflictError: if nobody could administer after that.
     """
-    with database.write() as connection:
+    with database.write(KEYS) as connection:
         key = _active(connection, prefix, now)
         keys.revoke(connection, prefix, now)
         if key.role != Role.ADMIN or last_admin_too:

@@ -26,6 +26,7 @@ from edge_server.services.space import STEADY_S
 from edge_server.services.telemetry import Arrival
 from edge_server.store.database import Database
 from edge_server.store.tables import METADATA
+from tests.support.databases import BOTH_ENGINES
 from tests.unit.edge_server import documents
 from tests.unit.edge_server.conftest import Clock
 
@@ -148,6 +149,7 @@ def test_at_80_percent_poses_are_thinned_oldest_first_until_it_is_less(farm: Far
     assert {reason for _, reason, _ in farm.dropped} == {"thinned"}
 
 
+@BOTH_ENGINES
 def test_thinning_again_takes_no_more_than_one_per_interval_needs(either: Farm) -> None:
     either.keep_many("pose", 200)
     intervals: thinning.Intervals = {}
@@ -188,6 +190,7 @@ def test_at_100_percent_the_oldest_go_and_new_ones_come_in(farm: Farm) -> None:
     assert {reason for _, reason, _ in farm.dropped} == {"budget"}
 
 
+@BOTH_ENGINES
 def test_what_goes_next_is_added_to_the_gap_that_waits(either: Farm) -> None:
     for _ in range(10):
         either.keep_many("battery", 20)
@@ -200,6 +203,7 @@ def test_what_goes_next_is_added_to_the_gap_that_waits(either: Farm) -> None:
     either.check_declared()
 
 
+@BOTH_ENGINES
 def test_a_gap_that_grew_in_flight_goes_again_in_its_larger_form(either: Farm) -> None:
     either.keep_many("battery", 20)
     with either.database.write() as connection:
@@ -254,6 +258,7 @@ def test_in_a_bulk_only_what_has_no_room_is_refused(farm: Farm) -> None:
     assert isinstance(kept, dict)
 
 
+@BOTH_ENGINES
 def test_what_is_too_old_goes_with_a_gap(either: Farm) -> None:
     either.keep_many("observation", 5)
     either.turn()
@@ -271,6 +276,7 @@ def test_what_is_too_old_goes_with_a_gap(either: Farm) -> None:
     assert [gap["count"] for gap in either.here("gap")] == [8]
 
 
+@BOTH_ENGINES
 def test_a_clock_that_jumps_makes_nothing_old(either: Farm) -> None:
     either.keep_many("pose", 5)
     either.turn()
@@ -287,6 +293,7 @@ def test_a_clock_that_jumps_makes_nothing_old(either: Farm) -> None:
     assert len(either.here("pose")) == 5
 
 
+@BOTH_ENGINES
 def test_dead_letters_have_a_budget_of_their_own(either: Farm) -> None:
     farm = either
     frame = documents.JPEG + bytes(300_000)
@@ -302,6 +309,7 @@ def test_dead_letters_have_a_budget_of_their_own(either: Farm) -> None:
     assert [body["message_id"] for body in farm.here("image")] == [keys[3]]
 
 
+@BOTH_ENGINES
 def test_a_gap_and_what_it_declares_are_one_transaction(either: Farm) -> None:
     either.keep_many("pose", 3)
     with either.database.read() as connection:
