@@ -36,7 +36,8 @@ _NAMES: Final = ("name", "Name", "title", "id")
 
 def is_geojson(document: Any) -> bool:
     """Whether a parsed document says that it is GeoJSON."""
-    return isinstance(document, dict) and document.get("type") in TYPES
+    kind = document.get("type") if isinstance(document, dict) else None
+    return isinstance(kind, str) and kind in TYPES
 
 
 def read(document: Any) -> list[Boundary]:

@@ -91,7 +91,7 @@ def _is_place(value: Any) -> TypeGuard[list[float]]:
 
 def _is_number(value: Any) -> TypeGuard[float]:
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    return is_number and math.isfinite(value)
+    return is_number and -_LARGEST_M <= value <= _LARGEST_M
 
 
 def rally_warnings(rally: Any) -> list[Fault]:

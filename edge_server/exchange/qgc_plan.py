@@ -4,7 +4,6 @@ File format: docs.qgroundcontrol.com, "Plan File Format". A survey or corridor c
 that it expands to, and these are read; other complex items carry none and are refused.
 """
 
-import math
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
@@ -21,6 +20,7 @@ ARDUPILOT: Final = 3
 _NUMBERS: Final = 7
 _FARTHEST: Final = 1e9
 _LARGEST_CODE: Final = 65_535
+_LONGEST_NAME: Final = 40
 
 
 def is_plan(document: Any) -> bool:
@@ -73,7 +73,7 @@ def _speed(value: Any) -> float | None:
 
 def _is_number(value: Any) -> bool:
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    return is_number and math.isfinite(value) and abs(value) < _FARTHEST
+    return is_number and -_FARTHEST < value < _FARTHEST
 
 
 def _items(raw: Any) -> list[Item]:
@@ -111,7 +111,7 @@ def _flat(raw: list[Any], faults: list[Fault]) -> Iterator[tuple[str, Any]]:
 
 def _inside(item: Mapping[str, Any]) -> list[Any] | None:
     """The items that a complex one expands to; None when it does not say them."""
-    if item.get("complexItemType") not in EXPANDED:
+    if _kind(item) not in EXPANDED:
         return None
     transects = item.get("TransectStyleComplexItem")
     inner = transects.get("Items") if isinstance(transects, dict) else None
@@ -119,11 +119,16 @@ def _inside(item: Mapping[str, Any]) -> list[Any] | None:
 
 
 def _why_not(item: Mapping[str, Any], number: int) -> str:
-    kind = item.get("complexItemType")
+    kind = _kind(item)
     if kind in EXPANDED:
         return f"item {number} ({kind}) has no items inside; save it with a newer QGroundControl"
-    shown = kind if isinstance(kind, str) and kind.isalnum() and len(kind) < 40 else "unknown"
-    return f"item {number} ({shown}) does not carry the items that it expands to"
+    return f"item {number} ({kind}) does not carry the items that it expands to"
+
+
+def _kind(item: Mapping[str, Any]) -> str:
+    kind = item.get("complexItemType")
+    is_name = isinstance(kind, str) and kind.isalnum() and len(kind) < _LONGEST_NAME
+    return str(kind) if is_name else "unknown"
 
 
 def _item(simple: Any, path: str, number: int) -> Item:

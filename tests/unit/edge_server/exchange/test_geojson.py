@@ -204,5 +204,6 @@ json_values = st.recursive(
 
 @given(json_values)
 def test_anything_is_read_or_refused(document: Any) -> None:
+    geojson.is_geojson(document)
     with contextlib.suppress(InvalidError):
         assert all(isinstance(field, Field) for field in fields(document))

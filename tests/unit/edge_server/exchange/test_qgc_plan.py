@@ -73,6 +73,9 @@ def test_what_a_survey_expands_to_is_read_in_its_place(kind: str) -> None:
         (plan_file(survey()), "mission.items.0"),
         (plan_file(survey(at(16), kind="StructureScan")), "mission.items.0"),
         (plan_file({"type": "ComplexItem", "complexItemType": "survey"}), "mission.items.0"),
+        (plan_file(survey(at(16), kind=[])), "mission.items.0"),  # type: ignore[arg-type]  # as above
+        (plan_file(at(16, params=[10**400] * 7)), "mission.items.0"),
+        (plan_file(plannedHomePosition=[10**400, 2, 3]), "mission.plannedHomePosition"),
         (plan_file(survey(5)), "mission.items.0.TransectStyleComplexItem.Items.0"),
         (plan_file(at(16) | {"command": "16"}), "mission.items.0"),
         (plan_file(at(16) | {"command": True}), "mission.items.0"),
@@ -87,6 +90,10 @@ def test_what_a_survey_expands_to_is_read_in_its_place(kind: str) -> None:
         (fenced(circles=[{"inclusion": True}]), "geoFence.circles.0.circle"),
         (
             fenced(circles=[{"inclusion": True, "circle": {"center": [40, -3], "radius": -1}}]),
+            "geoFence.circles.0.circle",
+        ),
+        (
+            fenced(circles=[{"inclusion": True, "circle": {"center": [1, 2], "radius": 10**400}}]),
             "geoFence.circles.0.circle",
         ),
         (
@@ -168,12 +175,27 @@ def test_a_written_file_has_what_qgroundcontrol_asks_for(mission: Mission) -> No
 
 
 json_values = st.recursive(
-    st.none() | st.booleans() | st.floats() | st.integers(0, 50) | st.sampled_from([TAKEOFF]),
+    st.none()
+    | st.booleans()
+    | st.floats()
+    | st.sampled_from([0, 1, 2, 10**400, TAKEOFF])
+    | st.just([TAKEOFF]),
     lambda inner: (
         st.lists(inner, max_size=3)
         | st.dictionaries(
             st.sampled_from(
-                ["mission", "items", "type", "geoFence", "polygons", "circles", "version", "params"]
+                [
+                    "mission",
+                    "items",
+                    "type",
+                    "complexItemType",
+                    "polygons",
+                    "circles",
+                    "circle",
+                    "inclusion",
+                    "version",
+                    "params",
+                ]
             ),
             inner | st.sampled_from(["ComplexItem", "SimpleItem", "survey", 1, 2]),
             max_size=4,
