@@ -10,6 +10,7 @@ import pytest
 import requests
 
 from edge_server.preparation import prepare
+from sim.cloud import mqtt_requests
 from sim.cloud.mqtt import MqttDoor
 from sim.cloud.store import Store
 from sim.farm_client import rows
@@ -313,6 +314,42 @@ def test_the_mock_cloud_takes_batches(tmp_path: Path) -> None:
     for kind in ("pose", "battery"):
         held = [record.body["sequence_number"] for record in store.records(kind)]
         assert held == list(range(60))
+
+
+@pytest.mark.parametrize(
+    "refusal", [{"status": 413}, {"status": 200}, {"status": 200, "results": [{"status": 200}]}]
+)
+def test_a_cloud_that_takes_back_its_batches_gets_single_records(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refusal: dict[str, Any]
+) -> None:
+    batches = []
+
+    def refuse_batches(store: Store, request: mqtt_requests.Request, now: float) -> dict[str, Any]:
+        if request.topic != mqtt_requests.BATCH:
+            return mqtt_requests.answer(store, request, now)
+        batches.append(request)
+        return refusal
+
+    monkeypatch.setattr("sim.cloud.mqtt.answer", refuse_batches)
+    with running_mosquitto(tmp_path / "broker") as broker:
+        store = Store(None)
+        door = MqttDoor(store, broker.url)
+        door.open()
+        try:
+            with station_at(broker.url, tmp_path, read_timeout_s=20.0) as station:
+                station.relay()
+                for first in (0, 20, 40):
+                    station.ingest("pose", first)
+                    station.wait_empty()  # By now we know that the cloud offers batches
+                    broker.hang()
+                    station.ingest("pose", *range(first + 1, first + 20))
+                    broker.go_on()
+                    station.wait_empty()
+        finally:
+            door.close()
+    held = [record.body["sequence_number"] for record in store.records("pose")]
+    assert held == list(range(60))
+    assert len(batches) == 1
 
 
 @pytest.mark.scenario
