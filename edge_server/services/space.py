@@ -61,7 +61,7 @@ class Space:
         self._clock_was: tuple[float, float] | None = None
         self._level_was = Level.ROOMY
         self.count: Counter = _count_nothing
-        self.rows_at_once = max(20, min(MOST_ROWS, self._data_budget // 100 // RECORD_BYTES))
+        self.rows_at_once = max(100, min(MOST_ROWS, self._data_budget // 100 // RECORD_BYTES))
 
     def admit(self, kind: str, picture_bytes: int = 0) -> None:
         """Let a record come in, making room if that is needed and can be done.
@@ -69,7 +69,7 @@ class Space:
         Raises:
             FullError: if there is no room for it.
         """
-        if self._holds_ballast and not self._config.ballast_path.exists():
+        if kind not in budget.URGENT and self._disk_is_full():
             raise FullError("the disk is full; nothing was stored")
         now = self.level()
         if now >= Level.DROPPING and not self._database.is_shared:
@@ -83,6 +83,10 @@ class Space:
                 raise FullError("the budget for pictures is used up; nothing was stored")
             self._come_bytes += RECORD_BYTES + picture_bytes
             self._usage = Usage(used.data_bytes + RECORD_BYTES, pictures)
+
+    def _disk_is_full(self) -> bool:
+        """Whether the relay has given the ballast up: what is left is for it and for the urgent."""
+        return self._holds_ballast and not self._config.ballast_path.exists()
 
     def level(self) -> Level:
         """How full it is, by the last measurement and what has come in since."""
@@ -125,6 +129,10 @@ class Space:
                     continue
         while self._drop_dead_letters(now):
             continue
+
+    def trusts_clock(self, monotonic: float) -> bool:
+        """Whether the wall clock has run evenly for so long that things may be called old."""
+        return self._clock_is_steady(monotonic)
 
     def _watch_clock(self, monotonic: float) -> None:
         """Note since when the wall clock has run like the monotonic one."""

@@ -1,0 +1,131 @@
+"""Answers are written in groups, kept when they cannot be, and find room on a full disk."""
+
+import sqlite3
+from pathlib import Path
+
+import pytest
+from sqlalchemy.exc import OperationalError
+
+from edge_server.outbox import queue
+from edge_server.outbox.answers import Meaning, Verdict
+from edge_server.outbox.ledger import GROUP, GROUP_WAIT_S, MOST, RETRY_S, Entry, Ledger
+from edge_server.outbox.queue import Parcel, Stream
+from edge_server.outbox.states import Happening
+from edge_server.store import ballast, migrate, telemetry
+from edge_server.store.database import Database
+from edge_server.store.engines import open_engine, sqlite_url
+
+POSES = Stream(1, "pose")
+CONFIRMED = Verdict(Meaning.CONFIRMED, "200", 200)
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Database:
+    """An empty database."""
+    url = sqlite_url(tmp_path / "edge.sqlite3")
+    migrate.prepare(url)
+    return Database(open_engine(url))
+
+
+def parcels(database: Database, number: int) -> list[Parcel]:
+    """Records that are due."""
+    with database.write() as connection:
+        for each in range(number):
+            record_id = telemetry.add(
+                connection,
+                kind="pose",
+                vehicle_id=1,
+                message_id=f"{each:026d}",
+                payload="{}",
+                received_at=0.0,
+            )
+            queue.enqueue(connection, record_id, POSES)
+        return queue.heads(connection, POSES, 0, number)
+
+
+def waiting(database: Database) -> int:
+    with database.read() as connection:
+        return telemetry.count_waiting(connection)
+
+
+def confirmed(parcel: Parcel) -> Entry:
+    return Entry(parcel, Happening.CONFIRMED, CONFIRMED)
+
+
+def test_a_group_is_written_when_it_is_large_or_old_or_nothing_else_happens(
+    database: Database,
+) -> None:
+    ledger = Ledger(database)
+    ledger.write(0.0, 0.0)
+    assert not ledger.is_due(1.0, idle=True)
+    (first, *rest) = parcels(database, GROUP)
+    ledger.note(confirmed(first), 1.0)
+    assert not ledger.is_due(1.0, idle=False)
+    assert ledger.is_due(1.0, idle=True)
+    assert ledger.is_due(1.0 + GROUP_WAIT_S, idle=False)
+    for parcel in rest:
+        ledger.note(confirmed(parcel), 1.0)
+    assert ledger.is_due(1.0, idle=False)
+    ledger.write(1.0, 0.0)
+    assert waiting(database) == 0
+    assert not ledger.is_due(1.0, idle=True)
+
+
+def refuse(name: str) -> OperationalError:
+    error = sqlite3.OperationalError("not now")
+    error.sqlite_errorname = name
+    return OperationalError("", {}, error)
+
+
+def test_what_cannot_be_written_is_kept_and_tried_again(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ledger = Ledger(database)
+    (parcel,) = parcels(database, 1)
+    ledger.note(confirmed(parcel), 0.0)
+    with monkeypatch.context() as patch:
+        patch.setattr(queue, "settle", lambda *_: (_ for _ in ()).throw(refuse("SQLITE_BUSY")))
+        ledger.write(0.0, 0.0)
+    assert waiting(database) == 1
+    assert not ledger.is_due(RETRY_S / 2, idle=True)
+    assert ledger.is_due(RETRY_S, idle=True)
+    ledger.write(RETRY_S, 0.0)
+    assert waiting(database) == 0
+
+
+def test_on_a_full_disk_the_ballast_is_given_up_and_it_goes_on_at_once(
+    database: Database, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    held = tmp_path / "ballast"
+    assert ballast.hold(held)
+    ledger = Ledger(database, held)
+    (parcel,) = parcels(database, 1)
+    ledger.note(confirmed(parcel), 0.0)
+    with monkeypatch.context() as patch:
+        patch.setattr(queue, "settle", lambda *_: (_ for _ in ()).throw(refuse("SQLITE_FULL")))
+        ledger.write(0.0, 0.0)
+        assert not held.exists()
+        assert ledger.is_due(0.0, idle=True)
+        ledger.write(0.0, 0.0)
+        assert not ledger.is_due(0.0, idle=True)
+    ledger.write(RETRY_S, 0.0)
+    assert waiting(database) == 0
+
+
+def test_it_says_when_nothing_more_should_be_sent(database: Database) -> None:
+    ledger = Ledger(database)
+    for parcel in parcels(database, MOST):
+        assert not ledger.is_full
+        ledger.note(confirmed(parcel), 0.0)
+    assert ledger.is_full
+
+
+def test_what_was_held_back_is_no_try(database: Database) -> None:
+    ledger = Ledger(database)
+    (parcel,) = parcels(database, 1)
+    for meaning in (Meaning.HELD_BACK, Meaning.TRY_LATER):
+        ledger.note(Entry(parcel, Happening.PUT_OFF, Verdict(meaning, meaning)), 0.0)
+        ledger.write(0.0, 0.0)
+    with database.read() as connection:
+        (now,) = queue.heads(connection, POSES, 0, 10)
+    assert now.attempts == 1
