@@ -7,7 +7,7 @@ from typing import Final
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from edge_server.services import broker_work, once
+from edge_server.services import broker_work, events, once
 from edge_server.services.context import Context
 from edge_server.store import idempotency
 from edge_server.store.locks import WORK
@@ -15,6 +15,7 @@ from edge_server.store.locks import WORK
 LOG = logging.getLogger(__name__)
 EXPIRY_S: Final = 1.0
 FORGETTING_EVERY: Final = 600
+DAY_S: Final = 86_400.0
 
 
 def run(context: Context, stopping: threading.Event) -> None:
@@ -38,3 +39,4 @@ def forget(context: Context) -> None:
     with context.database.write(WORK) as connection:
         idempotency.forget_before(connection, now - once.KEPT_S)
         broker_work.forget_old(connection, now)
+        events.forget_before(connection, now - context.config.retain_plans_days * DAY_S)

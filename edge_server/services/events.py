@@ -140,6 +140,11 @@ def remove(context: Context, identifier: int) -> None:
         work.remove(connection, stored.work_id)
 
 
+def forget_before(connection: Connection, moment: float) -> None:
+    """Drop events that are too old to be looked at again."""
+    work.forget_events(connection, moment)
+
+
 def show(stored: StoredEvent) -> dict[str, Any]:
     """Give an event as the API shows it."""
     shown = {

@@ -220,6 +220,17 @@ def forget_requests(connection: Connection, before: float) -> None:
     )
 
 
+def forget_events(connection: Connection, before: float) -> None:
+    """Drop events that came before a moment, however they ended; the newest work stays."""
+    connection.execute(
+        delete(work).where(
+            work.c.kind == EVENT,
+            work.c.created_at < before,
+            work.c.id < newest_id(connection),
+        )
+    )
+
+
 def commands(connection: Connection, identifier: int) -> dict[int, CommandProgress]:
     """Give the progress of a mission's commands by command_id."""
     rows = connection.execute(

@@ -7,7 +7,7 @@ from sqlalchemy import text
 from edge_server import housekeeping
 from edge_server.services import once
 from tests.unit.edge_server.conftest import Edge
-from tests.unit.edge_server.documents import plan, telemetry
+from tests.unit.edge_server.documents import event, plan, telemetry
 
 
 def test_old_keys_are_forgotten_and_young_ones_are_not(edge: Edge) -> None:
@@ -30,6 +30,17 @@ def test_answered_requests_are_forgotten_but_the_cursor_keeps_its_measure(edge: 
     housekeeping.forget(edge.context)
     assert edge.count("work") == 1
     assert edge.get(f"/broker/commands?after={newest}", "broker")["cursor"] == newest
+
+
+def test_old_events_are_forgotten_and_young_ones_are_not(edge: Edge) -> None:
+    armed = {"link_state": "connected", "armed": True}
+    edge.ask("PUT", "/vehicles/1", "broker", json=armed)
+    edge.post("/events/", event(), "operator")
+    edge.clock.pass_s(edge.config.retain_plans_days * housekeeping.DAY_S - 1)
+    edge.post("/events/", event(), "operator")
+    edge.clock.pass_s(2)
+    housekeeping.forget(edge.context)
+    assert [one["id"] for one in edge.get("/events/")] == [2]
 
 
 def test_a_mission_expires_though_nobody_asks(edge: Edge) -> None:
