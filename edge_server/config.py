@@ -267,7 +267,7 @@ SETTINGS: Final = (
         "retain_telemetry_days", "RETAIN_TELEMETRY_DAYS", _days, "reports nobody could deliver"
     ),
     Setting("retain_images_days", "RETAIN_IMAGES_DAYS", _days, "pictures nobody could deliver"),
-    Setting("retain_plans_days", "RETAIN_PLANS_DAYS", _days, "plans, since their end"),
+    Setting("retain_plans_days", "RETAIN_PLANS_DAYS", _days, "plans that have ended"),
     Setting("retain_audit_days", "RETAIN_AUDIT_DAYS", _days, "the audit log"),
     Setting("log_format", "LOG_FORMAT", _log_format, "auto, json or text"),
 )

@@ -7,7 +7,7 @@ from typing import Final
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from edge_server.services import broker_work, events, once
+from edge_server.services import broker_work, events, once, retention
 from edge_server.services.context import Context
 from edge_server.store import idempotency
 from edge_server.store.locks import WORK
@@ -28,6 +28,8 @@ def run(context: Context, stopping: threading.Event) -> None:
             if turn % FORGETTING_EVERY == 0:
                 forget(context)
                 context.space.keep_age(time.monotonic())
+                if context.space.trusts_clock(time.monotonic()):
+                    retention.keep(context)
         except SQLAlchemyError as error:
             LOG.warning("housekeeping has to wait: %s", error)
         turn += 1
