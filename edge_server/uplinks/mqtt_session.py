@@ -87,7 +87,9 @@ class Session:
 
     def close(self, now: float) -> None:
         """End for good: what is under way gets a reason."""
-        self._go_down(Unreachable("the relay stops"), "left", now)
+        reason = "the relay stops"
+        self._go_down(Unreachable(reason), reason, now)
+        self._exchange.lost(Unreachable(reason), now)  # What was offered while we were down
 
     def settled(self) -> list[Settled]:
         """Hand over what has been settled."""

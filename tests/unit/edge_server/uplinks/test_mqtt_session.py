@@ -175,11 +175,14 @@ def test_what_comes_too_late_changes_nothing(late: Event) -> None:
     assert (gateway.state, gateway.wake_at(1.0)) == (LinkState.DOWN, before)
 
 
-def test_what_is_under_way_when_we_leave_gets_a_reason() -> None:
+@pytest.mark.parametrize("connected", [True, False])
+def test_what_is_under_way_when_we_leave_gets_a_reason(*, connected: bool) -> None:
     gateway = session()
-    connect(gateway)
+    if connected:
+        connect(gateway)
     gateway.offer(record(), 1.0)
-    gateway.turn(1.0)
+    if connected:
+        gateway.turn(1.0)
     gateway.close(2.0)
     assert meanings(gateway) == {"1": Meaning.NO_CLOUD}
 
