@@ -43,8 +43,15 @@ check_postgres() {
 }
 
 check_mqtt() {
-    podman logs "${project}_mqtt_1" 2>&1 | grep -E "New client connected.* u'(farm|cloud)'" ||
-        fail "nobody has logged in at the MQTT broker"
+    podman logs "${project}_relay_1" 2>&1 | grep --quiet 'MQTT: connected' ||
+        fail "the relay has not logged in at the MQTT broker"
+    # An MQTT 3.1.1 CONNECT without user and password; CONNACK with code 5: not authorised.
+    [[ $(podman exec "${project}_relay_1" python -c '
+import socket
+with socket.create_connection(("mqtt", 1883), 5) as broker:
+    broker.sendall(b"\x10\x0e\x00\x04MQTT\x04\x02\x00\x3c\x00\x02me")
+    print(broker.recv(4).hex())') == 20020005 ]] || fail "the MQTT broker takes anybody"
+    echo "the relay has logged in at the MQTT broker, which refuses who has no password"
 }
 
 check_tls() {
