@@ -86,8 +86,16 @@ def prepare_engine(engine: Engine) -> Engine:
         event.listen(engine, "connect", _on_sqlite_connect)
         event.listen(engine, "begin", _on_sqlite_begin)
     else:
+        event.listen(engine, "connect", _on_postgresql_connect)
         event.listen(engine, "begin", locks.forget)
     return engine
+
+
+def _on_postgresql_connect(connection: Any, _record: object) -> None:
+    """Write a NUL, which PostgreSQL's text cannot hold, as the replacement character."""
+    from edge_server.store.texts import TextDumper  # noqa: PLC0415  # loads psycopg
+
+    connection.adapters.register_dumper(str, TextDumper)
 
 
 def _on_sqlite_connect(connection: sqlite3.Connection, _record: object) -> None:

@@ -43,8 +43,8 @@ _TAKE: Final = text(
 
 
 def of_vehicle(vehicle_id: int) -> Lock:
-    """Lock what is said of a vehicle."""
-    return Lock(_VEHICLE, vehicle_id)
+    """Lock what is said of a vehicle; what is no vehicle's number shares the lock of one."""
+    return Lock(_VEHICLE, vehicle_id % 2**31)
 
 
 def of_stream(vehicle_id: int, kind: str) -> Lock:

@@ -29,7 +29,7 @@ METADATA = MetaData(
 )
 
 _ID = BigInteger().with_variant(Integer(), "sqlite")
-"""Counted up for ever; SQLite's Integer has 64 bits anyway."""
+"""Counted up for ever, or asked for by any number; SQLite's Integer has 64 bits anyway."""
 
 telemetry = Table(
     "telemetry",
@@ -119,7 +119,7 @@ idempotency = Table(
 vehicle = Table(
     "vehicle",
     METADATA,
-    Column("vehicle_id", Integer, primary_key=True, autoincrement=False),
+    Column("vehicle_id", _ID, primary_key=True, autoincrement=False),
     Column("state", Text, nullable=False),  # JSON: what was last said of it
     Column("registered_at", Float, nullable=False),
     Column("updated_at", Float, nullable=False),
@@ -182,7 +182,7 @@ command = Table(
 event = Table(
     "event",
     METADATA,
-    Column("id", Integer, primary_key=True),  # Stays when a PUT makes new work of it
+    Column("id", _ID, primary_key=True),  # Stays when a PUT makes new work of it
     Column("work", ForeignKey("work.id", ondelete="CASCADE"), nullable=False, unique=True),
     Column("received_at", Float, nullable=False),
     sqlite_autoincrement=True,
@@ -192,7 +192,7 @@ event = Table(
 field = Table(
     "field",
     METADATA,
-    Column("id", Integer, primary_key=True),
+    Column("id", _ID, primary_key=True),
     Column("body", Text, nullable=False),  # JSON: name, boundary, holes, exclusions
     Column("received_at", Float, nullable=False),
     Column("updated_at", Float, nullable=False),
@@ -221,7 +221,7 @@ access_key = Table(
 audit = Table(
     "audit",
     METADATA,
-    Column("id", Integer, primary_key=True, autoincrement=False),  # Without gaps
+    Column("id", _ID, primary_key=True, autoincrement=False),  # Without gaps
     Column("at", Float, nullable=False),
     Column("who", String(80), nullable=False),  # Name of the key, or of the shell's user
     Column("role", String(10), nullable=False),
@@ -241,9 +241,9 @@ audit_chain = Table(
     "audit_chain",
     METADATA,
     Column("id", Integer, primary_key=True, autoincrement=False),
-    Column("first_id", Integer, nullable=False),  # The newest row that retention has removed
+    Column("first_id", _ID, nullable=False),  # The newest row that retention has removed
     Column("first_hash", LargeBinary(32), nullable=False),
-    Column("last_id", Integer, nullable=False),  # The newest row
+    Column("last_id", _ID, nullable=False),  # The newest row
     Column("last_hash", LargeBinary(32), nullable=False),
     CheckConstraint("id = 1", name="one_row"),
     CheckConstraint("first_id <= last_id", name="order"),

@@ -109,7 +109,7 @@ def _receipts() -> None:
 def _plans() -> None:
     op.create_table(
         "vehicle",
-        sa.Column("vehicle_id", sa.Integer, primary_key=True, autoincrement=False),
+        sa.Column("vehicle_id", _ID, primary_key=True, autoincrement=False),
         sa.Column("state", sa.Text, nullable=False),
         sa.Column("registered_at", sa.Float, nullable=False),
         sa.Column("updated_at", sa.Float, nullable=False),
@@ -161,9 +161,7 @@ def _work() -> None:
     )
     op.create_table(
         "command",
-        sa.Column(
-            "work", _ID, sa.ForeignKey("work.id", ondelete="CASCADE"), primary_key=True
-        ),
+        sa.Column("work", _ID, sa.ForeignKey("work.id", ondelete="CASCADE"), primary_key=True),
         sa.Column("command_id", sa.Integer, primary_key=True),
         sa.Column("status_id", sa.Integer, nullable=False),
         sa.Column("message", sa.Text),

@@ -7,6 +7,7 @@ revision = "0003"
 down_revision = "0002"
 
 _NOTHING = b"\0" * 32
+_ID = sa.BigInteger().with_variant(sa.Integer(), "sqlite")
 
 
 def upgrade() -> None:
@@ -48,7 +49,7 @@ def _audit() -> None:
     texts |= {"action": 80, "object": 400, "result": 40}
     op.create_table(
         "audit",
-        sa.Column("id", sa.Integer, primary_key=True, autoincrement=False),
+        sa.Column("id", _ID, primary_key=True, autoincrement=False),
         sa.Column("at", sa.Float, nullable=False),
         *(sa.Column(name, sa.String(length), nullable=False) for name, length in texts.items()),
         sa.Column("prev_hash", sa.LargeBinary(32), nullable=False),
@@ -58,9 +59,9 @@ def _audit() -> None:
     chain = op.create_table(
         "audit_chain",
         sa.Column("id", sa.Integer, primary_key=True, autoincrement=False),
-        sa.Column("first_id", sa.Integer, nullable=False),
+        sa.Column("first_id", _ID, nullable=False),
         sa.Column("first_hash", sa.LargeBinary(32), nullable=False),
-        sa.Column("last_id", sa.Integer, nullable=False),
+        sa.Column("last_id", _ID, nullable=False),
         sa.Column("last_hash", sa.LargeBinary(32), nullable=False),
         sa.CheckConstraint("id = 1", name="one_row"),
         sa.CheckConstraint("first_id <= last_id", name="order"),

@@ -6,6 +6,8 @@ from alembic import op
 revision = "0004"
 down_revision = "0003"
 
+_ID = sa.BigInteger().with_variant(sa.Integer(), "sqlite")
+
 _BEFORE = "kind IN ('mission', 'latest_state_vector')"
 _AFTER = "kind IN ('mission', 'latest_state_vector', 'event')"
 
@@ -15,10 +17,10 @@ def upgrade() -> None:
     _change_kinds(_BEFORE, _AFTER)
     op.create_table(
         "event",
-        sa.Column("id", sa.Integer, primary_key=True),
+        sa.Column("id", _ID, primary_key=True),
         sa.Column(
             "work",
-            sa.BigInteger().with_variant(sa.Integer(), "sqlite"),
+            _ID,
             sa.ForeignKey("work.id", ondelete="CASCADE"),
             nullable=False,
             unique=True,
@@ -28,7 +30,7 @@ def upgrade() -> None:
     )
     op.create_table(
         "field",
-        sa.Column("id", sa.Integer, primary_key=True),
+        sa.Column("id", _ID, primary_key=True),
         sa.Column("body", sa.Text, nullable=False),
         sa.Column("received_at", sa.Float, nullable=False),
         sa.Column("updated_at", sa.Float, nullable=False),
