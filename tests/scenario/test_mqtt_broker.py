@@ -25,6 +25,7 @@ from tests.support.ways import MqttWay, mqtt_way
 from tests.unit.edge_server import documents
 
 POSES = range(12)
+README = Path(__file__).parents[2] / "edge_server" / "uplinks" / "README.md"
 
 
 @contextmanager
@@ -140,7 +141,7 @@ def login_file(folder: Path, text: str, mode: int = 0o600) -> Path:
 def test_refused_credentials_pause_until_they_are_right(tmp_path: Path) -> None:
     folder = tmp_path / "broker"
     folder.mkdir()
-    users = password_file(folder, "farm", "p:ä ss")
+    users = password_file(folder, farm="p:ä ss")
     lines = ("allow_anonymous false", f"password_file {users}")
     login = login_file(tmp_path, "farm:wrong\n")
     with (
@@ -181,6 +182,31 @@ def test_a_topic_that_is_forbidden_to_us_pauses(tmp_path: Path) -> None:
         over.broker.start()
         station.wait_empty()
         assert over.store.stream(1, "pose") == list(POSES)
+
+
+def test_the_readmes_rules_let_only_the_cloud_confirm(tmp_path: Path) -> None:
+    folder = tmp_path / "broker"
+    folder.mkdir()
+    rules = folder / "rules"
+    rules.write_text(README.read_text(encoding="utf-8").split("```acl\n")[1].split("```")[0])
+    users = password_file(folder, farm="one", cloud="two")
+    lines = ("allow_anonymous false", f"password_file {users}", f"acl_file {rules}")
+    login = login_file(tmp_path, "farm:one\n")
+    with running_mosquitto(folder, *lines) as broker:
+        settings: dict[str, Any] = {"cloud_key_file": login, "mqtt_client_id": "north"}
+        with station_at(broker.url, tmp_path, **settings) as station:
+            for kind in documents.TELEMETRY:
+                station.ingest(kind, 0)
+            station.relay()
+            # Who logs in as a gateway hears no records, so it cannot even answer.
+            with running_mqtt_cloud(broker.port, user="farm", password="one") as impostor:
+                station.wait_until(lambda: station.rows("outbox", "attempts >= 2") > 0)
+                assert impostor.store.seen == []
+                assert station.rows("telemetry") == len(documents.TELEMETRY)
+            with running_mqtt_cloud(broker.port, user="cloud", password="two") as cloud:
+                station.wait_empty()
+                wait_for(lambda: ("north", "online") in cloud.presence, "presence")
+                assert len(cloud.store.kept) == len(documents.TELEMETRY)
 
 
 @pytest.mark.parametrize("limit", ["max_packet_size 4000", "message_size_limit 4000"])

@@ -94,14 +94,16 @@ def program(name: str) -> str:
     return found
 
 
-def password_file(folder: Path, user: str, password: str) -> Path:
-    """Make a file of users for Mosquitto with one user."""
+def password_file(folder: Path, **passwords: str) -> Path:
+    """Make a file of users for Mosquitto."""
     file = folder / "users"
-    subprocess.run(
-        [program("mosquitto_passwd"), "-b", "-c", str(file), user, password],
-        check=True,
-        capture_output=True,
-    )
+    file.touch(mode=0o600)
+    for user, password in passwords.items():
+        subprocess.run(
+            [program("mosquitto_passwd"), "-b", str(file), user, password],
+            check=True,
+            capture_output=True,
+        )
     return file
 
 
