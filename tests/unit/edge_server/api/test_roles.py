@@ -1,6 +1,7 @@
 """The role matrix, cell by cell, and that no route is without one."""
 
 import itertools
+import re
 from typing import Any
 
 import pytest
@@ -80,6 +81,8 @@ for _kind in TELEMETRY:
         ("DELETE", f"/{_kind}/1", {"admin"}, None),
     ]
 OPEN = {("GET", "/healthz"), ("GET", "/readyz")}
+PLACES = (("int64", "1"), (r"string\(length=26\)", ULID), (r"string\(length=8\)", "0123abcd"))
+"""What stands in an address, by its converter."""
 
 
 @pytest.mark.parametrize("row", MATRIX, ids=lambda row: f"{row[0]} {row[1]}")
@@ -101,6 +104,33 @@ def test_every_route_stands_in_the_matrix(edge: Edge) -> None:
         for method, path in itertools.chain(((m, p) for m, p, *_ in MATRIX), OPEN)
     }
     assert {rule.endpoint for rule in rules} - covered == set()
+
+
+def test_every_cell_of_every_spelling_of_every_route(edge: Edge) -> None:
+    """Each rule and method of the app by each role and by nobody, judged by the one table."""
+    adapter = edge.client.application.url_map.bind("localhost")
+    table: dict[tuple[str, str], set[str]] = {}
+    for method, path, allowed, _ in MATRIX:
+        endpoint = adapter.match(path.partition("?")[0], method=method)[0]
+        table.setdefault((endpoint, method), set()).update(allowed)
+    cells = 0
+    for rule in edge.client.application.url_map.iter_rules():
+        path = rule.rule
+        for shape, value in PLACES:
+            path = re.sub(rf"<{shape}:\w+>", value, path)
+        assert "<" not in path, rule
+        for method in sorted((rule.methods or set()) - {"HEAD", "OPTIONS"}):
+            if (method, path.rstrip("/")) in OPEN:
+                continue
+            allowed = table[rule.endpoint, method]  # A route without a row fails here
+            options: dict[str, Any] = {} if method == "GET" else {"json": {}}
+            assert edge.ask(method, path, None, **options).status_code == 401, path
+            for role in Role:
+                status = edge.ask(method, path, role, **options).status_code
+                assert (status == 403) == (role.value not in allowed), (method, path, role)
+                assert status not in {401, 500}
+                cells += 1
+    assert cells > 500
 
 
 def test_an_unmarked_route_is_nobodys(config: Config) -> None:
