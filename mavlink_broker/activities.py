@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Protocol, TypeAlias
 
-from mavlink_broker.dialect import Message
+from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.protocol.command import CommandOutcome
 from mavlink_broker.protocol.command_sequence import CommandSequence, Ways
 from mavlink_broker.protocol.mission_select import MissionSelect
@@ -41,6 +41,14 @@ def upload(plan: FlightPlan, vehicle: Vehicle) -> MissionUpload:
         route,
         vehicle.round_trip,
         busy_pause_s=vehicle.family.busy_pause_s,
+    )
+
+
+def cancellation(vehicle: Vehicle) -> Message:
+    """End an upload in the middle: the vehicle keeps what it had."""
+    route = vehicle.route
+    return mavlink.MAVLink_mission_ack_message(
+        route.target_system, route.target_component, mavlink.MAV_MISSION_OPERATION_CANCELLED
     )
 
 

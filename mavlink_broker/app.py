@@ -24,7 +24,7 @@ from mavlink_broker.protocol.route import Route
 from mavlink_broker.send_queue import Post
 from mavlink_broker.session import Session
 from mavlink_broker.vehicle import Vehicle
-from mavlink_broker.work import MissionWork, StateVectorWork
+from mavlink_broker.work import EventWork, MissionWork, StateVectorWork
 
 IDLE_WAIT_S: Final = 0.02
 """Longest sleep: what is overdue is noticed that late. Datagrams and work end it at once."""
@@ -182,6 +182,8 @@ class App:
         match work:
             case MissionWork():
                 self._take_mission(work)
+            case EventWork():
+                self._take_event(work, now)
             case StateVectorWork():
                 self._answer_state_vector(work, now)
 
@@ -194,6 +196,19 @@ class App:
         peer = self._peer(system, work.vehicle_id)
         effects = Effects()
         peer.session.take_mission(work, effects)
+        self._carry_out(effects, peer)
+
+    def _take_event(self, work: EventWork, now: float) -> None:
+        """Interrupt a vehicle; what has expired, or is for nobody, is refused."""
+        system = self._config.system_of(work.vehicle_id)
+        peer = None if system is None else self._peers.get(system)
+        expired = work.expires_at is not None and now >= work.expires_at
+        if peer is None or expired:
+            reason = "expired" if expired else f"vehicle {work.vehicle_id} is not known"
+            self._tell(Acknowledgement(work.work_id, "refused", reason), work.vehicle_id)
+            return
+        effects = Effects()
+        peer.session.take_event(work, now, effects)
         self._carry_out(effects, peer)
 
     def _answer_state_vector(self, work: StateVectorWork, now: float) -> None:

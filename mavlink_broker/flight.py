@@ -8,12 +8,14 @@ import logging
 from collections.abc import Callable, Mapping
 from typing import Final, TypeAlias
 
-from afarcloud.enumerations import Status
+from afarcloud.enumerations import EventType, Status
 from mavlink_broker import activities, readiness
 from mavlink_broker.activities import Activity
 from mavlink_broker.dialect import Message
-from mavlink_broker.effects import Effects
+from mavlink_broker.effects import Acknowledgement, Effects
+from mavlink_broker.ending import Ending
 from mavlink_broker.follower import Follower
+from mavlink_broker.interruption import PATIENCE_S, REASONS, SoftAbort, SpeedOrders
 from mavlink_broker.performer import Performer, Phase
 from mavlink_broker.protocol.command import Accepted, Refused
 from mavlink_broker.protocol.mission_upload import NotStored, Stored, Uncertain
@@ -26,7 +28,7 @@ from mavlink_broker.translation.ledger import Ledger
 from mavlink_broker.translation.mission import FlightPlan, LiveCommand, RefusedError
 from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.vehicle import Vehicle
-from mavlink_broker.work import MissionWork
+from mavlink_broker.work import EventWork, MissionWork
 
 FLYING_WITHIN_S: Final = 5.0
 LAST_WORDS_S: Final = 0.5
@@ -36,6 +38,7 @@ _LOG = logging.getLogger(__name__)
 _BEFORE_TAKEOFF: Final = frozenset(
     {State.HOLDING, State.UPLOADING, State.VERIFYING, State.SELECTING, State.ARMING, State.STARTING}
 )
+_IN_FLIGHT: Final = frozenset({State.RUNNING, State.PERFORMING})
 _AFTER_ACCEPTANCE: Final = {
     State.HOLDING: Event.HELD,
     State.SELECTING: Event.SELECTED,
@@ -59,6 +62,10 @@ class Flight:
         self._stages = Stages(work.mission, vehicle)
         self._follower: Follower | None = None
         self._performer: Performer | None = None
+        self._speeds = SpeedOrders(vehicle)
+        self._soft_abort: SoftAbort | None = None
+        self._ending: Ending | None = None
+        self._ending_work = 0
         self._was_running = False  # An earlier run of the broker has seen it fly
         self._opaque_id = 0
         self._began_at = 0.0
@@ -69,6 +76,8 @@ class Flight:
     @property
     def leaves_hovering(self) -> bool:
         """Whether the vehicle hovers afterwards: at the end, or still where it did before."""
+        if self._ending is not None:
+            return self._ending.leaves_hovering
         if self.ledger.status == Status.FINISHED:
             return not self._stages.ends_on_ground
         return self._hovering and not self._told_to_start
@@ -95,6 +104,9 @@ class Flight:
             self._follower.receive(message)
         if self._performer is not None:
             effects.messages += self._performer.receive(message, now)
+        if self._ending is not None:
+            effects.messages += self._ending.receive(message, now)
+        self._speeds.receive(message, now, effects)
         if self._activity is not None:
             effects.messages += self._activity.receive(message, now)
             self._settle(now, effects)
@@ -104,8 +116,68 @@ class Flight:
         if self._activity is not None:
             effects.messages += self._activity.tick(now)
             self._settle(now, effects)
+        self._speeds.tick(now, effects)
         if self.state in _STEPS:
             _STEPS[self.state](self, now, effects)
+        if self._soft_abort is not None:
+            self._abort_softly(self._soft_abort, now, effects)
+
+    def interrupt(self, work: EventWork, now: float, effects: Effects) -> None:
+        """Carry out an event: abort now, abort behind the running command, or change the speed."""
+        effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))
+        if work.event.maximum_speed is not None:
+            self._stages.set_speed(work.event.maximum_speed)
+            if self.state in _IN_FLIGHT:
+                self._speeds.give(work, work.event.maximum_speed, now, effects)
+            else:
+                effects.for_edge.append(Acknowledgement(work.work_id, "done"))
+        elif work.event.event_type_id is EventType.ABORT_MISSION:
+            self._abort_now(work, now, effects)
+        else:
+            command = self.ledger.finished if self.state in _IN_FLIGHT else None
+            patience = self._vehicle_time_s(now) + PATIENCE_S
+            self._soft_abort = SoftAbort(work, command, patience)
+            self._abort_softly(self._soft_abort, now, effects)
+
+    def _abort_softly(self, abort: SoftAbort, now: float, effects: Effects) -> None:
+        statuses = self.ledger.commands
+        ended = abort.command is not None and statuses[abort.command].is_terminal
+        if self.state is State.IDLE:  # It came to its end meanwhile
+            self._soft_abort = None
+            effects.for_edge.append(Acknowledgement(abort.work.work_id, "done"))
+        elif abort.is_due(command_ended=ended, now_s=self._vehicle_time_s(now)):
+            self._abort_now(abort.work, now, effects)
+
+    def _abort_now(self, work: EventWork, now: float, effects: Effects) -> None:
+        """End the mission; a vehicle that is armed is told where to go."""
+        self._soft_abort = None
+        if self.state is State.UPLOADING:
+            effects.messages.append(activities.cancellation(self._vehicle))
+        if not self.ledger.status.is_terminal:
+            self.ledger.abort(REASONS[work.event.event_type_id])
+            effects.for_edge.append(self._reporter.mission(self.ledger))
+        self._follower = self._performer = None
+        if self._ending is not None:
+            effects.for_edge.append(Acknowledgement(self._ending_work, "done"))
+        if not self._vehicle.snapshot.armed:
+            effects.for_edge.append(Acknowledgement(work.work_id, "done"))
+            self._move(Event.ENDED, now, effects)
+            return
+        self._ending, self._ending_work = Ending(work.event, self._vehicle), work.work_id
+        self._move(Event.ABORTED, now, effects)
+        effects.messages += self._ending.start(now)
+
+    def _step_leaving(self, now: float, effects: Effects) -> None:
+        if self._ending is None:
+            return
+        effects.messages += self._ending.tick(now)
+        if self._ending.is_over:
+            effects.for_edge.append(Acknowledgement(self._ending_work, "done"))
+            self._move(Event.ENDED, now, effects)
+
+    def _vehicle_time_s(self, now: float) -> float:
+        told = self._vehicle.snapshot.time_s
+        return now if told is None else told
 
     def rebooted(self, now: float, effects: Effects) -> None:
         """Take that the vehicle was restarted."""
@@ -219,6 +291,9 @@ class Flight:
     def _next_stage(self, now: float, effects: Effects) -> None:
         """Go on behind a stretch or a live command, or end."""
         landed = self._stages.is_on_ground
+        if self._soft_abort is not None and not self._stages.is_last:
+            self._abort_now(self._soft_abort.work, now, effects)
+            return
         if not self._stages.advance():
             self._follower = self._performer = None
             self._move(Event.ENDED, now, effects)
@@ -398,5 +473,6 @@ _STEPS: Final[Mapping[State, _Handler]] = {
     State.STARTING: Flight._step_starting,  # noqa: SLF001
     State.RUNNING: Flight._step_running,  # noqa: SLF001
     State.PERFORMING: Flight._step_performing,  # noqa: SLF001
+    State.LEAVING: Flight._step_leaving,  # noqa: SLF001
     State.FAILING: Flight._step_failing,  # noqa: SLF001
 }

@@ -13,9 +13,9 @@ from typing import Any, Final, Literal
 
 from pydantic import AwareDatetime, BaseModel, StrictInt, ValidationError
 
-from afarcloud.plan import Mission
+from afarcloud.plan import Event, Mission
 from afarcloud.state import MissionReport
-from mavlink_broker.work import MissionWork, StateVectorWork, Work
+from mavlink_broker.work import EventWork, MissionWork, StateVectorWork, Work
 
 REMEMBERED: Final = 10_000
 
@@ -51,6 +51,10 @@ class _RawMission(_RawWork):
 class _RawStateVector(_RawWork):
     vehicle_id: StrictInt | None = None
     sequence_number: StrictInt | None = None
+
+
+class _RawEvent(_RawWork):
+    event: Event
 
 
 class Inbox:
@@ -100,6 +104,12 @@ def _read(raw: Mapping[str, Any], now: float, utc: datetime) -> tuple[Work | Non
                 expires_at=wish.deadline(now, utc),
             )
             return work, (wish.id, "latest_state_vector", wish.sequence_number)
+        case "event":
+            event = _RawEvent.model_validate(raw)
+            order = EventWork(
+                work_id=event.id, event=event.event, expires_at=event.deadline(now, utc)
+            )
+            return order, (event.id, "event", repr(event.event))
         case _:
             return None, ()
 

@@ -14,6 +14,7 @@ from afarcloud.enumerations import Status
 from mavlink_broker.dialect import Message
 from mavlink_broker.effects import Acknowledgement, Effects, VehicleUpdate
 from mavlink_broker.flight import Flight
+from mavlink_broker.interruption import REASONS
 from mavlink_broker.protocol.heartbeat import LinkState, OwnHeartbeat
 from mavlink_broker.protocol.parameter_read import ParameterRead
 from mavlink_broker.protocol.streams import StreamRequests
@@ -21,9 +22,10 @@ from mavlink_broker.reporter import Reporter
 from mavlink_broker.session_states import State
 from mavlink_broker.translation.mission import Home, RefusedError, translate
 from mavlink_broker.vehicle import Vehicle
-from mavlink_broker.work import MissionWork, StateVectorWork
+from mavlink_broker.work import EventWork, MissionWork, StateVectorWork
 
 UPDATE_EVERY_S: Final = 2.0
+NO_MISSION: Final = "no active mission"
 
 _LOG = logging.getLogger(__name__)
 
@@ -80,6 +82,21 @@ class Session:
         """Report the state at once; false when it is not known."""
         del work
         return self._post_state_vector(now, effects)
+
+    def take_event(self, work: EventWork, now: float, effects: Effects) -> None:
+        """Carry out an event on what is flown; what waits behind it falls with an abort."""
+        is_abort = work.event.maximum_speed is None
+        waited = bool(self._waiting)
+        if is_abort:
+            while self._waiting:
+                self._waiting.popleft().abort(REASONS[work.event.event_type_id], effects)
+        if self._flight is not None:
+            self._flight.interrupt(work, now, effects)
+            self._close_flight()
+        elif is_abort and waited:
+            effects.for_edge.append(Acknowledgement(work.work_id, "done"))
+        else:
+            effects.for_edge.append(Acknowledgement(work.work_id, "refused", NO_MISSION))
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
         """Take a message of the vehicle's autopilot."""

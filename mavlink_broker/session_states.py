@@ -22,6 +22,7 @@ class State(Enum):
     STARTING = auto()  # Told to start, not yet seen to fly
     RUNNING = auto()  # It flies; progress is followed and reported
     PERFORMING = auto()  # A command is flown live, between stretches of the mission
+    LEAVING = auto()  # An event has ended the mission; the vehicle is told where to go
     FAILING = auto()  # Something was refused or went wrong; the vehicle may say why
 
 
@@ -44,6 +45,7 @@ class Event(Enum):
     ITEMS_NEXT = auto()  # The next commands are mission items, and the vehicle is in the air
     GROUND_NEXT = auto()  # The next commands begin with a take-off
     REBOOTED = auto()  # On the ground, before it flew: begin again
+    ABORTED = auto()  # By an event, in the air
     FAULT = auto()
     ENDED = auto()  # The mission has its terminal status
 
@@ -91,6 +93,26 @@ TRANSITIONS: Final[Mapping[tuple[State, Event], State]] = {
     (State.PERFORMING, Event.ENDED): State.IDLE,
     (State.PERFORMING, Event.FAULT): State.FAILING,
     (State.FAILING, Event.ENDED): State.IDLE,
+    (State.ATTACHING, Event.ABORTED): State.LEAVING,
+    (State.WAITING, Event.ABORTED): State.LEAVING,
+    (State.HOLDING, Event.ABORTED): State.LEAVING,
+    (State.UPLOADING, Event.ABORTED): State.LEAVING,
+    (State.VERIFYING, Event.ABORTED): State.LEAVING,
+    (State.SELECTING, Event.ABORTED): State.LEAVING,
+    (State.ARMING, Event.ABORTED): State.LEAVING,
+    (State.STARTING, Event.ABORTED): State.LEAVING,
+    (State.RUNNING, Event.ABORTED): State.LEAVING,
+    (State.PERFORMING, Event.ABORTED): State.LEAVING,
+    (State.FAILING, Event.ABORTED): State.LEAVING,
+    (State.LEAVING, Event.ABORTED): State.LEAVING,
+    (State.ATTACHING, Event.ENDED): State.IDLE,
+    (State.HOLDING, Event.ENDED): State.IDLE,
+    (State.UPLOADING, Event.ENDED): State.IDLE,
+    (State.VERIFYING, Event.ENDED): State.IDLE,
+    (State.SELECTING, Event.ENDED): State.IDLE,
+    (State.ARMING, Event.ENDED): State.IDLE,
+    (State.STARTING, Event.ENDED): State.IDLE,
+    (State.LEAVING, Event.ENDED): State.IDLE,
 }
 
 

@@ -36,6 +36,12 @@ class Stages:
             refused=frozenset(vehicle.refused_items),
         )
 
+    def set_speed(self, speed_m_s: float) -> None:
+        """Fly what is still to come at another speed."""
+        self._mission = self._mission.model_copy(update={"maximum_speed": speed_m_s})
+        if self._itinerary is not None:
+            self.translate()
+
     def do_without(self, item: int) -> bool:
         """Translate again without the command of an item; whether that changes anything."""
         before = self.plan

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from afarcloud.plan import Mission
+from afarcloud.plan import Event, Mission
 from afarcloud.state import MissionReport
 
 
@@ -34,4 +34,18 @@ class StateVectorWork:
     expires_at: float | None = None  # [s] On the broker's clock
 
 
-Work: TypeAlias = MissionWork | StateVectorWork
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EventWork:
+    """An interruption of what a vehicle flies; it may come again until it has been answered."""
+
+    work_id: int
+    event: Event
+    expires_at: float | None = None  # [s] On the broker's clock
+
+    @property
+    def vehicle_id(self) -> int:
+        """Whom it is for."""
+        return self.event.vehicle_id
+
+
+Work: TypeAlias = MissionWork | StateVectorWork | EventWork

@@ -41,7 +41,7 @@ class CommandLong:
 
 def long_command(command: int, *values: float, component: int | None = None) -> CommandLong:
     """Make a command of its first parameters; the others are 0."""
-    p1, p2, p3, p4, p5, p6, p7 = (*values, *(0.0,) * (7 - len(values)))
+    p1, p2, p3, p4, p5, p6, p7 = (*map(float, values), *(0.0,) * (7 - len(values)))
     return CommandLong(
         command=command, parameters=(p1, p2, p3, p4, p5, p6, p7), component=component
     )

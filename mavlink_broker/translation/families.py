@@ -4,6 +4,7 @@ PX4's identity is shared by the project's own vehicle. An unknown autopilot gets
 protocol: arm, start the mission, judge nothing by its modes.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum, auto
@@ -11,7 +12,7 @@ from typing import Final
 
 from afarcloud.enumerations import OrbitType
 from mavlink_broker.dialect import mavlink
-from mavlink_broker.protocol.command import CommandLong
+from mavlink_broker.protocol.command import CommandLong, long_command
 from mavlink_broker.protocol.command_sequence import Ways
 from mavlink_broker.translation import modes
 from mavlink_broker.translation.modes import ModeRole
@@ -19,25 +20,22 @@ from mavlink_broker.translation.modes import ModeRole
 
 def _mode(main: int, sub: int = 0) -> CommandLong:
     """DO_SET_MODE(176) to a custom mode; PX4 takes main and sub, ArduPilot its number in main."""
-    return CommandLong(
-        command=mavlink.MAV_CMD_DO_SET_MODE,
-        parameters=(
-            float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED),
-            float(main),
-            float(sub),
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-        ),
+    return long_command(
+        mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, main, sub
     )
 
 
-_ARM: Final = CommandLong(
-    command=mavlink.MAV_CMD_COMPONENT_ARM_DISARM, parameters=(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-)
+_ARM: Final = long_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
 _START: Final = CommandLong(command=mavlink.MAV_CMD_MISSION_START)
 _PAUSE: Final = CommandLong(command=mavlink.MAV_CMD_DO_PAUSE_CONTINUE)
+_LAND: Final = long_command(
+    mavlink.MAV_CMD_NAV_LAND, 0.0, 0.0, 0.0, math.nan, math.nan, math.nan, math.nan
+)
+_RETURN: Final = long_command(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
+_PX4_RETURN: Final = _mode(4, 5)
+_PX4_LAND: Final = _mode(4, 6)
+_COPTER_RETURN: Final = _mode(6)
+_COPTER_LAND: Final = _mode(9)
 _PX4_HOLD: Final = _mode(4, 3)
 _PX4_MISSION_MODE: Final = _mode(4, 4)
 _COPTER_AUTO: Final = _mode(3)
@@ -95,6 +93,8 @@ class Family:
     arming: Ways = ((_ARM,),)
     starting: Ways = ((_START,),)
     holding: Ways = ((_PAUSE,),)  # Stay in the air, out of the mission
+    landing: Ways = ((_LAND,),)  # Here and now
+    returning: Ways = ((_RETURN,),)  # Home, and land there
     orbiting: Orbiting = Orbiting.ENDLESS
     orbit_headings: Mapping[OrbitType, float] = field(default_factory=lambda: STANDARD_HEADINGS)
     following: Following = Following.BY_COMMAND
@@ -112,6 +112,8 @@ PX4: Final = Family(
     arming=((_ARM,), (_PX4_MISSION_MODE, _ARM)),
     starting=((_START,), (_PX4_MISSION_MODE,)),
     holding=((_PX4_HOLD,), (_PAUSE,)),
+    landing=((_PX4_LAND,), (_LAND,)),
+    returning=((_PX4_RETURN,), (_RETURN,)),
     following=Following.BY_MODE,
     follow_modes=((_FOLLOW_OF_PX4,),),
     battery_capacity_parameter="BAT1_CAPACITY",
@@ -149,6 +151,8 @@ ARDUPILOT: Final = Family(
         mavlink.MAV_CMD_VIDEO_START_CAPTURE: frozenset({0}),
         mavlink.MAV_CMD_VIDEO_STOP_CAPTURE: frozenset({0}),
     },
+    landing=((_COPTER_LAND,), (_LAND,)),
+    returning=((_COPTER_RETURN,), (_RETURN,)),
     orbiting=Orbiting.BY_ITEM,
     following=Following.BY_MODE,
     follow_modes=((_FOLLOW_OF_COPTER,),),

@@ -18,6 +18,8 @@ HOME_TOLERANCE_DEG: Final = 2e-4
 PARAMETER_TOLERANCE: Final = 1e-5
 """Relative, or absolute below 1: the wire carries single precision."""
 
+_SPEED: Final = (mavlink.MAV_CMD_DO_CHANGE_SPEED, 1)
+"""Where the speed stands: the second parameter."""
 _AMSL: Final = mavlink.MAV_FRAME_GLOBAL_INT
 
 
@@ -30,28 +32,36 @@ def difference(
 ) -> str | None:
     """Name the first difference that the family's storage does not explain, or None.
 
-    Home, where it is an item, is the vehicle's own and is not compared. A place that was home
-    when the mission was uploaded may be some metres from home now: `home_may_have_moved`.
+    Home, where it is an item, is the vehicle's own and is not compared. A mission that flies since
+    an earlier run of the broker (`home_may_have_moved`) may differ in two things: a place that was
+    home then may be some metres from home now, and an event may have changed the speed since.
     """
     if len(messages) != len(plan.items):
         return f"the vehicle holds {len(messages)} items instead of {len(plan.items)}"
     for seq in range(plan.first_item, len(plan.items)):
         sent, held = plan.items[seq], from_message(messages[seq])
-        loosely = home_may_have_moved and sent.at_home
-        tolerance_deg = HOME_TOLERANCE_DEG if loosely else POSITION_TOLERANCE_DEG
-        name = _different_field(sent, held, family, tolerance_deg)
+        moved = home_may_have_moved and sent.at_home
+        tolerance_deg = HOME_TOLERANCE_DEG if moved else POSITION_TOLERANCE_DEG
+        name = _different_field(sent, held, family, tolerance_deg, loosely=home_may_have_moved)
         if name:
             return f"item {seq} on the vehicle differs in {name}"
     return None
 
 
 def _different_field(
-    sent: MissionItem, held: MissionItem, family: Family, tolerance_deg: float
+    sent: MissionItem,
+    held: MissionItem,
+    family: Family,
+    tolerance_deg: float,
+    *,
+    loosely: bool,
 ) -> str | None:
     if sent.command != held.command:
         return "command"
     kept = family.kept_parameters.get(sent.command, frozenset(range(4)))
     for index in sorted(kept):
+        if loosely and (sent.command, index) == _SPEED:
+            continue
         if not _same_parameter(sent.parameters[index], held.parameters[index]):
             return f"parameter {index + 1}"
     return _different_place(sent, held, tolerance_deg) if sent.is_positional else None

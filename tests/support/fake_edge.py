@@ -44,6 +44,21 @@ class FakeEdge:
         self._new.append(dict(self.work[number]))
         return number
 
+    def event(self, kind: int, vehicle_id: int = 1, **more: Any) -> int:
+        """Hand out an event."""
+        number = len(self.work) + 1
+        event = {"sequence_number": number, "vehicle_id": vehicle_id, "event_type_id": kind}
+        self.work[number] = {
+            "id": number,
+            "kind": "event",
+            "vehicle_id": vehicle_id,
+            "expires_at": None,
+            "state": "queued",
+            "event": event | more,
+        }
+        self._new.append(dict(self.work[number]))
+        return number
+
     def ask_state(self, vehicle_id: int | None = None) -> int:
         """Ask for a fresh state vector."""
         number = len(self.work) + 1

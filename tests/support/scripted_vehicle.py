@@ -18,12 +18,16 @@ HOME = (40.44340, -3.73820, 650.0)
 PX4_HOLD = 4 << 16 | 3 << 24
 PX4_MISSION = 4 << 16 | 4 << 24
 PX4_RETURN = 4 << 16 | 5 << 24
+PX4_LAND = 4 << 16 | 6 << 24
 PX4_POSITION = 3 << 16
 PX4_ORBIT = 3 << 16 | 1 << 24
 PX4_FOLLOW = 4 << 16 | 8 << 24
 PLACE = ("param5", "param6", "param7")
 COPTER_GUIDED = 4
 COPTER_AUTO = 3
+COPTER_RETURN = 6
+COPTER_LAND = 9
+LANDING_S = 8.0
 TELEMETRY_S = 0.2
 
 
@@ -75,6 +79,7 @@ class ScriptedVehicle:
         self._encoder = Encoder(system, 1)
         self._outbox: list[bytes] = []
         self._item_began_at = 0.0
+        self._mode_began_at = 0.0
         self._next = {"heartbeat": booted_at, "telemetry": booted_at}
 
     @property
@@ -121,6 +126,7 @@ class ScriptedVehicle:
         if now >= self._next["telemetry"]:
             self._next["telemetry"] = now + TELEMETRY_S
             self._go_round()
+            self._come_down()
             self._telemetry()
         frames, self._outbox = self._outbox, []
         return [] if self.silent else frames
@@ -137,6 +143,7 @@ class ScriptedVehicle:
     def set_mode(self, custom_mode: int) -> None:
         """Change the mode as a pilot would."""
         self.custom_mode = custom_mode
+        self._mode_began_at = self._now
         self.heartbeat()
 
     def say(self, text: str, severity: int = mavlink.MAV_SEVERITY_CRITICAL) -> None:
@@ -257,9 +264,8 @@ class ScriptedVehicle:
             case mavlink.MAV_CMD_DO_SET_MODE:
                 main, sub = int(message.param2), int(message.param3)
                 is_px4 = self.script.autopilot == mavlink.MAV_AUTOPILOT_PX4
-                self.custom_mode = main << 16 | sub << 24 if is_px4 else main
+                self.set_mode(main << 16 | sub << 24 if is_px4 else main)
                 self._begin_if_flying()
-                self.heartbeat()
             case mavlink.MAV_CMD_MISSION_START if not self.script.ignores_start:
                 is_copter = self.script.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
                 self.custom_mode = COPTER_AUTO if is_copter else PX4_MISSION
@@ -268,6 +274,17 @@ class ScriptedVehicle:
             case mavlink.MAV_CMD_DO_PAUSE_CONTINUE if message.param1 == 0.0:
                 self.custom_mode = PX4_HOLD
                 self.heartbeat()
+            case mavlink.MAV_CMD_DO_SET_MISSION_CURRENT:
+                self._set_current(int(message.param1))
+            case mavlink.MAV_CMD_REQUEST_MESSAGE:
+                self._requested(int(message.param1))
+            case _:
+                self._fly_live(message)
+
+    def _fly_live(self, message: Message) -> None:
+        match message.command:
+            case mavlink.MAV_CMD_NAV_LAND if self.script.autopilot == mavlink.MAV_AUTOPILOT_PX4:
+                self.set_mode(PX4_LAND)
             case mavlink.MAV_CMD_DO_REPOSITION:
                 self.place = message.x / 1e7, message.y / 1e7
                 self.height_m = message.z - HOME[2]
@@ -279,10 +296,6 @@ class ScriptedVehicle:
                 self.set_mode(PX4_ORBIT)
             case mavlink.MAV_CMD_DO_FOLLOW:
                 self.set_mode(PX4_FOLLOW)
-            case mavlink.MAV_CMD_DO_SET_MISSION_CURRENT:
-                self._set_current(int(message.param1))
-            case mavlink.MAV_CMD_REQUEST_MESSAGE:
-                self._requested(int(message.param1))
 
     def _requested(self, message_id: int) -> None:
         if message_id == mavlink.MAVLINK_MSG_ID_MISSION_CURRENT:
@@ -318,6 +331,15 @@ class ScriptedVehicle:
             self.airborne = True
             self.mission_state = mavlink.MISSION_STATE_ACTIVE
             self._item_began_at = self._now
+
+    def _come_down(self) -> None:
+        """Land, as the modes that do so end."""
+        is_px4 = self.script.autopilot == mavlink.MAV_AUTOPILOT_PX4
+        landing = {PX4_LAND, PX4_RETURN} if is_px4 else {COPTER_LAND, COPTER_RETURN}
+        ended = self._now - self._mode_began_at >= LANDING_S
+        if self.armed and self.custom_mode in landing and ended:
+            self.armed = self.airborne = False
+            self.heartbeat()
 
     def _go_round(self) -> None:
         """Fly on along the circle, and hold when it has been flown as far as was asked for."""

@@ -1,0 +1,78 @@
+"""An event that has come upon a mission, and what becomes of it."""
+
+from dataclasses import dataclass, field
+
+from afarcloud.enumerations import EventType
+from mavlink_broker.dialect import Message, mavlink
+from mavlink_broker.effects import Acknowledgement, Effects
+from mavlink_broker.protocol.command import Accepted, Refused, long_command
+from mavlink_broker.protocol.command_sequence import CommandSequence
+from mavlink_broker.vehicle import Vehicle
+from mavlink_broker.work import EventWork
+
+PATIENCE_S = 30.0
+"""How long a soft abort lets the running command go on, by the vehicle's time."""
+GROUND_SPEED = 1.0
+THROTTLE_AS_IT_IS = -1.0
+REASONS = {
+    EventType.ABORT_MISSION: "aborted by an event",
+    EventType.SOFT_ABORT_MISSION: "aborted softly by an event",
+}
+
+
+@dataclass(slots=True)
+class SoftAbort:
+    """Waits for the running command to end."""
+
+    work: EventWork
+    command: int | None  # Running when it came; None: there is nothing to wait for
+    deadline_s: float
+
+    def is_due(self, *, command_ended: bool, now_s: float) -> bool:
+        """Whether the mission ends now."""
+        return self.command is None or command_ended or now_s >= self.deadline_s
+
+
+@dataclass(slots=True)
+class SpeedOrders:
+    """New speeds on their way to a vehicle; a later one replaces an earlier one."""
+
+    vehicle: Vehicle
+    _running: tuple[EventWork, CommandSequence] | None = field(default=None)
+
+    def give(self, work: EventWork, speed_m_s: float, now: float, effects: Effects) -> None:
+        """Tell the vehicle."""
+        if self._running is not None:
+            reason = "a later event gives another speed"
+            effects.for_edge.append(Acknowledgement(self._running[0].work_id, "refused", reason))
+        order = long_command(
+            mavlink.MAV_CMD_DO_CHANGE_SPEED, GROUND_SPEED, speed_m_s, THROTTLE_AS_IT_IS
+        )
+        sequence = CommandSequence(((order,),), self.vehicle.route, self.vehicle.round_trip)
+        self._running = work, sequence
+        effects.messages += sequence.start(now)
+
+    def receive(self, message: Message, now: float, effects: Effects) -> None:
+        """Take the answer."""
+        if self._running is not None:
+            effects.messages += self._running[1].receive(message, now)
+            self._settle(effects)
+
+    def tick(self, now: float, effects: Effects) -> None:
+        """Repeat what is overdue."""
+        if self._running is not None:
+            effects.messages += self._running[1].tick(now)
+            self._settle(effects)
+
+    def _settle(self, effects: Effects) -> None:
+        if self._running is None:
+            return
+        work, sequence = self._running
+        match sequence.outcome:
+            case Accepted():
+                effects.for_edge.append(Acknowledgement(work.work_id, "done"))
+            case Refused(reason):
+                effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
+            case _:
+                return
+        self._running = None

@@ -1,0 +1,276 @@
+"""Events: every row of the table in every state of a mission, in simulated time."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from afarcloud.enumerations import Status
+from mavlink_broker.dialect import mavlink
+from mavlink_broker.session_states import State
+from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
+from tests.support.scripted_vehicle import (
+    ARDUPILOT,
+    COPTER_LAND,
+    COPTER_RETURN,
+    HOME,
+    PX4,
+    PX4_HOLD,
+    PX4_LAND,
+    PX4_RETURN,
+    Script,
+)
+from tests.unit.mavlink_broker.test_live_commands import OWN, follow, hotpoint
+
+ABORT, SOFT_ABORT, SPEED = 1, 2, 3
+POINT = {"latitude": HOME[0] + 2e-4, "longitude": HOME[1], "altitude": 7.0}
+COMMANDS = (
+    takeoff(1),
+    waypoint(2),
+    hotpoint(3, radius=30.0, start_point=4),
+    follow(4),
+    go_home(5),
+)
+MOMENTS = {
+    "taking off": 0,
+    "waypoint": 1,
+    "hotpoint": 2,
+    "follow": 3,
+    "landing": 4,
+}
+
+
+def world_at(command: int, script: Script = OWN) -> World:
+    """A world whose vehicle flies this command of a long mission."""
+    world = World()
+    world.add_vehicle(script=dataclasses.replace(script, item_time_s=6.0))
+    world.edge.plan(mission(*COMMANDS))
+    world.run_until(lambda: running(world) == command)
+    world.run(1.0)
+    return world
+
+
+def running(world: World) -> int | None:
+    if not world.edge.reports(1201):
+        return None
+    statuses = world.edge.statuses(1201)
+    return statuses.index(Status.RUNNING) if Status.RUNNING in statuses else None
+
+
+def said(world: World, event: int) -> list[str]:
+    return [body["status"] for body in world.edge.acknowledgements(event)]
+
+
+def is_idle(world: World) -> Callable[[], bool]:
+    return lambda: world.app.sessions[1].state is State.IDLE
+
+
+@pytest.mark.parametrize("command", MOMENTS.values(), ids=MOMENTS)
+class TestInFlight:
+    def test_an_abort_ends_everything_now_and_lands_here(self, command: int) -> None:
+        world = world_at(command)
+        vehicle = world.only_vehicle
+        event = world.edge.event(ABORT)
+        world.run(0.5)
+        expected = [Status.FINISHED] * command + [Status.ABORTED] * (5 - command)
+        assert world.edge.statuses(1201) == expected
+        assert world.edge.status(1201) == Status.ABORTED
+        assert vehicle.custom_mode == PX4_LAND
+        world.run_until(lambda: not vehicle.armed)
+        world.run(1.0)
+        assert said(world, event) == ["accepted", "done"]
+
+    def test_an_abort_with_a_point_goes_there_and_lands(self, command: int) -> None:
+        world = world_at(command)
+        vehicle = world.only_vehicle
+        world.edge.event(ABORT, abort=POINT)
+        world.run_until(lambda: not vehicle.armed)
+        assert world.edge.status(1201) == Status.ABORTED
+        went = [v for c, v in vehicle.parameters if c == mavlink.MAV_CMD_DO_REPOSITION]
+        assert went[-1][4:] == pytest.approx(
+            (round(POINT["latitude"] * 1e7), round(POINT["longitude"] * 1e7), HOME[2] + 7.0)
+        )
+        assert vehicle.custom_mode == PX4_LAND
+
+    def test_a_soft_abort_lets_the_running_command_end_and_goes_home(self, command: int) -> None:
+        world = world_at(command)
+        vehicle = world.only_vehicle
+        event = world.edge.event(SOFT_ABORT)
+        world.run_until(lambda: (world.edge.status(1201) or 0) >= 3, within_s=40.0)
+        ended = world.edge.statuses(1201)[command]
+        assert ended == (Status.ABORTED if command == 3 else Status.FINISHED)
+        if command < 4:
+            assert world.edge.statuses(1201)[command + 1] == Status.ABORTED
+            world.run(1.0)
+            assert vehicle.custom_mode == PX4_RETURN
+        world.run_until(lambda: not vehicle.armed)
+        world.run(1.0)
+        assert said(world, event) == ["accepted", "done"]
+
+    def test_a_soft_abort_with_a_point_holds_there(self, command: int) -> None:
+        world = world_at(command)
+        vehicle = world.only_vehicle
+        world.edge.event(SOFT_ABORT, abort=POINT)
+        world.run_until(is_idle(world), within_s=60.0)
+        if command == 4:  # It lands: that is how the running command ends
+            assert world.edge.status(1201) == Status.FINISHED
+            return
+        assert vehicle.armed
+        assert vehicle.custom_mode == PX4_HOLD
+        assert vehicle.place == pytest.approx((POINT["latitude"], POINT["longitude"]))
+
+    def test_a_new_speed_is_told_at_once_and_holds(self, command: int) -> None:
+        world = world_at(command)
+        vehicle = world.only_vehicle
+        event = world.edge.event(SPEED, maximum_speed=2.5)
+        world.run(0.5)
+        speeds = [v for c, v in vehicle.parameters if c == mavlink.MAV_CMD_DO_CHANGE_SPEED]
+        assert speeds == [(1.0, 2.5, -1.0, 0.0, 0.0, 0.0, 0.0)]
+        assert said(world, event) == ["accepted", "done"]
+        world.run_until_over(1201)
+        assert world.edge.status(1201) == Status.FINISHED
+        told = [i.param2 for i in vehicle.items if i.command == mavlink.MAV_CMD_DO_CHANGE_SPEED]
+        assert told == [2.5 if command < 4 else 4.0]
+
+
+class TestAnIdleVehicle:
+    @pytest.mark.parametrize("kind", [ABORT, SOFT_ABORT])
+    def test_has_nothing_to_abort(self, kind: int) -> None:
+        world = World()
+        world.add_vehicle()
+        world.run(3.0)
+        event = world.edge.event(kind)
+        world.run(1.0)
+        assert world.edge.acknowledgements(event) == [
+            {"status": "refused", "message": "no active mission"}
+        ]
+
+    def test_that_is_not_known_is_refused(self) -> None:
+        world = World()
+        event = world.edge.event(ABORT, vehicle_id=9)
+        world.run(1.0)
+        (answer,) = world.edge.acknowledgements(event)
+        assert answer == {"status": "refused", "message": "vehicle 9 is not known"}
+
+
+class TestBeforeTakeOff:
+    @pytest.mark.parametrize("kind", [ABORT, SOFT_ABORT])
+    def test_a_mission_that_waits_is_over_at_once(self, kind: int) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=dataclasses.replace(PX4, ready_to_arm_after_s=30.0))
+        world.edge.plan(mission(*COMMANDS))
+        world.run(3.0)
+        event = world.edge.event(kind)
+        world.run(60.0)
+        assert world.edge.statuses(1201) == [Status.ABORTED] * 5
+        assert said(world, event)[-1] == "done"
+        assert not vehicle.airborne
+
+    def test_an_upload_is_cancelled(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=dataclasses.replace(PX4, busy_for_s=20.0))
+        world.run(2.0)
+        world.edge.plan(mission(*COMMANDS))
+        world.run(1.0)
+        assert world.app.sessions[1].state is State.UPLOADING
+        world.edge.event(ABORT)
+        world.run(40.0)
+        assert world.edge.status(1201) == Status.ABORTED
+        assert vehicle.uploads == 0
+
+    def test_the_queue_is_emptied(self) -> None:
+        world = world_at(1)
+        world.edge.plan(mission(takeoff(), go_home(2), mission_id=1202))
+        world.run(1.0)
+        world.edge.event(ABORT)
+        world.run_until(is_idle(world), within_s=60.0)
+        world.run(30.0)
+        assert world.edge.status(1202) == Status.ABORTED
+        assert not world.only_vehicle.armed
+
+
+class TestAnAbort:
+    def test_is_told_until_it_is_obeyed(self) -> None:
+        world = world_at(1)
+        vehicle = world.only_vehicle
+        modes = (mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_NAV_LAND)
+        refusing = dict.fromkeys(modes, mavlink.MAV_RESULT_FAILED)
+        vehicle.script = dataclasses.replace(vehicle.script, results=refusing)
+        event = world.edge.event(ABORT)
+        world.run(10.0)
+        assert said(world, event) == ["accepted"]
+        vehicle.script = dataclasses.replace(vehicle.script, results={})
+        world.run(3.0)
+        assert vehicle.custom_mode == PX4_LAND
+        assert said(world, event) == ["accepted", "done"]
+
+    def test_lands_here_when_the_vehicle_will_not_go_to_the_point(self) -> None:
+        world = world_at(1)
+        vehicle = world.only_vehicle
+        denied = {mavlink.MAV_CMD_DO_REPOSITION: mavlink.MAV_RESULT_DENIED}
+        vehicle.script = dataclasses.replace(vehicle.script, results=denied)
+        world.edge.event(ABORT, abort=POINT)
+        world.run(4.0)
+        assert vehicle.custom_mode == PX4_LAND
+
+    def test_comes_through_a_lost_link(self) -> None:
+        world = world_at(1)
+        vehicle = world.only_vehicle
+        vehicle.silent = True
+        world.edge.event(ABORT)
+        world.run(15.0)
+        vehicle.silent = False
+        world.run(15.0)
+        assert not vehicle.armed
+        assert world.edge.status(1201) == Status.ABORTED
+
+    def test_overrules_a_soft_one(self) -> None:
+        world = world_at(1)
+        vehicle = world.only_vehicle
+        soft = world.edge.event(SOFT_ABORT)
+        world.run_until(lambda: vehicle.custom_mode == PX4_RETURN)
+        hard = world.edge.event(ABORT)
+        world.run(1.0)
+        assert vehicle.custom_mode == PX4_LAND
+        assert said(world, soft)[-1] == said(world, hard)[-1] == "done"
+
+    def test_lets_the_next_mission_begin_after_the_landing(self) -> None:
+        world = world_at(1)
+        world.edge.event(ABORT)
+        world.run_until(lambda: not world.only_vehicle.armed)
+        world.edge.plan(mission(takeoff(), go_home(2), mission_id=1202))
+        world.run_until_over(1202)
+        assert world.edge.status(1202) == Status.FINISHED
+
+    @pytest.mark.parametrize(("kind", "mode"), [(ABORT, COPTER_LAND), (SOFT_ABORT, COPTER_RETURN)])
+    def test_is_understood_by_ardupilot(self, kind: int, mode: int) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=dataclasses.replace(ARDUPILOT, item_time_s=6.0))
+        world.edge.plan(mission(takeoff(), waypoint(), go_home(3)))
+        world.run_until(lambda: running(world) == 1)
+        world.edge.event(kind)
+        world.run_until(lambda: vehicle.custom_mode == mode, within_s=30.0)
+        world.run_until(lambda: not vehicle.armed)
+
+
+def test_a_restarted_broker_knows_a_mission_whose_speed_an_event_has_changed() -> None:
+    world = world_at(1)
+    world.edge.event(SPEED, maximum_speed=2.5)
+    world.run(1.0)
+    uploads = world.only_vehicle.uploads
+    world.restart_broker()
+    world.run(3.0)
+    assert world.only_vehicle.uploads == uploads
+    world.run_until_over(1201)
+    assert world.edge.status(1201) == Status.FINISHED
+
+
+def test_an_event_is_carried_out_once_however_often_it_is_handed_out() -> None:
+    world = world_at(1)
+    world.edge.event(SPEED, maximum_speed=2.5)
+    world.run(1.0)
+    world.edge.hand_out_again()
+    world.run(1.0)
+    told: list[Any] = [c for c in world.only_vehicle.commands if c == 178]
+    assert len(told) == 1
