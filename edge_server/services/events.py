@@ -32,6 +32,8 @@ from edge_server.store.locks import WORK
 
 LIFETIME_S: Final = 10.0
 """Longest life of an event, whatever `expires_at` asks for."""
+PATIENCE_S: Final = 600.0
+"""After its life, for the broker to say how an accepted event has ended."""
 EVENT_LIMIT: Final = 64
 """Of all vehicles, waiting at once."""
 
@@ -132,9 +134,10 @@ def remove(context: Context, identifier: int) -> None:
         ConflictError: if the broker is at work on it.
     """
     with context.database.write(WORK) as connection:
-        broker_work.expire(connection, context.clock())
+        now = context.clock()
+        broker_work.expire(connection, now)
         stored = _find(connection, identifier)
-        if stored.state == work.ACCEPTED:
+        if stored.state == work.ACCEPTED and now < stored.expires_at + PATIENCE_S:
             raise ConflictError(f"event {identifier} is being carried out")
         events.remove(connection, identifier)
         work.remove(connection, stored.work_id)

@@ -344,6 +344,16 @@ def test_an_event_under_way_is_not_deleted(edge: Edge) -> None:
     assert edge.ask("DELETE", "/events/1", "operator").status_code == 204
 
 
+def test_an_event_that_the_broker_never_ended_can_go_in_the_end(edge: Edge) -> None:
+    fly(edge)
+    send(edge)
+    edge.acknowledge(edge.work()[0]["id"], "accepted")
+    edge.clock.pass_s(events.LIFETIME_S + events.PATIENCE_S - 1)
+    assert edge.ask("DELETE", "/events/1", "operator").status_code == 409
+    edge.clock.pass_s(2)
+    assert edge.ask("DELETE", "/events/1", "operator").status_code == 204
+
+
 def test_lists_are_narrowed_and_continued(edge: Edge) -> None:
     fly(edge)
     fly(edge, 1301, 2)
