@@ -81,7 +81,7 @@ class VehicleStatus(NamedTuple):
     armed: bool
     navigation_state: NavigationState
     failsafe: bool  # A failsafe action flies the vehicle
-    preflight_checks_pass: bool  # Arming would be accepted
+    preflight_checks_pass: bool  # Arming would be accepted; armed: as healthy as it asks for
     armed_since_us: int  # [us] 0 when disarmed
     sensors_present: int  # [-] MAV_SYS_STATUS_SENSOR bits
     sensors_enabled: int  # [-]

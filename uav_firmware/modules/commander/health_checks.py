@@ -179,10 +179,20 @@ POSITION_CHECKS: Final[tuple[Check, ...]] = (
 """For modes that need a position."""
 
 
+STANDING_CHECKS: Final = frozenset({upright, at_rest})
+"""For a vehicle that stands: in the air they say nothing of its health."""
+
+
 def failures(view: VehicleView, params: CommanderParams, *, positioned: bool) -> list[str]:
     """Sentences of all checks that fail, in the order of the tables."""
     checks = ARMING_CHECKS + (POSITION_CHECKS if positioned else ())
     return [text for check in checks if (text := check(view, params)) is not None]
+
+
+def healthy_in_flight(view: VehicleView, params: CommanderParams) -> bool:
+    """Whether an armed vehicle passes all checks but those that ask it to stand."""
+    checks = [check for check in ARMING_CHECKS + POSITION_CHECKS if check not in STANDING_CHECKS]
+    return all(check(view, params) is None for check in checks)
 
 
 def mission_ready(view: VehicleView) -> str | None:

@@ -4,6 +4,7 @@ from typing import Final, NamedTuple
 
 from uav_firmware.modules.commander.commands import arming_refusal
 from uav_firmware.modules.commander.flight_commands import Situation
+from uav_firmware.modules.commander.health_checks import healthy_in_flight
 from uav_firmware.modules.commander.sensor_watch import enabled_bits, healthy_bits, present_bits
 from uav_firmware.msg.status import NavigationState
 
@@ -17,7 +18,7 @@ class Health(NamedTuple):
     due_us: int  # [us] When to look again
     mode: NavigationState
     armed: bool
-    ready: bool = False  # Arming would be accepted
+    ready: bool = False  # Arming would be accepted; in flight, the health that it asks for is there
     present: int = 0  # [-] MAV_SYS_STATUS_SENSOR bits
     enabled: int = 0  # [-]
     healthy: int = 0  # [-]
@@ -26,7 +27,10 @@ class Health(NamedTuple):
 def examine(situation: Situation) -> Health:
     """Look at everything once."""
     view = situation.view
-    ready = arming_refusal(situation) is None
+    if situation.armed:
+        ready = healthy_in_flight(view, situation.params)
+    else:
+        ready = arming_refusal(situation) is None
     present = present_bits(view.ages)
     return Health(
         view.now_us + EXAMINE_PERIOD_US,

@@ -69,7 +69,7 @@ def flight_information(context: Context) -> Message | None:
 
 
 def sys_status(context: Context) -> Message | None:
-    """SYS_STATUS; PREARM_CHECK is healthy when arming would be accepted."""
+    """SYS_STATUS; PREARM_CHECK is healthy when arming would be accepted, in flight while all is."""
     status = context.topics.vehicle_status.value
     if status is None:
         return None

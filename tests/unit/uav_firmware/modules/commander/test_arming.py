@@ -5,7 +5,8 @@ from itertools import product
 
 import pytest
 
-from tests.support.toy_vehicle import ToyVehicle, at, item, takeoff, waypoint
+from tests.support.toy_vehicle import NAN, ToyVehicle, at, item, takeoff, waypoint
+from tests.unit.uav_firmware.modules.navigator.test_modes import airborne
 from uav_firmware.modules.commander.arming_states import (
     TRANSITIONS,
     Arming,
@@ -145,6 +146,22 @@ def test_a_fault_keeps_the_vehicle_disarmed_and_says_why(
     assert before.sensors_health & bit
     assert not after_fault.sensors_health & bit
     assert not after_fault.sensors_health & SensorBit.PREARM_CHECK
+
+
+def test_a_sound_vehicle_is_told_as_sound_while_it_flies_and_lands() -> None:
+    vehicle = airborne()
+    place = at(40.0, 0.0)
+    values = (-1.0, 1.0, 0.0, NAN, place["x"], place["y"], NAN)
+    assert vehicle.send(Command.DO_REPOSITION, *values) is ACCEPTED
+    for command in (None, Command.NAV_RETURN_TO_LAUNCH, Command.NAV_LAND):
+        if command is not None:
+            assert vehicle.send(command) is ACCEPTED
+        vehicle.run(2.0)
+        assert status_of(vehicle).sensors_health & SensorBit.PREARM_CHECK
+    silence("mag")(vehicle)
+    vehicle.run(3.0)
+    assert status_of(vehicle).armed
+    assert not status_of(vehicle).sensors_health & SensorBit.PREARM_CHECK
 
 
 @pytest.mark.parametrize("setting", [0, 1])
