@@ -228,3 +228,18 @@ def test_the_readme_tells_every_variable_and_none_that_does_not_exist() -> None:
                 value.strip("`"), value.strip("`")
             )
             assert defaults[name] == shown
+
+
+def test_the_readmes_own_file_names_settings_of_its_services() -> None:
+    text = (ROOT / "deploy/README.md").read_text()
+    (example,) = re.findall(r"^```yaml\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    for name, service in yaml.safe_load(example)["services"].items():
+        assert set(service["environment"]) <= KNOWN[OURS[name]["build"]["target"]]
+        assert edge_server.config.load({}, service["environment"]).edge_id == "north-farm"
+
+
+def test_every_file_that_the_readmes_commands_name_exists() -> None:
+    text = (ROOT / "deploy/README.md").read_text()
+    named = re.findall(r"(?:-f|--env-file) (\S+?)`?(?=\s)", text)
+    assert named
+    assert [name for name in named if not (ROOT / name).is_file()] == []
