@@ -1,4 +1,4 @@
-"""JSON Schemas of fields and of the GeoJSON that is taken for one. Pure."""
+"""JSON Schemas of fields, surveys and the files of other programs. Pure."""
 
 from typing import Any, Final
 
@@ -50,6 +50,45 @@ GEOJSON: Final[dict[str, Any]] = {
 }
 
 
+SURVEY: Final[dict[str, Any]] = {
+    "type": "object",
+    "description": "Figures of a survey, and its plans in the order of flight.",
+    "properties": {
+        "area_m2": {"type": "number"},
+        "angle_deg": {"type": "number"},
+        "lines": {"type": "integer"},
+        "line_spacing_m": {"type": "number"},
+        "picture_spacing_m": {"type": ["number", "null"]},
+        "pictures": {"type": "integer"},
+        "flights": {"type": "integer"},
+        "length_m": {"type": "number"},
+        "duration_s": {"type": "number"},
+        "plans": {"type": "array", "items": {"type": "object"}},
+    },
+    "required": ["area_m2", "angle_deg", "lines", "flights", "length_m", "duration_s", "plans"],
+}
+
+PLAN_FILE: Final[dict[str, Any]] = {
+    "type": "object",
+    "description": "A .plan file of QGroundControl; its own documentation says more.",
+    "properties": {
+        "fileType": {"const": "Plan"},
+        "version": {"const": 1},
+        "mission": {
+            "type": "object",
+            "properties": {
+                "version": {"const": 2},
+                "items": {"type": "array", "items": {"type": "object"}, "minItems": 1},
+            },
+            "required": ["version", "items"],
+        },
+        "geoFence": {"type": "object"},
+        "rallyPoints": {"type": "object"},
+    },
+    "required": ["fileType", "version", "mission"],
+}
+
+
 def components(field: dict[str, Any], reference: str) -> dict[str, Any]:
     """Give the schemas that belong to the one of a field, by name."""
     moment = {"type": "string", "format": "date-time"}
@@ -77,6 +116,8 @@ def components(field: dict[str, Any], reference: str) -> dict[str, Any]:
     }
     return {
         "GeoJson": GEOJSON,
+        "QGroundControlPlan": PLAN_FILE,
+        "Survey": SURVEY,
         "FieldOrGeoJson": {
             "anyOf": [{"$ref": reference.format(model=name)} for name in ("Field", "GeoJson")]
         },

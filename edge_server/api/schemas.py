@@ -47,45 +47,6 @@ ERROR: Final[dict[str, Any]] = {
     "required": ["message", "detail"],
 }
 
-SURVEY: Final[dict[str, Any]] = {
-    "type": "object",
-    "description": "Figures of a survey, and its plans in the order of flight.",
-    "properties": {
-        "area_m2": {"type": "number"},
-        "angle_deg": {"type": "number"},
-        "lines": {"type": "integer"},
-        "line_spacing_m": {"type": "number"},
-        "picture_spacing_m": {"type": ["number", "null"]},
-        "pictures": {"type": "integer"},
-        "flights": {"type": "integer"},
-        "length_m": {"type": "number"},
-        "duration_s": {"type": "number"},
-        "plans": {"type": "array", "items": {"type": "object"}},
-    },
-    "required": ["area_m2", "angle_deg", "lines", "flights", "length_m", "duration_s", "plans"],
-}
-
-
-PLAN_FILE: Final[dict[str, Any]] = {
-    "type": "object",
-    "description": "A .plan file of QGroundControl; its own documentation says more.",
-    "properties": {
-        "fileType": {"const": "Plan"},
-        "version": {"const": 1},
-        "mission": {
-            "type": "object",
-            "properties": {
-                "version": {"const": 2},
-                "items": {"type": "array", "items": {"type": "object"}, "minItems": 1},
-            },
-            "required": ["version", "items"],
-        },
-        "geoFence": {"type": "object"},
-        "rallyPoints": {"type": "object"},
-    },
-    "required": ["fileType", "version", "mission"],
-}
-
 
 def name_of(kind: Kind) -> str:
     """Name of the schema of a kind."""
@@ -116,8 +77,6 @@ def components() -> dict[str, Any]:
     found |= _bulk() | _work() | _dead_letters()
     found |= _keys()
     found |= field_schemas.components(found["Field"], REFERENCE)
-    found["Survey"] = SURVEY
-    found["QGroundControlPlan"] = PLAN_FILE
     return found
 
 
