@@ -4,12 +4,19 @@ import socket
 import ssl
 import subprocess
 import threading
+import time
 from pathlib import Path
 
 import pytest
+import requests
 
 from edge_server import tls
 from edge_server.config import Config, ConfigError, load
+from edge_server.exit_codes import OK, WRONG_SETUP
+from mavlink_broker.edge_client import EdgeClient
+from mavlink_broker.send_queue import Post, Urgency
+from tests.support.system import PATIENCE_S
+from tests.unit.edge_server.program import Program, program_in
 
 
 @pytest.fixture(scope="module")
@@ -109,3 +116,77 @@ def test_with_an_authority_a_stranger_does_not_get_in(files: tuple[Path, Path]) 
         connect(server, client)
     client.load_cert_chain(certificate, key)
     assert connect(server, client) == "TLSv1.3"
+
+
+def over_tls(program: Program, files: tuple[Path, Path]) -> None:
+    """Let a program speak TLS."""
+    certificate, key = files
+    program.environment["EDGE_TLS_CERTIFICATE_FILE"] = str(certificate)
+    program.environment["EDGE_TLS_KEY_FILE"] = str(key)
+
+
+def wait_ready(program: Program, certificate: Path) -> requests.Response:
+    deadline = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            address = f"https://127.0.0.1:{program.port}/readyz"
+            return requests.get(address, timeout=5, verify=str(certificate))
+        except requests.RequestException:
+            assert time.monotonic() < deadline, "it never became ready"
+            time.sleep(0.05)
+
+
+def test_the_program_and_the_brokers_client_speak_tls(
+    tmp_path: Path, files: tuple[Path, Path]
+) -> None:
+    certificate, _ = files
+    with program_in(tmp_path / "state") as program:
+        over_tls(program, files)
+        program.begin("serve")
+        answer = wait_ready(program, certificate)
+        assert answer.headers["Strict-Transport-Security"]
+        assert answer.headers["Server"] == "gunicorn"
+        with pytest.raises(requests.RequestException):
+            requests.get(f"http://127.0.0.1:{program.port}/readyz", timeout=5)
+        key_file = tmp_path / "state" / "keys" / "broker.key"
+        url = f"https://127.0.0.1:{program.port}"
+        client = EdgeClient(url, key_file, lambda: None, ca_file=certificate)
+        client.post(
+            Post(
+                method="PUT",
+                path="/vehicles/7",
+                body={"link_state": "connected"},
+                vehicle_id=7,
+                lane="vehicle",
+                urgency=Urgency.REPORT,
+                needs_registration=False,
+            )
+        )
+        client.start()
+        client.stop(PATIENCE_S)
+        vehicle = requests.get(
+            f"{url}/vehicles/7",
+            headers={"X-API-Key": program.key("operator")},
+            timeout=5,
+            verify=str(certificate),
+        )
+        assert vehicle.json()["link_state"] == "connected"
+        assert program.end()[0] == OK
+
+
+def test_the_program_does_not_serve_others_in_plain_text(
+    tmp_path: Path, files: tuple[Path, Path]
+) -> None:
+    with program_in(tmp_path / "state") as program:
+        program.environment["EDGE_HOST"] = "0.0.0.0"
+        process = program.spawn("serve")
+        _, complaint = process.communicate(timeout=PATIENCE_S)
+        assert process.returncode == WRONG_SETUP
+        assert "EDGE_ALLOW_PLAIN_HTTP=true" in complaint
+        over_tls(program, files)
+        files[1].chmod(0o640)
+        process = program.spawn("serve")
+        _, complaint = process.communicate(timeout=PATIENCE_S)
+        files[1].chmod(0o600)
+        assert process.returncode == WRONG_SETUP
+        assert "can be read by others" in complaint

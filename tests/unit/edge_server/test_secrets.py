@@ -1,0 +1,69 @@
+"""A secret that others can read is none: ours is closed again, one that was given is refused."""
+
+import logging
+from pathlib import Path
+
+import pytest
+
+from edge_server import key_files
+from edge_server.config import Config
+from edge_server.key_files import OpenSecretError
+from edge_server.preparation import prepare
+from edge_server.store.keys import Role
+
+GIVEN = {
+    "tls_key_file": "EDGE_TLS_KEY_FILE",
+    "cloud_jws_key_file": "CLOUD_JWS_KEY_FILE",
+    "cloud_key_file": "CLOUD_KEY_FILE",
+}
+
+
+@pytest.fixture
+def secret(tmp_path: Path) -> Path:
+    """A file that was given to us."""
+    path = tmp_path / "secret"
+    path.write_text("secret", encoding="ascii")
+    path.chmod(0o600)
+    return path
+
+
+@pytest.mark.parametrize("name", GIVEN)
+@pytest.mark.parametrize("mode", [0o644, 0o640, 0o604, 0o602, 0o610, 0o777])
+def test_what_was_given_and_is_open_is_refused(secret: Path, name: str, mode: int) -> None:
+    secret.chmod(mode)
+    with pytest.raises(OpenSecretError, match=rf"{GIVEN[name]}.*{mode:04o}"):
+        key_files.check_given(Config(**{name: secret}))  # type: ignore[arg-type]  # one of three
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o400])
+def test_what_only_its_owner_reads_is_taken(secret: Path, mode: int) -> None:
+    secret.chmod(mode)
+    key_files.check_given(Config(tls_key_file=secret, cloud_key_file=secret))
+
+
+def test_what_is_missing_is_named(tmp_path: Path) -> None:
+    with pytest.raises(OpenSecretError, match=r"EDGE_TLS_KEY_FILE.*No such file"):
+        key_files.check_given(Config(tls_key_file=tmp_path / "none"))
+
+
+def test_a_signature_key_that_is_none_stops_the_start(secret: Path, tmp_path: Path) -> None:
+    config = Config(state_dir=tmp_path / "state", cloud_jws_key_file=secret)
+    with pytest.raises(OpenSecretError, match="CLOUD_JWS_KEY_FILE"):
+        prepare(config)
+    assert not config.keys_dir.exists()
+
+
+def test_our_own_is_closed_at_the_start(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    config = Config(state_dir=tmp_path)
+    prepare(config)
+    path = key_files.path_of(config.keys_dir, Role.ADMIN)
+    path.chmod(0o644)
+    config.database_path.chmod(0o644)
+    with caplog.at_level(logging.WARNING):
+        prepare(config)
+    assert path.stat().st_mode & 0o777 == 0o600
+    assert config.database_path.stat().st_mode & 0o777 == 0o600
+    assert str(path) in caplog.text
+    caplog.clear()
+    prepare(config)
+    assert str(path) not in caplog.text
