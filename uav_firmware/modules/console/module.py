@@ -51,7 +51,7 @@ class ConsoleModule:
             lines.append("armed" if now.armed else "disarmed")
         if former is None or former.navigation_state is not now.navigation_state:
             lines.append(f"mode {now.navigation_state.name}")
-        if _may_arm(now) and not _may_arm(former):
+        if now.preflight_checks_pass and (former is None or not former.preflight_checks_pass):
             lines.append("ready to arm")
         if now.failsafe and (former is None or not former.failsafe):
             lines.append("a failsafe flies the vehicle")
@@ -75,7 +75,3 @@ class ConsoleModule:
         if former is not None and former.reached_count != now.reached_count:
             lines.append(f"mission item {now.seq_reached} reached")
         return lines
-
-
-def _may_arm(status: VehicleStatus | None) -> bool:
-    return status is not None and status.preflight_checks_pass and not status.armed
