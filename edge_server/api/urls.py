@@ -1,10 +1,13 @@
 """How addresses are written: both with and without the slash at the end, and no redirect."""
 
 from collections.abc import Callable, Sequence
+from typing import Final
 
 from apiflask import APIBlueprint, APIFlask
 from flask.typing import ResponseReturnValue
-from werkzeug.routing import BaseConverter, ValidationError
+from werkzeug.routing import BaseConverter
+
+_LAST: Final = 2**63 - 1
 
 
 class Int64Converter(BaseConverter):
@@ -13,10 +16,11 @@ class Int64Converter(BaseConverter):
     regex = r"\d{1,19}"
 
     def to_python(self, value: str) -> int:
-        """Read an id; a number beyond 63 bits is no address of ours."""
-        if (number := int(value)) >= 2**63:
-            raise ValidationError
-        return number
+        """Read an id; one beyond 63 bits is that of nothing, like the last one that we can hold.
+
+        To refuse it here would answer 405 to all methods but one: the others' rules match.
+        """
+        return min(int(value), _LAST)
 
 
 def install(app: APIFlask) -> None:

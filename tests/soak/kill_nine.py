@@ -157,7 +157,7 @@ def _wait_for_progress(senders: Sequence[Sender], random: Random) -> None:
 
 
 def _choose(random: Random, deaths: Counter[str]) -> str:
-    victim = random.choices(("relay", "worker", "server", "supervisor"), (4, 3, 2, 1))[0]
+    victim = random.choices(("relay", "worker", "server", "supervisor"), (3, 5, 1, 1))[0]
     return "supervisor" if deaths[victim] == DEATHS_FORGIVEN and victim != "worker" else victim
 
 

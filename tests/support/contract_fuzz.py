@@ -71,7 +71,7 @@ def failures(
         except AssertionError as error:
             yield f"{operation.label}, {mode.value}: {error}"
         except BaseExceptionGroup as errors:
-            yield f"{operation.label}, {mode.value}: {errors.exceptions}"
+            yield f"{operation.label}, {mode.value}: {errors}"
 
 
 def _role(description: str) -> str | None:
