@@ -17,6 +17,7 @@ from afarcloud.wire import Kind
 from edge_server import preparation
 from edge_server.config import Config
 from edge_server.services import dead_letters
+from edge_server.services.audit import at_the_shell, on_trail
 from edge_server.services.context import Context
 from edge_server.services.errors import NotFoundError, ServiceError
 from edge_server.store.database import to_json
@@ -51,13 +52,16 @@ def run(
         raise NoDatabaseError(f"no database of this version: {config.database_name}")
     database = preparation.open_database(config)
     context = Context(config, database, time.time)
+    subject = "/".join(["dead_letters", *(str(one) for one in record_ids)])
+    trail = at_the_shell(f"dead_letters.{action}", subject, time.time)
     try:
-        if file is not None:
-            yield from _edited(context, record_ids[0], file)
-        elif action in _OF_ALL:
-            yield from _OF_ALL[action](context)
-        else:
-            yield from _each(context, action, record_ids)
+        with on_trail(trail):
+            if file is not None:
+                yield from _edited(context, record_ids[0], file)
+            elif action in _OF_ALL:
+                yield from _OF_ALL[action](context)
+            else:
+                yield from _each(context, action, record_ids)
     finally:
         database.close()
 

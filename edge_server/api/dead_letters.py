@@ -77,9 +77,9 @@ def retry(record_id: int) -> dict[str, Any]:
 @describe(Contract({200: "Retried"}, query=("kind", "vehicle_id")))
 def retry_all() -> dict[str, int]:
     """Send all dead letters once more, or those of a kind or vehicle."""
-    retried = dead_letters.retry_all(
-        bodies.context(), kind=_kind(), vehicle_id=bodies.query_vehicle()
-    )
+    vehicle_id = bodies.query_vehicle()
+    scopes.check(vehicle_id)
+    retried = dead_letters.retry_all(bodies.context(), kind=_kind(), vehicle_id=vehicle_id)
     audit(f"retried {retried} dead letters")
     return {"retried": retried}
 
@@ -88,7 +88,7 @@ def retry_all() -> dict[str, int]:
 @describe(Contract({200: "Record"}, body="AnyReport", errors=(409,), example=_EXAMPLE))
 def edit(record_id: int) -> dict[str, Any]:
     """Correct a dead letter and send it."""
-    kind = dead_letters.find(bodies.context(), record_id)["kind"]
+    kind = scopes.checked(dead_letters.find(bodies.context(), record_id))["kind"]
     if kind not in _REPORTS:
         raise ConflictError(f"a {kind} cannot be edited")
     report = bodies.document(Kind(kind))
@@ -103,7 +103,9 @@ def edit(record_id: int) -> dict[str, Any]:
 @describe(Contract({200: None}, query=("kind", "vehicle_id"), other_answers=(NDJSON,)))
 def export() -> Response:
     """Export all dead letters, a JSON object a line."""
-    found = dead_letters.export(bodies.context(), kind=_kind(), vehicle_id=bodies.query_vehicle())
+    vehicle_id = bodies.query_vehicle()
+    scopes.check(vehicle_id)
+    found = dead_letters.export(bodies.context(), kind=_kind(), vehicle_id=vehicle_id)
     return Response((to_json(letter) + "\n" for letter in found), content_type=NDJSON)
 
 

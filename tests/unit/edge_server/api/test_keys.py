@@ -3,6 +3,7 @@
 from typing import Any
 
 import pytest
+from sqlalchemy import text
 from werkzeug.test import TestResponse
 
 from edge_server.services.context import moment
@@ -182,3 +183,25 @@ def test_lists_leave_out_what_belongs_to_others(edge: Edge) -> None:
     for method, body in (("GET", None), ("PUT", telemetry("pose", 9, 1)), ("DELETE", None)):
         assert status(edge, key, method, "/pose/1", body) == 403
     assert status(edge, key, "DELETE", "/pose/2") == 204
+
+
+def test_dead_letters_of_others_stay_out_of_reach(edge: Edge) -> None:
+    for number in (1, 2):
+        edge.report("pose", telemetry("pose", 0, number))
+    with edge.context.database.write() as own:
+        own.execute(text("UPDATE outbox SET state = 'dead', last_error = 'a test'"))
+    key = make(edge, "admin", vehicle_ids=[2])
+    assert [one["id"] for one in ask(edge, key, "GET", "/dead_letters/").json or []] == [2]
+    for method, path in (
+        ("GET", "/dead_letters/1"),
+        ("PUT", "/dead_letters/1"),
+        ("DELETE", "/dead_letters/1"),
+        ("POST", "/dead_letters/1/retry"),
+        ("POST", "/dead_letters/retry"),
+        ("POST", "/dead_letters/retry?vehicle_id=1"),
+        ("GET", "/dead_letters/export"),
+        ("GET", "/dead_letters/export?vehicle_id=1"),
+    ):
+        assert status(edge, key, method, path, {} if method != "GET" else None) == 403, path
+    assert status(edge, key, "GET", "/dead_letters/export?vehicle_id=2") == 200
+    assert status(edge, key, "POST", "/dead_letters/2/retry") == 200
