@@ -62,6 +62,18 @@ def enqueue(connection: Connection, record_id: int, stream: Stream) -> None:
     )
 
 
+def enqueue_all(connection: Connection, due: Sequence[tuple[int, Stream]]) -> None:
+    """Make many records due, in this order."""
+    locks.take(connection, {locks.of_stream(*stream) for _, stream in due})
+    connection.execute(
+        insert(outbox),
+        [
+            {"record_id": record_id, "vehicle_id": stream.vehicle_id, "kind": stream.kind}
+            for record_id, stream in due
+        ],
+    )
+
+
 def requeue(connection: Connection, record_id: int) -> None:
     """Make a record due again, as if it had never been tried."""
     connection.execute(

@@ -31,10 +31,15 @@ def earlier(
         return None
     found = idempotency.find(connection, caller.idempotency_key, caller.role)
     if found is not None and (found.route, found.body_sha256) != (route, body_sha256):
-        raise KeyReusedError("this Idempotency-Key was used for another request")
+        raise reused()
     if found is not None:
         audit.nothing_new()
     return found
+
+
+def reused() -> KeyReusedError:
+    """Make the refusal of a key that was used for something else."""
+    return KeyReusedError("this Idempotency-Key was used for another request")
 
 
 def remember(connection: Connection, caller: Caller, answered: Answered) -> None:

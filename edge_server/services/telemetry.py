@@ -11,7 +11,7 @@ from afarcloud.state import Image, MissionReport, Report
 from afarcloud.wire import Kind, write
 from edge_server.outbox import queue
 from edge_server.outbox.queue import Stream
-from edge_server.services import once, progress
+from edge_server.services import intake, once, progress
 from edge_server.services.attempts import repeatable
 from edge_server.services.context import (
     Caller,
@@ -26,6 +26,7 @@ from edge_server.services.errors import (
     KeyReusedError,
     NotFoundError,
 )
+from edge_server.services.intake import Entry
 from edge_server.store import telemetry
 from edge_server.store.database import to_json
 from edge_server.store.idempotency import Answered
@@ -68,24 +69,27 @@ def ingest_all(
 
     A key that belongs to another request spoils its own report only, and so does a lack of room.
     """
-    outcomes: list[dict[str, Any] | KeyReusedError | FullError] = []
     refused = _without_room(context, arrivals)
-    wanted = {lock for one in arrivals for lock in _locks(one.kind, one.report.vehicle_id)}
+    admitted = [one for number, one in enumerate(arrivals) if number not in refused]
+    entries = [Entry(one.kind.value, write(one.report), one.idempotency_key) for one in admitted]
+    wanted = {lock for one in admitted for lock in _locks(one.kind, one.report.vehicle_id)}
     with context.database.write(*wanted) as connection:
-        now = context.clock()
-        for number, (kind, report, key) in enumerate(arrivals):
-            if number in refused:
-                outcomes.append(refused[number])
-                continue
-            caller = Caller(role, key)
-            try:
-                answered = _keep(connection, kind, report, write(report), caller, now)
-            except KeyReusedError as error:
-                outcomes.append(error)
-            else:
-                outcomes.append({"id": answered.object_id, **_receipt(answered)})
+        kept = intake.keep_all(connection, entries, role, context.clock())
+        for arrival, outcome in zip(admitted, kept, strict=True):
+            if outcome.is_new and isinstance(arrival.report, MissionReport):
+                progress.apply(connection, arrival.report)
     context.wake_relay()
-    return outcomes
+    answers = iter(kept)
+    return [
+        refused[number] if number in refused else _told(next(answers).answer)
+        for number in range(len(arrivals))
+    ]
+
+
+def _told(answer: Answered | KeyReusedError) -> dict[str, Any] | KeyReusedError:
+    if isinstance(answer, KeyReusedError):
+        return answer
+    return {"id": answer.object_id, **_receipt(answer)}
 
 
 def _without_room(context: Context, arrivals: Sequence[Arrival]) -> dict[int, FullError]:

@@ -1,6 +1,7 @@
 """Which POSTs have been answered with 201, so that a repeated one has no second effect."""
 
-from typing import NamedTuple
+from collections.abc import Collection, Mapping
+from typing import Final, NamedTuple
 
 from sqlalchemy import Connection, delete, insert, select
 
@@ -17,23 +18,46 @@ class Answered(NamedTuple):
     created_at: float
 
 
+_COLUMNS: Final = (
+    idempotency.c.route,
+    idempotency.c.body_sha256,
+    idempotency.c.object_id,
+    idempotency.c.message_id,
+    idempotency.c.created_at,
+)
+
+
 def find(connection: Connection, key: str, role: str) -> Answered | None:
     """Look a key up."""
     row = connection.execute(
-        select(
-            idempotency.c.route,
-            idempotency.c.body_sha256,
-            idempotency.c.object_id,
-            idempotency.c.message_id,
-            idempotency.c.created_at,
-        ).where(idempotency.c.key == key, idempotency.c.role == role)
+        select(*_COLUMNS).where(idempotency.c.key == key, idempotency.c.role == role)
     ).one_or_none()
     return Answered(*row) if row else None
+
+
+def find_all(connection: Connection, keys: Collection[str], role: str) -> dict[str, Answered]:
+    """Look many keys up; gives those that were answered before."""
+    if not keys:
+        return {}
+    rows = connection.execute(
+        select(idempotency.c.key, *_COLUMNS).where(
+            idempotency.c.key.in_(keys), idempotency.c.role == role
+        )
+    )
+    return {row[0]: Answered(*row[1:]) for row in rows}
 
 
 def remember(connection: Connection, key: str, role: str, answered: Answered) -> None:
     """Keep what was answered."""
     connection.execute(insert(idempotency), {"key": key, "role": role, **answered._asdict()})
+
+
+def remember_all(connection: Connection, answers: Mapping[str, Answered], role: str) -> None:
+    """Keep what was answered, by key."""
+    connection.execute(
+        insert(idempotency),
+        [{"key": key, "role": role, **one._asdict()} for key, one in answers.items()],
+    )
 
 
 def forget_before(connection: Connection, moment: float) -> None:

@@ -1,6 +1,7 @@
 """Reports of vehicles as rows: one row per report, any kind."""
 
 import json
+from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
 from sqlalchemy import Connection, delete, func, insert, select, update
@@ -25,7 +26,18 @@ class Record(NamedTuple):
         return body
 
 
+class Draft(NamedTuple):
+    """A report to be kept, without an id yet."""
+
+    message_id: str
+    kind: str
+    vehicle_id: int
+    payload: str
+    received_at: float
+
+
 _ADD: Final = insert(telemetry)
+_ADD_ALL: Final = insert(telemetry).returning(telemetry.c.id, sort_by_parameter_order=True)
 
 
 def add(
@@ -50,6 +62,12 @@ def add(
         },
     )
     return new_id(result)
+
+
+def add_all(connection: Connection, drafts: Sequence[Draft]) -> list[int]:
+    """Keep many reports; returns their ids, which grow in their order."""
+    rows = [{**draft._asdict(), "size_bytes": len(draft.payload)} for draft in drafts]
+    return list(connection.execute(_ADD_ALL, rows).scalars())
 
 
 def get(

@@ -1,0 +1,96 @@
+"""Many reports into one transaction with a handful of statements, however many there are.
+
+Record by record it would be four statements each, and on a database server four journeys there.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from sqlalchemy import Connection
+from ulid import ULID
+
+from edge_server.outbox import queue
+from edge_server.outbox.queue import Stream
+from edge_server.services import audit, once
+from edge_server.services.errors import KeyReusedError
+from edge_server.store import idempotency, telemetry
+from edge_server.store.database import to_json
+from edge_server.store.idempotency import Answered
+from edge_server.store.telemetry import Draft
+
+
+class Entry(NamedTuple):
+    """A report as it came, and the key under which its sender may repeat it."""
+
+    kind: str
+    body: dict[str, Any]
+    key: str | None
+
+
+class Kept(NamedTuple):
+    """What became of an entry: an answer, new or given before, or the refusal of its key."""
+
+    answer: Answered | KeyReusedError
+    is_new: bool
+
+
+def keep_all(connection: Connection, entries: Sequence[Entry], role: str, now: float) -> list[Kept]:
+    """Store what has not been stored under its key, in order; gives an outcome for each."""
+    known = idempotency.find_all(connection, [one.key for one in entries if one.key], role)
+    drafts: list[Draft] = []
+    places: list[int | None] = []  # Of each entry among the drafts
+    outcomes: list[Kept] = []
+    waiting: dict[str, int] = {}  # Keys of this very batch
+    for entry in entries:
+        answered = Answered(entry.kind, once.hash_body(entry.body), 0, str(ULID()), now)
+        earlier = known.get(entry.key) if entry.key else None
+        if earlier is None:
+            if entry.key:
+                known[entry.key] = answered
+                waiting[entry.key] = len(drafts)
+            places.append(len(drafts))
+            drafts.append(_draft(entry, answered))
+            outcomes.append(Kept(answered, is_new=True))
+            continue
+        places.append(waiting.get(entry.key or ""))
+        same = (earlier.route, earlier.body_sha256) == (answered.route, answered.body_sha256)
+        outcomes.append(Kept(earlier if same else once.reused(), is_new=False))
+    ids = _insert(connection, drafts)
+    found = [_with_id(kept, place, ids) for kept, place in zip(outcomes, places, strict=True)]
+    _remember(connection, entries, found, role)
+    return found
+
+
+def _draft(entry: Entry, answered: Answered) -> Draft:
+    message_id = answered.message_id or ""
+    payload = to_json({**entry.body, "message_id": message_id})
+    vehicle_id = int(entry.body["vehicle_id"])
+    return Draft(message_id, entry.kind, vehicle_id, payload, answered.created_at)
+
+
+def _insert(connection: Connection, drafts: Sequence[Draft]) -> list[int]:
+    if not drafts:
+        return []
+    ids = telemetry.add_all(connection, drafts)
+    streams = [Stream(draft.vehicle_id, draft.kind) for draft in drafts]
+    queue.enqueue_all(connection, list(zip(ids, streams, strict=True)))
+    return ids
+
+
+def _with_id(kept: Kept, place: int | None, ids: Sequence[int]) -> Kept:
+    if place is None or isinstance(kept.answer, KeyReusedError):
+        return kept
+    return kept._replace(answer=kept.answer._replace(object_id=ids[place]))
+
+
+def _remember(
+    connection: Connection, entries: Sequence[Entry], outcomes: Sequence[Kept], role: str
+) -> None:
+    answers = {}
+    for entry, (answer, is_new) in zip(entries, outcomes, strict=True):
+        if is_new and isinstance(answer, Answered):
+            audit.made(answer.object_id)
+            if entry.key is not None:
+                answers[entry.key] = answer
+    if answers:
+        idempotency.remember_all(connection, answers, role)
