@@ -3,6 +3,7 @@
 WorkerDiedError  a thread has failed; the relay should start again
 """
 
+import logging
 import os
 import queue as threads_queue
 import threading
@@ -12,6 +13,8 @@ from edge_server.outbox import wakeup
 from edge_server.outbox.answers import Verdict, judge
 from edge_server.outbox.schedule import Shipment
 from edge_server.outbox.uplink import Uplink
+
+LOG = logging.getLogger(__name__)
 
 
 class WorkerDiedError(Exception):
@@ -73,14 +76,12 @@ class Crew:
 
     def _work(self) -> None:
         """One thread: take a shipment, send it, hand the verdicts back."""
-        ended_well = False
         try:
             while (shipment := self._orders.get()) is not None:
                 replies = self._uplink.send(shipment.parcels)
                 self._answers.put(Answered(shipment, [judge(reply) for reply in replies]))
                 self.ring()
-            ended_well = True
-        finally:
-            if not ended_well:
-                self._one_left.set()
-                self.ring()
+        except Exception:
+            LOG.exception("a thread that talks to the cloud has failed")
+            self._one_left.set()
+            self.ring()

@@ -7,13 +7,12 @@ oldest alarm first. A kind that the cloud has no place for has a circuit of its 
 cloud refuses our key the uplink is paused, and probed at a fixed interval.
 """
 
-from collections import deque
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
 from random import Random
 from typing import Final, NamedTuple
 
 from edge_server.outbox.answers import Meaning, Verdict
+from edge_server.outbox.lanes import Circuit, Lane, happening_of
 from edge_server.outbox.queue import PRIORITY, Parcel, Stream
 from edge_server.outbox.retry import Backoff
 from edge_server.outbox.states import Happening, State, follow
@@ -22,10 +21,10 @@ from edge_server.outbox.uplink import ONE_BY_ONE, Offer
 URGENT: Final = 1  # Alarms and mission reports: one worker is always free for them
 FAIR_TURN: Final = 8  # Every so many free picks the oldest record goes, of any priority
 BREAKER: Final = 5  # So many failures in a row, and it is not one stream's fault
-PLACE_TRIES: Final = 10  # So many times a kind without a place is tried for each record
 PREFETCH: Final = 128
 PREFETCH_IMAGES: Final = 2  # Up to 1.4 MB each
 
+_FREE: Final = Circuit()
 _ALIVE: Final = frozenset({Meaning.CONFIRMED, Meaning.REJECTED, Meaning.NO_PLACE})
 """The cloud has understood us, whatever it says of the record."""
 
@@ -34,25 +33,6 @@ class Shipment(NamedTuple):
     """Records that go together; of each stream the next ones in order."""
 
     parcels: list[Parcel]
-
-
-@dataclass(slots=True)
-class _Circuit:
-    """Failures in a row, and until when nothing goes; one probe at a time after that."""
-
-    failures: int = 0
-    not_before: float = 0.0
-
-
-@dataclass(slots=True)
-class _Lane:
-    """One stream's records in memory."""
-
-    waiting: deque[Parcel] = field(default_factory=deque)
-    flying: list[int] = field(default_factory=list)  # Row ids
-    circuit: _Circuit = field(default_factory=_Circuit)
-    read_to: int = 0
-    has_more: bool = True
 
 
 class Schedule:
@@ -65,9 +45,9 @@ class Schedule:
         self._probe_interval_s = probe_interval_s
         self._workers = workers
         self._random = random
-        self._lanes: dict[Stream, _Lane] = {}
-        self._kinds: dict[str, _Circuit] = {}  # Those without a place, by kind
-        self._uplink = _Circuit()
+        self._lanes: dict[Stream, Lane] = {}
+        self._kinds: dict[str, Circuit] = {}  # Those without a place, by kind
+        self._uplink = Circuit()
         self._picks = 0
         self._flying = 0
         self._failures = 0  # Shipments in a row, over all streams
@@ -86,7 +66,7 @@ class Schedule:
     def announce(self, streams: Iterable[Stream]) -> None:
         """Say that these streams have new rows."""
         for stream in streams:
-            self._lanes.setdefault(stream, _Lane()).has_more = True
+            self._lanes.setdefault(stream, Lane()).has_more = True
 
     def hungry(self) -> list[tuple[Stream, int, int]]:
         """Streams to read on: which, after which row, how many."""
@@ -218,7 +198,7 @@ class Schedule:
         happenings = []
         for parcel, verdict in zip(shipment.parcels, verdicts, strict=True):
             self._lanes[parcel.stream].flying.remove(parcel.outbox_id)
-            happenings.append(_happening(parcel, verdict))
+            happenings.append(happening_of(parcel, verdict))
         for parcel, verdict, happening in reversed(
             list(zip(shipment.parcels, verdicts, happenings, strict=True))
         ):
@@ -253,7 +233,7 @@ class Schedule:
         self, shipment: Shipment, verdicts: Sequence[Verdict], now: float
     ) -> None:
         """Count one failure per stream and kind, however many records have met it."""
-        failed: dict[int, tuple[_Circuit, Verdict]] = {}
+        failed: dict[int, tuple[Circuit, Verdict]] = {}
         for parcel, verdict in zip(shipment.parcels, verdicts, strict=True):
             lane, kind = self._lanes[parcel.stream], parcel.stream.kind
             if verdict.meaning in {Meaning.CONFIRMED, Meaning.REJECTED}:
@@ -262,7 +242,7 @@ class Schedule:
             elif verdict.meaning is Meaning.TRY_LATER:
                 failed.setdefault(id(lane.circuit), (lane.circuit, verdict))
             elif verdict.meaning is Meaning.NO_PLACE:
-                circuit = self._kinds.setdefault(kind, _Circuit())
+                circuit = self._kinds.setdefault(kind, Circuit())
                 failed.setdefault(id(circuit), (circuit, verdict))
         for circuit, verdict in failed.values():
             self._open(circuit, verdict, now)
@@ -272,7 +252,7 @@ class Schedule:
             return  # An answer to a record that flew beside the one that found the way blocked
         self._open(self._uplink, verdict, now)
 
-    def _open(self, circuit: _Circuit, verdict: Verdict, now: float) -> None:
+    def _open(self, circuit: Circuit, verdict: Verdict, now: float) -> None:
         circuit.failures += 1
         circuit.not_before = now + self._backoff.delay_s(
             circuit.failures, self._random, verdict.retry_after_s
@@ -292,27 +272,7 @@ class Schedule:
         ]
         return min((moment for moment in times if moment > now), default=None)
 
-    def _due(self, stream: Stream, lane: _Lane) -> float:
+    def _due(self, stream: Stream, lane: Lane) -> float:
         kind = self._kinds.get(stream.kind, _FREE).not_before
         uplink = self._uplink.not_before if self.blocked else 0.0
         return max(kind, uplink, lane.circuit.not_before)
-
-
-_FREE: Final = _Circuit()
-
-
-def _happening(parcel: Parcel, verdict: Verdict) -> Happening:
-    if verdict.meaning is Meaning.NO_PLACE and parcel.attempts + 1 >= PLACE_TRIES:
-        return Happening.REJECTED
-    return _HAPPENING[verdict.meaning]
-
-
-_HAPPENING: Final = {
-    Meaning.CONFIRMED: Happening.CONFIRMED,
-    Meaning.TRY_LATER: Happening.PUT_OFF,
-    Meaning.NO_CLOUD: Happening.PUT_OFF,
-    Meaning.NO_ACCESS: Happening.REFUSED,
-    Meaning.REJECTED: Happening.REJECTED,
-    Meaning.NO_PLACE: Happening.PUT_OFF,
-    Meaning.HELD_BACK: Happening.PUT_OFF,
-}

@@ -3,16 +3,10 @@
 from random import Random
 
 from edge_server.outbox.answers import Meaning, Verdict
+from edge_server.outbox.lanes import PLACE_TRIES
 from edge_server.outbox.queue import Parcel, Stream
 from edge_server.outbox.retry import Backoff
-from edge_server.outbox.schedule import (
-    BREAKER,
-    FAIR_TURN,
-    PLACE_TRIES,
-    PREFETCH,
-    Schedule,
-    Shipment,
-)
+from edge_server.outbox.schedule import BREAKER, FAIR_TURN, PREFETCH, Schedule, Shipment
 from edge_server.outbox.states import Happening
 from edge_server.outbox.uplink import Offer
 
