@@ -45,6 +45,9 @@ def run(config: Config, options: argparse.Namespace) -> int:
         except ServiceError as error:
             _complain(f"edge server: {error}")
             return FAILED
+        except OSError as error:  # A key file that cannot be written: its key is not made either
+            _complain(f"edge server: {error.filename}: {error.strerror}")
+            return FAILED
 
 
 def _show_paths(config: Config, _database: Database, _options: argparse.Namespace) -> int:

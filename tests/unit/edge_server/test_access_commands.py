@@ -120,3 +120,15 @@ def test_the_log_is_exported_and_verified(run: Run, tmp_path: Path) -> None:
     code, _, complaint = run("audit", "verify")
     assert code == FAILED
     assert "row 2 has been changed" in complaint
+
+
+def test_a_key_whose_file_cannot_be_written_is_not_made_and_the_old_one_stays(
+    run: Run, tmp_path: Path
+) -> None:
+    assert run("migrate")[0] == OK
+    before = known(tmp_path)
+    (tmp_path / "keys" / "farmer.new").mkdir()  # In the way, as a read-only folder of secrets is
+    code, _, complaint = run("keys", "rotate", "farmer")
+    assert code == FAILED
+    assert "farmer.new" in complaint
+    assert known(tmp_path) == before
