@@ -40,6 +40,8 @@ BACKLOG: Final = 10_000
 FARM_RECORDS_PER_S: Final = 50.0
 """What ten vehicles send: pose, state vector, battery and now and then the rest, each at 1 Hz."""
 URGENT: Final = 100
+REQUESTS: Final = 30
+"""For a state vector; the server lets 32 wait."""
 URGENT_BACKLOG: Final = 40_000
 """So that 10,000 and more drain while the urgent ones are sent."""
 QUEUED: Final = 1_000_000
@@ -239,13 +241,11 @@ def _urgent(program: Program, cloud: Cloud) -> Iterator[Result]:
     for number in range(URGENT):
         posted[number] = time.time()
         broker.ask("POST", "/alarm/", documents.telemetry("alarm", number))
-        began = time.monotonic()
-        operator.ask("POST", "/latest_state_vector/", {"sequence_number": number, "vehicle_id": 1})
-        answer = broker.ask("GET", f"/broker/commands?after={cursor}&wait=10")
-        events_s.append(time.monotonic() - began)
-        cursor = answer["cursor"]
-        for command in answer["commands"]:
-            broker.ask("POST", f"/broker/commands/{command['id']}/ack", {"status": "accepted"})
+        if number < REQUESTS:
+            began = time.monotonic()
+            operator.ask("POST", "/latest_state_vector/", {"sequence_number": 0, "vehicle_id": 1})
+            cursor = broker.ask("GET", f"/broker/commands?after={cursor}&wait=10")["cursor"]
+            events_s.append(time.monotonic() - began)
         draining += (cloud.count() or 0) < URGENT_BACKLOG
     wait_for(lambda: len(cloud.records("alarm")) == URGENT, "all alarms at the cloud")
     delays_ms = [
