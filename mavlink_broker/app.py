@@ -31,7 +31,7 @@ IDLE_WAIT_S: Final = 0.02
 AUTOPILOT: Final = 1
 """MAV_COMP_ID_AUTOPILOT1."""
 PEERS_KEPT: Final = 1024
-PAYLOAD_WORDS: Final = frozenset({"COMMAND_ACK"})
+PAYLOAD_WORDS: Final = frozenset({"COMMAND_ACK", "HEARTBEAT"})
 """What is taken from a vehicle's other components, such as its camera."""
 
 _LOG = logging.getLogger(__name__)

@@ -6,10 +6,10 @@ A session touches neither; the program's loop carries its effects out, in order.
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
-from afarcloud.state import Battery, MissionReport, Pose, StateVector
+from afarcloud.state import Alarm, Battery, MissionReport, Pose, StateVector
 from mavlink_broker.dialect import Message
 
-Report: TypeAlias = Pose | Battery | StateVector | MissionReport
+Report: TypeAlias = Pose | Battery | StateVector | MissionReport | Alarm
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,6 +23,11 @@ WITHIN_S: Final = 600.0
 """To reach a place; then the vehicle lands where it is."""
 
 
+def coming_home(vehicle_id: int) -> Event:
+    """What ends a mission that an alarm has failed: as if somebody had aborted it softly."""
+    return Event(vehicle_id=vehicle_id, event_type_id=EventType.SOFT_ABORT_MISSION)
+
+
 def action_after(event: Event, vehicle: Vehicle, *, give_up_place: bool = False) -> LiveAction:
     """What an abort asks for at its end."""
     family, point = vehicle.family, event.abort

@@ -8,12 +8,13 @@ import logging
 from collections.abc import Callable, Mapping
 from typing import Final, TypeAlias
 
+from afarcloud import plan as documents
 from afarcloud.enumerations import EventType, Status
 from mavlink_broker import activities, readiness
 from mavlink_broker.activities import Activity
 from mavlink_broker.dialect import Message
 from mavlink_broker.effects import Acknowledgement, Effects
-from mavlink_broker.ending import Ending
+from mavlink_broker.ending import Ending, coming_home
 from mavlink_broker.follower import Follower
 from mavlink_broker.interruption import PATIENCE_S, REASONS, SoftAbort, SpeedOrders
 from mavlink_broker.performer import Performer, Phase
@@ -65,7 +66,7 @@ class Flight:
         self._speeds = SpeedOrders(vehicle)
         self._soft_abort: SoftAbort | None = None
         self._ending: Ending | None = None
-        self._ending_work = 0
+        self._ending_work: int | None = None  # None: an alarm has ended the mission
         self._was_running = False  # An earlier run of the broker has seen it fly
         self._opaque_id = 0
         self._began_at = 0.0
@@ -139,6 +140,26 @@ class Flight:
             self._soft_abort = SoftAbort(work, command, patience)
             self._abort_softly(self._soft_abort, now, effects)
 
+    def alarm(self, reason: str, now: float, effects: Effects) -> None:
+        """Fail a mission that flies; the vehicle comes home, or lands if it cannot."""
+        if self.state not in _IN_FLIGHT or not self._vehicle.snapshot.armed:
+            return
+        self.ledger.fail(reason)
+        effects.for_edge.append(self._reporter.mission(self.ledger))
+        if self._soft_abort is not None:
+            work_id, self._soft_abort = self._soft_abort.work.work_id, None
+            effects.for_edge.append(Acknowledgement(work_id, "done"))
+        self._leave(coming_home(self._vehicle.vehicle_id), None, now, effects)
+
+    def _leave(
+        self, event: documents.Event, work_id: int | None, now: float, effects: Effects
+    ) -> None:
+        """Send the vehicle where the event says."""
+        self._follower = self._performer = None
+        self._ending, self._ending_work = Ending(event, self._vehicle), work_id
+        self._move(Event.ABORTED, now, effects)
+        effects.messages += self._ending.start(now)
+
     def _abort_softly(self, abort: SoftAbort, now: float, effects: Effects) -> None:
         statuses = self.ledger.commands
         ended = abort.command is not None and statuses[abort.command].is_terminal
@@ -157,22 +178,25 @@ class Flight:
             self.ledger.abort(REASONS[work.event.event_type_id])
             effects.for_edge.append(self._reporter.mission(self.ledger))
         self._follower = self._performer = None
-        if self._ending is not None:
-            effects.for_edge.append(Acknowledgement(self._ending_work, "done"))
+        self._acknowledge_ending(effects)
         if not self._vehicle.snapshot.armed:
             effects.for_edge.append(Acknowledgement(work.work_id, "done"))
             self._move(Event.ENDED, now, effects)
             return
-        self._ending, self._ending_work = Ending(work.event, self._vehicle), work.work_id
-        self._move(Event.ABORTED, now, effects)
-        effects.messages += self._ending.start(now)
+        self._leave(work.event, work.work_id, now, effects)
+
+    def _acknowledge_ending(self, effects: Effects) -> None:
+        """Say that an event has been carried out, once."""
+        if self._ending is not None and self._ending_work is not None:
+            effects.for_edge.append(Acknowledgement(self._ending_work, "done"))
+            self._ending_work = None
 
     def _step_leaving(self, now: float, effects: Effects) -> None:
         if self._ending is None:
             return
         effects.messages += self._ending.tick(now)
         if self._ending.is_over:
-            effects.for_edge.append(Acknowledgement(self._ending_work, "done"))
+            self._acknowledge_ending(effects)
             self._move(Event.ENDED, now, effects)
 
     def _vehicle_time_s(self, now: float) -> float:

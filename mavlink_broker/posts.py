@@ -9,11 +9,12 @@ from typing import Final
 
 from afarcloud import wire
 from afarcloud.numbers import format_time
-from afarcloud.state import Battery, MissionReport, Pose, StateVector
+from afarcloud.state import Alarm, Battery, MissionReport, Pose, StateVector
 from mavlink_broker.effects import Acknowledgement, ForEdge, Report, VehicleUpdate
 from mavlink_broker.send_queue import Post, Urgency
 
 _KINDS: Final[Mapping[type[Report], tuple[wire.Kind, Urgency]]] = {
+    Alarm: (wire.Kind.ALARM, Urgency.ALARM),
     Pose: (wire.Kind.POSE, Urgency.RESULT),
     Battery: (wire.Kind.BATTERY, Urgency.RESULT),
     StateVector: (wire.Kind.STATE_VECTOR, Urgency.TELEMETRY),

@@ -3,9 +3,10 @@
 from collections import Counter
 from typing import TypeVar
 
-from afarcloud.state import Report, StateVector
+from afarcloud.state import Alarm, Report, StateVector
 from mavlink_broker import effects
 from mavlink_broker.translation import telemetry
+from mavlink_broker.translation.alarms import Failure
 from mavlink_broker.translation.ledger import Ledger
 from mavlink_broker.vehicle import Vehicle
 
@@ -39,6 +40,17 @@ class Reporter:
     def mission(self, ledger: Ledger) -> effects.Report:
         """How far a mission is."""
         return self._signed(ledger.report(**self._next("mission_report")), "mission_report")
+
+    def alarm(self, failure: Failure, mission_id: int | None) -> effects.Report:
+        """Something that has failed, and the mission that it ends."""
+        alarm = Alarm(
+            **self._next("alarm"),
+            alarm_type_id=failure.type,
+            alarm_code_id=failure.code,
+            mission_id=mission_id,
+            message=failure.text,
+        )
+        return self._signed(alarm, "alarm")
 
     def _next(self, kind: str) -> dict[str, int]:
         return {"vehicle_id": self._vehicle.vehicle_id, "sequence_number": self._numbers[kind]}

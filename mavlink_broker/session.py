@@ -7,11 +7,11 @@ of ours has left it.
 
 import logging
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, Final
 
 from afarcloud.enumerations import Status
-from mavlink_broker.dialect import Message
+from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.effects import Acknowledgement, Effects, VehicleUpdate
 from mavlink_broker.flight import Flight
 from mavlink_broker.interruption import REASONS
@@ -20,6 +20,7 @@ from mavlink_broker.protocol.parameter_read import ParameterRead
 from mavlink_broker.protocol.streams import StreamRequests
 from mavlink_broker.reporter import Reporter
 from mavlink_broker.session_states import State
+from mavlink_broker.translation.alarms import AlarmWatch, Failure
 from mavlink_broker.translation.mission import Home, RefusedError, translate
 from mavlink_broker.vehicle import Vehicle
 from mavlink_broker.work import EventWork, MissionWork, StateVectorWork
@@ -49,6 +50,7 @@ class Session:
         self._heartbeat = OwnHeartbeat()
         self._streams = StreamRequests(vehicle.route, vehicle.round_trip)
         self._capacity: ParameterRead | None = None
+        self._alarms = AlarmWatch()
         self._waiting: deque[Flight] = deque()
         self._flight: Flight | None = None
         self._hovering = False
@@ -104,6 +106,7 @@ class Session:
         if rebooted:
             self._restarted(now, effects)
         effects.messages += self._streams.receive(message, now)
+        self._raise_alarms(self._alarms.receive(message, now), now, effects)
         if self._capacity is not None:
             self._capacity.receive(message)
         if self._flight is not None:
@@ -112,6 +115,10 @@ class Session:
 
     def receive_payload(self, message: Message, now: float, effects: Effects) -> None:
         """Take a message of another component of the vehicle: its camera, its gimbal."""
+        if message.get_type() == "HEARTBEAT":
+            if message.type == mavlink.MAV_TYPE_CAMERA:
+                self._alarms.camera_heard(now)
+            return
         if self._flight is not None:
             self._flight.receive(message, now, effects)
             self._close_flight()
@@ -125,6 +132,11 @@ class Session:
             self.vehicle.is_identified |= self._streams.is_version_settled
             self._read_capacity(now, effects)
             self._watch_hover()
+            is_connected = self.vehicle.link_state(now) is LinkState.CONNECTED
+            failures = self._alarms.tick(now, is_connected=is_connected)
+            self._raise_alarms(failures, now, effects)
+        else:
+            self._alarms.forget()
         self._next_flight(now, effects)
         if self._flight is not None:
             self._flight.step(now, effects)
@@ -133,11 +145,20 @@ class Session:
         if connected and now - self._state_vector_at >= self._state_vector_every_s:
             self._post_state_vector(now, effects)
 
+    def _raise_alarms(self, failures: Iterable[Failure], now: float, effects: Effects) -> None:
+        """Tell what has failed; a mission that flies has failed with it."""
+        for failure in failures:
+            _LOG.warning("vehicle %d: %s", self.vehicle.vehicle_id, failure.text)
+            effects.for_edge.append(self._reporter.alarm(failure, self._mission_id))
+            if self._flight is not None:
+                self._flight.alarm(failure.text, now, effects)
+
     def _restarted(self, now: float, effects: Effects) -> None:
         _LOG.warning("vehicle %d was restarted", self.vehicle.vehicle_id)
         self._reporter.session_id = self._new_session_id()
         self._hovering = False
         self._streams.renew()
+        self._alarms.forget()
         if self._flight is not None:
             self._flight.rebooted(now, effects)
 

@@ -10,6 +10,7 @@ import pytest
 
 from afarcloud.enumerations import Status
 from mavlink_broker.app import App
+from mavlink_broker.codec import Encoder
 from mavlink_broker.config import Config
 from mavlink_broker.dialect import mavlink
 from mavlink_broker.link import Address
@@ -93,6 +94,13 @@ class World:
         vehicle = ScriptedVehicle(system, script, booted_at=self.clock.now)
         self.air.vehicles["192.0.2.1", 14580 + system] = vehicle
         return vehicle
+
+    def hear_camera(self, vehicle: ScriptedVehicle) -> None:
+        """Let a vehicle's camera send a heartbeat."""
+        address = next(a for a, v in self.air.vehicles.items() if v is vehicle)
+        encoder = Encoder(vehicle.system, mavlink.MAV_COMP_ID_CAMERA)
+        heartbeat = mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_CAMERA, 8, 0, 0, 4, 3)
+        self.air.to_broker(address, encoder.encode(heartbeat))
 
     @property
     def only_vehicle(self) -> ScriptedVehicle:

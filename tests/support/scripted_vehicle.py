@@ -29,6 +29,16 @@ COPTER_RETURN = 6
 COPTER_LAND = 9
 LANDING_S = 8.0
 TELEMETRY_S = 0.2
+SENSORS = (
+    mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
+    | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
+    | mavlink.MAV_SYS_STATUS_SENSOR_GPS
+    | mavlink.MAV_SYS_STATUS_SENSOR_LASER_POSITION
+    | mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
+    | mavlink.MAV_SYS_STATUS_GEOFENCE
+    | mavlink.MAV_SYS_STATUS_AHRS
+    | mavlink.MAV_SYS_STATUS_SENSOR_PROPULSION
+)
 
 
 @dataclass
@@ -72,6 +82,7 @@ class ScriptedVehicle:
         self.place = HOME[:2]
         self.height_m = 5.0
         self.circle: Circle | None = None
+        self.ill = 0  # MAV_SYS_STATUS_SENSOR that are not healthy
         self.targets = 0  # FOLLOW_TARGET heard
         self._booted_at = booted_at
         self._now = booted_at
@@ -189,7 +200,10 @@ class ScriptedVehicle:
             mavlink.MAVLink_attitude_message(boot_ms, 0.01, -0.02, -math.pi / 2, 0, 0, 0),
             mavlink.MAVLink_extended_sys_state_message(0, landed),
             mavlink.MAVLink_sys_status_message(
-                prearm, prearm, prearm if ready else 0, 0, 12000, 100, 80, 0, 0, 0, 0, 0, 0
+                prearm | SENSORS,
+                prearm | SENSORS,
+                ((prearm if ready else 0) | SENSORS) & ~self.ill,
+                *(0, 12000, 100, 80, 0, 0, 0, 0, 0, 0),
             ),
             mavlink.MAVLink_battery_status_message(
                 0, 1, 1, 32767, [12000] + [65535] * 9, 100, 0, -1, 80
