@@ -1,5 +1,6 @@
 """Set-points from the navigator down to the motors, in the order they are refined."""
 
+import math
 from typing import NamedTuple
 
 from uav_firmware.msg.vectors import Quaternion, Vector3
@@ -14,6 +15,7 @@ class TrajectorySetpoint(NamedTuple):
     acceleration_ned: Vector3  # [m/s^2] Feed-forward
     yaw: float  # [rad] NaN: keep
     yaw_rate: float  # [rad/s] Feed-forward
+    goal_ned: Vector3 = (math.nan, math.nan, math.nan)  # [m] End of the leg; NaN: `position_ned`
 
 
 class VehicleAttitudeSetpoint(NamedTuple):

@@ -222,6 +222,7 @@ class Flight:
             (acceleration[0] * pace, acceleration[1] * pace, acceleration[2] * pace),
             self.yaw.yaw,
             self.yaw.rate,
+            self.path.goal or UNSET,
         )
 
     def idle(self) -> TrajectorySetpoint:

@@ -50,6 +50,11 @@ class PathFollower:
         return not self._pieces and self._leg_index >= len(self._route) and self._chased is None
 
     @property
+    def goal(self) -> Vector3 | None:
+        """Waypoint [m] of the route that is flown to now; None without a route."""
+        return self._route[self.passed].position if self.passed < len(self._route) else None
+
+    @property
     def sinking(self) -> bool:
         """Whether the set-point sinks at a steady speed, for ever."""
         piece = self._pieces[0] if self._pieces else None

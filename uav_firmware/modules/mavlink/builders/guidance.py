@@ -3,6 +3,7 @@
 import math
 from typing import Final
 
+from uav_firmware.lib.vector import subtract
 from uav_firmware.modules.mavlink.builders.context import Context
 from uav_firmware.modules.mavlink.builders.conversion import (
     NAN,
@@ -52,25 +53,24 @@ def mission_current(context: Context) -> Message:
 
 
 def nav_controller_output(context: Context) -> Message | None:
-    """NAV_CONTROLLER_OUTPUT: bearing, distance and height of the set-point; the rest is NaN.
+    """NAV_CONTROLLER_OUTPUT: bearing and distance of the waypoint or set-point; height error.
 
     Where no place or height is asked for there is no error: distance and height are 0.
+    `nav_bearing` and `alt_error` are those of the set-point. The rest is NaN.
     """
     target = context.topics.trajectory_setpoint.value
     local = context.topics.local_position.value
     if target is None or local is None:
         return None
-    north, east, down = (
-        wanted - present
-        for wanted, present in zip(target.position_ned, local.position_ned, strict=True)
-    )
-    bearing_deg = math.degrees(math.atan2(east, north))
+    north, east, down = subtract(target.position_ned, local.position_ned)
+    goal = target.position_ned if math.isnan(target.goal_ned[0]) else target.goal_ned
+    ahead_north, ahead_east, _ = subtract(goal, local.position_ned)
     return mavlink.MAVLink_nav_controller_output_message(
         nav_roll=NAN,
         nav_pitch=NAN,
-        nav_bearing=int16(bearing_deg),
-        target_bearing=int16(bearing_deg),
-        wp_dist=uint16(math.hypot(north, east), unknown=0),
+        nav_bearing=int16(math.degrees(math.atan2(east, north))),
+        target_bearing=int16(math.degrees(math.atan2(ahead_east, ahead_north))),
+        wp_dist=uint16(math.hypot(ahead_north, ahead_east), unknown=0),
         alt_error=0.0 if math.isnan(down) else -down,
         aspd_error=NAN,
         xtrack_error=NAN,

@@ -268,6 +268,19 @@ def test_the_set_points_unset_parts_are_masked() -> None:
     assert (output.nav_bearing, output.wp_dist) == (90, 4)
 
 
+def test_the_distance_told_is_that_of_the_waypoint_flown_to() -> None:
+    topics = flying_topics()
+    setpoint = topics.trajectory_setpoint.value
+    assert setpoint is not None
+    north, east, down = LOCAL.position_ned
+    topics.trajectory_setpoint.publish(
+        setpoint._replace(goal_ned=(north - 30.0, east + 40.0, down - 20.0))
+    )
+    output = built("NAV_CONTROLLER_OUTPUT", topics)
+    assert (output.target_bearing, output.wp_dist) == (127, 50)
+    assert (output.nav_bearing, output.alt_error) == (90, down + 10.0)
+
+
 def test_motors_are_told_as_pulse_widths() -> None:
     message = built("SERVO_OUTPUT_RAW")
     assert (message.servo1_raw, message.servo4_raw, message.servo5_raw) == (1500, 1500, 0)

@@ -141,3 +141,17 @@ def test_limits_that_change_in_a_bend_are_taken_up() -> None:
     advance(path, 250)
     assert norm(path.state.velocity) <= 2.0 + 1e-6
     time_to_rest(path, (30.0, 60.0, 0.0))
+
+
+def test_the_goal_is_the_next_waypoint_until_the_route_is_over() -> None:
+    path = PathFollower()
+    path.reset((0.0, 0.0, -10.0))
+    assert path.goal is None
+    route = [Waypoint((20.0, 0.0, -10.0), 0.0, FAST), Waypoint((20.0, 20.0, -10.0), 0.0, FAST)]
+    path.fly(route, FAST)
+    goals: list[Vector3 | None] = []
+    for _ in range(3000):
+        if path.goal not in goals:
+            goals.append(path.goal)
+        path.advance(DT)
+    assert goals == [route[0].position, route[1].position, None]
