@@ -30,6 +30,7 @@ _JUMP_S: Final = 60.0
 _LOOK_AGAIN_S: Final = 1.0
 """So long after nothing could be dropped, nothing is looked for."""
 _MEASURE_SHARE: Final = 0.01
+_CALM_SHARE: Final = 0.7
 _MIB: Final = 1024 * 1024
 Counter = Callable[[str, str, int], None]
 """Takes kind, reason and number of dropped records."""
@@ -111,8 +112,7 @@ class Space:
         """One turn: hold the ballast, forget, thin and drop what has to go."""
         if not self._database.is_shared:
             self._holds_ballast |= ballast.hold(self._config.ballast_path)
-        self.measure()
-        self._tell()
+        self._tell(self.measure())
         for _ in range(1 if self._database.is_shared else STEPS):
             if self.level() < Level.THINNING or not (self._forget() or self._thin()):
                 break
@@ -209,12 +209,16 @@ class Space:
             self.measure()
         return bool(dropped)
 
-    def _tell(self) -> None:
-        """Log how full it is, once per change."""
-        now = self.level()
-        if now != self._level_was:
-            log = LOG.warning if now > self._level_was else LOG.info
-            log("disk budget: %s", _WORDS[now])
+    def _tell(self, found: Usage) -> None:
+        """Log how full it is, once per change; what swings about a bound is told once."""
+        now = self._level_of(found)
+        calm = found.data_bytes < _CALM_SHARE * self._data_budget
+        if now > self._level_was:
+            LOG.warning("disk budget: %s", _WORDS[now])
+        elif now < self._level_was and calm:
+            LOG.info("disk budget: %s", _WORDS[now])
+        else:
+            return
         self._level_was = now
 
 

@@ -35,6 +35,7 @@ class Outcome(NamedTuple):
     delivered: int
     declared: int
     gaps: int
+    reasons: frozenset[str]
     largest_share: float  # Of the budget, in use at any time
 
 
@@ -117,4 +118,5 @@ def _judge(station: VirtualStation, farm: _Farm, largest_share: float) -> Outcom
     taken = sum(farm.taken.values())
     delivered = sum(len(numbers) for numbers in arrived.values())
     assert delivered + declared == taken
-    return Outcome(taken, delivered, declared, len(gaps), largest_share)
+    reasons = frozenset(gap["reason"] for gap in gaps)
+    return Outcome(taken, delivered, declared, len(gaps), reasons, largest_share)

@@ -274,7 +274,8 @@ def test_301_not_followed_to_other_host(relayed: _Relayed) -> None:
 
 
 def test_outage_of_72_hours(tmp_path: Path) -> None:
-    outcome = outage.run(Config(state_dir=tmp_path, data_budget_mib=1), burst_s=5)
-    assert outcome.taken > 3500
+    outcome = outage.run(Config(state_dir=tmp_path, data_budget_mib=1), burst_s=11)
+    assert outcome.taken > 8000
     assert outcome.declared > outcome.taken / 4
+    assert outcome.reasons == {"thinned", "budget"}
     assert outcome.largest_share <= 1.05

@@ -358,3 +358,13 @@ def test_without_its_ballast_only_what_is_urgent_is_taken_in(farm: Farm) -> None
     farm.keep("alarm")
     farm.turn()
     farm.keep("pose")
+
+
+def test_how_full_it_is_is_told_once(farm: Farm, caplog: pytest.LogCaptureFixture) -> None:
+    fill(farm, "pose", Level.THINNING)
+    for _ in range(5):
+        farm.turn()
+        fill(farm, "pose", Level.THINNING)
+    told = [record.getMessage() for record in caplog.records if "disk budget" in record.message]
+    assert len(told) == 1
+    assert "80 %" in told[0]
