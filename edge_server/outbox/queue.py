@@ -53,11 +53,14 @@ class Delivered(NamedTuple):
     status: int
 
 
+_ENQUEUE: Final = insert(outbox)
+
+
 def enqueue(connection: Connection, record_id: int, stream: Stream) -> None:
     """Make a record due; it follows whatever of its stream is committed before."""
     locks.take(connection, [locks.of_stream(*stream)])
     connection.execute(
-        insert(outbox),
+        _ENQUEUE,
         {"record_id": record_id, "vehicle_id": stream.vehicle_id, "kind": stream.kind},
     )
 
