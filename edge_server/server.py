@@ -29,6 +29,7 @@ from edge_server.exit_codes import FAILED, OK, WRONG_SETUP
 LOG = logging.getLogger(__name__)
 BIND_PATIENCE_S: Final = 3.0
 KEEP_ALIVE_S: Final = 75
+DATABASE_LOOK_S: Final = 0.5
 GRACE_S: Final = 5
 _WsgiApp = Callable[[dict[str, Any], Any], Iterable[bytes]]
 
@@ -61,8 +62,10 @@ def serve(config: Config) -> None:
 
 def _prepare_apart(config: Config) -> None:
     """Prepare in a process of its own, so that what it loads does not stay in memory."""
+    parent = os.getpid()
     child = os.fork()
     if child == 0:
+        children.die_with(parent)
         os._exit(_prepare(config))
     _, status = os.waitpid(child, 0)
     if (code := os.waitstatus_to_exitcode(status)) != OK:
@@ -71,11 +74,10 @@ def _prepare_apart(config: Config) -> None:
 
 def _prepare(config: Config) -> int:
     from edge_server.key_files import OpenSecretError  # noqa: PLC0415  # stays in the child
-    from edge_server.preparation import prepare  # noqa: PLC0415  # as above
     from edge_server.store.migrate import StoreError  # noqa: PLC0415  # as above
 
     try:
-        prepare(config)
+        _prepare_when_it_answers(config)
     except (OpenSecretError, StoreError) as error:
         LOG.error("%s", error)  # noqa: TRY400  # the sentence is enough
         return WRONG_SETUP
@@ -83,6 +85,24 @@ def _prepare(config: Config) -> int:
         LOG.exception("the state folder %s cannot be prepared", config.state_dir)
         return FAILED
     return OK
+
+
+def _prepare_when_it_answers(config: Config) -> None:
+    """Prepare; a database server that is not up yet is waited for."""
+    from edge_server.preparation import prepare  # noqa: PLC0415  # stays in the child
+    from edge_server.store.migrate import UnreachableError  # noqa: PLC0415  # as above
+
+    told = ""
+    while True:
+        try:
+            prepare(config)
+        except UnreachableError as error:
+            if told != str(error):
+                told = str(error)
+                LOG.warning("waiting for the database: %s", error)
+            time.sleep(DATABASE_LOOK_S)
+        else:
+            return
 
 
 def listen(host: str, port: int, patience_s: float) -> socket.socket:

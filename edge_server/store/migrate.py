@@ -2,6 +2,7 @@
 
 StoreError
   +- NewerDatabaseError  made by a newer version; this one must not touch it
+  +- UnreachableError    a database server that may answer later
 """
 
 import fcntl
@@ -17,11 +18,14 @@ from sqlalchemy.exc import DBAPIError
 
 from edge_server.store import integrity, locks, recovery
 from edge_server.store.engines import WRITING, open_engine, sqlite_url
+from edge_server.store.failures import is_lost
 
 LOG = logging.getLogger(__name__)
 HEAD: Final = "0006"
 _SCRIPTS: Final = Path(__file__).parent / "migrations"
 _REPLACEMENT: Final = ".new"
+_PASSING: Final = ("starting up", "shutting down", "recovery", "too many", "not yet", "terminating")
+"""What a server says that will let us in later; a connection that fails carries no SQLSTATE."""
 _SIDE_FILES: Final = ("-wal", "-shm", "-journal")
 
 
@@ -33,6 +37,10 @@ class NewerDatabaseError(StoreError):
     """The database was made by a newer version."""
 
 
+class UnreachableError(StoreError):
+    """The database server does not answer; later it may."""
+
+
 def prepare(url: str) -> None:
     """Make the tables if they are missing, bring them up to date; set a broken file aside.
 
@@ -40,7 +48,8 @@ def prepare(url: str) -> None:
 
     Raises:
         NewerDatabaseError: if a newer version has made it.
-        StoreError: if it is PostgreSQL and does not answer, or cannot hold our text.
+        UnreachableError: if it is PostgreSQL and does not answer now.
+        StoreError: if it will not let us in, or cannot hold our text.
     """
     path = _file_of(url)
     if path is None:
@@ -67,9 +76,17 @@ def _prepare_server(url: str) -> None:
         if revision(engine) != HEAD:
             migrate(engine, HEAD)
     except DBAPIError as error:
-        raise StoreError(f"{make_url(url)}: {error.orig}") from None
+        later = is_lost(error) and not _is_refused(error)
+        kind = UnreachableError if later else StoreError
+        raise kind(f"{make_url(url)}: {error.orig}") from None
     finally:
         engine.dispose()
+
+
+def _is_refused(error: DBAPIError) -> bool:
+    """Whether the server has answered, and it is not that it has just been started."""
+    said = str(error.orig)
+    return "FATAL" in said and not any(word in said for word in _PASSING)
 
 
 @contextmanager

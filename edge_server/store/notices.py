@@ -21,7 +21,7 @@ LOG = logging.getLogger(__name__)
 
 _CHANNEL: Final = "edge_server"
 _SPACING_S: Final = 0.005
-_LOOK_S: Final = 0.5
+_LOOK_S: Final = 0.2
 _RETRY_S: Final = 1.0
 _NOTIFY: Final = text(
     "SELECT set_config('synchronous_commit', 'off', true), pg_notify(:channel, :topic)"

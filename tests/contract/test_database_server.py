@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 import requests
 
+from edge_server.exit_codes import WRONG_SETUP
 from edge_server.store import migrate
 from tests.support.databases import PostgresServer, running_server
 from tests.support.fake_cloud import FakeCloud, running_cloud
@@ -72,4 +73,29 @@ def test_it_answers_503_while_the_database_is_away_and_goes_on_afterwards(
     assert program.process.pid == supervisor
     _, errors = program.end()
     assert "giving up" not in errors
+    assert "Traceback" not in errors
+
+
+def test_it_waits_for_a_database_that_is_not_up_yet(
+    program: Program, server: PostgresServer, cloud: FakeCloud
+) -> None:
+    program.end()
+    server.stop()
+    program.begin()
+    wait_for(lambda: "waiting for the database" in program.log(), "word of the wait")
+    server.start()
+    program.wait_ready()
+    assert post(program, 0).status_code == 201
+    cloud.store.wait_for(1)
+
+
+def test_a_server_that_does_not_let_us_in_is_told_in_one_sentence(program: Program) -> None:
+    program.end()
+    program.environment["DATABASE_URL"] = program.environment["DATABASE_URL"].replace(
+        "/edge?", "/nowhere?"
+    )
+    program.begin("serve")
+    code, errors = program.wait()
+    assert code == WRONG_SETUP
+    assert "nowhere" in errors
     assert "Traceback" not in errors
