@@ -85,6 +85,7 @@ cloud: $(RUNTIME) ## run the mock cloud alone
 
 .PHONY: test
 test: $(DEV) ## run all tests
+	@.ci/servers
 	$(RUN) -m pytest -n 2
 
 .PHONY: golden
