@@ -1,6 +1,8 @@
 """A secret that others can read is none: ours is closed again, one that was given is refused."""
 
+import errno
 import logging
+import os
 from pathlib import Path
 
 import pytest
@@ -67,3 +69,21 @@ def test_our_own_is_closed_at_the_start(tmp_path: Path, caplog: pytest.LogCaptur
     caplog.clear()
     prepare(config)
     assert str(path) not in caplog.text
+
+
+@pytest.mark.parametrize("number", [errno.EPERM, errno.EROFS])
+def test_what_cannot_be_closed_is_told_and_the_start_goes_on(
+    tmp_path: Path,
+    number: int,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    path = tmp_path / "admin.key"
+    path.touch(mode=0o644)
+
+    def refuse(*_: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(Path, "chmod", refuse)
+    key_files.close(path)
+    assert f"{path} can be read by others, and it is not ours to close" in caplog.text
