@@ -150,6 +150,6 @@ def _overloaded(_error: Exception) -> ResponseReturnValue:
 
 
 def _unexpected(error: Exception) -> ResponseReturnValue:
-    cause = getattr(error, "original_exception", None) or error
-    LOG.error("unexpected error", exc_info=cause)
+    if getattr(error, "original_exception", None) is None:  # Else Flask has told of it
+        LOG.error("unexpected error", exc_info=error)
     return _told(_SENTENCES[500]), 500
