@@ -1,0 +1,121 @@
+"""What all phases of one mission on one vehicle share: its state, its stages, its ledger.
+
+Drives the table of `session_states`: every state has at most one protocol running, whose outcome
+is the event that leads on. Knows neither clock nor network.
+"""
+
+import logging
+from collections.abc import Callable, Mapping
+from typing import Final, TypeAlias
+
+from afarcloud.enumerations import Status
+from mavlink_broker.activities import Activity
+from mavlink_broker.effects import Effects
+from mavlink_broker.follower import Follower
+from mavlink_broker.performer import Performer
+from mavlink_broker.reporter import Reporter
+from mavlink_broker.session_states import Event, State, follow
+from mavlink_broker.stages import Stages
+from mavlink_broker.translation.ledger import Ledger
+from mavlink_broker.translation.mission import FlightPlan, LiveCommand, RefusedError
+from mavlink_broker.vehicle import Vehicle
+from mavlink_broker.work import MissionWork
+
+LAST_WORDS_S: Final = 0.5
+"""How long a vehicle that refused something may take to say why."""
+Handler: TypeAlias = Callable[[float, Effects], None]
+
+_LOG = logging.getLogger(__name__)
+
+
+class FlightCore:
+    """One mission, without what its phases do."""
+
+    def __init__(self, work: MissionWork, vehicle: Vehicle, reporter: Reporter) -> None:
+        self.work = work
+        self.state = State.IDLE
+        self.ledger = Ledger(work.mission.mission_id, work.mission.command_array)
+        self._vehicle = vehicle
+        self._reporter = reporter
+        self._hovering = False
+        self._told_to_start = False
+        self._flies_another = False  # Somebody else's mission; ours waits for the landing
+        self._activity: Activity | None = None
+        self._stages = Stages(work.mission, vehicle)
+        self._follower: Follower | None = None
+        self._performer: Performer | None = None
+        self._was_running = False  # An earlier run of the broker has seen it fly
+        self._opaque_id = 0
+        self._began_at = 0.0
+        self._entered_at = 0.0
+        self._accepted_at: float | None = None
+        self._fault: tuple[str, int | None] = ("", None)
+        self._entries: Mapping[State, Handler] = {}  # What a state begins with
+        self._steps: Mapping[State, Handler] = {}  # What it does as time passes
+
+    def is_expired(self, now: float) -> bool:
+        """Whether it may not be begun any more."""
+        return self.work.expires_at is not None and now >= self.work.expires_at
+
+    def abort(self, reason: str, effects: Effects) -> None:
+        """End a mission that has not taken off."""
+        self.ledger.abort(reason)
+        effects.for_edge.append(self._reporter.mission(self.ledger))
+
+    def refuse(self, error: RefusedError, effects: Effects) -> None:
+        """End a mission that cannot be flown, before anything is sent."""
+        self.ledger.fail(error.reason, error.command_index)
+        effects.for_edge.append(self._reporter.mission(self.ledger))
+
+    @property
+    def _has_flown(self) -> bool:
+        """Whether the mission has been reported to run."""
+        return self.ledger.status != Status.NOT_STARTED
+
+    @property
+    def _plan(self) -> FlightPlan:
+        """The stretch of items that is flown now."""
+        return self._stages.plan
+
+    def _event_of_stage(self) -> Event:
+        if isinstance(self._stages.current, LiveCommand):
+            return Event.LIVE_NEXT
+        return Event.ITEMS_NEXT if self._hovering else Event.GROUND_NEXT
+
+    def _translate(self) -> None:
+        self._stages.translate()
+        self._note_all()
+
+    def _note_all(self) -> None:
+        for index, notes in enumerate(self._stages.notes):
+            self.ledger.note(index, notes)
+
+    def _move(self, event: Event, now: float, effects: Effects) -> None:
+        before = self.state
+        self.state = follow(before, event)
+        mission_id = self.work.mission.mission_id
+        names = before.name, event.name, self.state.name
+        _LOG.info("mission %d: %s, %s -> %s", mission_id, *names)
+        self._entered_at = now
+        self._accepted_at = None
+        self._activity = None
+        if self.state in self._entries:
+            self._entries[self.state](now, effects)
+
+    def _start(self, activity: Activity, now: float, effects: Effects) -> None:
+        self._activity = activity
+        effects.messages += activity.start(now)
+
+    def _fail(self, reason: str, now: float, effects: Effects, command: int | None = None) -> None:
+        self._fault = reason, command
+        self._follower = self._performer = None
+        self._move(Event.FAULT, now, effects)
+
+    def _step_failing(self, now: float, effects: Effects) -> None:
+        if now - self._entered_at < LAST_WORDS_S:
+            return
+        reason, command = self._fault
+        words = self._vehicle.words_since(self._began_at)
+        self.ledger.fail(f"{reason} ({words})" if words else reason, command)
+        effects.for_edge.append(self._reporter.mission(self.ledger))
+        self._move(Event.ENDED, now, effects)

@@ -1,0 +1,153 @@
+"""One mission up to its flight: found again or waited for, uploaded, proved, armed, started."""
+
+from typing import Final
+
+from afarcloud.enumerations import Status
+from mavlink_broker import activities, readiness
+from mavlink_broker.effects import Effects
+from mavlink_broker.flight_core import FlightCore
+from mavlink_broker.protocol.command import Accepted, Refused
+from mavlink_broker.protocol.mission_upload import NotStored, Stored, Uncertain
+from mavlink_broker.protocol.mission_verify import Different, Verified
+from mavlink_broker.readiness import Attachment
+from mavlink_broker.session_states import Event, State
+from mavlink_broker.translation.mission import LiveCommand, RefusedError
+from mavlink_broker.translation.modes import ModeRole
+
+FLYING_WITHIN_S: Final = 5.0
+_AFTER_ACCEPTANCE: Final = {
+    State.HOLDING: Event.HELD,
+    State.SELECTING: Event.SELECTED,
+    State.ARMING: Event.ARMED,
+}
+
+
+class FlightPreparation(FlightCore):
+    """The states from ATTACHING or WAITING to STARTING."""
+
+    def _settle(self, now: float, effects: Effects) -> None:
+        """Turn the outcome of the state's protocol into what happens next."""
+        match self._activity.outcome if self._activity else None:
+            case Stored(opaque_id):
+                self._opaque_id = opaque_id
+                self._move(Event.STORED, now, effects)
+            case Uncertain():
+                self._opaque_id = 0
+                self._move(Event.STORED, now, effects)
+            case Verified() | Different() if self._is_between_stages:
+                self._hovering = not self._vehicle.snapshot.is_on_ground
+                self._was_running = False
+                self._move(self._event_of_stage(), now, effects)
+            case Verified():
+                attaching = self.state is State.ATTACHING
+                self._move(Event.FLYING if attaching else Event.VERIFIED, now, effects)
+            case Accepted() if self.state in _AFTER_ACCEPTANCE:
+                self._move(_AFTER_ACCEPTANCE[self.state], now, effects)
+            case Accepted() if self._accepted_at is None:
+                self._accepted_at = now
+            case NotStored() as refusal:
+                self._not_stored(refusal, now, effects)
+            case Different() if self.state is State.ATTACHING and not self._has_flown:
+                self._activity = None
+                self._flies_another = True
+            case Different(reason) | Refused(reason):
+                self._fail(reason, now, effects)
+
+    @property
+    def _is_between_stages(self) -> bool:
+        """Whether an earlier run ended behind one stage and before the next one flew."""
+        if self.state is not State.ATTACHING or self._stages.is_first:
+            return False
+        begun = self.ledger.commands[self._plan.first_command] is not Status.NOT_STARTED
+        same = isinstance(self._activity.outcome if self._activity else None, Verified)
+        return not begun and not (same and self._vehicle.mode_role is ModeRole.MISSION)
+
+    def _not_stored(self, refusal: NotStored, now: float, effects: Effects) -> None:
+        """Say otherwise what the vehicle does not know, if there is another way to say it."""
+        item = refusal.item
+        if item is None:
+            self._fail(refusal.reason, now, effects)
+        elif refusal.is_unsupported and self._stages.do_without(item):
+            self._note_all()
+            self._move(Event.REFUSED, now, effects)
+        else:
+            command = self._plan.command_of_item[item]
+            self._fail(refusal.reason, now, effects, command)
+
+    def _enter_holding(self, now: float, effects: Effects) -> None:
+        ways = self._vehicle.family.holding
+        self._start(activities.commands(ways, self._vehicle), now, effects)
+
+    def _enter_uploading(self, now: float, effects: Effects) -> None:
+        self._start(activities.upload(self._plan, self._vehicle), now, effects)
+
+    def _enter_verifying(self, now: float, effects: Effects) -> None:
+        proof = activities.verification(self._plan, self._vehicle, self._opaque_id)
+        self._start(proof, now, effects)
+
+    def _enter_selecting(self, now: float, effects: Effects) -> None:
+        self._start(activities.selection(self._plan, self._vehicle), now, effects)
+
+    def _enter_arming(self, now: float, effects: Effects) -> None:
+        ways = self._vehicle.family.arming
+        self._start(activities.commands(ways, self._vehicle), now, effects)
+
+    def _enter_starting(self, now: float, effects: Effects) -> None:
+        self._told_to_start = True
+        ways = self._vehicle.family.starting
+        self._start(activities.commands(ways, self._vehicle), now, effects)
+
+    def _step_attaching(self, now: float, effects: Effects) -> None:
+        if self._activity is not None:
+            return
+        waited_s = now - self._entered_at
+        match readiness.attachment(self._vehicle, now, started=self._has_flown, waited_s=waited_s):
+            case Attachment.BEGIN:
+                self._move(Event.NOT_STARTED, now, effects)
+            case Attachment.COMPARE if not self._flies_another:
+                self._attach(now, effects)
+
+    def _attach(self, now: float, effects: Effects) -> None:
+        """Find the stage that was being flown; a live command shows in the vehicle's mode."""
+        self._translate()
+        self._stages.go_to(self.ledger.finished)
+        if not isinstance(self._stages.current, LiveCommand):
+            self._start(activities.recognition(self._plan, self._vehicle), now, effects)
+            return
+        self._hovering = True
+        self._move(Event.LIVE_NEXT, now, effects)
+
+    def _step_waiting(self, now: float, effects: Effects) -> None:
+        if self.is_expired(now):
+            self.abort("expired before take-off", effects)
+            self._move(Event.ENDED, now, effects)
+            return
+        obstacle = readiness.obstacle(self._vehicle, now, hovering=self._hovering)
+        if obstacle is None:
+            self._set_out(now, effects)
+        elif now - self._entered_at >= readiness.WITHIN_S:
+            self._fail(f"not ready after {readiness.WITHIN_S:.0f} s: {obstacle}", now, effects)
+
+    def _set_out(self, now: float, effects: Effects) -> None:
+        try:
+            self._translate()
+        except RefusedError as error:
+            self._fail(error.reason, now, effects, error.command_index)
+            return
+        flying = self._hovering and bool(self._vehicle.snapshot.armed)
+        if not isinstance(self._stages.current, LiveCommand):
+            self._move(Event.HOVERS if flying else Event.READY, now, effects)
+        elif flying or not self._stages.live.action.moves:
+            self._move(Event.LIVE_NEXT, now, effects)
+        else:
+            self._fail("the vehicle is on the ground: a take-off has to come first", now, effects)
+
+    def _step_starting(self, now: float, effects: Effects) -> None:
+        """Believe that it flies when it says so: armed, and in a mission mode."""
+        if self._accepted_at is None:
+            return
+        vehicle = self._vehicle
+        if vehicle.snapshot.armed and vehicle.mode_role is ModeRole.MISSION:
+            self._move(Event.FLYING, now, effects)
+        elif now - self._accepted_at > FLYING_WITHIN_S:
+            self._fail(f"start accepted, but mode is {vehicle.mode}", now, effects)

@@ -1,0 +1,85 @@
+"""One mission in flight: stretches of items are followed, live commands performed."""
+
+from abc import ABC, abstractmethod
+
+from afarcloud.enumerations import Status
+from mavlink_broker.effects import Effects
+from mavlink_broker.flight_preparation import FlightPreparation
+from mavlink_broker.follower import Follower
+from mavlink_broker.performer import Performer, Phase
+from mavlink_broker.session_states import Event
+
+
+class FlightProgress(FlightPreparation, ABC):
+    """The states RUNNING and PERFORMING, and the way from stage to stage."""
+
+    @abstractmethod
+    def _ends_here(self, now: float, effects: Effects) -> bool:
+        """Whether the mission has been ended before its next stage."""
+
+    def _next_stage(self, now: float, effects: Effects) -> None:
+        """Go on behind a stretch or a live command, or end."""
+        landed = self._stages.is_on_ground
+        if not self._stages.is_last and self._ends_here(now, effects):
+            return
+        if not self._stages.advance():
+            self._follower = self._performer = None
+            self._move(Event.ENDED, now, effects)
+            return
+        self._follower = self._performer = None
+        self._was_running = False
+        self._hovering = not landed
+        self._move(self._event_of_stage(), now, effects)
+
+    def _enter_running(self, now: float, effects: Effects) -> None:
+        self._follower = Follower(
+            self._plan,
+            self.ledger,
+            self._vehicle,
+            self._reporter,
+            resumed=self._was_running,
+        )
+        effects.for_edge += self._follower.begin(now)
+
+    def _enter_performing(self, now: float, effects: Effects) -> None:
+        live = self._stages.live
+        resumed = self.ledger.commands[live.command] is Status.RUNNING
+        self._performer = Performer(live.action, self._vehicle)
+        effects.messages += self._performer.start(now, resumed=resumed)
+
+    def _step_running(self, now: float, effects: Effects) -> None:
+        if self._follower is None:
+            return
+        effects.for_edge += self._follower.step(now)
+        if self._follower.is_finished:
+            self._next_stage(now, effects)
+        elif self._follower.departure is not None:
+            self._fail(self._follower.departure, now, effects)
+
+    def _step_performing(self, now: float, effects: Effects) -> None:
+        performer = self._performer
+        if performer is None:
+            return
+        effects.messages += performer.tick(now)
+        index = self._stages.live.command
+        if performer.has_begun:
+            self._note_way(index, performer.note)
+            if self._run(index):
+                effects.for_edge.append(self._reporter.mission(self.ledger))
+        if performer.phase is Phase.DONE:
+            self.ledger.set_command(index, Status.FINISHED)
+            effects.for_edge += self._reporter.results()
+            if self._stages.is_last:
+                self.ledger.set_mission(Status.FINISHED)
+            effects.for_edge.append(self._reporter.mission(self.ledger))
+            self._next_stage(now, effects)
+        elif performer.phase is Phase.FAILED:
+            self._fail(performer.reason, now, effects, index)
+
+    def _run(self, index: int) -> bool:
+        begins = self.ledger.set_mission(Status.RUNNING)
+        return self.ledger.set_command(index, Status.RUNNING) or begins
+
+    def _note_way(self, index: int, note: str | None) -> None:
+        if note is not None:
+            self.ledger.note(index, (*self._stages.notes[index], note))
