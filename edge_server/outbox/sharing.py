@@ -23,7 +23,7 @@ from edge_server.outbox.streams import Found, Situation
 from edge_server.store import locks
 
 TRIAL_S: Final = 10.0
-"""So long in turn a blocked relay has one stream to try with, and none, while others get through."""
+"""So long in turn a blocked relay has one stream to try with, and none; others get through."""
 
 # One step per stream along the outbox's index, however many rows a stream has
 _LOOK: Final = text("""
@@ -48,17 +48,15 @@ WHERE locktype = 'advisory' AND granted AND objsubid = 2 AND classid = CAST(:{fa
 AND database = (SELECT oid FROM pg_database WHERE datname = current_database())
 """
 _COUNT: Final = text(
-    "SELECT (SELECT count(*) FROM stream) AS streams, "
-    f"ARRAY({_RELAYS.format(family='alive')}) AS alive, "  # our own words
+    "SELECT (SELECT count(*) FROM stream) AS streams, "  # noqa: S608  # our own words
+    f"ARRAY({_RELAYS.format(family='alive')}) AS alive, "
     f"ARRAY({_RELAYS.format(family='open')}) AS open"
 )
 _LISTED: Final = (
     "SELECT * FROM unnest(CAST(:vehicle_ids AS int[]), CAST(:kinds AS text[])) "
     "AS listed(vehicle_id, kind)"
 )
-_INTRODUCE: Final = text(
-    f"INSERT INTO stream (vehicle_id, kind) {_LISTED} ON CONFLICT DO NOTHING"  # noqa: S608  # as above
-)
+_INTRODUCE: Final = text(f"INSERT INTO stream (vehicle_id, kind) {_LISTED} ON CONFLICT DO NOTHING")
 _TAKE: Final = text(f"""
 UPDATE stream SET owner = :me FROM (
   SELECT vehicle_id, kind FROM stream

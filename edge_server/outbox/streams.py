@@ -1,7 +1,7 @@
 """Which streams a relay sends: all of them where it is the only one, its share where it is not.
 
-`Streams` is what the relay asks; `AllStreams` serves a SQLite file, whose one relay holds the lock of
-the state folder; `outbox/sharing.py` serves a PostgreSQL database with any number of relays.
+`Streams` is what the relay asks; `AllStreams` serves a SQLite file, whose one relay holds the lock
+of the state folder; `outbox/sharing.py` serves a PostgreSQL database with any number of relays.
 
 ReplacedError  the database file is another one than the one that we read
 """

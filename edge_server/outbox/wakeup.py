@@ -26,7 +26,7 @@ def open_for_reading(path: Path) -> int:
 
 
 def open_pair() -> tuple[int, int]:
-    """Make a pipe without a name, for a relay whose notices come from a database: (ours, theirs)."""
+    """Make a pipe without a name, for notices that come from a database: (ours, theirs)."""
     return os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
 
 
