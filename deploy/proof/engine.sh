@@ -68,6 +68,8 @@ engine_stop() {
         kill "$service_pid"
         wait "$service_pid" 2>/dev/null || true
     fi
+    # Monitors of finished commands stay for minutes, and would write into the folder once more.
+    pgrep --full "^/usr/bin/conmon .*$work/" | xargs --no-run-if-empty kill || true
     if [[ -z ${KEEP:-} && -z ${PROOF_DIR:-} ]]; then
         buildah rm --all >/dev/null 2>&1 || true
         umount "$work/storage/overlay" 2>/dev/null || true
