@@ -48,9 +48,7 @@ class Context:
     def __post_init__(self) -> None:
         bell = Bell(lambda: self.database.announce(Topic.WORK))
         object.__setattr__(self, "bell", bell)
-        space = Space(
-            self.config, self.database, self.clock, lambda: self.wake_relay(changed=True)
-        )
+        space = Space(self.config, self.database, self.clock, lambda: self.wake_relay(changed=True))
         object.__setattr__(self, "space", space)
 
     @property
