@@ -7,7 +7,7 @@ declare -A tool_of=(
     [buildah]=buildah [podman]=podman [runc]=runc [mmdebstrap]=mmdebstrap
     [docker-compose]=docker-compose [iptables]=iptables [curl]=curl
     [/usr/lib/podman/netavark]=netavark [/usr/lib/podman/aardvark-dns]=aardvark-dns
-    [/usr/bin/catatonit]=catatonit [openssl]=openssl
+    [/usr/bin/catatonit]=catatonit [openssl]=openssl [pgrep]=procps
 )
 project=farm-proof
 compose_files=(--file "$root/deploy/compose.yaml")
