@@ -14,8 +14,10 @@ from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
+from functools import partial
 from itertools import cycle
 from pathlib import Path
+from typing import Any
 
 import pytest
 import requests
@@ -87,14 +89,19 @@ def post_all(farms: list[Program], vehicle_id: int) -> None:
         for number in range(RECORDS):
             body = documents.telemetry("pose", number, vehicle_id)
             key = {"Idempotency-Key": f"{vehicle_id}-{number}"}
-            wait_for(
-                lambda where=places, sent=body, once=key: (
-                    session.post(
-                        f"{next(where).url}/pose/", json=sent, headers=headers | once, timeout=30.0
-                    ).ok
-                ),
-                "an acknowledgement",
-            )
+            post = partial(_post, session, places, body, headers | key)
+            wait_for(post, "an acknowledgement")
+
+
+def _post(
+    session: requests.Session,
+    places: Iterator[Program],
+    body: dict[str, Any],
+    headers: dict[str, str],
+) -> bool:
+    """Try the next farm's server."""
+    url = f"{next(places).url}/pose/"
+    return session.post(url, json=body, headers=headers, timeout=30.0).ok
 
 
 def poses(cloud: FakeCloud) -> int:
