@@ -1,8 +1,9 @@
 """How much the database holds, cheap enough to be asked often, and receipts that may go.
 
 SQLite counts its pages: what is in use is what has been taken from the disk less the free list.
-PostgreSQL keeps the number of live rows in its statistics; times the size of recent ones it is an
-estimate, which a vacuum does not change, unlike the size of its files.
+PostgreSQL is asked for the rows themselves while they are few; beyond, it keeps their number in its
+statistics: times the size of recent ones it is an estimate, which a vacuum does not change, unlike
+the size of its files.
 """
 
 from typing import Final
@@ -14,6 +15,7 @@ from edge_server.store.tables import idempotency, telemetry, tombstone
 
 _ROW_OVERHEAD_BYTES: Final = 250  # Row headers and index entries of a record on PostgreSQL
 _SAMPLE: Final = 200
+_FEW: Final = 20_000  # Rows that are added up in some milliseconds
 _LIVE_ROWS: Final = text(
     "SELECT coalesce(sum(n_live_tup), 0) FROM pg_stat_user_tables WHERE relname = 'telemetry'"
 )
@@ -39,6 +41,13 @@ def _pages(connection: Connection) -> int:
 
 
 def _rows(connection: Connection) -> int:
+    some = select(telemetry.c.size_bytes).limit(_FEW + 1).subquery()
+    total = select(func.count(), func.coalesce(func.sum(some.c.size_bytes), 0)).select_from(some)
+    number, size_bytes = connection.execute(total).one()
+    return int(size_bytes + number * _ROW_OVERHEAD_BYTES) if number <= _FEW else _many(connection)
+
+
+def _many(connection: Connection) -> int:
     live = int(connection.execute(_LIVE_ROWS).scalar_one())
     newest = select(telemetry.c.size_bytes).order_by(telemetry.c.id.desc()).limit(_SAMPLE)
     mean = connection.execute(select(func.avg(newest.subquery().c.size_bytes))).scalar_one()

@@ -21,6 +21,7 @@ from edge_server.services.errors import FullError
 from edge_server.store.migrate import is_ready
 from tests.soak import outage
 from tests.support import fake_cloud
+from tests.support.databases import BOTH_ENGINES
 from tests.support.fake_cloud import FakeCloud, Fault, running_cloud
 from tests.support.virtual_station import VirtualCloud, VirtualStation, lose_answer, saying
 
@@ -38,6 +39,15 @@ def config(tmp_path: Path, engine_name: str, database_url: str) -> Config:
 
 
 @pytest.fixture
+def small_station(config: Config) -> Iterator[VirtualStation]:
+    """A station with a disk budget of 1 MiB, and a cloud that takes batches and is away."""
+    station = VirtualStation(replace(config, data_budget_mib=1), VirtualCloud(MOST))
+    station.cloud.is_there = False
+    yield station
+    station.close()
+
+
+@pytest.fixture
 def station(config: Config) -> Iterator[VirtualStation]:
     """A station that works, with a cloud."""
     station = VirtualStation(config)
@@ -45,6 +55,7 @@ def station(config: Config) -> Iterator[VirtualStation]:
     station.close()
 
 
+@BOTH_ENGINES
 def test_tb2157_first_seconds_of_outage(station: VirtualStation) -> None:
     for second in range(120):
         station.cloud.is_there = not 30 <= second < 90
@@ -54,6 +65,7 @@ def test_tb2157_first_seconds_of_outage(station: VirtualStation) -> None:
     assert station.cloud.stream(1, "pose") == list(range(120))
 
 
+@BOTH_ENGINES
 def test_tb2098_prefetch_delete_race(station: VirtualStation) -> None:
     """What is read ahead while the records before it are deleted is sent once."""
     station.cloud = VirtualCloud(MOST)
@@ -66,6 +78,7 @@ def test_tb2098_prefetch_delete_race(station: VirtualStation) -> None:
     assert station.cloud.seen == keys
 
 
+@BOTH_ENGINES
 def test_tb2124_reconnect_keeps_store(station: VirtualStation) -> None:
     for number in range(20):
         station.cloud.is_there = number % 2 == 0
@@ -78,6 +91,7 @@ def test_tb2124_reconnect_keeps_store(station: VirtualStation) -> None:
     assert station.cloud.stream(1, "pose") == list(range(40))
 
 
+@BOTH_ENGINES
 def test_tb2132_poller_survives_13h_outage(station: VirtualStation) -> None:
     station.cloud.is_there = False
     for hour in range(13):
@@ -120,6 +134,7 @@ def test_telegraf18528_corrupt_store_starts(tmp_path: Path, spoil: Callable[[Pat
     again.close()
 
 
+@BOTH_ENGINES
 def test_telegraf16500_no_resend_after_restart(station: VirtualStation) -> None:
     station.ingest("pose", *range(10))
     station.drain()
@@ -129,6 +144,7 @@ def test_telegraf16500_no_resend_after_restart(station: VirtualStation) -> None:
     assert station.cloud.seen == []
 
 
+@BOTH_ENGINES
 def test_telegraf16981_last_record(station: VirtualStation) -> None:
     """The last record before a restart is not sent once more, and not left behind."""
     station.ingest("pose", *range(3))
@@ -143,11 +159,9 @@ def test_telegraf16981_last_record(station: VirtualStation) -> None:
     assert station.cloud.stream(1, "pose") == [0, 1, 2, 3]
 
 
-def test_greengrass21_full_then_reconnect_drains(tmp_path: Path) -> None:
-    config = Config(state_dir=tmp_path, data_budget_mib=1)
-    prepare(config)
-    station = VirtualStation(config, VirtualCloud(MOST))
-    station.cloud.is_there = False
+@BOTH_ENGINES
+def test_greengrass21_full_then_reconnect_drains(small_station: VirtualStation) -> None:
+    station = small_station
     number = 0
     with suppress(FullError):
         while True:
@@ -161,9 +175,9 @@ def test_greengrass21_full_then_reconnect_drains(tmp_path: Path) -> None:
     station.ingest("observation", number)
     station.drain()
     assert station.cloud.stream(1, "observation")[-1] == number
-    station.close()
 
 
+@BOTH_ENGINES
 @pytest.mark.parametrize("status", [500, 503, 429, 408, 401, 302, 202])
 def test_edgex_order_kept_after_failure(station: VirtualStation, status: int) -> None:
     station.cloud.faults.extend([saying(status)] * 7)
@@ -174,15 +188,16 @@ def test_edgex_order_kept_after_failure(station: VirtualStation, status: int) ->
         assert station.cloud.stream(vehicle_id, "pose") == list(range(20))
 
 
-def test_mosquitto_drop_is_counted(tmp_path: Path) -> None:
-    config = Config(state_dir=tmp_path, data_budget_mib=1)
-    prepare(config)
-    station = VirtualStation(config, VirtualCloud(MOST))
-    station.cloud.is_there = False
+@BOTH_ENGINES
+def test_mosquitto_drop_is_counted(small_station: VirtualStation) -> None:
+    station = small_station
     number = 0
     while not station.dropped:
-        station.ingest("battery", *range(number, number + 20))
-        number += 20
+        try:
+            station.ingest("battery", number)
+            number += 1
+        except FullError:  # A shared database makes room in its turn, not while somebody waits
+            station.context.space.keep(station.passed_s)
     station.cloud.is_there = True
     station.drain()
     arrived = station.cloud.stream(1, "battery")
@@ -192,9 +207,9 @@ def test_mosquitto_drop_is_counted(tmp_path: Path) -> None:
     assert gap[-1]["count"] == lost
     assert (gap[-1]["from_sequence_number"], gap[-1]["to_sequence_number"]) == (0, lost - 1)
     assert arrived == list(range(lost, number))
-    station.close()
 
 
+@BOTH_ENGINES
 def test_200_lost(station: VirtualStation) -> None:
     station.cloud.faults.extend([lose_answer, lose_answer])
     (key, *others) = station.ingest("alarm", 0, 1, 2)
@@ -203,6 +218,7 @@ def test_200_lost(station: VirtualStation) -> None:
     assert station.cloud.stream(1, "alarm") == [0, 1, 2]
 
 
+@BOTH_ENGINES
 def test_200_lost_with_the_relay(station: VirtualStation) -> None:
     """The cloud has stored it, the relay dies before it can say so here: again, once in effect."""
     (key,) = station.ingest("alarm", 0)
