@@ -10,6 +10,7 @@ from edge_server.exchange.mission_item import Item, Place
 from edge_server.exchange.translation import Refusal, Translation, whole
 
 MOST_TURNS: Final = 50
+RATE_MAX_DEG_S: Final = 20.0  # At which a circle without one is flown
 
 
 def orbit(state: Translation, item: Item) -> None:
@@ -35,8 +36,8 @@ def loiter_turns(state: Translation, item: Item) -> None:
     if not radius:
         raise Refusal("has no radius")
     speed = state.speed_m_s or DEFAULT_SPEED_M_S
-    rate = math.floor(math.degrees(speed / abs(radius)) * 1e6) / 1e6
-    _circle(state, item, radius, turns or 0.0, angular_velocity=min(rate, 20.0))
+    rate = min(math.degrees(speed / abs(radius)), RATE_MAX_DEG_S)
+    _circle(state, item, radius, turns or 0.0, angular_velocity=math.floor(rate * 1e6) / 1e6)
 
 
 def follow(state: Translation, item: Item) -> None:

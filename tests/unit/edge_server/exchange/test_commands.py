@@ -318,3 +318,11 @@ def test_a_waypoint_that_belongs_to_a_follower_is_its_first_target() -> None:
     found = mission_of(translated(TAKEOFF, at(16, 0, 0, 0, None), simple(32, frame=2)))
     assert [one.command_type_id for one in found.command_array] == [1, 8]
     assert not any(isinstance(one, NavWaypoint) for one in found.command_array)
+
+
+@pytest.mark.parametrize("command", [18, 34])
+@pytest.mark.parametrize("radius", [1e-308, -1e-308, 4.9e-324])
+def test_a_circle_of_no_size_is_refused(command: int, radius: float) -> None:
+    parameters = (1.0, 0.0, radius, 0.0) if command == 18 else (radius, 3.0, 3.0, math.tau)
+    with pytest.raises(InvalidError):
+        mission_of(translated(TAKEOFF, simple(command, *parameters, 40.4434, -3.7382, 10.0)))
