@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from mavlink_broker.dialect import Message
 from mavlink_broker.protocol.heartbeat import LinkState, LinkWatch
+from mavlink_broker.protocol.parameter_write import ParameterEncoding, encoding_of
 from mavlink_broker.protocol.reboot import RebootWatch
 from mavlink_broker.protocol.round_trip import RoundTrip
 from mavlink_broker.protocol.route import Route
@@ -25,6 +26,7 @@ class Vehicle:
     round_trip: RoundTrip = field(default_factory=RoundTrip)
     product: tuple[int, int] | None = None  # Vendor and product, once it has told them
     is_identified: bool = False  # It has told them, or will not
+    capabilities: int = 0  # MAV_PROTOCOL_CAPABILITY bits, once it has told them
     refused_items: set[int] = field(default_factory=set)  # MAV_CMD that no mission of it may hold
     _autopilot: int = 0
     _reboots: RebootWatch = field(default_factory=RebootWatch)
@@ -39,6 +41,7 @@ class Vehicle:
             self.family = family_of(message.autopilot, self.product)
         elif kind == "AUTOPILOT_VERSION":
             self.product = message.vendor_id, message.product_id
+            self.capabilities = message.capabilities
             self.is_identified = True
             self.family = family_of(self._autopilot, self.product)
         self._words.receive(message, now)
@@ -66,6 +69,11 @@ class Vehicle:
     def mode_role(self) -> ModeRole:
         """What its flight mode means to a mission."""
         return self.family.mode_role(self.mode)
+
+    @property
+    def parameter_encoding(self) -> ParameterEncoding:
+        """How it puts integers into the messages of the parameter protocol."""
+        return encoding_of(self.capabilities, self.family.parameter_encoding)
 
     def words_since(self, time: float) -> str | None:
         """Its latest complaint since a time, or None."""

@@ -14,6 +14,7 @@ from afarcloud.enumerations import OrbitType
 from mavlink_broker.dialect import mavlink
 from mavlink_broker.protocol.command import CommandLong, long_command
 from mavlink_broker.protocol.command_sequence import Ways
+from mavlink_broker.protocol.parameter_write import ParameterEncoding
 from mavlink_broker.translation import modes
 from mavlink_broker.translation.modes import ModeRole
 
@@ -102,6 +103,7 @@ class Family:
     takes_panoramas: bool = False  # Its camera does, by PANORAMA_CREATE
     busy_pause_s: float = 6.0  # After "busy": the vehicle's own idle timeout and a second
     battery_capacity_parameter: str | None = None  # In mAh
+    parameter_encoding: ParameterEncoding = ParameterEncoding.C_CAST  # Of one that tells none
     mode_name: Callable[[int, int], str] = modes.generic_name
     mode_role: Callable[[str], ModeRole] = modes.generic_role
 
@@ -117,6 +119,7 @@ PX4: Final = Family(
     following=Following.BY_MODE,
     follow_modes=((_FOLLOW_OF_PX4,),),
     battery_capacity_parameter="BAT1_CAPACITY",
+    parameter_encoding=ParameterEncoding.BYTEWISE,
     mode_name=modes.px4_name,
     mode_role=modes.px4_role,
 )
