@@ -53,7 +53,7 @@ class Config:
     database_url: str | None = field(default=None, repr=False)  # It may hold a password
     requests_per_minute: int = 12_000  # Of one key of a person or the cloud
     broker_requests_per_minute: int = 600_000
-    failures_per_minute: int = 30  # Wrong keys from one address
+    failures_per_minute: int = 600  # Wrong keys from one address
     tls_certificate_file: Path | None = None
     tls_key_file: Path | None = None
     tls_client_ca_file: Path | None = None

@@ -20,7 +20,8 @@ MAXIMUM_DEPTH: Final = 20
 _NESTING: Final = (dict, list)
 MAXIMUM_IMAGE_BODY_BYTES: Final = 3 * 512 * 1024  # A 1 MiB frame in base64, and its fields
 _WHOLE: Final = re.compile(r"([0-9]{1,19})(?:\.0+)?")  # 5.0 is an integer, as in a body
-_EPOCH: Final = re.compile(r"[0-9]{1,11}(\.[0-9]{1,6})?")
+_NUMBER: Final = re.compile(r"[0-9]{1,400}(\.[0-9]{1,400})?([eE][+-]?[0-9]{1,3})?")
+_LATEST_S: Final = 1e11  # Epoch seconds; the year 5138
 _CHUNK_BYTES: Final = 65_536
 _DISCARDED_BYTES: Final = 8 * 1024 * 1024
 PAGE_DEFAULT: Final = 100
@@ -143,10 +144,17 @@ def query_time(name: str) -> float:
     if raw is None:
         return 0.0
     try:
-        seconds = float(raw) if _EPOCH.fullmatch(raw) else _rfc3339(raw)
+        seconds = _epoch(raw) if _NUMBER.fullmatch(raw) else _rfc3339(raw)
     except ValueError:
         message = "must be a time such as 2026-11-21T08:00:00Z, or epoch seconds"
         raise RequestError(422, "the query cannot be used", (Fault(name, message),)) from None
+    return seconds
+
+
+def _epoch(raw: str) -> float:
+    seconds = float(raw)
+    if seconds > _LATEST_S:
+        raise ValueError(raw)
     return seconds
 
 

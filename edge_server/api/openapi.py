@@ -27,22 +27,28 @@ _ERRORS: Final = {
     507: "The disk is full",
 }
 _INTEGER: Final = {"type": "integer", "minimum": 0, "maximum": 2**63 - 1}
+_VEHICLE: Final = {"type": "integer", "minimum": 1, "maximum": 2**31 - 1}
 _QUERY: Final[dict[str, tuple[str, dict[str, Any]]]] = {
     "after": ("Only what came after this id", _INTEGER),
     "limit": ("At most so many", {"type": "integer", "minimum": 1, "maximum": 1000}),
     "since": (
         "Only what was received from this time: RFC 3339, or epoch seconds",
-        {"type": "string", "format": "date-time"},
+        {
+            "anyOf": [
+                {"type": "string", "format": "date-time"},
+                {"type": "number", "minimum": 0, "maximum": 1e11},
+            ]
+        },
     ),
-    "vehicle_id": ("Only of this vehicle", {"type": "integer", "minimum": 1, "maximum": 2**31 - 1}),
+    "vehicle_id": ("Only of this vehicle", _VEHICLE),
     "kind": ("Only of this kind", {"enum": [kind.value for kind in TELEMETRY]}),
-    "vehicle_id:required": (
-        "Whose mission it is",
-        {"type": "integer", "minimum": 1, "maximum": 2**31 - 1},
-    ),
+    "vehicle_id:required": ("Whose mission it is", _VEHICLE),
     "dispatch": ("Fly it; else it is held", {"type": "boolean"}),
     "mission_id": ("Number of the mission", {"type": "integer", "minimum": 0}),
-    "maximum_speed": ("In place of the file's own [m/s]", {"type": "number"}),
+    "maximum_speed": (
+        "In place of the file's own [m/s]",
+        {"type": "number", "exclusiveMinimum": 0},
+    ),
     "name": ("Name of the plan", {"type": "string", "minLength": 1, "maxLength": 255}),
     "format:plan": ("As JSON, or as a file of QGroundControl", {"enum": ["json", "plan"]}),
     "format:geojson": ("As JSON or as GeoJSON", {"enum": ["json", "geojson"]}),
@@ -183,7 +189,7 @@ def _path_parameters(rule: str) -> Iterable[dict[str, Any]]:
     for found in CONVERTER.finditer(rule):
         schema: dict[str, Any] = {"type": "string", "pattern": "^[0-9A-Z]{26}$"}
         if found["kind"] == "int64":
-            schema = dict(_INTEGER)
+            schema = dict(_VEHICLE if found["name"] == "vehicle_id" else _INTEGER)
         yield {"name": found["name"], "in": "path", "required": True, "schema": schema}
 
 

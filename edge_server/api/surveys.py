@@ -53,11 +53,12 @@ def create() -> ResponseReturnValue:
     """Plan a survey of a field; with `preview=true` nothing is kept."""
     wanted = bodies.model(SurveyOrder)
     scopes.check(*wanted.vehicles)
+    asking = caller()
     if _is_preview():
         return surveys.preview(bodies.context(), wanted), 200
-    if caller().role == Role.FARMER and wanted.dispatch:
+    if asking.role == Role.FARMER and wanted.dispatch:
         raise Forbidden('a farmer may post drafts only: {"dispatch": false}')
-    planned = surveys.create(bodies.context(), wanted, caller())
+    planned = surveys.create(bodies.context(), wanted, asking)
     audit(f"planned a survey: plans {[plan['id'] for plan in planned['plans']]}")
     return planned, 201
 
