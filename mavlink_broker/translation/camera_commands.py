@@ -16,7 +16,7 @@ from mavlink_broker.protocol.command import long_command
 from mavlink_broker.translation import mission_item
 from mavlink_broker.translation.live import Lasted, LiveAction
 from mavlink_broker.translation.mission_item import MissionItem
-from mavlink_broker.translation.situation import Items, Situation
+from mavlink_broker.translation.situation import Items, Refusal, Situation
 
 CAMERA: Final[int] = mavlink.MAV_COMP_ID_CAMERA
 PANORAMA_WITHIN_S: Final = 180.0
@@ -63,7 +63,7 @@ def video_stop(command: VideoStopCapture, situation: Situation) -> Items | LiveA
     return _video(mavlink.MAV_CMD_VIDEO_STOP_CAPTURE, values, situation)
 
 
-def panorama(command: CameraPanorama, situation: Situation) -> Items | LiveAction | str:
+def panorama(command: CameraPanorama, situation: Situation) -> Items | LiveAction | Refusal:
     """Have the camera take it where it can, else turn the vehicle from picture to picture."""
     mode = command.parameters.panorama_mode
     if situation.family.takes_panoramas:
@@ -71,7 +71,11 @@ def panorama(command: CameraPanorama, situation: Situation) -> Items | LiveActio
         create = long_command(mavlink.MAV_CMD_PANORAMA_CREATE, *angles, component=CAMERA)
         return LiveAction(begin=((create,),), end=Lasted(), within_s=PANORAMA_WITHIN_S, moves=False)
     if situation.spot is None:
-        return "a panorama needs a command before it that goes to a place"
+        return Refusal(
+            "command_type_id",
+            f"{situation.family.name} turns for a panorama where it is, and no command before it "
+            "says where that is",
+        )
     middle_deg = situation.heading_deg or 0.0
     first_deg = middle_deg - (90.0 if mode is PanoramaMode.HALF_CIRCLE else 0.0)
     items: list[MissionItem] = []

@@ -8,10 +8,9 @@ from afarcloud.enumerations import CommandType
 from mavlink_broker.translation import camera_commands, flight_commands, target_commands
 from mavlink_broker.translation.hotpoint import hotpoint
 from mavlink_broker.translation.live import LiveAction
-from mavlink_broker.translation.situation import Items, RefusedError, Situation
+from mavlink_broker.translation.situation import Items, Refusal, RefusedError, Situation
 
-Translator: TypeAlias = Callable[[Any, Situation], Items | LiveAction | str]
-"""Gives a sentence when the command cannot be flown."""
+Translator: TypeAlias = Callable[[Any, Situation], Items | LiveAction | Refusal]
 
 TRANSLATORS: Final[Mapping[CommandType, Translator]] = {
     CommandType.NAV_TAKEOFF: flight_commands.takeoff,
@@ -35,6 +34,6 @@ def translate_command(index: int, command: Command, situation: Situation) -> Ite
         RefusedError: if it cannot be flown where it stands.
     """
     translated = TRANSLATORS[command.command_type_id](command, situation)
-    if isinstance(translated, str):
+    if isinstance(translated, Refusal):
         raise RefusedError(index, command, translated)
     return translated

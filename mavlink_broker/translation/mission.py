@@ -16,12 +16,14 @@ from mavlink_broker.translation.commands import translate_command
 from mavlink_broker.translation.families import Family
 from mavlink_broker.translation.live import LiveAction
 from mavlink_broker.translation.mission_item import MissionItem
-from mavlink_broker.translation.situation import Home, Items, RefusedError, Situation
+from mavlink_broker.translation.situation import Home, Items, Refusal, RefusedError, Situation
 
 __all__ = ["FlightPlan", "Home", "Itinerary", "LiveCommand", "RefusedError", "translate"]
 
-_NOTHING_TO_HOLD_AT = "nothing before it says where the vehicle is to be when the mission ends"
-_ON_THE_GROUND = "it follows a landing: a take-off has to come first"
+_NOTHING_TO_HOLD_AT = Refusal(
+    "command_type_id", "nothing before it says where the vehicle is to be when the mission ends"
+)
+_ON_THE_GROUND = Refusal("command_type_id", "it follows a landing: a take-off has to come first")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,6 +1,6 @@
 """What the meaning of a command may depend on, and what a command becomes.
 
-RefusedError  a command that cannot be flown, with its id and the reason
+RefusedError  a command that cannot be flown, with its id, the parameter and the reason
 """
 
 from dataclasses import dataclass
@@ -14,13 +14,22 @@ DEFAULT_ALTITUDE_M: Final = 10.0
 """Height above home for a return that nothing has given a height yet."""
 
 
+class Refusal(NamedTuple):
+    """Why a command cannot be flown, and which of its fields asks for it."""
+
+    parameter: str  # As AFarCloud names it; the command_type_id where that is out of place
+    why: str
+
+
 class RefusedError(Exception):
     """A command that cannot be flown."""
 
-    def __init__(self, command_index: int, command: Command, reason: str) -> None:
-        super().__init__(f"command {command.command_id}: {reason}")
+    def __init__(self, command_index: int, command: Command, refusal: Refusal) -> None:
+        self.reason = f"{refusal.parameter}: {refusal.why}"
+        super().__init__(f"command {command.command_id}: {self.reason}")
         self.command_index = command_index
-        self.reason = reason
+        self.command_id = command.command_id
+        self.refusal = refusal
 
 
 class Home(NamedTuple):

@@ -267,7 +267,7 @@ def test_what_flies_behind_a_landing_is_refused_before_take_off() -> None:
     place = {"latitude": 40, "longitude": -3}
     land = {"command_type_id": 2, "parameters": place}
     waypoint = {"command_type_id": 3, "parameters": place | {"altitude": 5}}
-    with pytest.raises(RefusedError, match="command 2: it follows a landing"):
+    with pytest.raises(RefusedError, match="command 2: command_type_id: it follows a landing"):
         translate(mission_with(land, waypoint), PX4, HOME)
 
 
