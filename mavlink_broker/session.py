@@ -21,6 +21,7 @@ from mavlink_broker.protocol.streams import StreamRequests
 from mavlink_broker.reporter import Reporter
 from mavlink_broker.session_states import State
 from mavlink_broker.translation.alarms import AlarmWatch, Failure
+from mavlink_broker.translation.families import MOST_ABLE
 from mavlink_broker.translation.mission import Home, RefusedError, translate
 from mavlink_broker.vehicle import Vehicle
 from mavlink_broker.work import EventWork, MissionWork, StateVectorWork
@@ -67,11 +68,14 @@ class Session:
     def take_mission(self, work: MissionWork, effects: Effects) -> None:
         """Accept a mission, or refuse one that cannot be flown.
 
-        A refusal's report goes out before the acknowledgement, which closes the work.
+        A vehicle that has not told its kind yet may be one that takes everything: its own refusals
+        wait until it has. A refusal's report goes out before the acknowledgement, which closes
+        the work.
         """
         flight = Flight(work, self.vehicle, self._reporter)
+        family = self.vehicle.family if self.vehicle.is_identified else MOST_ABLE
         try:
-            translate(work.mission, self.vehicle.family, Home(0.0, 0.0, 0.0))
+            translate(work.mission, family, Home(0.0, 0.0, 0.0))
         except RefusedError as error:
             flight.refuse(error, effects)
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", str(error)))

@@ -170,6 +170,9 @@ ARDUPILOT: Final = Family(
 
 GENERIC: Final = Family(name="generic")
 
+MOST_ABLE: Final = OWN
+"""Flies whatever any family flies: what it cannot, nobody can."""
+
 FAMILIES: Final[Mapping[int, Family]] = {
     mavlink.MAV_AUTOPILOT_PX4: PX4,
     mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA: ARDUPILOT,
