@@ -1,0 +1,17 @@
+"""`python -m sim.world`: print the default farm as GeoJSON."""
+
+import json
+import sys
+
+from sim.world.farm import Farm
+from sim.world.geojson import farm_geojson
+
+
+def main() -> int:
+    """Print it."""
+    print(json.dumps(farm_geojson(Farm())))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
