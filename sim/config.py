@@ -31,6 +31,8 @@ class SimulationConfig:
     home_altitude_amsl_m: float = 650.0  # [m] Of the ground at home
     heading_deg: float = 0.0  # [deg] Of the nose at the start, clockwise from true north
     start_east_m: float = 0.0  # [m] Where the vehicle stands, east of home
+    farm_seed: int = 1  # [-] Of the farm's maps: the same for all vehicles that share a farm
+    farm_origin: tuple[float, float, float] | None = None  # [deg, deg, m AMSL] None: home
     physics_rate_hz: int = 500  # [Hz] JSBSim's step
     control_rate_hz: int = 250  # [Hz] Divides physics_rate_hz
     wind_speed_m_s: float = 0.0  # [m/s] Mean, 6 m (20 ft) above ground
@@ -53,6 +55,7 @@ class SimulationConfig:
         self._check_range("home_latitude_deg", -85.0, 85.0)
         self._check_range("home_longitude_deg", -180.0, 180.0)
         self._check_range("home_altitude_amsl_m", -500.0, 6000.0)
+        self._check_range("farm_seed", 0, _LARGEST_SEED)
         self._check_range("start_east_m", -10_000.0, 10_000.0)
         self._check_range("physics_rate_hz", 500, 10_000)
         self._check_range("control_rate_hz", 50, 10_000)

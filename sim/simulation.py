@@ -15,6 +15,9 @@ from sim.sensors.suite import Schedule, SensorSuite
 from sim.truth import Motors, Truth, Vector3
 from sim.truth_log import TruthLog
 from sim.wind import Wind
+from sim.world.daylight import day_shift_s
+from sim.world.farm import Farm
+from sim.world.plane import Plane
 
 
 class Simulation:
@@ -49,6 +52,10 @@ class Simulation:
         self._update_faults(0)
         self._set_wind(self._wind.mean_ned)
         self._log = None if config.truth_log_path is None else TruthLog(config.truth_log_path)
+        self.farm = _farm(config)
+        plane, start_s = self.farm.plane, config.start_time_utc_us * 1e-6
+        shift_s = day_shift_s(plane.latitude_deg, plane.longitude_deg, start_s)
+        self._farm_start_s = start_s + shift_s
         self.truth: Truth = self._quadrotor.truth(0)
         self.readings: Readings = self._observe()
 
@@ -56,6 +63,11 @@ class Simulation:
     def time_us(self) -> int:
         """Simulated time [us] since the start."""
         return self.truth.time_us
+
+    @property
+    def farm_time_s(self) -> float:
+        """Time on the farm [s since 1970]: UTC, or daylight (`sim/world/daylight.py`)."""
+        return self._farm_start_s + self.truth.time_us * 1e-6
 
     @property
     def wrecked(self) -> bool:
@@ -153,3 +165,8 @@ class Simulation:
             self._suite.battery.fail_cells(
                 round(fault.values["cells"]), fault.values["charge_lost"]
             )
+
+
+def _farm(config: SimulationConfig) -> Farm:
+    home = (config.home_latitude_deg, config.home_longitude_deg, config.home_altitude_amsl_m)
+    return Farm(config.farm_seed, Plane(*(config.farm_origin or home)))

@@ -102,6 +102,7 @@ def build_vehicle(config: VehicleConfig, start_time_utc_us: int) -> Vehicle:
         return simulated_vehicle(
             number=config.system_id,
             seed=config.seed * _VEHICLES_PER_SEED + config.system_id,
+            farm_seed=config.seed,
             home=None
             if home is None
             else (home.latitude_deg, home.longitude_deg, home.altitude_amsl_m, home.heading_deg),

@@ -29,6 +29,7 @@ from uav_firmware.msg.vectors import Motors
 
 _STOPPED: Motors = (0.0, 0.0, 0.0, 0.0)
 _CONSOLE_PERIOD_US: Final = 100_000
+_FARM_DEG: Final = 0.02  # Two kilometres: farther off lies another farm
 
 
 class JsbsimVehicle:
@@ -191,6 +192,7 @@ def simulated_vehicle(
     *,
     number: int,
     seed: int,
+    farm_seed: int,
     world: str,
     home: tuple[float, float, float, float] | None,
     wind_m_s: float,
@@ -204,7 +206,8 @@ def simulated_vehicle(
     """Make vehicle 1, 2, 3, ... of a farm.
 
     `home` is latitude [deg], longitude [deg], altitude above mean sea level [m] and heading
-    [deg]; None is the home of `world`, where the vehicles stand side by side. The GNSS receiver
+    [deg]; None is the home of `world`, where the vehicles stand side by side. The farm lies at the
+    world's home, or at `home` if that is far from it. The GNSS receiver
     tells `start_time_utc_us` [us since 1970] at time zero. `faults_path` is a file of faults to
     come; in `console_folder` more can be ordered while it flies.
 
@@ -213,8 +216,11 @@ def simulated_vehicle(
         OSError: if a file cannot be read or created.
     """
     place = world_named(world)
+    yard = (place.latitude_deg, place.longitude_deg, place.altitude_amsl_m)
     config = SimulationConfig(
         seed=seed,
+        farm_seed=farm_seed,
+        farm_origin=yard if home is None or _on_the_farm(yard, home) else None,
         home_latitude_deg=place.latitude_deg,
         home_longitude_deg=place.longitude_deg,
         home_altitude_amsl_m=place.altitude_amsl_m,
@@ -238,3 +244,11 @@ def simulated_vehicle(
         )
     console = None if console_folder is None else FaultConsole(console_folder)
     return JsbsimVehicle(Simulation(config), console)
+
+
+def _on_the_farm(yard: tuple[float, float, float], home: tuple[float, float, float, float]) -> bool:
+    """Whether a home is on the farm about a yard: near it, and on the same level ground."""
+    near = all(
+        abs(there - here) < _FARM_DEG for there, here in zip(home[:2], yard[:2], strict=True)
+    )
+    return near and home[2] == yard[2]

@@ -140,3 +140,17 @@ def test_closing_twice_is_harmless(tmp_path: Path) -> None:
     simulation = Simulation(SimulationConfig(truth_log_path=tmp_path / "truth.csv"))
     simulation.close()
     simulation.close()
+
+
+def test_vehicles_of_one_farm_see_the_same_farm() -> None:
+    place = (40.4440, -3.7380)
+    one, two = (
+        Simulation(SimulationConfig(seed=seed, farm_seed=7, start_east_m=3.0 * seed)).farm
+        for seed in (1, 2)
+    )
+    assert one.soil_moisture(*place, 1e9) == two.soil_moisture(*place, 1e9)
+
+
+def test_a_flight_at_night_is_lit_as_by_day() -> None:
+    midnight = Simulation(SimulationConfig(start_time_utc_us=1_780_272_000_000_000))
+    assert midnight.farm.sun(midnight.farm_time_s).elevation_deg > 10.0

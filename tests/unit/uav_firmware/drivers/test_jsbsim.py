@@ -33,6 +33,7 @@ def started(folder: Path, *, world: str = "farm", faults: Path | None = None) ->
     return simulated_vehicle(
         number=2,
         seed=1,
+        farm_seed=1,
         world=world,
         home=None,
         wind_m_s=0.0,
