@@ -1,0 +1,120 @@
+"""Requests of a file transfer that wait for their answers: numbered, repeated, told apart.
+
+A repetition keeps its number, so that a server gives the answer that was lost instead of doing
+the thing twice.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from mavlink_broker.dialect import Message
+from mavlink_broker.protocol.file_packets import BURST, CHECKSUM, TERMINATE, Packet, request
+from mavlink_broker.protocol.round_trip import LONGEST_TIMEOUT_S, RoundTrip
+from mavlink_broker.protocol.route import Route
+
+ATTEMPTS: Final = 20
+"""Requests in a row without an answer: at 20 % loss each way, one transfer in 10^9."""
+_ATTEMPTS_OF: Final = {BURST: 5, CHECKSUM: 5, TERMINATE: 3}
+CHECK_TIMEOUT_S: Final = 3.0
+"""A slow card takes that long to be read through."""
+
+
+@dataclass(slots=True)
+class Ask:
+    """One request on its way."""
+
+    packet: Packet
+    sent_at: float
+    due_at: float
+    attempts: int = 1
+
+    @property
+    def is_spent(self) -> bool:
+        """Whether it is not worth another repetition."""
+        return self.attempts >= _ATTEMPTS_OF.get(self.packet.opcode, ATTEMPTS)
+
+
+class Asks:
+    """All requests of one transfer; the round trip is the file server's own."""
+
+    def __init__(self, route: Route, first_seq: int) -> None:
+        self._route = route
+        self._pending: dict[int, Ask] = {}
+        self.round_trip = RoundTrip()
+        self.next_seq = first_seq & 0xFFFF
+
+    def __len__(self) -> int:
+        return len(self._pending)
+
+    @property
+    def offsets(self) -> set[int]:
+        """Where the data begin that are asked for."""
+        return {ask.packet.offset for ask in self._pending.values()}
+
+    def new(
+        self,
+        opcode: int,
+        now: float,
+        *,
+        session: int = 0,
+        offset: int = 0,
+        size: int = 0,
+        data: bytes = b"",
+    ) -> Message:
+        """Make the next request; `size` counts where there are no data to send along."""
+        seq, self.next_seq = self.next_seq, (self.next_seq + 1) & 0xFFFF
+        packet = Packet(
+            seq=seq,
+            session=session,
+            opcode=opcode,
+            size=len(data) or size,
+            asked=0,
+            is_complete=False,
+            offset=offset,
+            data=data,
+        )
+        self._pending[seq] = Ask(packet, now, now + self._patience_s(opcode))
+        return request(self._route, packet)
+
+    def overdue(self, now: float) -> Iterator[Ask]:
+        """Those whose answer ought to have come; they may be dropped meanwhile."""
+        for ask in list(self._pending.values()):
+            if now >= ask.due_at and ask.packet.seq in self._pending:
+                yield ask
+
+    def repeat(self, ask: Ask, now: float) -> Message:
+        """Send one again, and wait longer each time."""
+        patience_s = self._patience_s(ask.packet.opcode) * 2 ** min(ask.attempts, 4)
+        ask.due_at = now + min(patience_s, LONGEST_TIMEOUT_S)
+        ask.attempts += 1
+        return request(self._route, ask.packet)
+
+    def drop(self, ask: Ask) -> None:
+        """Wait for it no longer."""
+        self._pending.pop(ask.packet.seq, None)
+
+    def clear(self) -> None:
+        """Wait for nothing."""
+        self._pending.clear()
+
+    def answered_by(self, answer: Packet, now: float) -> Ask | None:
+        """The request that an answer is for; None if there is none.
+
+        The packets of a burst are numbered on from its request.
+        """
+        if answer.asked == BURST:
+            bursts = (a for a in self._pending.values() if a.packet.opcode == BURST)
+            ask = next(bursts, None)
+        else:
+            ask = self._pending.get((answer.seq - 1) & 0xFFFF)
+        if ask is None or ask.packet.opcode != answer.asked:
+            return None
+        if ask.attempts == 1:  # Karn's rule
+            self.round_trip.sample(now - ask.sent_at)
+        self.drop(ask)
+        return ask
+
+    def _patience_s(self, opcode: int) -> float:
+        timeout_s = self.round_trip.timeout_s
+        return max(CHECK_TIMEOUT_S, timeout_s) if opcode == CHECKSUM else timeout_s

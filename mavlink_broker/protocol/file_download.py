@@ -1,0 +1,326 @@
+"""Fetches one file of the vehicle over MAVFTP, whole and checked, however bad the link is.
+
+    OPENING --> BURSTING --> FILLING --> CHECKING --> CLOSING --> an outcome
+    any but OPENING --NAK: invalid session--> OPENING, with what has come kept
+
+One burst is outstanding at a time, and the next one waits for a quarter of the time that the
+last one took, so that telemetry passes on a slow radio. What bursts have lost is read piece by
+piece, four at a time; a server that knows no bursts is read so from the beginning. A vehicle that
+was restarted has forgotten the session, not the file: it is opened again and the transfer goes
+on. In the end the server's CRC32 must be that of what has come, where the server computes one.
+"""
+
+import struct
+from enum import Enum, auto
+from typing import Final, NamedTuple, TypeAlias
+
+from mavlink_broker.dialect import Message, source_of
+from mavlink_broker.protocol import file_packets
+from mavlink_broker.protocol.file_asks import Ask, Asks
+from mavlink_broker.protocol.file_packets import DATA_MAX, FAULTS, Packet
+from mavlink_broker.protocol.partial_file import PartialFile
+from mavlink_broker.protocol.route import Route
+
+WINDOW: Final = 4
+"""Reads on their way at once."""
+REOPENINGS: Final = 5
+BEGINNINGS: Final = 3
+BUSY_PAUSE_S: Final = 2.0
+BUSY_ATTEMPTS: Final = 15
+RESET_AT: Final = 10
+"""Refusal for lack of sessions at which all of ours are closed: one may have been lost open."""
+FRUITLESS: Final = 20
+"""Answers in a row that bring nothing."""
+BREATH: Final = 0.25
+LONGEST_BREATH_S: Final = 1.0
+_WORD: Final = struct.Struct("<I")
+
+
+class Fetched(NamedTuple):
+    """The file, whole."""
+
+    data: bytes
+
+
+class NotFetched(NamedTuple):
+    """Why it could not be had."""
+
+    reason: str
+
+
+FetchOutcome: TypeAlias = Fetched | NotFetched
+
+
+class _Phase(Enum):
+    OPENING = auto()
+    BURSTING = auto()
+    FILLING = auto()
+    CHECKING = auto()
+    CLOSING = auto()
+
+
+class FileDownload:
+    """One file of one component; `route` leads there."""
+
+    def __init__(self, path: str, route: Route, *, limit_bytes: int, first_seq: int = 0) -> None:
+        self._path = path.encode()
+        self._route = route
+        self._limit = limit_bytes
+        self._asks = Asks(route, first_seq)
+        self._phase = _Phase.OPENING
+        self._session: int | None = None
+        self._file = PartialFile(0)
+        self._burst_from = 0  # Where the next burst begins
+        self._burst: tuple[float, int] | None = None  # When it began, and where
+        self._burst_heard_at = 0.0
+        self._not_before = 0.0
+        self._wants_reset = False
+        self._refusals = 0
+        self._reopened = 0
+        self._begun = 0
+        self._fruitless = 0
+        self._verdict: FetchOutcome | None = None
+        self.is_held = False  # Nothing is asked for while something more urgent goes on
+        self.outcome: FetchOutcome | None = None
+
+    @property
+    def next_seq(self) -> int:
+        """The number after the last request's: the next transfer goes on with it."""
+        return self._asks.next_seq
+
+    def start(self, now: float) -> list[Message]:
+        """Ask for the file."""
+        return self._go_on(now)
+
+    def receive(self, message: Message, now: float) -> list[Message]:
+        """Take an answer of the component; everything else is ignored."""
+        if self.outcome is not None or not self._is_ours(message):
+            return []
+        answer = file_packets.answer_of(message)
+        if answer is None:
+            return []
+        ask = self._asks.answered_by(answer, now)
+        if answer.asked == file_packets.BURST:
+            self._take_burst(answer, now, is_first=ask is not None)
+        elif ask is not None:
+            self._take_answer(answer, ask, now)
+        return self._go_on(now)
+
+    def tick(self, now: float) -> list[Message]:
+        """Repeat what is overdue; to be called only while the vehicle is heard."""
+        messages: list[Message] = []
+        if self.outcome is not None:
+            return messages
+        for ask in self._asks.overdue(now):
+            if ask.is_spent:
+                self._asks.drop(ask)
+                self._unanswered(ask.packet.opcode)
+            else:
+                messages.append(self._asks.repeat(ask, now))
+        silent_s = now - self._burst_heard_at
+        if self._burst is not None and silent_s >= self._asks.round_trip.timeout_s:
+            self._end_burst(now)
+        return messages + self._go_on(now)
+
+    def _is_ours(self, message: Message) -> bool:
+        return (
+            message.get_type() == "FILE_TRANSFER_PROTOCOL"
+            and self._route.is_for_us(message)
+            and source_of(message).component == self._route.target_component
+        )
+
+    # What is asked for next.
+
+    def _go_on(self, now: float) -> list[Message]:
+        if self.outcome is not None or now < self._not_before:
+            return []
+        if self._phase is _Phase.BURSTING and self._burst_from >= self._file.size:
+            self._enter(_Phase.FILLING)
+        if self._phase is _Phase.FILLING and not self._file.missing:
+            self._enter(_Phase.CHECKING)
+        if self._phase is _Phase.FILLING:
+            return self._fill(now)
+        return [] if self._asks or self._burst else self._ask_next(now)
+
+    def _ask_next(self, now: float) -> list[Message]:
+        session = self._session or 0
+        match self._phase:
+            case _Phase.OPENING if self._wants_reset:
+                return [self._asks.new(file_packets.RESET, now)]
+            case _Phase.OPENING:
+                return [self._asks.new(file_packets.OPEN, now, data=self._path)]
+            case _Phase.BURSTING if not self.is_held:
+                return [self._ask_for(file_packets.BURST, self._burst_from, DATA_MAX, now)]
+            case _Phase.CHECKING:
+                return [self._asks.new(file_packets.CHECKSUM, now, data=self._path)]
+            case _Phase.CLOSING:
+                return [self._asks.new(file_packets.TERMINATE, now, session=session)]
+        return []
+
+    def _fill(self, now: float) -> list[Message]:
+        asked, messages = self._asks.offsets, []
+        for offset, size in self._file.missing.pieces(DATA_MAX):
+            if len(self._asks) >= WINDOW or self.is_held:
+                break
+            if offset not in asked:
+                messages.append(self._ask_for(file_packets.READ, offset, size, now))
+        return messages
+
+    def _ask_for(self, opcode: int, offset: int, size: int, now: float) -> Message:
+        session = self._session or 0
+        return self._asks.new(opcode, now, session=session, offset=offset, size=size)
+
+    def _enter(self, phase: _Phase) -> None:
+        self._phase = phase
+        self._asks.clear()
+        self._burst = None
+
+    # Bursts.
+
+    def _take_burst(self, answer: Packet, now: float, *, is_first: bool) -> None:
+        """Take a packet of a burst, a late one too: the bytes of the file are the same."""
+        wanted = self._phase in {_Phase.BURSTING, _Phase.FILLING}
+        if not wanted or answer.session != self._session:
+            return
+        if answer.opcode == file_packets.NAK:
+            self._burst_refused(answer, now)
+            return
+        if is_first:
+            self._burst = now, self._burst_from
+        self._burst_heard_at = now
+        self._file.keep(answer.offset, answer.data)
+        self._burst_from = max(self._burst_from, self._file.frontier)
+        if answer.is_complete and self._burst is not None:
+            self._end_burst(now)
+
+    def _burst_refused(self, answer: Packet, now: float) -> None:
+        self._burst = None
+        if answer.fault == file_packets.END_OF_FILE:
+            self._burst_from = self._file.size  # What is missing is read, which shows a short file
+        elif answer.fault == file_packets.UNKNOWN:
+            self._enter(_Phase.FILLING)
+        else:
+            self._refused(answer, now)
+
+    def _end_burst(self, now: float) -> None:
+        """Let others speak for a while; a burst that brought nothing is the last one."""
+        if self._burst is None:
+            return
+        (began_at, began_with), self._burst = self._burst, None
+        self._not_before = now + min(BREATH * (now - began_at), LONGEST_BREATH_S)
+        if self._burst_from <= began_with:
+            self._enter(_Phase.FILLING)
+
+    # Answers.
+
+    def _take_answer(self, answer: Packet, ask: Ask, now: float) -> None:
+        if answer.opcode == file_packets.NAK:
+            self._refused(answer, now)
+            return
+        match answer.asked:
+            case file_packets.OPEN:
+                self._opened(answer)
+            case file_packets.READ if answer.offset == ask.packet.offset:
+                self._read(answer)
+            case file_packets.CHECKSUM:
+                self._check(answer)
+            case file_packets.TERMINATE:
+                self._closed()
+            case file_packets.RESET:
+                self._wants_reset = False
+
+    def _opened(self, answer: Packet) -> None:
+        size = _WORD.unpack_from(answer.data)[0] if len(answer.data) >= _WORD.size else 0
+        self._session = answer.session
+        if size > self._limit:
+            self._close(NotFetched(f"it has {size} bytes, and {self._limit} are the limit"))
+        elif size == 0:
+            self._close(NotFetched("it is empty"))
+        else:
+            if size != self._file.size:
+                self._begun += 1
+                self._file = PartialFile(size)
+                self._burst_from = 0
+            self._enter(_Phase.BURSTING)
+
+    def _read(self, answer: Packet) -> None:
+        is_news = self._file.keep(answer.offset, answer.data)
+        self._fruitless = 0 if is_news else self._fruitless + 1
+        if self._fruitless >= FRUITLESS:
+            self._close(NotFetched("the vehicle sends nothing of it"))
+
+    def _check(self, answer: Packet) -> None:
+        told = _WORD.unpack_from(answer.data)[0] if len(answer.data) >= _WORD.size else None
+        if told in {None, self._file.checksum}:
+            self._close(Fetched(self._file.data))
+        elif self._begun >= BEGINNINGS:
+            self._close(NotFetched("what arrives is not what the vehicle has"))
+        else:  # Perhaps the file was still being written: it is opened anew
+            self._file = PartialFile(0)
+            self._enter(_Phase.CLOSING)
+
+    # Refusals and silence.
+
+    def _refused(self, answer: Packet, now: float) -> None:
+        fault, again = answer.fault, {file_packets.INVALID_SESSION, file_packets.END_OF_FILE}
+        match answer.asked:
+            case file_packets.CHECKSUM:  # It computes none: all bytes are there, which must do
+                self._close(Fetched(self._file.data))
+            case file_packets.TERMINATE:
+                self._closed()
+            case file_packets.RESET:
+                self._wants_reset = False
+            case file_packets.OPEN if fault == file_packets.NO_SESSIONS:
+                self._wait_for_a_session(now)
+            case file_packets.READ | file_packets.BURST if fault in again:
+                self._open_again(fault, now)
+            case _:
+                reason = FAULTS.get(fault, f"refusal {fault}")
+                self._close(NotFetched(f"the vehicle answers: {reason}"))
+
+    def _wait_for_a_session(self, now: float) -> None:
+        self._refusals += 1
+        self._not_before = now + BUSY_PAUSE_S
+        self._wants_reset = self._refusals == RESET_AT
+        if self._refusals >= BUSY_ATTEMPTS:
+            self.outcome = NotFetched("the vehicle answers: too many files are open")
+
+    def _open_again(self, fault: int, now: float) -> None:
+        """Open the file once more: the vehicle was restarted, or the file was still being written.
+
+        One that has another size then is begun anew.
+        """
+        self._reopened += 1
+        if self._reopened > REOPENINGS:
+            self._close(NotFetched(f"the vehicle answers: {FAULTS[fault]}"))
+        elif fault == file_packets.INVALID_SESSION:
+            self._session = None
+            self._enter(_Phase.OPENING)
+        else:
+            self._not_before = now + BUSY_PAUSE_S
+            self._enter(_Phase.CLOSING)
+
+    def _close(self, verdict: FetchOutcome) -> None:
+        self._verdict = verdict
+        self._enter(_Phase.CLOSING)
+        if self._session is None:
+            self._closed()
+
+    def _closed(self) -> None:
+        self._session = None
+        if self._verdict is None:
+            self._enter(_Phase.OPENING)
+        self.outcome = self._verdict
+
+    def _unanswered(self, opcode: int) -> None:
+        match opcode:
+            case file_packets.TERMINATE:
+                self._closed()
+            case file_packets.CHECKSUM:
+                self._close(Fetched(self._file.data))
+            case file_packets.BURST:
+                self._enter(_Phase.FILLING)
+            case file_packets.RESET:
+                self._wants_reset = False
+            case _:
+                self.outcome = NotFetched("the vehicle does not answer")
