@@ -72,7 +72,9 @@ def recognition(plan: FlightPlan, vehicle: Vehicle) -> MissionVerify:
 
 def selection(plan: FlightPlan, vehicle: Vehicle) -> MissionSelect:
     """Make the first item the current one."""
-    return MissionSelect(plan.first_item, vehicle.route, vehicle.round_trip)
+    first = plan.first_item
+    shown_as = range(first, plan.first_leg + 1)
+    return MissionSelect(first, vehicle.route, vehicle.round_trip, shown_as=shown_as)
 
 
 def commands(ways: Ways, vehicle: Vehicle) -> CommandSequence:

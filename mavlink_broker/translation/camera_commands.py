@@ -44,7 +44,7 @@ def image(command: CameraImage, situation: Situation) -> Items | LiveAction:
     shots = (float(p.time_interval), float(p.photo_count))
     if situation.after_live:
         return _live_image(p.pitch_angle, p.yaw_angle, shots, number, duration_s)
-    pointing, notes = _pointing(p.pitch_angle, p.yaw_angle, situation.refused)
+    pointing, notes = _pointing(p.pitch_angle, p.yaw_angle, situation)
     capture, more = _capture(shots, number, situation.refused)
     items = (*pointing, capture, mission_item.delay(duration_s))
     return Items(items, len(items) - 1, (*notes, *more))
@@ -101,12 +101,14 @@ def _turn(yaw_deg: float, situation: Situation) -> Sequence[MissionItem]:
 
 
 def _pointing(
-    pitch_deg: float, yaw_deg: float | None, refused: frozenset[int]
+    pitch_deg: float, yaw_deg: float | None, situation: Situation
 ) -> tuple[tuple[MissionItem, ...], tuple[str, ...]]:
     """Aim the gimbal by the newest command that has not been refused."""
+    refused = situation.refused
     if mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW not in refused:
         flags, yaw = (_VEHICLE, 0.0) if yaw_deg is None else (_EARTH, yaw_deg)
-        return (mission_item.point_gimbal(pitch_deg, yaw, flags),), ()
+        rate = situation.family.gimbal_rate_deg_s
+        return (mission_item.point_gimbal(pitch_deg, yaw, flags, no_rate_deg_s=rate),), ()
     if mavlink.MAV_CMD_DO_MOUNT_CONTROL not in refused:
         return (mission_item.point_mount(pitch_deg, yaw_deg or 0.0),), ()
     return (), ("the vehicle has no gimbal: pitch_angle and yaw_angle were left out",)

@@ -91,6 +91,10 @@ class Family:
     honours_minimum_pitch: bool = True
     kept_parameters: Mapping[int, frozenset[int]] = field(default_factory=dict)
     """Which of the first four parameters survive storage, per command; all where none is named."""
+    whole_parameters: Mapping[int, frozenset[int]] = field(default_factory=dict)
+    """Which of them are cut to whole numbers in storage."""
+    hold_yaw_deg: float = 0.0  # Fourth parameter of a hold that asks for no heading
+    gimbal_rate_deg_s: float = math.nan  # What says "no rate" beside a gimbal's angles
     arming: Ways = ((_ARM,),)
     starting: Ways = ((_START,),)
     holding: Ways = ((_PAUSE,),)  # Stay in the air, out of the mission
@@ -111,6 +115,13 @@ class Family:
 PX4: Final = Family(
     name="px4",
     autopilot="px4",
+    kept_parameters={
+        mavlink.MAV_CMD_NAV_WAYPOINT: frozenset({0, 1, 3}),
+        mavlink.MAV_CMD_NAV_TAKEOFF: frozenset({3}),
+        mavlink.MAV_CMD_NAV_LAND: frozenset({1, 3}),
+        mavlink.MAV_CMD_NAV_LOITER_UNLIM: frozenset({2, 3}),
+    },
+    hold_yaw_deg=math.nan,
     arming=((_ARM,), (_PX4_MISSION_MODE, _ARM)),
     starting=((_START,), (_PX4_MISSION_MODE,)),
     holding=((_PX4_HOLD,), (_PAUSE,)),
@@ -127,6 +138,7 @@ PX4: Final = Family(
 OWN: Final = replace(
     PX4,
     name="farm-flight",
+    kept_parameters={},
     orbiting=Orbiting.COUNTED,
     orbit_headings=OWN_HEADINGS,
     following=Following.BY_COMMAND,
@@ -144,16 +156,25 @@ ARDUPILOT: Final = Family(
     honours_precision_landing=False,
     kept_parameters={
         mavlink.MAV_CMD_NAV_WAYPOINT: frozenset({0}),
-        mavlink.MAV_CMD_NAV_TAKEOFF: frozenset({0}),
+        mavlink.MAV_CMD_NAV_TAKEOFF: frozenset(),  # A pitch below 0 comes back as 65536 and less
         mavlink.MAV_CMD_NAV_LAND: frozenset({0}),
         mavlink.MAV_CMD_NAV_LOITER_UNLIM: frozenset(),
         mavlink.MAV_CMD_NAV_LOITER_TURNS: frozenset({0, 2}),
         mavlink.MAV_CMD_DO_SET_ROI_LOCATION: frozenset(),
         mavlink.MAV_CMD_NAV_DELAY: frozenset({0}),
         mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW: frozenset({0, 1}),
+        mavlink.MAV_CMD_IMAGE_START_CAPTURE: frozenset({0, 1, 2}),
         mavlink.MAV_CMD_VIDEO_START_CAPTURE: frozenset({0}),
         mavlink.MAV_CMD_VIDEO_STOP_CAPTURE: frozenset({0}),
     },
+    whole_parameters={
+        mavlink.MAV_CMD_NAV_WAYPOINT: frozenset({0}),
+        mavlink.MAV_CMD_NAV_LAND: frozenset({0}),
+        mavlink.MAV_CMD_NAV_LOITER_TURNS: frozenset({0, 2}),
+        mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW: frozenset({0, 1}),
+        mavlink.MAV_CMD_IMAGE_START_CAPTURE: frozenset({0, 2}),
+    },
+    gimbal_rate_deg_s=0.0,  # It refuses every other NaN than a yaw, and goes by the angles
     landing=((_COPTER_LAND,), (_LAND,)),
     returning=((_COPTER_RETURN,), (_RETURN,)),
     orbiting=Orbiting.BY_ITEM,

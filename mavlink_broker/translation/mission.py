@@ -10,7 +10,7 @@ from typing import Self, TypeAlias
 from afarcloud.commands import FLYING, Command
 from afarcloud.enumerations import CommandType
 from afarcloud.plan import Mission
-from mavlink_broker.dialect import Message
+from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.translation import mission_item
 from mavlink_broker.translation.commands import translate_command
 from mavlink_broker.translation.families import Family
@@ -48,6 +48,16 @@ class FlightPlan:
         return cls(
             items=(), command_of_item=(), done_item=(), notes=(), first_item=0, ends_on_ground=True
         )
+
+    @property
+    def first_leg(self) -> int:
+        """The first item, from where the mission begins, that a vehicle navigates by."""
+        legs = (
+            seq
+            for seq, item in enumerate(self.items)
+            if seq >= self.first_item and item.command <= mavlink.MAV_CMD_NAV_LAST
+        )
+        return next(legs, self.first_item)
 
     @property
     def commands(self) -> range:
@@ -219,7 +229,9 @@ class _Translation:
         if self._situation.spot is None:
             command = self._mission.command_array[last]
             raise RefusedError(last, command, _NOTHING_TO_HOLD_AT)
-        hold = mission_item.hold(**self._situation.spot._asdict())
+        hold = mission_item.hold(
+            **self._situation.spot._asdict(), yaw_deg=self._situation.family.hold_yaw_deg
+        )
         return replace(hold, at_home=self._at_home)
 
 

@@ -101,11 +101,21 @@ def land(
     )
 
 
-def hold(*, latitude_deg: float, longitude_deg: float, relative_altitude_m: float) -> MissionItem:
-    """NAV_LOITER_UNLIM(17): stay at the position until told otherwise."""
+def hold(
+    *,
+    latitude_deg: float,
+    longitude_deg: float,
+    relative_altitude_m: float,
+    yaw_deg: float = 0.0,
+) -> MissionItem:
+    """NAV_LOITER_UNLIM(17): stay at the position until told otherwise.
+
+    `yaw_deg` is what the family takes for "as it is": NaN, or 0 where a NaN is refused.
+    """
     return MissionItem(
         command=mavlink.MAV_CMD_NAV_LOITER_UNLIM,
         frame=mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+        parameters=(0.0, 0.0, 0.0, yaw_deg),
         latitude_deg=latitude_deg,
         longitude_deg=longitude_deg,
         altitude_m=relative_altitude_m,
@@ -136,14 +146,17 @@ def delay(duration_s: float) -> MissionItem:
     return MissionItem(command=mavlink.MAV_CMD_NAV_DELAY, parameters=(duration_s, 0.0, 0.0, 0.0))
 
 
-def point_gimbal(pitch_deg: float, yaw_deg: float, flags: float) -> MissionItem:
-    """DO_GIMBAL_MANAGER_PITCHYAW(1000) of every gimbal; rates NaN, that is the gimbal's own.
+def point_gimbal(
+    pitch_deg: float, yaw_deg: float, flags: float, *, no_rate_deg_s: float = math.nan
+) -> MissionItem:
+    """DO_GIMBAL_MANAGER_PITCHYAW(1000) of every gimbal, at the gimbal's own rate.
 
     `flags` (GIMBAL_MANAGER_FLAGS) stand where a place has its latitude, as a plain number.
+    `no_rate_deg_s` is what the family takes for no rate: NaN, or 0 where a NaN is refused.
     """
     return MissionItem(
         command=mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW,
-        parameters=(pitch_deg, yaw_deg, math.nan, math.nan),
+        parameters=(pitch_deg, yaw_deg, no_rate_deg_s, no_rate_deg_s),
         fifth=round(flags),
     )
 

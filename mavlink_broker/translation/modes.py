@@ -28,7 +28,9 @@ _PX4_MAIN: Final = {
     6: "OFFBOARD",
     7: "STABILIZED",
     8: "RATTITUDE",
+    9: "SIMPLE",
     10: "TERMINATION",
+    11: "ALTITUDE_CRUISE",
 }
 _PX4_AUTO: Final = {
     1: "READY",
@@ -37,14 +39,20 @@ _PX4_AUTO: Final = {
     4: "MISSION",
     5: "RTL",
     6: "LAND",
+    7: "RTGS",
     8: "FOLLOW_TARGET",
     9: "PRECLAND",
+    10: "VTOL_TAKEOFF",
+    21: "GOTO",
 }
 _PX4_POSCTL: Final = {1: "ORBIT", 2: "SLOW"}
 _PX4_ROLES: Final[Mapping[str, ModeRole]] = {
     "AUTO.MISSION": ModeRole.MISSION,
     "AUTO.TAKEOFF": ModeRole.MISSION,
+    "AUTO.VTOL_TAKEOFF": ModeRole.MISSION,
+    "AUTO.READY": ModeRole.HOLD,
     "AUTO.LOITER": ModeRole.HOLD,
+    "AUTO.GOTO": ModeRole.GUIDED,
     "AUTO.FOLLOW_TARGET": ModeRole.GUIDED,
     "POSCTL.ORBIT": ModeRole.GUIDED,
     "AUTO.RTL": ModeRole.ENDING,
@@ -75,6 +83,10 @@ _COPTER: Final = {
     22: "FLOWHOLD",
     23: "FOLLOW",
     24: "ZIGZAG",
+    25: "SYSTEMID",
+    26: "AUTOROTATE",
+    27: "AUTO_RTL",
+    28: "TURTLE",
 }
 _COPTER_ROLES: Final[Mapping[str, ModeRole]] = {
     "AUTO": ModeRole.MISSION,
@@ -85,6 +97,7 @@ _COPTER_ROLES: Final[Mapping[str, ModeRole]] = {
     "BRAKE": ModeRole.HOLD,
     "RTL": ModeRole.ENDING,
     "SMART_RTL": ModeRole.ENDING,
+    "AUTO_RTL": ModeRole.ENDING,
     "LAND": ModeRole.ENDING,
 }
 

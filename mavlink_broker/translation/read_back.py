@@ -18,6 +18,21 @@ HOME_TOLERANCE_DEG: Final = 2e-4
 PARAMETER_TOLERANCE: Final = 1e-5
 """Relative, or absolute below 1: the wire carries single precision."""
 
+YAW_TOLERANCE_DEG: Final = 1e-2
+"""PX4 keeps radians."""
+RADIUS_IN_TENS_ABOVE_M: Final = 255.0
+"""ArduPilot keeps the radius of a circle in a byte, a larger one in tens of metres."""
+
+_YAW: Final = 3
+"""Where a yaw stands: the fourth parameter."""
+_WITH_YAW: Final = frozenset(
+    {
+        mavlink.MAV_CMD_NAV_WAYPOINT,
+        mavlink.MAV_CMD_NAV_LOITER_UNLIM,
+        mavlink.MAV_CMD_NAV_LAND,
+        mavlink.MAV_CMD_NAV_TAKEOFF,
+    }
+)
 _SPEED: Final = (mavlink.MAV_CMD_DO_CHANGE_SPEED, 1)
 """Where the speed stands: the second parameter."""
 _AMSL: Final = mavlink.MAV_FRAME_GLOBAL_INT
@@ -62,7 +77,7 @@ def _different_field(
     for index in sorted(kept):
         if loosely and (sent.command, index) == _SPEED:
             continue
-        if not _same_parameter(sent.parameters[index], held.parameters[index]):
+        if not _same(sent, held, index, family):
             return f"parameter {index + 1}"
     return _different_place(sent, held, tolerance_deg) if sent.is_positional else None
 
@@ -75,6 +90,18 @@ def _different_place(sent: MissionItem, held: MissionItem, tolerance_deg: float)
         "altitude": abs(sent.altitude_m - held.altitude_m) <= ALTITUDE_TOLERANCE_M,
     }
     return next((name for name, is_same in same.items() if not is_same), None)
+
+
+def _same(sent: MissionItem, held: MissionItem, index: int, family: Family) -> bool:
+    """Compare one parameter as the family stores it."""
+    wanted, told = sent.parameters[index], held.parameters[index]
+    if index == _YAW and sent.command in _WITH_YAW and math.isfinite(wanted - told):
+        return abs(math.remainder(wanted - told, 360.0)) <= YAW_TOLERANCE_DEG
+    if index in family.whole_parameters.get(sent.command, frozenset()):
+        in_tens = sent.command == mavlink.MAV_CMD_NAV_LOITER_TURNS and index > 0
+        step = 10.0 if in_tens and abs(wanted) > RADIUS_IN_TENS_ABOVE_M else 1.0
+        return abs(wanted - told) < step
+    return _same_parameter(wanted, told)
 
 
 def _same_parameter(sent: float, held: float) -> bool:

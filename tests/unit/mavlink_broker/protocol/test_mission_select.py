@@ -57,3 +57,46 @@ def test_a_vehicle_that_stays_at_its_old_item_is_not_started() -> None:
         tick_until(one, second, second + 0.9)
     assert isinstance(one.outcome, Refused)
     assert "item 0" in one.outcome.reason
+
+
+def test_the_take_off_behind_a_change_of_speed_proves_it_too() -> None:
+    """ArduPilot counts only what it navigates to."""
+    one = MissionSelect(1, ROUTE, RoundTrip(), shown_as=range(1, 3))
+    one.start(0.0)
+    one.receive(acknowledgement(SET, 0), 0.1)
+    one.receive(current(3), 0.2)
+    assert one.outcome is None
+    one.receive(current(2), 0.3)
+    assert one.outcome == Accepted()
+
+
+def denied(seq: int) -> Message:
+    return received(MissionCurrent(seq, 5, mavlink.MISSION_STATE_NO_MISSION))
+
+
+def test_a_vehicle_that_denies_its_mission_for_good_finds_it_infeasible() -> None:
+    one = select()
+    one.receive(acknowledgement(SET, 0), 0.1)
+    for tenth in range(1, 60):
+        one.receive(denied(0), tenth / 10)
+    assert isinstance(one.outcome, Refused)
+    assert "cannot fly it" in one.outcome.reason
+
+
+def test_a_vehicle_may_take_a_moment_to_find_its_mission_feasible() -> None:
+    one = select()
+    one.receive(acknowledgement(SET, 0), 0.1)
+    one.receive(denied(0), 0.2)
+    one.receive(denied(0), 2.2)
+    assert one.outcome is None
+    one.receive(received(MissionCurrent(0, 5, mavlink.MISSION_STATE_NOT_STARTED)), 3.2)
+    assert one.outcome == Accepted()
+
+
+def test_an_item_that_is_told_once_a_second_and_sometimes_lost_is_waited_for() -> None:
+    one = select()
+    one.receive(acknowledgement(SET, 0), 0.1)
+    tick_until(one, 0.1, 6.0)
+    assert one.outcome is None
+    one.receive(current(0), 6.1)
+    assert one.outcome == Accepted()

@@ -16,6 +16,7 @@ from mavlink_broker.translation.families import ARDUPILOT, FAMILIES, GENERIC, OW
 from mavlink_broker.translation.mission import FlightPlan, Home, RefusedError, translate
 from mavlink_broker.translation.mission_item import from_message
 from mavlink_broker.translation.read_back import difference
+from tests.support.stored_items import Keeping, as_ardupilot_keeps, as_px4_keeps
 
 HOME = Home(40.4434, -3.7382, 650.0)
 families = st.sampled_from([PX4, ARDUPILOT, GENERIC, OWN])
@@ -161,6 +162,18 @@ def test_a_changed_item_is_noticed(mission: Mission, family: Family, data: st.Da
     assert difference(plan, held, family) == f"item {index} on the vehicle differs in altitude"
 
 
+@given(missions(), st.sampled_from([(PX4, as_px4_keeps), (ARDUPILOT, as_ardupilot_keeps)]))
+def test_what_an_autopilot_keeps_of_its_mission_is_the_mission(
+    mission: Mission, autopilot: tuple[Family, Keeping]
+) -> None:
+    """Whole numbers, radians and dropped parameters are how it stores, and no difference."""
+    family, keeps = autopilot
+    for plan in stretches_of(mission, family):
+        held = [keeps(message) for message in over_the_wire(plan)]
+        assert [item for item in held if isinstance(item, int)] == []
+        assert difference(plan, held, family) is None
+
+
 @given(missions(), families)
 def test_nothing_is_nan_but_the_yaw_of_places_and_the_rates_of_gimbals(
     mission: Mission, family: Family
@@ -169,7 +182,12 @@ def test_nothing_is_nan_but_the_yaw_of_places_and_the_rates_of_gimbals(
     for plan in stretches_of(mission, family):
         for item in plan.items:
             if item.command == mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW:
-                assert [math.isnan(number) for number in item.parameters] == [0, 0, 1, 1]
+                no_rate = math.isnan(family.gimbal_rate_deg_s)
+                told = [math.isnan(number) for number in item.parameters]
+                assert told == [0, 0, no_rate, no_rate]
+                continue
+            if item.command == mavlink.MAV_CMD_NAV_LOITER_UNLIM:
+                assert math.isnan(item.parameters[3]) is math.isnan(family.hold_yaw_deg)
                 continue
             numbers = (*item.parameters[:3], *(item.latitude_deg, item.longitude_deg))
             assert not any(math.isnan(number) for number in (*numbers, item.altitude_m))
