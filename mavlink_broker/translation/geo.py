@@ -18,7 +18,7 @@ def offset(
     latitude_deg: float, longitude_deg: float, to_latitude_deg: float, to_longitude_deg: float
 ) -> Metres:
     """The way from one place to another, also across the date line."""
-    per_north, per_east = _metres_per_degree((latitude_deg + to_latitude_deg) / 2.0)
+    per_north, per_east = metres_per_degree((latitude_deg + to_latitude_deg) / 2.0)
     east_deg = (to_longitude_deg - longitude_deg + 180.0) % 360.0 - 180.0
     return Metres((to_latitude_deg - latitude_deg) * per_north, east_deg * per_east)
 
@@ -35,15 +35,15 @@ def shifted(
 ) -> tuple[float, float]:
     """Latitude and longitude [deg] some metres away, bearing clockwise from north."""
     bearing = math.radians(bearing_deg)
-    per_north, _ = _metres_per_degree(latitude_deg)
+    per_north, _ = metres_per_degree(latitude_deg)
     north_deg = math.cos(bearing) * distance / per_north
-    _, per_east = _metres_per_degree(latitude_deg + north_deg / 2.0)
+    _, per_east = metres_per_degree(latitude_deg + north_deg / 2.0)
     east_deg = math.sin(bearing) * distance / max(per_east, 1.0)
     latitude = max(-90.0, min(90.0, latitude_deg + north_deg))
     return latitude, (longitude_deg + east_deg + 180.0) % 360.0 - 180.0
 
 
-def _metres_per_degree(latitude_deg: float) -> Metres:
+def metres_per_degree(latitude_deg: float) -> Metres:
     """Radii of curvature along the meridian and along the parallel, per degree."""
     latitude = math.radians(latitude_deg)
     squared = 1.0 - _ECCENTRICITY_SQUARED * math.sin(latitude) ** 2

@@ -1,0 +1,248 @@
+"""Where a plan may be flown: ways and circles against polygons on a plane. Pure.
+
+Straight ways are judged exactly: they are cut wherever they cross an outline, and each piece
+lies on one side of it. Circles are judged as polygons that deviate from them by 2 cm. The plane
+keeps north, east and straight lines of latitude and longitude, as the fences of autopilots do,
+and has its origin in the fence: over a farm it is exact to centimetres, also at high latitude
+and across the date line.
+
+An outline belongs to both of its sides: TOLERANCE_M beyond it nothing is a violation.
+"""
+
+import itertools
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Final, NamedTuple, Self, TypeAlias
+
+from afarcloud.plan import Geofence
+from mavlink_broker.translation.geo import metres_per_degree
+
+TOLERANCE_M: Final = 0.1
+"""Some ten times the last digit of MAVLink's positions; far below what any receiver can tell."""
+_SAGITTA_M: Final = 0.02
+_CORNERS_PER_STRIP: Final = 4
+_MOST_STRIPS: Final = 256
+
+Point: TypeAlias = tuple[float, float]
+"""East and north of the plane's origin [m]."""
+Edge: TypeAlias = tuple[Point, Point]
+Vertex: TypeAlias = tuple[float, float]
+"""Latitude and longitude [deg]."""
+
+
+class Plane(NamedTuple):
+    """Metres round an origin."""
+
+    latitude_deg: float
+    longitude_deg: float
+
+    def point(self, latitude_deg: float, longitude_deg: float) -> Point:
+        """Give a place as metres, the shorter way round the globe."""
+        per_north, per_east = metres_per_degree(self.latitude_deg)
+        east_deg = _shorter(longitude_deg - self.longitude_deg)
+        return east_deg * per_east, (latitude_deg - self.latitude_deg) * per_north
+
+    def way(self, start: Vertex, end: Vertex) -> Edge:
+        """Give a straight way; its end is where the shorter way round the globe leads to."""
+        per_north, per_east = metres_per_degree(self.latitude_deg)
+        east, north = self.point(*start)
+        to_east = east + _shorter(end[1] - start[1]) * per_east
+        return (east, north), (to_east, north + (end[0] - start[0]) * per_north)
+
+    @classmethod
+    def amid(cls, vertices: Sequence[Vertex]) -> Self:
+        """Put the origin into the middle of some places."""
+        first = vertices[0][1]
+        east = [_shorter(longitude - first) for _, longitude in vertices]
+        north = [latitude for latitude, _ in vertices]
+        return cls((min(north) + max(north)) / 2.0, first + (min(east) + max(east)) / 2.0)
+
+
+class Polygon:
+    """A closed outline; where it crosses itself, what it goes round twice lies outside."""
+
+    def __init__(self, corners: Sequence[Point]) -> None:
+        self.edges: tuple[Edge, ...] = tuple(zip(corners, (*corners[1:], corners[0]), strict=True))
+        self._south = min(north for _, north in corners)
+        height = max(north for _, north in corners) - self._south
+        number = max(1, min(_MOST_STRIPS, len(corners) // _CORNERS_PER_STRIP))
+        self._strip_m = height / number or 1.0
+        self._strips: list[list[Edge]] = [[] for _ in range(number)]
+        for edge in self.edges:
+            for strip in self._strips_of(edge[0][1], edge[1][1]):
+                strip.append(edge)
+
+    def contains(self, point: Point) -> bool:
+        """Whether a point lies inside, by counting the edges to the east of it."""
+        east, north = point
+        inside = False
+        for (x1, y1), (x2, y2) in next(self._strips_of(north, north), ()):
+            if (y1 > north) != (y2 > north) and x1 + (north - y1) * (x2 - x1) / (y2 - y1) > east:
+                inside = not inside
+        return inside
+
+    def edges_near(self, way: Edge) -> list[Edge]:
+        """Give the edges that a way may touch."""
+        (x1, y1), (x2, y2) = way
+        west, east = min(x1, x2) - TOLERANCE_M, max(x1, x2) + TOLERANCE_M
+        south, north = min(y1, y2) - TOLERANCE_M, max(y1, y2) + TOLERANCE_M
+        near = {
+            edge: None
+            for strip in self._strips_of(south, north)
+            for edge in strip
+            if min(edge[0][0], edge[1][0]) <= east
+            and max(edge[0][0], edge[1][0]) >= west
+            and min(edge[0][1], edge[1][1]) <= north
+            and max(edge[0][1], edge[1][1]) >= south
+        }
+        return list(near)
+
+    def distance_m(self, point: Point) -> float:
+        """Give the distance from a point to the outline."""
+        return min(_distance_m(point, edge) for edge in self.edges)
+
+    def _strips_of(self, one_north: float, other_north: float) -> Iterator[list[Edge]]:
+        """Give the strips that a span of northings meets, the southernmost first."""
+        last = len(self._strips) - 1
+        low = math.floor((min(one_north, other_north) - self._south) / self._strip_m)
+        high = math.floor((max(one_north, other_north) - self._south) / self._strip_m)
+        if high < 0 or low > last + 1:  # The northern border lies in strip last + 1
+            return
+        for number in range(min(max(low, 0), last), min(high, last) + 1):
+            yield self._strips[number]
+
+
+class Area:
+    """The inclusion and exclusion areas of one geofence."""
+
+    def __init__(self, geofence: Geofence) -> None:
+        outlines = (*geofence.inclusion, *geofence.exclusion)
+        vertices = [vertex for outline in outlines for vertex in outline]
+        self.plane = Plane.amid(vertices) if vertices else Plane(0.0, 0.0)
+        self.inclusion = [self._polygon(outline) for outline in geofence.inclusion]
+        self.exclusion = [self._polygon(outline) for outline in geofence.exclusion]
+
+    def fault_at(self, place: Vertex) -> str | None:
+        """Say what forbids a place, or None."""
+        point = self.plane.point(*place)
+        fault = self._fault((point, point))
+        if fault is None:
+            return None
+        if fault < 0:
+            distance_m = min(polygon.distance_m(point) for polygon in self.inclusion)
+            return f"lies {distance_m:.1f} m outside geofence.inclusion"
+        return f"lies in geofence.exclusion.{fault}"
+
+    def fault_on_way(self, start: Vertex, end: Vertex) -> str | None:
+        """Say what a straight way violates, or None."""
+        return _told(self._fault(self.plane.way(start, end)))
+
+    def fault_on_circle(self, centre: Vertex, radius_m: float) -> str | None:
+        """Say what the line of a circle violates, or None; what lies inside does not matter."""
+        east, north = self.plane.point(*centre)
+        number = _corners_of_circle(radius_m)
+        corners = [
+            (east + radius_m * math.cos(angle), north + radius_m * math.sin(angle))
+            for angle in (math.tau * k / number for k in range(number + 1))
+        ]
+        faults = (self._fault(way) for way in itertools.pairwise(corners))
+        return _told(next((fault for fault in faults if fault is not None), None))
+
+    def _polygon(self, outline: Sequence[Vertex]) -> Polygon:
+        return Polygon([self.plane.point(*vertex) for vertex in outline])
+
+    def _fault(self, way: Edge) -> int | None:
+        """Give the number of the exclusion that a way enters, -1 if it leaves the inclusion."""
+        for number, polygon in enumerate(self.exclusion):
+            near = polygon.edges_near(way)
+            for piece in _pieces(way, near):
+                if polygon.contains(_middle(piece)) and not _keeps_to_one(piece, near):
+                    return number
+        if not self.inclusion:
+            return None
+        near = [edge for polygon in self.inclusion for edge in polygon.edges_near(way)]
+        for piece in _pieces(way, near):
+            middle = _middle(piece)
+            inside = any(polygon.contains(middle) for polygon in self.inclusion)
+            if not inside and not _keeps_to_one(piece, near):
+                return -1
+        return None
+
+
+def _told(fault: int | None) -> str | None:
+    if fault is None:
+        return None
+    return "leaves geofence.inclusion" if fault < 0 else f"enters geofence.exclusion.{fault}"
+
+
+def _corners_of_circle(radius_m: float) -> int:
+    """Give how many chords stay within the sagitta."""
+    share = min(_SAGITTA_M / radius_m, 1.0) if radius_m > 0.0 else 1.0
+    return max(8, math.ceil(math.pi / math.acos(1.0 - share)))
+
+
+def _pieces(way: Edge, edges: Iterable[Edge]) -> Iterator[Edge]:
+    """Cut a way where it crosses edges, and beside the corners that it almost touches."""
+    cuts = {0.0, 1.0}
+    for edge in edges:
+        crossing = _crossing(way, edge)
+        if crossing is not None:
+            cuts.add(crossing)
+        for corner in edge:
+            share = _share(corner, way)
+            if math.dist(corner, _at(way, share)) <= 2.0 * TOLERANCE_M:
+                cuts.add(share)
+    shares = sorted(cuts)
+    for first, second in itertools.pairwise(shares):
+        yield _at(way, first), _at(way, second)
+
+
+def _keeps_to_one(piece: Edge, edges: Iterable[Edge]) -> bool:
+    """Whether a piece runs along one edge: then all of it does, distances being convex."""
+    start, end = piece
+    return any(
+        _distance_m(start, edge) <= TOLERANCE_M and _distance_m(end, edge) <= TOLERANCE_M
+        for edge in edges
+    )
+
+
+def _crossing(way: Edge, edge: Edge) -> float | None:
+    """Give the share of a way at which it crosses an edge, or None."""
+    (ax, ay), (bx, by) = way
+    (cx, cy), (dx, dy) = edge
+    along_x, along_y = bx - ax, by - ay
+    edge_x, edge_y = dx - cx, dy - cy
+    area = along_x * edge_y - along_y * edge_x
+    if area == 0.0:
+        return None
+    share = ((cx - ax) * edge_y - (cy - ay) * edge_x) / area
+    of_edge = ((cx - ax) * along_y - (cy - ay) * along_x) / area
+    return share if 0.0 <= share <= 1.0 and 0.0 <= of_edge <= 1.0 else None
+
+
+def _share(point: Point, way: Edge) -> float:
+    """Give the share of a way that is nearest to a point."""
+    (ax, ay), (bx, by) = way
+    squared = (bx - ax) ** 2 + (by - ay) ** 2
+    if squared == 0.0:
+        return 0.0
+    share = ((point[0] - ax) * (bx - ax) + (point[1] - ay) * (by - ay)) / squared
+    return max(0.0, min(1.0, share))
+
+
+def _at(way: Edge, share: float) -> Point:
+    (ax, ay), (bx, by) = way
+    return ax + share * (bx - ax), ay + share * (by - ay)
+
+
+def _middle(way: Edge) -> Point:
+    return _at(way, 0.5)
+
+
+def _distance_m(point: Point, edge: Edge) -> float:
+    return math.dist(point, _at(edge, _share(point, edge)))
+
+
+def _shorter(degrees: float) -> float:
+    """Give an angle as the shorter way round."""
+    return (degrees + 180.0) % 360.0 - 180.0
