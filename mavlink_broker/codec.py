@@ -7,11 +7,8 @@ so a broken or hostile one costs only itself.
 from typing import Any, Final
 
 from mavlink_broker.dialect import Message, Source, mavlink, source_of
+from mavlink_broker.frames import frame_size, next_marker
 
-_MARKERS: Final = {0xFE: 8, 0xFD: 12}
-"""First byte of a frame, and how many bytes it has beside its payload."""
-_SIGNED_FLAG: Final = 0x01
-_SIGNATURE_LENGTH: Final = 13
 _SEQUENCES: Final = 256
 _MAX_FAULTS_PER_DATAGRAM: Final = 16
 """So that a datagram full of frames' first bytes cannot keep the broker busy."""
@@ -56,7 +53,7 @@ class Decoder:
             message = self._frame(datagram[position:end])
             if message is None:
                 self.faults += 1
-                position = _next_marker(datagram, position + 1)
+                position = next_marker(datagram, position + 1)
                 continue
             position = end
             if not isinstance(message, mavlink.MAVLink_unknown):
@@ -83,20 +80,5 @@ class Decoder:
 
 def _frame_end(datagram: bytes, position: int) -> int:
     """End of the frame that begins at `position`; `position` itself where none does."""
-    remaining = len(datagram) - position
-    overhead = _MARKERS.get(datagram[position], 0)
-    if not overhead or remaining < overhead:
-        return position
-    length = datagram[position + 1] + overhead
-    if datagram[position] == 0xFD:
-        flags = datagram[position + 2]
-        if flags & ~_SIGNED_FLAG:
-            return position  # An incompatibility that we do not know: not to be read
-        length += _SIGNATURE_LENGTH if flags & _SIGNED_FLAG else 0
-    return position + length if length <= remaining else position
-
-
-def _next_marker(datagram: bytes, position: int) -> int:
-    while position < len(datagram) and datagram[position] not in _MARKERS:
-        position += 1
-    return position
+    size = frame_size(datagram, position) or 0
+    return position + size if size <= len(datagram) - position else position

@@ -1,0 +1,128 @@
+"""MAVLink over a serial line: a telemetry radio, a cable, or a pseudo-terminal.
+
+8 data bits, no parity, one stop bit, no flow control, by the standard library's termios. A device
+that is not there, or is pulled out, is looked for every second.
+"""
+
+import fcntl
+import os
+import termios
+from typing import Final
+
+from mavlink_broker.address import Address, LinkUrl
+from mavlink_broker.links.link import Arrival, LinkError, Retry
+from mavlink_broker.links.stream import Stream, StreamEndedError
+
+LOOK_AGAIN_S: Final = 1.0
+_CHARACTERS: Final = 6
+"""Place in what tcgetattr gives; before them the four modes, input and output speed."""
+
+
+class SerialLink:
+    """Implements `mavlink_broker.links.link.Link` on a device."""
+
+    def __init__(self, url: LinkUrl, number: int) -> None:
+        """Prepare a line; it is opened by `step`.
+
+        Raises:
+            LinkError: if no line has that speed.
+        """
+        if not hasattr(termios, f"B{url.port}"):
+            raise LinkError(f"{url}: {url.port} baud is no speed of a serial line")
+        self.url = url
+        self._address = Address(url.host, url.port, number)
+        self._retry = Retry(url, LOOK_AGAIN_S)
+        self._stream: Stream | None = None
+        self._dropped = 0
+
+    @property
+    def dropped(self) -> int:
+        """Frames that the line did not take in time."""
+        return self._dropped + (self._stream.dropped if self._stream else 0)
+
+    def readers(self) -> list[int]:
+        """The open device."""
+        return [self._stream.descriptor] if self._stream else []
+
+    def writers(self) -> list[int]:
+        """The open device while something waits for it."""
+        return [self._stream.descriptor] if self._stream and self._stream.is_behind else []
+
+    def due_at(self) -> float | None:
+        """When the device is looked for again."""
+        return None if self._stream else self._retry.at
+
+    def greeted(self) -> list[Address]:
+        """Whoever is at the other end."""
+        return [self._address] if self._stream else []
+
+    def step(self, ready: frozenset[int], now: float) -> list[Arrival]:
+        """Open the device when it is time, else read and write."""
+        if self._stream is None:
+            if now >= self._retry.at:
+                self._open(now)
+            return []
+        try:
+            self._stream.flush()
+            is_readable = self._stream.descriptor in ready
+            frames = self._stream.read(now, is_readable=is_readable)
+        except StreamEndedError as error:
+            self._lose(str(error), now)
+            return []
+        if frames:
+            self._retry.proven()
+        return [(self._address, frame) for frame in frames]
+
+    def send(self, address: Address, frame: bytes) -> None:
+        """Send a frame, now or when the line has room."""
+        del address
+        if self._stream is None:
+            return
+        try:
+            self._stream.send(frame)
+        except StreamEndedError:
+            return  # The next step reads the same, and closes the device
+
+    def close(self) -> None:
+        """Close the device."""
+        if self._stream is not None:
+            self._dropped += self._stream.dropped
+            os.close(self._stream.descriptor)
+            self._stream = None
+
+    def _open(self, now: float) -> None:
+        try:
+            descriptor = _open_line(self.url.host, self.url.port)
+        except (OSError, termios.error) as error:
+            self._retry.failed(now, str(error.args[-1] if error.args else error))
+            return
+        self._stream = Stream(descriptor)
+        self._retry.opened()
+
+    def _lose(self, reason: str, now: float) -> None:
+        self.close()
+        self._retry.failed(now, reason)
+
+
+def _open_line(path: str, baud: int) -> int:
+    """Open a device raw at a speed, for this program alone.
+
+    Raises:
+        OSError: if it cannot be opened.
+        termios.error: if it is no terminal.
+    """
+    descriptor = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)  # Two readers would share the bytes
+        characters = termios.tcgetattr(descriptor)[_CHARACTERS]
+        characters[termios.VMIN] = 1  # So that reading nothing means that the line is gone
+        characters[termios.VTIME] = 0
+        speed = getattr(termios, f"B{baud}")
+        control = termios.CS8 | termios.CREAD | termios.CLOCAL
+        raw = [0, 0, control, 0, speed, speed, characters]
+        termios.tcsetattr(descriptor, termios.TCSANOW, raw)
+        termios.tcflush(descriptor, termios.TCIFLUSH)
+    except BaseException:
+        os.close(descriptor)
+        raise
+    return descriptor

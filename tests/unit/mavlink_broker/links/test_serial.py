@@ -1,0 +1,141 @@
+"""A serial line, by a pseudo-terminal: it may be silent, full, noisy, unplugged and back."""
+
+import random
+import termios
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from mavlink_broker.address import Address, LinkUrl
+from mavlink_broker.codec import Encoder
+from mavlink_broker.dialect import mavlink
+from mavlink_broker.links.hub import Hub, open_links
+from mavlink_broker.links.link import LinkError
+from mavlink_broker.links.stream import QUEUE_BYTES
+from tests.support.lines import Cable, hear_until
+
+HEARTBEAT = mavlink.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3)
+
+
+@pytest.fixture
+def cable(tmp_path: Path) -> Cable:
+    return Cable(tmp_path / "ttyRADIO")
+
+
+@pytest.fixture
+def hub(cable: Cable) -> Iterator[Hub]:
+    opened = open_links([LinkUrl.parse(f"serial://{cable.name}:57600")])
+    yield opened
+    opened.close()
+
+
+def address_of(cable: Cable) -> Address:
+    return Address(str(cable.name), 57600, 0)
+
+
+def frames(count: int, system: int = 1) -> list[bytes]:
+    encoder = Encoder(system, 1)
+    return [encoder.encode(HEARTBEAT) for _ in range(count)]
+
+
+def open_line(hub: Hub) -> None:
+    hear_until(hub, lambda _: bool(hub.greeted()))
+
+
+def test_frames_cross_in_both_directions(cable: Cable, hub: Hub) -> None:
+    cable.plug_in()
+    open_line(hub)
+    sent = frames(3)
+    cable.say(sent[0] + sent[1][:7])
+    arrivals = hear_until(hub, lambda heard: len(heard) == 1)
+    cable.say(sent[1][7:] + sent[2])
+    arrivals += hear_until(hub, lambda heard: len(heard) == 2)
+    assert arrivals == [(address_of(cable), frame) for frame in sent]
+    hub.send(address_of(cable), sent[0])
+    assert cable.hear() == sent[0]
+
+
+def test_the_line_is_raw_and_as_fast_as_was_asked(cable: Cable, hub: Hub) -> None:
+    cable.plug_in()
+    open_line(hub)
+    assert cable._near is not None
+    modes = termios.tcgetattr(cable._near)
+    assert modes[4:6] == [termios.B57600] * 2
+    every_byte = bytes(range(256))
+    hub.send(address_of(cable), every_byte)
+    assert cable.hear() == every_byte
+
+
+def test_a_device_may_come_late_go_and_come_back(cable: Cable, hub: Hub) -> None:
+    hub.receive(0.0)
+    hub.send(address_of(cable), b"nobody hears this")
+    for _ in range(3):
+        cable.plug_in()
+        open_line(hub)
+        cable.say(frames(1)[0])
+        assert hear_until(hub, bool) == [(address_of(cable), frames(1)[0])]
+        cable.pull_out()
+        hear_until(hub, lambda _: not hub.greeted())
+
+
+def test_a_line_that_takes_nothing_never_blocks_and_loses_whole_frames_only(
+    cable: Cable, hub: Hub
+) -> None:
+    cable.plug_in()
+    open_line(hub)
+    encoder = Encoder(1, 1)
+    sent = [encoder.encode(HEARTBEAT) for _ in range(5000)]
+    for frame in sent:
+        hub.send(address_of(cable), frame)
+    assert hub.dropped > 1000
+    heard = b""
+    while data := cable.hear(512):
+        heard += data
+        hub.receive(0.0)
+    whole = {frame: number for number, frame in enumerate(sent[-256:])}
+    arrived = [heard[at : at + len(sent[0])] for at in range(0, len(heard), len(sent[0]))]
+    assert all(frame in whole for frame in arrived)
+    assert len(arrived) == len(sent) - hub.dropped
+    assert arrived[-1] == sent[-1]
+    assert len(arrived) * len(sent[0]) >= QUEUE_BYTES - len(sent[0])
+
+
+def test_a_hostile_stream_stops_nothing(cable: Cable, hub: Hub) -> None:
+    cable.plug_in()
+    open_line(hub)
+    chance = random.Random(7)
+    sent = frames(20, system=9)
+    heard = []
+    for frame in sent:
+        for noise in (b"\x00" * 3000, chance.randbytes(3000), b"\xfe" * 900, b"\xfd" * 900):
+            cable.say(noise)
+            heard += hub.receive(0.0)
+        cable.say(frame)
+        heard += hub.receive(0.0)
+    heard += hear_until(hub, lambda more: sent[-1] in {data for _, data in [*heard, *more]})
+    assert [data for _, data in heard if data in sent] == sent
+
+
+def test_another_program_on_the_line_is_waited_for(cable: Cable, hub: Hub) -> None:
+    cable.plug_in()
+    other = open_links([LinkUrl.parse(f"serial://{cable.name}:57600")])
+    open_line(other)
+    hub.receive(0.0)
+    assert hub.greeted() == []
+    other.close()
+    open_line(hub)
+
+
+def test_a_file_that_is_no_line_is_no_link_and_no_end(tmp_path: Path) -> None:
+    path = tmp_path / "ttyFILE"
+    path.write_text("no terminal")
+    hub = open_links([LinkUrl.parse(f"serial://{path}:57600")])
+    hub.receive(0.0)
+    assert hub.greeted() == []
+    hub.close()
+
+
+def test_a_speed_that_no_line_has_is_refused() -> None:
+    with pytest.raises(LinkError, match="12345 baud"):
+        open_links([LinkUrl.parse("serial:///dev/ttyUSB0:12345")])

@@ -1,0 +1,165 @@
+"""TCP both ways: connecting for ever again, and being connected to."""
+
+import logging
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from mavlink_broker.address import Address, LinkUrl
+from mavlink_broker.codec import Encoder
+from mavlink_broker.dialect import mavlink
+from mavlink_broker.links.hub import Hub, open_links
+from mavlink_broker.links.link import PortBusyError
+from mavlink_broker.links.tcp import CLIENTS
+from tests.support.lines import PATIENCE_S, hear_until
+
+HOST = "127.0.0.1"
+FRAME = Encoder(1, 1).encode(mavlink.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3))
+
+
+@contextmanager
+def opened(url: str) -> Iterator[Hub]:
+    hub = open_links([LinkUrl.parse(url)])
+    try:
+        yield hub
+    finally:
+        hub.close()
+
+
+def server(port: int = 0) -> socket.socket:
+    one = socket.create_server((HOST, port))
+    one.settimeout(PATIENCE_S)
+    return one
+
+
+def port_of(one: socket.socket) -> int:
+    return int(one.getsockname()[1])
+
+
+def accepted(one: socket.socket, hub: Hub) -> socket.socket:
+    """Let the hub connect, and give the server's end."""
+    hear_until(hub, lambda _: bool(hub.greeted()))
+    connection, _ = one.accept()
+    connection.settimeout(PATIENCE_S)
+    return connection
+
+
+class TestConnecting:
+    def test_frames_cross_in_both_directions(self) -> None:
+        with (
+            server() as vehicle,
+            opened(f"tcp://{HOST}:{port_of(vehicle)}") as hub,
+            accepted(vehicle, hub) as connection,
+        ):
+            connection.sendall(FRAME[:5])
+            hub.receive(0.0)
+            connection.sendall(FRAME[5:])
+            ((address, frame),) = hear_until(hub, bool)
+            assert frame == FRAME
+            hub.send(address, FRAME)
+            assert connection.recv(1000) == FRAME
+
+    def test_a_server_may_come_late_go_and_come_back(
+        self, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        with server() as placeholder:
+            port = port_of(placeholder)
+        with opened(f"tcp://{HOST}:{port}") as hub:
+            for _ in range(30):
+                hub.receive(0.02)
+            assert len([r for r in caplog.records if r.levelno >= logging.WARNING]) == 1
+            for _ in range(2):
+                with server(port) as vehicle, accepted(vehicle, hub) as connection:
+                    connection.sendall(FRAME)
+                    assert [data for _, data in hear_until(hub, bool)] == [FRAME]
+                hear_until(hub, lambda _: not hub.greeted())
+
+    def test_the_pauses_grow_while_nothing_sensible_comes(self) -> None:
+        now = [100.0]
+        with server() as placeholder:
+            url = LinkUrl.parse(f"tcp://{HOST}:{port_of(placeholder)}")
+        hub = open_links([url], lambda: now[0])
+        (link,) = hub._links
+        pauses = []
+        for _ in range(8):
+            hub.receive(0.0)
+            while link.readers() or link.writers():
+                hub.receive(0.1)
+            due = link.due_at()
+            assert due is not None
+            pauses.append(due - now[0])
+            now[0] = due
+        hub.close()
+        assert pauses == sorted(pauses)
+        assert pauses[0] == pytest.approx(0.5)
+        assert pauses[-1] == pytest.approx(5.0)
+
+    def test_a_host_is_looked_up_by_name(self) -> None:
+        with server() as vehicle, opened(f"tcp://localhost:{port_of(vehicle)}") as hub:
+            accepted(vehicle, hub).close()
+
+    def test_a_name_that_nobody_knows_holds_nothing_up(self) -> None:
+        with opened("tcp://no-such-host.invalid:5760") as hub:
+            for _ in range(5):
+                hub.receive(0.0)
+            assert hub.greeted() == []
+
+    def test_a_server_that_reads_nothing_costs_old_frames_and_no_time(self) -> None:
+        large = Encoder(1, 1).encode(mavlink.MAVLink_encapsulated_data_message(1, [7] * 253))
+        with (
+            server() as vehicle,
+            opened(f"tcp://{HOST}:{port_of(vehicle)}") as hub,
+            accepted(vehicle, hub),
+        ):
+            (address,) = hub.greeted()
+            for _ in range(100_000):
+                hub.send(address, large)
+                if hub.dropped > 100:
+                    break
+            assert hub.dropped > 100
+
+
+class TestBeingConnectedTo:
+    def test_several_at_once_are_told_apart(self) -> None:
+        with opened(f"tcpin://{HOST}:0") as hub:
+            place = (HOST, hub.urls[0].port)
+            with socket.create_connection(place) as one, socket.create_connection(place) as two:
+                hear_until(hub, lambda _: len(hub.greeted()) == 2)
+                one.sendall(FRAME)
+                ((address, frame),) = hear_until(hub, bool)
+                assert (address, frame) == (Address(*one.getsockname(), 0), FRAME)
+                hub.send(address, FRAME)
+                one.settimeout(PATIENCE_S)
+                assert one.recv(1000) == FRAME
+                two.settimeout(0.0)
+                with pytest.raises(BlockingIOError):
+                    two.recv(1)
+            hear_until(hub, lambda _: not hub.greeted())
+            hub.send(address, b"he is gone")
+
+    def test_a_crowd_is_turned_away(self) -> None:
+        with opened(f"tcpin://{HOST}:0") as hub:
+            place = (HOST, hub.urls[0].port)
+            clients = [socket.create_connection(place) for _ in range(CLIENTS)]
+            hear_until(hub, lambda _: len(hub.greeted()) == CLIENTS)
+            with socket.create_connection(place) as late:
+                late.settimeout(0.01)
+                hear_until(hub, lambda _: _is_closed(late))
+            assert len(hub.greeted()) == CLIENTS
+            for client in clients:
+                client.close()
+
+    def test_a_busy_port_is_told_in_a_sentence(self) -> None:
+        with server() as other, pytest.raises(PortBusyError, match=f"TCP port {port_of(other)}"):
+            open_links([LinkUrl.parse(f"tcpin://{HOST}:{port_of(other)}")])
+
+
+def _is_closed(one: socket.socket) -> bool:
+    try:
+        return one.recv(1) == b""
+    except TimeoutError:
+        return False
+    except ConnectionError:
+        return True
