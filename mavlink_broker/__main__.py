@@ -1,74 +1,31 @@
-"""`python -m mavlink_broker`: the broker as a program."""
+"""`python -m mavlink_broker`: the broker as a program, and what it can do without flying."""
 
-import logging
 import os
-import signal
 import sys
-import time
 from datetime import UTC, datetime
-from types import FrameType
 
-from ulid import ULID
-
-from mavlink_broker import config
-from mavlink_broker.app import App
-from mavlink_broker.edge_client import EdgeClient
-from mavlink_broker.link import PortBusyError, UdpLink
-
-LAST_POSTS_WITHIN_S = 1.0
-"""How long a stopping broker goes on telling what it has to tell."""
-
-_LOG = logging.getLogger("mavlink_broker")
-
-
-class SystemClock:
-    """The machine's clock."""
-
-    def monotonic(self) -> float:  # a clock is handed in as an object
-        """Seconds that never go back."""
-        return time.monotonic()
-
-    def utc(self) -> datetime:  # as above
-        """Time of day."""
-        return datetime.now(UTC)
-
-
-class _Signals:
-    """Remembers that the program was asked to stop."""
-
-    def __init__(self) -> None:
-        self.stop = False
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._note)
-
-    def _note(self, number: int, frame: FrameType | None) -> None:
-        del number, frame
-        self.stop = True
+from mavlink_broker.command_line import fly, run, translate, vehicles
+from mavlink_broker.command_line.program import UsageError
 
 
 def main() -> int:
-    """Run until told to stop; gives the exit status."""
-    settings = config.load(sys.argv[1:], os.environ)
-    logging.basicConfig(
-        level=settings.log_level, format="%(asctime)s %(levelname)s %(name)s: %(message)s"
-    )
+    """Do what the first word asks for; gives the exit status."""
+    word, *rest = sys.argv[1:] or ["run"]
     try:
-        link = UdpLink(settings.mavlink_host, settings.mavlink_port)
-    except PortBusyError as error:
+        match word:
+            case "translate":
+                return translate.run(rest, datetime.now(UTC))
+            case "vehicles":
+                return vehicles.run(rest, os.environ)
+            case "fly":
+                return fly.run(rest, os.environ)
+            case "run":
+                return run.run(rest, os.environ)
+            case _:
+                return run.run([word, *rest], os.environ)
+    except UsageError as error:
         print(f"mavlink_broker: {error}", file=sys.stderr)
-        return 2
-    signals = _Signals()
-    edge = EdgeClient(
-        settings.edge_url, settings.key_file, link.wake, ca_file=settings.edge_ca_file
-    )
-    edge.start()
-    app = App(settings, link, edge, SystemClock(), lambda: str(ULID()))
-    _LOG.info("listening on UDP %d, edge server %s", link.port, settings.edge_url)
-    while not signals.stop:
-        app.step()
-    edge.stop(LAST_POSTS_WITHIN_S)
-    link.close()
-    return 0
+        return error.status
 
 
 if __name__ == "__main__":

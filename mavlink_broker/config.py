@@ -6,8 +6,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
+from mavlink_broker import traffic_settings
+from mavlink_broker.address import DEFAULT_MAVLINK_PORT, EVERYBODY, LinkKind, LinkUrl
+from mavlink_broker.traffic_settings import TrafficSettings
+
 DEFAULT_EDGE_PORT: Final = 8000
-DEFAULT_MAVLINK_PORT: Final = 14540
 DEFAULT_SYSTEM_ID: Final = 254
 ONBOARD_COMPUTER: Final = 191
 """MAV_COMP_ID_ONBOARD_COMPUTER."""
@@ -24,7 +27,7 @@ class Config:
     edge_url: str = f"http://127.0.0.1:{DEFAULT_EDGE_PORT}"
     edge_ca_file: Path | None = None  # PEM; None: the authorities that everybody trusts
     key_file: Path = Path("var/keys/broker.key")
-    mavlink_host: str = "0.0.0.0"  # noqa: S104  # vehicles come from anywhere on the farm
+    mavlink_host: str = EVERYBODY
     mavlink_port: int = DEFAULT_MAVLINK_PORT
     system_id: int = DEFAULT_SYSTEM_ID
     component_id: int = ONBOARD_COMPUTER
@@ -34,6 +37,13 @@ class Config:
     state_vector_every_s: float = DEFAULT_STATE_VECTOR_INTERVAL_S
     battery_capacity_ah: float = DEFAULT_BATTERY_CAPACITY_AH
     log_level: str = "INFO"
+    traffic: TrafficSettings = field(default_factory=TrafficSettings)
+
+    @property
+    def vehicle_links(self) -> tuple[LinkUrl, ...]:
+        """Links to vehicles; unless others are named, a UDP port that is listened on."""
+        listening = LinkUrl(LinkKind.UDP_IN, self.mavlink_host, self.mavlink_port)
+        return self.traffic.links or (listening,)
 
     def vehicle_id(self, system_id: int) -> int | None:
         """AFarCloud's number of a MAVLink system; None where another system has that number."""
@@ -83,8 +93,17 @@ def parse_systems(text: str) -> frozenset[int]:
 
 def load(arguments: Sequence[str], environment: Mapping[str, str]) -> Config:
     """Read the configuration; a fault ends the program with a sentence and status 2."""
-    parser = _parser(environment)
-    options = parser.parse_args(arguments)
+    parser = settings_parser(
+        environment,
+        prog="mavlink_broker",
+        description="Flies the edge server's missions over MAVLink.",
+        epilog="Other commands, each with its own --help: translate, vehicles, fly.",
+    )
+    return settings(parser, parser.parse_args(arguments))
+
+
+def settings(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Config:
+    """Judge what was read; a fault ends the program with a sentence and status 2."""
     if not 1 <= options.system_id <= 255:
         parser.error("--mavlink-system-id must be 1 to 255")
     if not 0 <= options.mavlink_port <= 65_535:
@@ -106,20 +125,20 @@ def load(arguments: Sequence[str], environment: Mapping[str, str]) -> Config:
         state_vector_every_s=options.state_vector_interval,
         battery_capacity_ah=options.battery_capacity,
         log_level=options.log_level.upper(),
+        traffic=traffic_settings.read_options(parser, options),
     )
 
 
-def _parser(environment: Mapping[str, str]) -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="mavlink_broker", description="Flies the edge server's missions over MAVLink."
-    )
+def settings_parser(environment: Mapping[str, str], **about: str) -> argparse.ArgumentParser:
+    """Give a parser that knows every setting; `about` is how the command introduces itself."""
+    parser = argparse.ArgumentParser(**about)  # type: ignore[arg-type]  # only its texts
     edge_port = environment.get("EDGE_PORT") or DEFAULT_EDGE_PORT
     options: tuple[tuple[str, object, object, str], ...] = (
         ("EDGE_URL", str, f"http://127.0.0.1:{edge_port}", "where the edge server is"),
         ("EDGE_CA_FILE", Path, None, "who may vouch for the edge server's certificate, PEM"),
         ("STATE_DIR", Path, "var", "folder of the system's state and keys"),
         ("KEY_FILE", Path, None, "the broker's access key; in STATE_DIR/keys unless given"),
-        ("MAVLINK_HOST", str, "0.0.0.0", "address to listen on"),  # noqa: S104  # as above
+        ("MAVLINK_HOST", str, EVERYBODY, "address to listen on"),
         ("MAVLINK_PORT", int, DEFAULT_MAVLINK_PORT, "UDP port to listen on"),
         ("MAVLINK_SYSTEM_ID", int, DEFAULT_SYSTEM_ID, "the broker's own MAVLink system id"),
         ("VEHICLE_IDS", parse_vehicle_ids, "", "vehicle_id:system_id, ... where they differ"),
@@ -137,4 +156,5 @@ def _parser(environment: Mapping[str, str]) -> argparse.ArgumentParser:
             default=environment.get(name) or default,
             help=f"{text} (environment: {name})",
         )
+    traffic_settings.add_options(parser, environment)
     return parser

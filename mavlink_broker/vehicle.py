@@ -11,6 +11,7 @@ from mavlink_broker.protocol.route import Route
 from mavlink_broker.protocol.status_text import StatusTexts
 from mavlink_broker.translation.families import GENERIC, Family, family_of
 from mavlink_broker.translation.modes import ModeRole
+from mavlink_broker.translation.observations import Observations
 from mavlink_broker.translation.telemetry import Snapshot
 
 
@@ -22,13 +23,16 @@ class Vehicle:
     route: Route
     family: Family = GENERIC
     snapshot: Snapshot = field(default_factory=Snapshot)
+    observations: Observations = field(default_factory=Observations)
     link: LinkWatch = field(default_factory=LinkWatch)
     round_trip: RoundTrip = field(default_factory=RoundTrip)
     product: tuple[int, int] | None = None  # Vendor and product, once it has told them
     is_identified: bool = False  # It has told them, or will not
     capabilities: int = 0  # MAV_PROTOCOL_CAPABILITY bits, once it has told them
+    software_version: int = 0  # AUTOPILOT_VERSION.flight_sw_version, once it has told it
+    kind: int | None = None  # MAV_TYPE
+    autopilot: int | None = None  # MAV_AUTOPILOT
     refused_items: set[int] = field(default_factory=set)  # MAV_CMD that no mission of it may hold
-    _autopilot: int = 0
     _reboots: RebootWatch = field(default_factory=RebootWatch)
     _words: StatusTexts = field(default_factory=StatusTexts)
 
@@ -37,19 +41,22 @@ class Vehicle:
         kind = message.get_type()
         if kind == "HEARTBEAT":
             self.link.heard(now)
-            self._autopilot = message.autopilot
+            self.autopilot, self.kind = message.autopilot, message.type
             self.family = family_of(message.autopilot, self.product)
         elif kind == "AUTOPILOT_VERSION":
             self.product = message.vendor_id, message.product_id
             self.capabilities = message.capabilities
+            self.software_version = message.flight_sw_version
             self.is_identified = True
-            self.family = family_of(self._autopilot, self.product)
+            self.family = family_of(self.autopilot or 0, self.product)
         self._words.receive(message, now)
         rebooted = hasattr(message, "time_boot_ms") and self._reboots.sample(message.time_boot_ms)
         if rebooted:
             self.snapshot.forget()
+            self.observations.forget()
             self._words.clear()
         self.snapshot.take(message)
+        self.observations.take(message, self.snapshot, now)
         return rebooted
 
     def link_state(self, now: float) -> LinkState:

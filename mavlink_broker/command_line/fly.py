@@ -1,0 +1,203 @@
+"""`fly`: a plan on its vehicles without an edge server, from here and now to its end.
+
+The same sessions fly it as under an edge server; only the door is another. A plan needs its
+broker to its end where commands are flown live, so an interruption says what it leaves behind.
+"""
+
+import argparse
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+from ulid import ULID
+
+from afarcloud.enumerations import EventType
+from afarcloud.plan import Mission, Plan
+from mavlink_broker import config
+from mavlink_broker.app import App, Clock
+from mavlink_broker.command_line.local_edge import LocalEdge
+from mavlink_broker.command_line.plan_file import chosen, read_plan
+from mavlink_broker.command_line.program import (
+    FAILED,
+    SUCCEEDED,
+    Signals,
+    SystemClock,
+    UsageError,
+    begin_log,
+    connected,
+    open_link,
+)
+from mavlink_broker.command_line.progress_page import JsonPage, ProgressPage
+from mavlink_broker.config import Config
+from mavlink_broker.protocol.heartbeat import LinkState
+from mavlink_broker.session_states import State
+
+HEARD_WITHIN_S: Final = 30.0
+LEAVE: Final = "leave"
+_ON_INTERRUPT: Final[Mapping[str, EventType | None]] = {
+    LEAVE: None,
+    "land": EventType.ABORT_MISSION,
+    "home": EventType.SOFT_ABORT_MISSION,
+}
+
+
+class Sortie:
+    """One plan that is being flown."""
+
+    def __init__(
+        self, app: App, edge: LocalEdge, missions: Sequence[Mission], settings: Config
+    ) -> None:
+        self._app = app
+        self._edge = edge
+        self._systems = {m.vehicle_id: settings.system_of(m.vehicle_id) for m in missions}
+
+    def missing(self, now: float) -> list[int]:
+        """Give the vehicles that are not heard yet, or have not told what they are."""
+        sessions = self._app.sessions
+        return [
+            vehicle_id
+            for vehicle_id, system in self._systems.items()
+            if system not in sessions
+            or sessions[system].vehicle.link_state(now) is not LinkState.CONNECTED
+            or not sessions[system].vehicle.is_identified
+        ]
+
+    def gather(self, clock: Clock, signals: Signals, within_s: float) -> None:
+        """Wait until all vehicles are heard.
+
+        Raises:
+            UsageError: if some are not in time.
+        """
+        end = clock.monotonic() + within_s
+        while self.missing(clock.monotonic()) and not signals.stop:
+            if clock.monotonic() >= end:
+                raise UsageError(self._absence(clock.monotonic(), within_s), FAILED)
+            self._app.step()
+
+    def fly(self, signals: Signals, on_interrupt: EventType | None) -> None:
+        """Fly until all missions have ended; the first signal interrupts, the second quits."""
+        self._edge.dispatch()
+        interrupted = False
+        while signals.count < 2 and not (self._edge.is_over and self._is_quiet):
+            self._app.step()
+            if signals.stop and not interrupted:
+                interrupted = True
+                if on_interrupt is None:
+                    return
+                self._edge.abort(on_interrupt)
+
+    @property
+    def _is_quiet(self) -> bool:
+        """Whether no vehicle is told anything any more; one that was aborted is, for a while."""
+        return all(session.state is State.IDLE for session in self._app.sessions.values())
+
+    def _absence(self, now: float, within_s: float) -> str:
+        absent = ", ".join(
+            f"vehicle {vehicle_id} (system {self._systems[vehicle_id]})"
+            for vehicle_id in self.missing(now)
+        )
+        heard = ", ".join(str(system) for system in sorted(self._app.sessions)) or "none"
+        return f"not heard within {within_s:g} s: {absent}; heard systems: {heard}"
+
+
+def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
+    """Fly the plan; 0 only if every mission was flown to its end.
+
+    Raises:
+        UsageError: if it cannot be begun.
+    """
+    settings, options = _options(arguments, environment)
+    clock = SystemClock()
+    plan, warnings = read_plan(options.plan, clock.utc())
+    missions = chosen(plan, options.mission_id, options.vehicle_id)
+    _refuse_unknown(missions, settings)
+    begin_log(settings.log_level)
+    for warning in warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+    return _fly(plan, missions, settings, options, clock)
+
+
+def _fly(
+    plan: Plan,
+    missions: tuple[Mission, ...],
+    settings: Config,
+    options: argparse.Namespace,
+    clock: Clock,
+) -> int:
+    signals = Signals()
+    edge = LocalEdge(
+        missions, _page(missions, options).take, expires_at=plan.expires_at, folder=options.out
+    )
+    link = open_link(settings)
+    sortie = Sortie(App(settings, link, edge, clock, lambda: str(ULID())), edge, missions, settings)
+    try:
+        sortie.gather(clock, signals, options.wait)
+        if not signals.stop:
+            sortie.fly(signals, _ON_INTERRUPT[options.on_interrupt])
+    finally:
+        link.close()
+    if signals.stop:
+        _say_what_is_left(edge, missions)
+        return signals.status
+    return SUCCEEDED if edge.all_finished else FAILED
+
+
+def _say_what_is_left(edge: LocalEdge, missions: Sequence[Mission]) -> None:
+    """Say what nobody looks after any more."""
+    for mission in missions:
+        status = edge.statuses[mission.mission_id]
+        if not status.is_terminal:
+            print(
+                f"vehicle {mission.vehicle_id} was left in mission {mission.mission_id}, which is "
+                f"{status.name}: it flies its mission items to their end by itself, and a command "
+                "that is flown live, such as a hotpoint or a follow, until somebody ends it",
+                file=sys.stderr,
+            )
+
+
+def _page(missions: tuple[Mission, ...], options: argparse.Namespace) -> ProgressPage | JsonPage:
+    return JsonPage(_say) if options.json else ProgressPage(missions, _say)
+
+
+def _say(line: str) -> None:
+    print(line, flush=True)
+
+
+def _refuse_unknown(missions: Sequence[Mission], settings: Config) -> None:
+    for mission in missions:
+        if settings.system_of(mission.vehicle_id) is None:
+            raise UsageError(f"no system is vehicle {mission.vehicle_id}: see --vehicle-ids")
+
+
+def _options(
+    arguments: Sequence[str], environment: Mapping[str, str]
+) -> tuple[Config, argparse.Namespace]:
+    parser = config.settings_parser(
+        environment,
+        prog="mavlink_broker fly",
+        description="Fly a plan without an edge server: 0 if every mission was finished, else 1.",
+    )
+    parser.set_defaults(log_level=environment.get("LOG_LEVEL") or "WARNING")
+    parser.add_argument("plan", help="a plan as JSON, or - for the standard input")
+    parser.add_argument("--connect", metavar="URL", help="the vehicles' link: udp://0.0.0.0:14540")
+    parser.add_argument("--mission-id", type=int, help="only this mission of the plan")
+    parser.add_argument("--vehicle-id", type=int, help="only the mission of this vehicle")
+    parser.add_argument(
+        "--wait",
+        type=float,
+        default=HEARD_WITHIN_S,
+        help="seconds until all are heard: %(default)s",
+    )
+    parser.add_argument(
+        "--on-interrupt",
+        choices=sorted(_ON_INTERRUPT),
+        default=LEAVE,
+        help="what the first Ctrl-C does: leave the vehicles flying, land them, send them home",
+    )
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="where pictures are saved")
+    parser.add_argument("--json", action="store_true", help="every report as a line of JSON")
+    options = parser.parse_args(arguments)
+    if not 0 < options.wait <= 3600:
+        parser.error("--wait must be above 0, at most 3600")
+    return connected(config.settings(parser, options), options.connect), options

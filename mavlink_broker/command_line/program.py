@@ -1,0 +1,105 @@
+"""What every long-running command needs of the machine: a clock, signals, a log, a link.
+
+UsageError      what was asked for cannot be begun; one sentence, and the exit status
+  +- BusyError  another program has the link
+"""
+
+import logging
+import signal
+import time
+from dataclasses import replace
+from datetime import UTC, datetime
+from types import FrameType
+from typing import Final
+from urllib.parse import urlsplit
+
+from mavlink_broker.config import Config
+from mavlink_broker.link import PortBusyError, UdpLink
+
+SUCCEEDED: Final = 0
+FAILED: Final = 1
+MISUSED: Final = 2
+INTERRUPTED: Final = 130
+"""As shells tell of a program that SIGINT has ended."""
+TERMINATED: Final = 143
+
+_LOG_FORMAT: Final = "%(asctime)s %(levelname)s %(name)s: %(message)s"
+
+
+class UsageError(Exception):
+    """What was asked for cannot be begun."""
+
+    def __init__(self, sentence: str, status: int = MISUSED) -> None:
+        super().__init__(sentence)
+        self.status = status
+
+
+class BusyError(UsageError):
+    """Another program has the link."""
+
+
+class SystemClock:
+    """The machine's clock."""
+
+    def monotonic(self) -> float:  # a clock is handed in as an object
+        """Seconds that never go back."""
+        return time.monotonic()
+
+    def utc(self) -> datetime:  # as above
+        """Time of day."""
+        return datetime.now(UTC)
+
+
+class Signals:
+    """Remembers that the program was asked to stop, and how often."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.status = SUCCEEDED  # That tells which signal it was
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._note)
+
+    @property
+    def stop(self) -> bool:
+        """Whether any came."""
+        return self.count > 0
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        del frame
+        self.count += 1
+        self.status = INTERRUPTED if number == signal.SIGINT else TERMINATED
+
+
+def begin_log(level: str) -> None:
+    """Log to the standard error."""
+    logging.basicConfig(level=level, format=_LOG_FORMAT)
+
+
+def open_link(settings: Config) -> UdpLink:
+    """Open the vehicles' link.
+
+    Raises:
+        BusyError: if another program has it.
+    """
+    try:
+        return UdpLink(settings.mavlink_host, settings.mavlink_port)
+    except PortBusyError as error:
+        raise BusyError(str(error)) from error
+
+
+def connected(settings: Config, url: str | None) -> Config:
+    """Give the settings with another link, where one is asked for.
+
+    Raises:
+        UsageError: if it is none.
+    """
+    if url is None:
+        return settings
+    parts = urlsplit(url)
+    try:
+        host, port = parts.hostname, parts.port
+    except ValueError:
+        host, port = None, None
+    if parts.scheme not in {"udp", "udpin"} or host is None or port is None:
+        raise UsageError(f"{url} is no link: it must look like udp://0.0.0.0:14540")
+    return replace(settings, mavlink_host=host, mavlink_port=port)

@@ -1,0 +1,114 @@
+"""`vehicles`: who is heard on the link.
+
+It listens as the broker does, and asks for the same messages, but flies nothing. Where the
+configured port is taken, by a broker that runs, that broker's edge server is asked instead.
+"""
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import requests
+from ulid import ULID
+
+from mavlink_broker import config
+from mavlink_broker.app import App
+from mavlink_broker.command_line.local_edge import LocalEdge
+from mavlink_broker.command_line.program import (
+    FAILED,
+    SUCCEEDED,
+    BusyError,
+    Signals,
+    SystemClock,
+    UsageError,
+    begin_log,
+    connected,
+    open_link,
+)
+from mavlink_broker.command_line.roster import page, row
+from mavlink_broker.config import Config
+
+LISTEN_S: Final = 5.0
+"""Five heartbeats, and time to ask for a version and a position."""
+_ASK_TIMEOUT_S: Final = 5.0
+
+
+def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
+    """List the vehicles; 1 if there is none.
+
+    Raises:
+        UsageError: if nobody can be asked.
+    """
+    settings, options = _options(arguments, environment)
+    begin_log(settings.log_level)
+    try:
+        rows = _heard(settings, options.seconds)
+    except BusyError as busy:
+        if options.connect is not None:
+            raise
+        print(f"{busy}; asking {settings.edge_url}/vehicles/ instead", file=sys.stderr)
+        rows = _asked(settings)
+    if options.json:
+        print(json.dumps({"vehicles": rows}, indent=1))
+    elif rows:
+        print("\n".join(page(rows)))
+    if not rows:
+        print("no vehicle is heard", file=sys.stderr)
+    return SUCCEEDED if rows else FAILED
+
+
+def _heard(settings: Config, seconds: float) -> list[dict[str, Any]]:
+    """Listen for some time; a signal ends it early."""
+    link, signals, clock = open_link(settings), Signals(), SystemClock()
+    app = App(settings, link, LocalEdge((), _ignore), clock, lambda: str(ULID()))
+    end = clock.monotonic() + seconds
+    while clock.monotonic() < end and not signals.stop:
+        app.step()
+    now = time.monotonic()
+    link.close()
+    heard = (session.vehicle for _, session in sorted(app.sessions.items()))
+    return [row(vehicle, now) for vehicle in heard]
+
+
+def _asked(settings: Config) -> list[dict[str, Any]]:
+    """Ask the edge server of the broker that has the link."""
+    url = f"{settings.edge_url.rstrip('/')}/vehicles/"
+    http = requests.Session()
+    http.trust_env = False
+    http.verify = True if settings.edge_ca_file is None else str(settings.edge_ca_file)
+    try:
+        key = settings.key_file.read_text(encoding="ascii").strip()
+        http.headers["Authorization"] = f"Bearer {key}"
+        answer = http.get(url, timeout=_ASK_TIMEOUT_S)
+        answer.raise_for_status()
+        return list(answer.json())
+    except (OSError, UnicodeDecodeError, ValueError) as error:  # requests' errors are OSErrors
+        raise UsageError(f"{url} cannot be asked: {error}") from error
+
+
+def _ignore(kind: str, body: dict[str, Any]) -> None:
+    """Tell nobody: only the vehicles themselves are looked at."""
+    del kind, body
+
+
+def _options(
+    arguments: Sequence[str], environment: Mapping[str, str]
+) -> tuple[Config, argparse.Namespace]:
+    parser = config.settings_parser(
+        environment,
+        prog="mavlink_broker vehicles",
+        description="List the vehicles that are heard on the link.",
+    )
+    parser.set_defaults(log_level=environment.get("LOG_LEVEL") or "WARNING")
+    parser.add_argument("--connect", metavar="URL", help="listen here, as in udp://0.0.0.0:14540")
+    parser.add_argument(
+        "--seconds", type=float, default=LISTEN_S, help="how long to listen: %(default)s"
+    )
+    parser.add_argument("--json", action="store_true", help="as JSON")
+    options = parser.parse_args(arguments)
+    if not 0 < options.seconds <= 3600:
+        parser.error("--seconds must be above 0, at most 3600")
+    return connected(config.settings(parser, options), options.connect), options
