@@ -1,0 +1,1 @@
+"""A person at a keyboard in the vehicle's stead, on MAVSDK's server plugins."""

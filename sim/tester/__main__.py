@@ -1,0 +1,146 @@
+"""`python -m sim.tester`: stand in for a vehicle at the keyboard, as the broker's substitute."""
+
+import argparse
+import os
+import random
+import signal
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import FrameType
+from typing import Final
+
+from sim.tester.happenings import Happening
+from sim.tester.script import Script, ScriptError
+from sim.tester.seat import Seat
+from sim.tester.stand_in import StandIn
+from sim.tester.telemetry import Home
+from sim.tester.terminal import Lines, Wakeable, wait
+from sim.tester.vehicle import LinkError, MavsdkVehicle
+
+HOME: Final = Home(40.44340, -3.73820, 650.0)
+_SCRIPT_LOOK_S: Final = 0.05
+LINGER_S: Final = 2.0
+"""Goes on speaking so long after the last line, so that the broker hears how it ended."""
+
+
+def main(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
+    """Run until the lines end or Ctrl-C; gives the exit code."""
+    options = _options(arguments, environment)
+    try:
+        script = None if options.script is None else Script(_read(options.script))
+    except (OSError, ScriptError) as error:
+        print(f"tester: --script: {error}", file=sys.stderr)
+        return 2
+    signal.signal(signal.SIGTERM, _interrupt)
+    woken: Wakeable[Happening] = Wakeable()
+    try:
+        link = MavsdkVehicle(options.system_id, f"udpout://{options.broker}", woken.put)
+    except LinkError as error:
+        print(f"tester: --broker: {error}", file=sys.stderr)
+        return 2
+    _write(f"Vehicle {options.system_id}, to the broker at {options.broker}.\n")
+    _write("Waiting for a mission. Ctrl-C ends.\n")
+    draw = random.Random(options.seed).uniform
+    seat = Seat(StandIn(HOME, time.monotonic()), link, draw, _write)
+    try:
+        _sit(seat, Lines(_stdin() if script is None else None), script, woken)
+    except KeyboardInterrupt:
+        _write("\n")
+    finally:
+        link.close()
+        woken.close()
+    return 0
+
+
+def _sit(seat: Seat, lines: Lines, script: Script | None, woken: Wakeable[Happening]) -> None:
+    """Go round until there is nothing more to read and the broker has heard the last of it."""
+    ends_at: float | None = None
+    while True:
+        now = time.monotonic()
+        for happening in woken.take():
+            seat.hear(happening, now)
+        _type(seat, lines, script, now)
+        over = script.is_over if script else lines.is_over
+        if not over:
+            ends_at = None
+        elif ends_at is None:
+            ends_at = now + (0.0 if seat.vehicle.mission.items == () else LINGER_S)
+        elif now >= ends_at:
+            return
+        due = seat.tick(now)
+        wait(lines, woken, min(due, _SCRIPT_LOOK_S + now if script else due) - now)
+
+
+def _type(seat: Seat, lines: Lines, script: Script | None, now: float) -> None:
+    """Take the lines that have come, for as long as one is waited for."""
+    while seat.menu.is_asking:
+        if script is not None:
+            line = script.next_line(seat.menu.place, now)
+            if line is None:
+                return
+            _write(f"{line}\n")
+        elif lines.has_line:
+            line = lines.pop()
+        else:
+            return
+        seat.answer(line, now)
+
+
+def _options(arguments: Sequence[str], environment: Mapping[str, str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="sim.tester", description=__doc__)
+    port = environment.get("MAVLINK_PORT") or "14540"
+    parser.add_argument(
+        "--system-id",
+        type=_system_id,
+        default=environment.get("SYSTEM_ID") or "1",
+        help="1 to 255 (environment: SYSTEM_ID)",
+    )
+    parser.add_argument(
+        "--broker",
+        default=environment.get("BROKER") or f"127.0.0.1:{port}",
+        help="host:port of the broker (environment: BROKER, or MAVLINK_PORT on this machine)",
+    )
+    parser.add_argument(
+        "--script",
+        type=Path,
+        default=environment.get("SCRIPT") or None,
+        help="a file to read instead of the keyboard (environment: SCRIPT)",
+    )
+    parser.add_argument(
+        "--seed",
+        type=int,
+        default=environment.get("SEED") or None,
+        help="of what is drawn at random (environment: SEED)",
+    )
+    return parser.parse_args(arguments)
+
+
+def _system_id(text: str) -> int:
+    number = int(text)
+    if not 1 <= number <= 255:
+        raise argparse.ArgumentTypeError(f"system ids are 1 to 255, not {text}")
+    return number
+
+
+def _read(path: Path) -> list[str]:
+    return path.read_text(encoding="utf-8").splitlines()
+
+
+def _stdin() -> int | None:
+    """Descriptor of the standard input, if there is one."""
+    return None if sys.stdin is None else sys.stdin.fileno()
+
+
+def _write(text: str) -> None:
+    sys.stdout.write(text)
+    sys.stdout.flush()
+
+
+def _interrupt(_number: int, _frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:], os.environ))

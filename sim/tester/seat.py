@@ -1,0 +1,75 @@
+"""Where the person sits: the menus on one side, the vehicle on the other."""
+
+from collections.abc import Callable
+from typing import Final, Protocol
+
+from sim.tester.happenings import Happening, Order, Tell, Turn
+from sim.tester.menu import Draw, Menu
+from sim.tester.stand_in import StandIn
+
+PUBLISH_EVERY_S: Final = 0.25
+
+
+class Link(Protocol):
+    """The vehicle's way to the broker."""
+
+    def publish(self, vehicle: StandIn, now: float) -> None:
+        """Send what a vehicle sends all the time."""
+
+    def carry_out(self, order: Order, vehicle: StandIn, now: float) -> None:
+        """Do on the link what the vehicle does."""
+
+
+class Seat:
+    """One person in the stead of one vehicle."""
+
+    def __init__(
+        self, vehicle: StandIn, link: Link, draw: Draw, write: Callable[[str], None]
+    ) -> None:
+        self.menu = Menu(draw, percentage=vehicle.percentage)
+        self.vehicle = vehicle
+        self._link = link
+        self._write = write
+        self._publish_at = -1.0
+
+    def hear(self, happening: Happening, now: float) -> None:
+        """Take what has come over the link."""
+        self._carry_out(self.vehicle.hear(happening, now), now, asked=False)
+
+    def answer(self, line: str, now: float) -> None:
+        """Take a line of the person."""
+        action = self.menu.answer(line)
+        orders = [] if action is None else self.vehicle.act(action, now)
+        self._carry_out(orders, now, asked=True)
+
+    def tick(self, now: float) -> float:
+        """Let time pass; gives when the next time is due."""
+        self._carry_out(self.vehicle.tick(now), now, asked=False)
+        if now >= self._publish_at:
+            self._publish_at = now + PUBLISH_EVERY_S
+            self._link.publish(self.vehicle, now)
+        return self._publish_at
+
+    def _carry_out(self, orders: list[Order], now: float, *, asked: bool) -> None:
+        told = asked
+        for order in orders:
+            match order:
+                case Tell(text):
+                    self._write(("" if told else "\n") + text + "\n")
+                    told = True
+                case Turn():
+                    self._follow(order)
+                    told = True
+                case _:
+                    self._link.carry_out(order, self.vehicle, now)
+        if told and self.menu.is_asking:
+            self._write(self.menu.prompt)
+
+    def _follow(self, turn: Turn) -> None:
+        match turn:
+            case Turn.RUNS:
+                self.menu.mission_runs()
+            case Turn.ENDED:
+                self.menu.mission_ended()
+            case Turn.INTERRUPTED:
+                self.menu.mission_interrupted()
