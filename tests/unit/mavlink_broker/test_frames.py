@@ -39,7 +39,8 @@ def frame_of(message: Any, *, version_1: bool = False) -> bytes:
 def unknown_frame() -> bytes:
     """A message that no dialect has, with its own CRC_EXTRA."""
     body = bytes((3, 0, 0, 5, 7, 9)) + (77_777).to_bytes(3, "little") + b"abc"
-    return b"\xfd" + body + mavlink.x25crc(body + b"\x55").crc.to_bytes(2, "little")
+    checksum: int = mavlink.x25crc(body + b"\x55").crc
+    return b"\xfd" + body + checksum.to_bytes(2, "little")
 
 
 def with_its_key(frame: bytes) -> Any:

@@ -38,6 +38,11 @@ def port_of(one: socket.socket) -> int:
     return int(one.getsockname()[1])
 
 
+def address_at(one: socket.socket) -> Address:
+    host, port = one.getsockname()
+    return Address(host, port, 0)
+
+
 def accepted(one: socket.socket, hub: Hub) -> socket.socket:
     """Let the hub connect, and give the server's end."""
     hear_until(hub, lambda _: bool(hub.greeted()))
@@ -129,7 +134,7 @@ class TestBeingConnectedTo:
                 hear_until(hub, lambda _: len(hub.greeted()) == 2)
                 one.sendall(FRAME)
                 ((address, frame),) = hear_until(hub, bool)
-                assert (address, frame) == (Address(*one.getsockname(), 0), FRAME)
+                assert (address, frame) == (address_at(one), FRAME)
                 hub.send(address, FRAME)
                 one.settimeout(PATIENCE_S)
                 assert one.recv(1000) == FRAME
