@@ -1,9 +1,14 @@
-"""Reads the mission that a vehicle holds: one request outstanding, each repeated until answered."""
+"""Reads a plan (mission, fence or rally points) that a vehicle holds.
+
+One request is outstanding, and is repeated until it is answered: many vehicles break off a
+download at the first request that they do not expect.
+"""
 
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from mavlink_broker.dialect import MISSION_RESULT_NAMES, Message, MissionAck, mavlink
+from mavlink_broker.protocol.plan_kinds import PLAN_NAMES
 from mavlink_broker.protocol.round_trip import RoundTrip
 from mavlink_broker.protocol.route import Route
 
@@ -14,7 +19,7 @@ PAUSE_S: Final = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Downloaded:
-    """The items as the vehicle gave them, MISSION_ITEM_INT in order."""
+    """The items as the vehicle gave them, in order: MISSION_ITEM_INT, or MISSION_ITEM."""
 
     items: tuple[Message, ...]
 
@@ -30,9 +35,18 @@ DownloadOutcome: TypeAlias = Downloaded | NotDownloaded
 
 
 class MissionDownload:
-    """One mission on its way from one vehicle."""
+    """One plan on its way from one vehicle; `as_floats` if it knows no integer items."""
 
-    def __init__(self, route: Route, round_trip: RoundTrip) -> None:
+    def __init__(
+        self,
+        route: Route,
+        round_trip: RoundTrip,
+        *,
+        mission_type: int = mavlink.MAV_MISSION_TYPE_MISSION,
+        as_floats: bool = False,
+    ) -> None:
+        self._type = mission_type
+        self._as_floats = as_floats
         self._route = route
         self._round_trip = round_trip
         self._target = route.target_system, route.target_component
@@ -63,7 +77,9 @@ class MissionDownload:
             case "MISSION_COUNT" if self._count is None:
                 self._count = message.count
                 return self._answered(now)
-            case "MISSION_ITEM_INT" if self._count and message.seq == len(self._items):
+            case "MISSION_ITEM_INT" | "MISSION_ITEM" if self._count and message.seq == len(
+                self._items
+            ):
                 self._items.append(message)
                 return self._answered(now)
             case "MISSION_ACK" if message.type != mavlink.MAV_MISSION_ACCEPTED:
@@ -83,15 +99,21 @@ class MissionDownload:
         return []
 
     def _is_ours(self, message: Message) -> bool:
-        return getattr(message, "mission_type", 0) == 0 and self._route.is_for_us(message)
+        same_type = getattr(message, "mission_type", 0) == self._type
+        return same_type and self._route.is_for_us(message)
 
     def _ask(self, now: float) -> list[Message]:
         self._attempts += 1
         self._sent_at = now
         self._deadline = now + self._round_trip.timeout_s
         if self._count is None:
-            return [mavlink.MAVLink_mission_request_list_message(*self._target)]
-        return [mavlink.MAVLink_mission_request_int_message(*self._target, len(self._items))]
+            return [mavlink.MAVLink_mission_request_list_message(*self._target, self._type)]
+        request = (
+            mavlink.MAVLink_mission_request_message
+            if self._as_floats
+            else mavlink.MAVLink_mission_request_int_message
+        )
+        return [request(*self._target, len(self._items), self._type)]
 
     def _answered(self, now: float) -> list[Message]:
         if self._attempts == 1:
@@ -100,11 +122,13 @@ class MissionDownload:
         if len(self._items) != self._count:
             return self._ask(now)
         self.outcome = Downloaded(tuple(self._items))
-        return [MissionAck(*self._target, mavlink.MAV_MISSION_ACCEPTED)]
+        return [MissionAck(*self._target, mavlink.MAV_MISSION_ACCEPTED, self._type)]
 
     def _pause(self, now: float) -> None:
         if self._transfers >= TRANSFERS:
-            self.outcome = NotDownloaded(f"mission could not be read back: {self._complaint}")
+            self.outcome = NotDownloaded(
+                f"{PLAN_NAMES[self._type]} could not be read back: {self._complaint}"
+            )
             return
         self._pausing = True
         self._deadline = now + PAUSE_S * 2 ** (self._transfers - 1)

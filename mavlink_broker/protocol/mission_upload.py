@@ -1,4 +1,4 @@
-"""Puts a mission onto a vehicle over a link that loses, repeats and reorders.
+"""Puts a plan (mission, fence, rally points) onto a vehicle over a link that loses and repeats.
 
 The vehicle leads: we announce the count, it requests items, it acknowledges. Requests are
 answered statelessly, any number of times. What heals which loss:
@@ -7,6 +7,9 @@ answered statelessly, any number of times. What heals which loss:
     request or item lost          the vehicle requests again; nothing is sent unasked
     final acknowledgement lost    the last item is repeated, which makes the vehicle repeat it
     transfer given up or refused as busy   begun again, after a pause that doubles
+
+A vehicle that goes on asking is alive, however often it asks for the same item; one that is
+silent, or asks for one item without end, has given up.
 
 An acknowledgement counts only after every item was requested. Even then the outcome is no more
 than a claim: the caller verifies what the vehicle holds.
@@ -18,6 +21,8 @@ from enum import Enum, auto
 from typing import Final, TypeAlias
 
 from mavlink_broker.dialect import MISSION_RESULT_NAMES, Message, MissionCount, mavlink
+from mavlink_broker.protocol.float_items import in_floats
+from mavlink_broker.protocol.plan_kinds import PLAN_NAMES
 from mavlink_broker.protocol.round_trip import RoundTrip
 from mavlink_broker.protocol.route import Route
 
@@ -25,6 +30,8 @@ COUNT_ATTEMPTS: Final = 8
 LAST_ITEM_ATTEMPTS: Final = 6
 TRANSFERS: Final = 4
 STALLED_AFTER_S: Final = 5.0
+MOST_REPETITIONS: Final = 60
+"""Of one request: at 30 % loss each way nobody asks so often who can hear the answer."""
 FIRST_PAUSE_S: Final = 1.0
 
 _REQUESTS: Final = frozenset({"MISSION_REQUEST", "MISSION_REQUEST_INT"})
@@ -83,8 +90,23 @@ class MissionUpload:
         round_trip: RoundTrip,
         *,
         busy_pause_s: float,
+        mission_type: int = mavlink.MAV_MISSION_TYPE_MISSION,
+        as_floats: bool = False,
     ) -> None:
+        """Begin with nothing sent.
+
+        Args:
+            items: MISSION_ITEM_INT messages in order, of that mission type.
+            route: From whom to whom.
+            round_trip: Estimate of the link.
+            busy_pause_s: Pause [s] after the vehicle has said that it is busy.
+            mission_type: MAV_MISSION_TYPE.
+            as_floats: The vehicle knows no integer items: what it asks for by MISSION_REQUEST(40)
+                it gets as MISSION_ITEM(39).
+        """
         self._items = items
+        self._type = mission_type
+        self._as_floats = as_floats
         self._route = route
         self._round_trip = round_trip
         self._busy_pause_s = busy_pause_s
@@ -95,7 +117,9 @@ class MissionUpload:
         self._sent_at = 0.0
         self._requested: set[int] = set()
         self._last_requested: int | None = None
+        self._repetitions = 0
         self._complaint = "no answer to MISSION_COUNT"
+        self._refused = False  # The complaint is the vehicle's own
         self.outcome: UploadOutcome | None = None
 
     def start(self, now: float) -> list[Message]:
@@ -104,6 +128,7 @@ class MissionUpload:
         self._attempts = 0
         self._requested.clear()
         self._last_requested = None
+        self._refused = False
         self._phase = _Phase.COUNTING
         return self._count(now)
 
@@ -112,7 +137,8 @@ class MissionUpload:
         if self.outcome is not None or not self._is_ours(message):
             return []
         if message.get_type() in _REQUESTS:
-            return self._answer(message.seq, now)
+            wants_float = self._as_floats and message.get_type() == "MISSION_REQUEST"
+            return [in_floats(i) if wants_float else i for i in self._answer(message.seq, now)]
         if message.get_type() == "MISSION_ACK":
             self._acknowledged(message, now)
         return []
@@ -125,7 +151,8 @@ class MissionUpload:
             case _Phase.COUNTING:
                 return self._repeat_count(now)
             case _Phase.SENDING:
-                self._complaint = f"item {self._last_requested} was the last one requested"
+                if not self._refused:
+                    self._complaint = f"item {self._last_requested} was the last one requested"
                 self._pause(FIRST_PAUSE_S * 2 ** (self._transfers - 1), now)
                 return []
             case _Phase.CLOSING:
@@ -134,14 +161,15 @@ class MissionUpload:
                 return self.start(now)
 
     def _is_ours(self, message: Message) -> bool:
-        return getattr(message, "mission_type", 0) == 0 and self._route.is_for_us(message)
+        same_type = getattr(message, "mission_type", 0) == self._type
+        return same_type and self._route.is_for_us(message)
 
     def _count(self, now: float) -> list[Message]:
         self._attempts += 1
         self._sent_at = now
         self._deadline = now + self._round_trip.timeout_s
         target = self._route.target_system, self._route.target_component
-        return [MissionCount(*target, len(self._items))]
+        return [MissionCount(*target, len(self._items), self._type)]
 
     def _repeat_count(self, now: float) -> list[Message]:
         if self._attempts < COUNT_ATTEMPTS:
@@ -150,7 +178,7 @@ class MissionUpload:
         return []
 
     def _answer(self, seq: int, now: float) -> list[Message]:
-        """Give the item that was asked for; a request that was never made so far is progress."""
+        """Give the item that was asked for, any number of times."""
         if seq >= len(self._items):
             return []
         if seq not in self._requested:
@@ -158,13 +186,13 @@ class MissionUpload:
             self._requested.add(seq)
             self._sent_at = now
             self._attempts = 1
-            self._deadline = now + STALLED_AFTER_S
+            self._repetitions = 0
         self._last_requested = seq
-        if len(self._requested) == len(self._items):
-            self._phase = _Phase.CLOSING
-            self._deadline = now + self._closing_timeout_s
-        else:
-            self._phase = _Phase.SENDING
+        self._repetitions += 1
+        complete = len(self._requested) == len(self._items)
+        self._phase = _Phase.CLOSING if complete else _Phase.SENDING
+        if self._repetitions <= MOST_REPETITIONS:
+            self._deadline = now + (self._closing_timeout_s if complete else STALLED_AFTER_S)
         return [self._items[seq]]
 
     def _sample(self, now: float) -> None:
@@ -191,6 +219,7 @@ class MissionUpload:
                 self.outcome = Stored(getattr(message, "opaque_id", 0))
             return
         self._complaint = MISSION_RESULT_NAMES.get(result, f"MAV_MISSION_RESULT {result}")
+        self._refused = True
         if self._phase is _Phase.PAUSING:
             return
         if result == mavlink.MAV_MISSION_OPERATION_CANCELLED:
@@ -201,7 +230,7 @@ class MissionUpload:
             self.outcome = Uncertain()
         elif result not in _TRANSIENT:
             self.outcome = NotStored(
-                f"mission refused: {self._complaint}",
+                f"{PLAN_NAMES[self._type]} refused: {self._complaint}",
                 self._last_requested,
                 is_unsupported=result in _UNSUPPORTED,
             )
@@ -209,7 +238,7 @@ class MissionUpload:
     def _pause(self, seconds: float, now: float) -> None:
         if self._transfers >= TRANSFERS:
             self.outcome = NotStored(
-                f"mission upload failed {TRANSFERS} times: {self._complaint}",
+                f"{PLAN_NAMES[self._type]} upload failed {TRANSFERS} times: {self._complaint}",
                 self._last_requested,
             )
             return

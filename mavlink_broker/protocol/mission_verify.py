@@ -1,4 +1,4 @@
-"""Makes sure that the vehicle holds the mission that was meant, before it may fly.
+"""Makes sure that the vehicle holds the plan that was meant, before it may fly.
 
 The short way: the id of the final acknowledgement is the one that MISSION_CURRENT now tells.
 The long way, for vehicles without ids and for uncertain uploads: read back and compare.
@@ -10,6 +10,7 @@ from typing import Final, TypeAlias
 
 from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.protocol.mission_download import Downloaded, MissionDownload, NotDownloaded
+from mavlink_broker.protocol.plan_kinds import ID_NAMES
 from mavlink_broker.protocol.round_trip import RoundTrip
 from mavlink_broker.protocol.route import Route
 from mavlink_broker.protocol.streams import request_message
@@ -44,7 +45,12 @@ class MissionVerify:
         difference: Comparison,
         route: Route,
         round_trip: RoundTrip,
+        *,
+        mission_type: int = mavlink.MAV_MISSION_TYPE_MISSION,
+        as_floats: bool = False,
     ) -> None:
+        self._type = mission_type
+        self._as_floats = as_floats
         self._opaque_id = opaque_id
         self._difference = difference
         self._route = route
@@ -64,7 +70,8 @@ class MissionVerify:
             return []
         if self._download is not None:
             return [*self._download.receive(message, now), *self._compare()]
-        if message.get_type() == "MISSION_CURRENT" and message.mission_id == self._opaque_id:
+        is_told = message.get_type() == "MISSION_CURRENT"
+        if is_told and getattr(message, ID_NAMES[self._type]) == self._opaque_id:
             self.outcome = Verified()
         return []
 
@@ -84,7 +91,9 @@ class MissionVerify:
         return [request_message(self._route, mavlink.MAVLINK_MSG_ID_MISSION_CURRENT)]
 
     def _read_back(self, now: float) -> list[Message]:
-        self._download = MissionDownload(self._route, self._round_trip)
+        self._download = MissionDownload(
+            self._route, self._round_trip, mission_type=self._type, as_floats=self._as_floats
+        )
         return self._download.start(now)
 
     def _compare(self) -> list[Message]:

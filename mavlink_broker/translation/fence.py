@@ -12,12 +12,10 @@ from typing import Final, TypeAlias
 from afarcloud.plan import Geofence
 from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.protocol.parameter_write import Setting
+from mavlink_broker.protocol.plan_kinds import FENCE, RALLY
 from mavlink_broker.translation.mission_item import MissionItem, from_message
 from mavlink_broker.translation.situation import Spot
 
-FENCE: Final[int] = mavlink.MAV_MISSION_TYPE_FENCE
-RALLY: Final[int] = mavlink.MAV_MISSION_TYPE_RALLY
-NAMES: Final = {FENCE: "geofence", RALLY: "rally points"}
 CAPABILITIES: Final = {
     FENCE: mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE,
     RALLY: mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY,

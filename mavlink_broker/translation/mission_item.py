@@ -230,8 +230,16 @@ def home(*, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -
     )
 
 
-def to_message(item: MissionItem, *, seq: int, first: int, system: int, component: int) -> Message:
-    """MISSION_ITEM_INT(73); `first` is the number of the item at which the mission begins."""
+def to_message(
+    item: MissionItem,
+    *,
+    seq: int,
+    first: int | None,
+    system: int,
+    component: int,
+    mission_type: int = mavlink.MAV_MISSION_TYPE_MISSION,
+) -> Message:
+    """MISSION_ITEM_INT(73); `first` is the number of the item at which a mission begins."""
     return mavlink.MAVLink_mission_item_int_message(
         system,
         component,
@@ -244,21 +252,22 @@ def to_message(item: MissionItem, *, seq: int, first: int, system: int, componen
         round(item.latitude_deg * _E7) if item.is_positional else item.fifth,
         round(item.longitude_deg * _E7),
         item.altitude_m,
-        mavlink.MAV_MISSION_TYPE_MISSION,
+        mission_type,
     )
 
 
 def from_message(message: Message) -> MissionItem:
-    """Read MISSION_ITEM_INT(73) as a vehicle sends it."""
+    """Read MISSION_ITEM_INT(73), or MISSION_ITEM(39), as a vehicle sends it."""
     frame = _FRAME_NAMES.get(message.frame, message.frame)
     is_place = frame != mavlink.MAV_FRAME_MISSION
+    scale = _E7 if message.get_type() == "MISSION_ITEM_INT" else 1.0
     return MissionItem(
         command=message.command,
         frame=frame,
         parameters=(message.param1, message.param2, message.param3, message.param4),
-        fifth=0 if is_place else message.x,
-        latitude_deg=message.x / _E7 if is_place else 0.0,
-        longitude_deg=message.y / _E7,
+        fifth=0 if is_place else round(message.x),
+        latitude_deg=message.x / scale if is_place else 0.0,
+        longitude_deg=message.y / scale,
         altitude_m=message.z,
     )
 

@@ -1,0 +1,29 @@
+"""Mission items for vehicles that know no integer ones."""
+
+from typing import Final
+
+from mavlink_broker.dialect import Message, mavlink
+
+_PLAIN_FRAMES: Final = {
+    mavlink.MAV_FRAME_GLOBAL_INT: mavlink.MAV_FRAME_GLOBAL,
+    mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT: mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
+}
+POSITION_STEP_DEG: Final = 8e-6
+"""Single precision at 180 degrees, to half a step; some 0.9 m."""
+
+
+def in_floats(item: Message) -> Message:
+    """Give the MISSION_ITEM(39) that says the same as a MISSION_ITEM_INT(73), less exactly."""
+    scale = 1.0 if item.frame == mavlink.MAV_FRAME_MISSION else 1e7
+    return mavlink.MAVLink_mission_item_message(
+        item.target_system,
+        item.target_component,
+        item.seq,
+        _PLAIN_FRAMES.get(item.frame, item.frame),
+        item.command,
+        item.current,
+        item.autocontinue,
+        *(item.param1, item.param2, item.param3, item.param4),
+        *(item.x / scale, item.y / scale, item.z),
+        item.mission_type,
+    )
