@@ -23,6 +23,7 @@ from mavlink_broker.protocol.heartbeat import is_vehicle
 from mavlink_broker.protocol.route import Route
 from mavlink_broker.send_queue import Post
 from mavlink_broker.session import Session
+from mavlink_broker.translation.observables import OBSERVED
 from mavlink_broker.vehicle import Vehicle
 from mavlink_broker.work import EventWork, MissionWork, StateVectorWork
 
@@ -31,7 +32,7 @@ IDLE_WAIT_S: Final = 0.02
 AUTOPILOT: Final = 1
 """MAV_COMP_ID_AUTOPILOT1."""
 PEERS_KEPT: Final = 1024
-PAYLOAD_WORDS: Final = frozenset({"COMMAND_ACK", "HEARTBEAT"})
+PAYLOAD_WORDS: Final = frozenset({"COMMAND_ACK", "HEARTBEAT"}) | OBSERVED
 """What is taken from a vehicle's other components, such as its camera."""
 
 _LOG = logging.getLogger(__name__)

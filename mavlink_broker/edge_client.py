@@ -36,6 +36,8 @@ _TRY_AGAIN: Final = frozenset(
         HTTPStatus.TOO_MANY_REQUESTS,
     }
 )
+_KNOWN: Final = "Idempotency-Key was used"
+"""What the edge server says to another body under a key that it has seen."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -222,7 +224,13 @@ class EdgeClient:
         with self._changed:
             if status is not None and is_final(status):
                 self._posts.answered(post)
-                if status >= 400:
+                if (
+                    post.may_be_known
+                    and status == HTTPStatus.UNPROCESSABLE_ENTITY
+                    and _KNOWN in text
+                ):
+                    _LOG.info("%s was told before", post.path)
+                elif status >= 400:
                     _LOG.error("%s %s: HTTP %d %s", post.method, post.path, status, text)
             else:
                 self._posts.failed(post, time.monotonic(), cut_off=status is None)

@@ -6,10 +6,29 @@ A session touches neither; the program's loop carries its effects out, in order.
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
-from afarcloud.state import Alarm, Battery, MissionReport, Pose, StateVector
+from afarcloud.state import (
+    Alarm,
+    Battery,
+    Image,
+    MissionReport,
+    ObservationList,
+    Pose,
+    StateVector,
+)
 from mavlink_broker.dialect import Message
 
-Report: TypeAlias = Pose | Battery | StateVector | MissionReport | Alarm
+Report: TypeAlias = Pose | Battery | StateVector | MissionReport | Alarm | ObservationList | Image
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """A report that is the same record whenever it is told, also by a broker that was restarted.
+
+    `of` names what it is the result of; the key under which it is told follows from it.
+    """
+
+    report: Report
+    of: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +48,8 @@ class VehicleUpdate:
     body: dict[str, Any]
 
 
-ForEdge: TypeAlias = Report | Acknowledgement | VehicleUpdate
+Told: TypeAlias = Report | Result
+ForEdge: TypeAlias = Told | Acknowledgement | VehicleUpdate
 
 
 @dataclass(slots=True)

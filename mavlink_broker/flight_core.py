@@ -34,7 +34,8 @@ class FlightCore:
     def __init__(self, work: MissionWork, vehicle: Vehicle, reporter: Reporter) -> None:
         self.work = work
         self.state = State.IDLE
-        self.ledger = Ledger(work.mission.mission_id, work.mission.command_array)
+        mission = work.mission
+        self.ledger = Ledger(mission.mission_id, mission.command_array, name=work.name)
         self._vehicle = vehicle
         self._reporter = reporter
         self._hovering = False

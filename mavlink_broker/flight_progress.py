@@ -68,7 +68,7 @@ class FlightProgress(FlightPreparation, ABC):
                 effects.for_edge.append(self._reporter.mission(self.ledger))
         if performer.phase is Phase.DONE:
             self.ledger.set_command(index, Status.FINISHED)
-            effects.for_edge += self._reporter.results()
+            effects.for_edge += self._reporter.results(self.ledger.name_of(index), now)
             if self._stages.is_last:
                 self.ledger.set_mission(Status.FINISHED)
             effects.for_edge.append(self._reporter.mission(self.ledger))

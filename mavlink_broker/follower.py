@@ -10,7 +10,7 @@ from typing import Final
 
 from afarcloud.enumerations import Status
 from mavlink_broker.dialect import Message, mavlink
-from mavlink_broker.effects import Report
+from mavlink_broker.effects import Told
 from mavlink_broker.reporter import Reporter
 from mavlink_broker.translation.ledger import Ledger
 from mavlink_broker.translation.mission import FlightPlan
@@ -53,7 +53,7 @@ class Follower:
         """Whether every command is."""
         return self._progress.is_finished
 
-    def begin(self, now: float) -> list[Report]:
+    def begin(self, now: float) -> list[Told]:
         """Say that it flies."""
         self._ledger.set_mission(Status.RUNNING)
         self._run_next()
@@ -69,12 +69,12 @@ class Follower:
             case "MISSION_ITEM_REACHED":
                 self._progress = self._progress.with_reached(message.seq)
 
-    def step(self, now: float) -> list[Report]:
+    def step(self, now: float) -> list[Told]:
         """Judge where things stand; gives results and reports to post."""
         if self._vehicle.snapshot.is_on_ground and self._vehicle.is_heard(now):
             self._progress = self._progress.with_landing()
         self._watch(now)
-        reports = self._finish_commands()
+        reports = self._finish_commands(now)
         if reports or self._run_next() or now - self._reported_at >= REPORT_EVERY_S:
             self._run_next()
             reports += self._report(now)
@@ -91,12 +91,12 @@ class Follower:
         if message.mission_state == mavlink.MISSION_STATE_COMPLETE and self._under_way:
             self._progress = self._progress.with_complete()
 
-    def _finish_commands(self) -> list[Report]:
-        reports: list[Report] = []
+    def _finish_commands(self, now: float) -> list[Told]:
+        reports: list[Told] = []
         for index in self._plan.commands[: self._progress.finished_commands]:
             if not self._ledger.commands[index].is_terminal:
                 self._ledger.set_command(index, Status.FINISHED)
-                reports += self._reporter.results()
+                reports += self._reporter.results(self._ledger.name_of(index), now)
         if all(status.is_terminal for status in self._ledger.commands):
             self._ledger.set_mission(Status.FINISHED)
         return reports
@@ -107,7 +107,7 @@ class Follower:
             return False
         return self._ledger.set_command(index, Status.RUNNING)
 
-    def _report(self, now: float) -> list[Report]:
+    def _report(self, now: float) -> list[Told]:
         self._reported_at = now
         return [self._reporter.mission(self._ledger)]
 

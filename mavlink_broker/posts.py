@@ -3,24 +3,37 @@
 Together with `edge_client` the only place that knows the edge server's URLs.
 """
 
+import hashlib
 from collections.abc import Mapping
 from datetime import datetime
 from typing import Final
 
 from afarcloud import wire
 from afarcloud.numbers import format_time
-from afarcloud.state import Alarm, Battery, MissionReport, Pose, StateVector
-from mavlink_broker.effects import Acknowledgement, ForEdge, Report, VehicleUpdate
+from afarcloud.state import (
+    Alarm,
+    Battery,
+    Image,
+    MissionReport,
+    ObservationList,
+    Pose,
+    StateVector,
+)
+from mavlink_broker.effects import Acknowledgement, ForEdge, Report, Result, VehicleUpdate
 from mavlink_broker.send_queue import Post, Urgency
 
 _KINDS: Final[Mapping[type[Report], tuple[wire.Kind, Urgency]]] = {
     Alarm: (wire.Kind.ALARM, Urgency.ALARM),
     Pose: (wire.Kind.POSE, Urgency.RESULT),
+    ObservationList: (wire.Kind.OBSERVATION, Urgency.RESULT),
     Battery: (wire.Kind.BATTERY, Urgency.RESULT),
+    Image: (wire.Kind.IMAGE, Urgency.PICTURE),
     StateVector: (wire.Kind.STATE_VECTOR, Urgency.TELEMETRY),
     MissionReport: (wire.Kind.MISSION_REPORT, Urgency.REPORT),
 }
 _MISSION_LANE: Final = wire.Kind.MISSION_REPORT.value
+_MARK_LENGTH: Final = 48
+"""Of a key's 64 characters; the kind's name and a dash stand before it."""
 
 
 def post_for(word: ForEdge, *, vehicle_id: int, recorded_at: datetime, key: str) -> Post:
@@ -30,23 +43,51 @@ def post_for(word: ForEdge, *, vehicle_id: int, recorded_at: datetime, key: str)
             return _acknowledgement(word, vehicle_id)
         case VehicleUpdate():
             return _update(word, recorded_at)
+        case Result():
+            return _result(word, recorded_at)
         case _:
             return _report(word, recorded_at, key)
 
 
 def _report(report: Report, recorded_at: datetime, key: str) -> Post:
     kind, urgency = _KINDS[type(report)]
-    stamped = report.model_copy(update={"recorded_at": recorded_at})
     return Post(
         method="POST",
         path=f"/{kind.value}/",
-        body=wire.write(stamped),
+        body=wire.write(_stamped(report, recorded_at)),
         vehicle_id=report.vehicle_id,
         lane=kind.value,
         urgency=urgency,
         idempotency_key=key,
         may_be_dropped=kind is wire.Kind.STATE_VECTOR,
     )
+
+
+def _result(word: Result, recorded_at: datetime) -> Post:
+    """Make a post that a restarted broker makes again under the same key.
+
+    But for pictures it goes ahead of the mission's report that calls the command finished: a
+    broker that is killed in between has either told it, or has the command to finish again.
+    """
+    kind, _ = _KINDS[type(word.report)]
+    mark = hashlib.sha256(word.of.encode()).hexdigest()[:_MARK_LENGTH]
+    post = _report(word.report, recorded_at, f"{kind.value}-{mark}")
+    post.may_be_known = True
+    if kind is not wire.Kind.IMAGE:
+        post.lane, post.urgency = _MISSION_LANE, Urgency.REPORT
+    return post
+
+
+def _stamped(report: Report, recorded_at: datetime) -> Report:
+    """Mark when it is told; what a vehicle without a clock has measured, it has measured now."""
+    stamp: dict[str, object] = {"recorded_at": recorded_at}
+    if isinstance(report, ObservationList):
+        now_s = int(recorded_at.timestamp())
+        stamp["observation_array"] = tuple(
+            one if one.result_time else one.model_copy(update={"result_time": now_s})
+            for one in report.observation_array
+        )
+    return report.model_copy(update=stamp)
 
 
 def _acknowledgement(word: Acknowledgement, vehicle_id: int) -> Post:

@@ -21,16 +21,24 @@ class Reporter:
         self._numbers: Counter[str] = Counter()
         self.session_id = session_id
 
-    def results(self) -> list[effects.Report]:
-        """What is posted for every finished command: pose, then battery, where known."""
-        pose = telemetry.pose(self._vehicle.snapshot, **self._next("pose"))
-        battery = telemetry.battery(self._vehicle.snapshot, **self._next("battery"))
-        reports: list[effects.Report] = []
+    def results(self, of: str, now: float) -> list[effects.Told]:
+        """What is posted for a finished command: pose, observations, battery, where known.
+
+        They tell of this moment, in which the command has ended; `of` names it for good. Its
+        pictures follow when they have been fetched.
+        """
+        snapshot = self._vehicle.snapshot
+        reports: list[tuple[str, effects.Report]] = []
+        pose = telemetry.pose(snapshot, **self._next("pose"))
         if pose is not None:
-            reports.append(self._signed(pose, "pose"))
+            reports.append((of, self._signed(pose, "pose")))
+        lists = self._vehicle.observations.lists(snapshot, now, **self._next("observation"))
+        for number, measured in enumerate(lists, start=1):
+            reports.append((f"{of}/{number}", self._signed(measured, "observation")))
+        battery = telemetry.battery(snapshot, **self._next("battery"))
         if battery is not None:
-            reports.append(self._signed(battery, "battery"))
-        return reports
+            reports.append((of, self._signed(battery, "battery")))
+        return [effects.Result(report, name) for name, report in reports]
 
     def state_vector(self) -> StateVector | None:
         """State of the vehicle now; None while it is unknown."""

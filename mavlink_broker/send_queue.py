@@ -28,6 +28,7 @@ class Urgency(IntEnum):
     REPORT = 2
     RESULT = 3
     TELEMETRY = 4
+    PICTURE = 5
 
 
 @dataclass(slots=True, kw_only=True)
@@ -43,6 +44,7 @@ class Post:
     idempotency_key: str | None = None
     needs_registration: bool = True
     may_be_dropped: bool = False
+    may_be_known: bool = False  # Told before a crash, perhaps: then the first telling stands
     replaces: bool = False  # A newer one of the same lane makes it obsolete
 
 

@@ -123,6 +123,7 @@ class Session:
             if message.type == mavlink.MAV_TYPE_CAMERA:
                 self._alarms.camera_heard(now)
             return
+        self.vehicle.observations.take(message, self.vehicle.snapshot, now)
         if self._flight is not None:
             self._flight.receive(message, now, effects)
             self._close_flight()

@@ -24,6 +24,11 @@ class MissionWork:
         """What tells it from every other; the number alone restarts with a fresh edge server."""
         return self.work_id, self.plan_id, self.mission.mission_id
 
+    @property
+    def name(self) -> str:
+        """The same as text, without the mission's number."""
+        return f"{self.work_id}/{self.plan_id}"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StateVectorWork:

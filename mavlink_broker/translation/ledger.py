@@ -19,8 +19,10 @@ class LedgerError(Exception):
 class Ledger:
     """What is reported of one mission."""
 
-    def __init__(self, mission_id: int, commands: Sequence[Command]) -> None:
+    def __init__(self, mission_id: int, commands: Sequence[Command], *, name: str = "") -> None:
+        """Take a mission's commands, and what tells the mission from every other for good."""
         self.mission_id = mission_id
+        self._name = name
         self.status = Status.NOT_STARTED
         self.message: str | None = None
         self._ids = [command.command_id for command in commands]
@@ -37,6 +39,10 @@ class Ledger:
         """How many commands, counted from the first, have ended."""
         open_ones = (i for i, status in enumerate(self._statuses) if not status.is_terminal)
         return next(open_ones, len(self._statuses))
+
+    def name_of(self, index: int) -> str:
+        """What tells a command from every other for good, also for a restarted broker."""
+        return f"{self._name}/{self.mission_id}/{self._ids[index]}"
 
     def restore(self, report: MissionReport) -> None:
         """Take up where an earlier report left off; terminal statuses are kept as they are."""

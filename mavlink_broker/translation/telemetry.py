@@ -15,6 +15,8 @@ from mavlink_broker.translation.situation import Home
 
 _PREARM: Final = mavlink.MAV_SYS_STATUS_PREARM_CHECK
 _MAXIMUM_SPEED_M_S: Final = 100.0
+_EARLIEST_UTC_S: Final = 1_420_070_400.0
+"""2015: a clock that shows less has not been set."""
 
 
 class Position(NamedTuple):
@@ -50,6 +52,7 @@ class Snapshot:
     base_mode: int = 0
     custom_mode: int = 0
     time_s: float | None = None  # The vehicle's own, since it was switched on
+    booted_at_utc_s: float | None = None  # Since 1970; None: its time of day is not set
     position: Position | None = None
     attitude: Attitude | None = None
     home: Home | None = None
@@ -118,6 +121,12 @@ def _battery(snapshot: Snapshot, message: Message) -> None:
         snapshot.battery_fraction = remaining / 100.0 if 0 <= remaining <= 100 else None
 
 
+def _system_time(snapshot: Snapshot, message: Message) -> None:
+    utc_s = message.time_unix_usec / 1e6
+    is_set = utc_s >= _EARLIEST_UTC_S
+    snapshot.booted_at_utc_s = utc_s - message.time_boot_ms / 1e3 if is_set else None
+
+
 def _extended_state(snapshot: Snapshot, message: Message) -> None:
     snapshot.landed_state = message.landed_state
 
@@ -153,6 +162,7 @@ _READERS: Final[Mapping[str, Callable[[Snapshot, Message], None]]] = {
     "BATTERY_STATUS": _battery,
     "EXTENDED_SYS_STATE": _extended_state,
     "SYS_STATUS": _system_status,
+    "SYSTEM_TIME": _system_time,
     "MISSION_CURRENT": _mission_current,
 }
 
