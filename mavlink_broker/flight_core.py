@@ -11,13 +11,20 @@ from typing import Final, TypeAlias
 from afarcloud.enumerations import Status
 from mavlink_broker.activities import Activity
 from mavlink_broker.effects import Effects
+from mavlink_broker.fencing import Fencing
 from mavlink_broker.follower import Follower
 from mavlink_broker.performer import Performer
 from mavlink_broker.reporter import Reporter
 from mavlink_broker.session_states import Event, State, follow
 from mavlink_broker.stages import Stages
+from mavlink_broker.translation.area_check import AreaCheck
 from mavlink_broker.translation.ledger import Ledger
-from mavlink_broker.translation.mission import FlightPlan, LiveCommand, RefusedError
+from mavlink_broker.translation.mission import (
+    FlightPlan,
+    Itinerary,
+    LiveCommand,
+    RefusedError,
+)
 from mavlink_broker.vehicle import Vehicle
 from mavlink_broker.work import MissionWork
 
@@ -46,8 +53,12 @@ class FlightCore:
         self._follower: Follower | None = None
         self._performer: Performer | None = None
         self._was_running = False  # An earlier run of the broker has seen it fly
+        self._area = None if work.geofence is None else AreaCheck(work.geofence)
+        self._fencing: Fencing | None = None
+        self._is_fenced = False  # Once for the whole mission
         self._opaque_id = 0
         self._began_at = 0.0
+        self._heard_at: float | None = None  # Its vehicle, for the first time since it is attached
         self._entered_at = 0.0
         self._accepted_at: float | None = None
         self._fault: tuple[str, int | None] = ("", None)
@@ -57,6 +68,15 @@ class FlightCore:
     def is_expired(self, now: float) -> bool:
         """Whether it may not be begun any more."""
         return self.work.expires_at is not None and now >= self.work.expires_at
+
+    def check_area(self, itinerary: Itinerary) -> None:
+        """Hold a mission against its geofence before anything is known of its vehicle.
+
+        Raises:
+            RefusedError: for the first command that leads out.
+        """
+        if self._area is not None:
+            self._area.check(self.work.mission, itinerary, start=None, home=None)
 
     def abort(self, reason: str, effects: Effects) -> None:
         """End a mission that has not taken off."""

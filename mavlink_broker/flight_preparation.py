@@ -5,17 +5,21 @@ from typing import Final
 from afarcloud.enumerations import Status
 from mavlink_broker import activities, readiness
 from mavlink_broker.effects import Effects
+from mavlink_broker.fencing import Fencing, Wanted
 from mavlink_broker.flight_core import FlightCore
 from mavlink_broker.protocol.command import Accepted, Refused
 from mavlink_broker.protocol.mission_upload import NotStored, Stored, Uncertain
 from mavlink_broker.protocol.mission_verify import Different, Verified
 from mavlink_broker.readiness import Attachment
 from mavlink_broker.session_states import Event, State
+from mavlink_broker.translation import route
 from mavlink_broker.translation.mission import LiveCommand, RefusedError
 from mavlink_broker.translation.modes import ModeRole
+from mavlink_broker.translation.situation import Spot
 
 FLYING_WITHIN_S: Final = 5.0
 _AFTER_ACCEPTANCE: Final = {
+    State.FENCING: Event.FENCED,
     State.HOLDING: Event.HELD,
     State.SELECTING: Event.SELECTED,
     State.ARMING: Event.ARMED,
@@ -42,7 +46,7 @@ class FlightPreparation(FlightCore):
                 attaching = self.state is State.ATTACHING
                 self._move(Event.FLYING if attaching else Event.VERIFIED, now, effects)
             case Accepted() if self.state in _AFTER_ACCEPTANCE:
-                self._move(_AFTER_ACCEPTANCE[self.state], now, effects)
+                self._accepted(_AFTER_ACCEPTANCE[self.state], now, effects)
             case Accepted() if self._accepted_at is None:
                 self._accepted_at = now
             case NotStored() as refusal:
@@ -74,6 +78,66 @@ class FlightPreparation(FlightCore):
             command = self._plan.command_of_item[item]
             self._fail(refusal.reason, now, effects, command)
 
+    def _enter_fencing(self, now: float, effects: Effects) -> None:
+        """Put the fence there, once for the whole mission; give an earlier plan's back."""
+        self._fencing = Fencing(self._wanted_fence(), self._vehicle)
+        if self._is_fenced or self._fencing.is_needless:
+            self._go_on(now, effects)
+            return
+        self._start(self._fencing, now, effects)
+        self._settle(now, effects)
+
+    def _wanted_fence(self) -> Wanted:
+        highest_m = route.highest_m(self.work.mission.command_array, self._stages.itinerary)
+        return Wanted(self.work.geofence, highest_m=highest_m)
+
+    def _accepted(self, event: Event, now: float, effects: Effects) -> None:
+        if event is Event.FENCED:
+            self._fenced(now, effects)
+        else:
+            self._move(event, now, effects)
+
+    def _fenced(self, now: float, effects: Effects) -> None:
+        """Go on within the fence, unless the vehicle keeps a lower one of its own."""
+        self._is_fenced = True
+        if self._fencing is not None:
+            self.ledger.remark(self._fencing.notes)
+            try:
+                self._check_area(own_limit_m=self._fencing.own_limit_m)
+            except RefusedError as error:
+                self._fail(error.reason, now, effects, error.command_index)
+                return
+        self._go_on(now, effects)
+
+    def _go_on(self, now: float, effects: Effects) -> None:
+        """Fly the stage that comes: by items from the ground, by items from a hover, or live."""
+        if isinstance(self._stages.current, LiveCommand):
+            self._move(Event.LIVE_NEXT, now, effects)
+        else:
+            self._move(Event.HOVERS if self._flies else Event.FENCED, now, effects)
+
+    @property
+    def _flies(self) -> bool:
+        return self._hovering and bool(self._vehicle.snapshot.armed)
+
+    def _check_area(self, own_limit_m: float | None = None) -> None:
+        """Hold the mission against its geofence, from where the vehicle is.
+
+        Raises:
+            RefusedError: for the first command that leads out.
+        """
+        if self._area is None or self._stages.itinerary is None or not self._stages.is_first:
+            return
+        place = self._vehicle.snapshot.position
+        start = None if place is None else Spot(*place[:3])
+        self._area.check(
+            self.work.mission,
+            self._stages.itinerary,
+            start=start,
+            home=self._vehicle.snapshot.home,
+            own_limit_m=own_limit_m,
+        )
+
     def _enter_holding(self, now: float, effects: Effects) -> None:
         ways = self._vehicle.family.holding
         self._start(activities.commands(ways, self._vehicle), now, effects)
@@ -100,8 +164,16 @@ class FlightPreparation(FlightCore):
     def _step_attaching(self, now: float, effects: Effects) -> None:
         if self._activity is not None:
             return
-        waited_s = now - self._entered_at
-        match readiness.attachment(self._vehicle, now, started=self._has_flown, waited_s=waited_s):
+        if self._heard_at is None and self._vehicle.is_heard(now):
+            self._heard_at = now
+        attachment = readiness.attachment(
+            self._vehicle,
+            now,
+            started=self._has_flown,
+            waited_s=now - self._entered_at,
+            heard_s=0.0 if self._heard_at is None else now - self._heard_at,
+        )
+        match attachment:
             case Attachment.BEGIN:
                 self._move(Event.NOT_STARTED, now, effects)
             case Attachment.COMPARE if not self._flies_another:
@@ -131,16 +203,15 @@ class FlightPreparation(FlightCore):
     def _set_out(self, now: float, effects: Effects) -> None:
         try:
             self._translate()
+            self._check_area()
         except RefusedError as error:
             self._fail(error.reason, now, effects, error.command_index)
             return
-        flying = self._hovering and bool(self._vehicle.snapshot.armed)
-        if not isinstance(self._stages.current, LiveCommand):
-            self._move(Event.HOVERS if flying else Event.READY, now, effects)
-        elif flying or not self._stages.live.action.moves:
-            self._move(Event.LIVE_NEXT, now, effects)
-        else:
+        is_live = isinstance(self._stages.current, LiveCommand)
+        if is_live and not self._flies and self._stages.live.action.moves:
             self._fail("the vehicle is on the ground: a take-off has to come first", now, effects)
+        else:
+            self._move(Event.READY, now, effects)
 
     def _step_starting(self, now: float, effects: Effects) -> None:
         """Believe that it flies when it says so: armed, and in a mission mode."""

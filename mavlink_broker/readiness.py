@@ -9,6 +9,8 @@ from mavlink_broker.vehicle import Vehicle
 
 WITHIN_S: Final = 60.0
 """How long a mission waits for its vehicle before it fails."""
+TELLS_ALL_WITHIN_S: Final = 5.0
+"""How long a vehicle that is heard may take to tell its battery and attitude; some never do."""
 
 
 def obstacle(vehicle: Vehicle, now: float, *, hovering: bool) -> str | None:
@@ -36,10 +38,13 @@ class Attachment(Enum):
     COMPARE = auto()  # The vehicle may be flying it: compare what it holds
 
 
-def attachment(vehicle: Vehicle, now: float, *, started: bool, waited_s: float) -> Attachment:
+def attachment(
+    vehicle: Vehicle, now: float, *, started: bool, waited_s: float, heard_s: float
+) -> Attachment:
     """Judge; `started` if the mission has been reported to run.
 
-    A started mission is never begun again: the vehicle is waited for as long as it takes.
+    A started mission is never begun again: the vehicle is waited for as long as it takes. It has
+    been heard for `heard_s`: what ended meanwhile is told with its place and battery, or not yet.
     """
     snapshot = vehicle.snapshot
     if not vehicle.is_heard(now) or snapshot.armed is None or not vehicle.is_identified:
@@ -47,9 +52,11 @@ def attachment(vehicle: Vehicle, now: float, *, started: bool, waited_s: float) 
         return Attachment.WAIT if patient else Attachment.BEGIN
     if not started and snapshot.is_on_ground:
         return Attachment.BEGIN
-    if snapshot.home is None or (not started and _is_about_to_disarm(vehicle)):
+    has_told_all = snapshot.attitude is not None and snapshot.battery_fraction is not None
+    is_placed = snapshot.home is not None and snapshot.position is not None
+    if not is_placed or not (has_told_all or heard_s >= TELLS_ALL_WITHIN_S):
         return Attachment.WAIT
-    return Attachment.COMPARE
+    return Attachment.WAIT if not started and _is_about_to_disarm(vehicle) else Attachment.COMPARE
 
 
 def _is_about_to_disarm(vehicle: Vehicle) -> bool:

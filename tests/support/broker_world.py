@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 
 from afarcloud.enumerations import Status
+from mavlink_broker.address import Address
 from mavlink_broker.app import App
 from mavlink_broker.codec import Encoder
 from mavlink_broker.config import Config
 from mavlink_broker.dialect import mavlink
-from mavlink_broker.link import Address
 from tests.support.fake_edge import FakeEdge
 from tests.support.scripted_vehicle import ARDUPILOT, HOME, PX4, Script, ScriptedVehicle
 
@@ -41,7 +41,7 @@ class Air:
     """Datagrams between broker and vehicles; may lose some of them."""
 
     def __init__(self, clock: Clock, loss: float, seed: int) -> None:
-        self.vehicles: dict[Address, ScriptedVehicle] = {}
+        self.vehicles: dict[tuple[str, int], ScriptedVehicle] = {}
         self.sent: list[tuple[Address, bytes]] = []
         self._clock = clock
         self._loss = loss
@@ -53,9 +53,9 @@ class Air:
             for frame in vehicle.step(self._clock.now):
                 self.to_broker(address, frame)
 
-    def to_broker(self, address: Address, frame: bytes) -> None:
+    def to_broker(self, address: tuple[str, int], frame: bytes) -> None:
         if self._random.random() >= self._loss:
-            self._to_broker.append((address, frame))
+            self._to_broker.append((Address(*address), frame))
 
     def receive(self, timeout_s: float) -> list[tuple[Address, bytes]]:
         del timeout_s
@@ -64,8 +64,13 @@ class Air:
 
     def send(self, address: Address, frame: bytes) -> None:
         self.sent.append((address, frame))
-        if self._random.random() >= self._loss and not self.vehicles[address].silent:
-            self.vehicles[address].receive(frame, self._clock.now)
+        vehicle = self.vehicles[address.host, address.port]
+        if self._random.random() >= self._loss and not vehicle.silent:
+            vehicle.receive(frame, self._clock.now)
+
+    def greeted(self) -> list[Address]:
+        """Whoever listens is not spoken to first."""
+        return []
 
 
 class World:
@@ -77,6 +82,7 @@ class World:
         self.edge = FakeEdge()
         self.config = config or Config()
         self._ulids = count(1)
+        self.is_broker_there = True
         self.app = self._new_app()
 
     def _new_app(self) -> App:
@@ -85,8 +91,13 @@ class World:
     def _ulid(self) -> str:
         return f"01{next(self._ulids):024d}"
 
+    def kill_broker(self) -> None:
+        """Lose everything that the broker knows; nobody is there until it is restarted."""
+        self.is_broker_there = False
+
     def restart_broker(self) -> None:
-        """Lose everything that the broker knows, as a kill would."""
+        """Begin with an empty memory, after a kill or instead of one."""
+        self.is_broker_there = True
         self.app = self._new_app()
         self.edge.hand_out_again()
 
@@ -117,7 +128,10 @@ class World:
     def tick(self) -> None:
         self.clock.now += TICK_S
         self.air.step()
-        self.app.step(0.0)
+        if self.is_broker_there:
+            self.app.step(0.0)
+        else:
+            self.air.receive(0.0)  # Nobody listens: it is lost
 
     def run_until(self, condition: Callable[[], Any], within_s: float = 120.0) -> None:
         """Let time pass until the condition holds."""
