@@ -19,7 +19,13 @@ from sim.world.subjects import Subject, subjects_at
 from sim.world.sun import Sun, illuminance_lx, solar_hour, sun
 
 _EDGE_M: Final = 2.5  # Over which a field's soil changes into its neighbour's
-_WILD_VIGOUR, _WILD_MOISTURE = 0.28, 0.13
+WILD_VIGOUR: Final = 0.26
+"""NDVI of the dry grass between the fields."""
+_WILD_MOISTURE: Final = 0.13
+WATER_SHARE, SOIL_SHARE = 0.6, 0.8
+"""What makes plants vigorous: their squares add to 1."""
+VIGOUR_SPREAD: Final = 0.07
+"""[-] Standard deviation of NDVI within a field."""
 _DRYING: Final = 0.06  # Share of the water that a day takes and the night gives back
 _FLOOR_M, _HILLS_M = 330.0, 900.0  # Where the valley's level floor ends, and the slopes
 _HILL_HEIGHT_M: Final = 28.0
@@ -148,12 +154,13 @@ class Farm:
         return max(0.03, moisture * (1.0 + 0.22 * self.moisture_map.at(*place)))
 
     def _vegetation(self, place: Place) -> float:
-        """Vigour follows the water half and the soil's own quality half."""
-        vigour = _WILD_VIGOUR
+        """Vigour follows the water and the soil's own quality."""
+        vigour = WILD_VIGOUR
         for field in FIELDS:
-            vigour += _share(field, place) * (field.vigour - _WILD_VIGOUR)
-        quality = 0.6 * self.moisture_map.at(*place) + 0.8 * self.vigour_map.at(*place)
-        return min(0.95, max(0.05, vigour + 0.07 * quality))
+            vigour += _share(field, place) * (field.vigour - WILD_VIGOUR)
+        quality = WATER_SHARE * self.moisture_map.at(*place)
+        quality += SOIL_SHARE * self.vigour_map.at(*place)
+        return min(0.95, max(0.05, vigour + VIGOUR_SPREAD * quality))
 
 
 def _share(field: Field, place: Place) -> float:

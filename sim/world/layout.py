@@ -35,10 +35,10 @@ class Field:
     row_bearing_deg: float  # [deg] Where the rows run to, from true north
     row_spacing_m: float  # [m] 0: not sown in rows
     plant_spacing_m: float  # [m] Along the row
-    crop_width_m: float  # [m] Of a row's leaves, seen from above
     crop_height_m: float  # [m]
     drip_every: int  # [-] A drip line along every so many rows; 0: not irrigated
-    vigour: float  # [-] NDVI of the crop where the ground is as good as on average
+    vigour: float  # [-] NDVI of leaves and gaps together where the ground is average
+    gap_vigour: float  # [-] NDVI of the ground between the plants
     moisture: float  # [m^3/m^3] Of the soil, on average
 
     @cached_property
@@ -96,32 +96,32 @@ FIELDS: Final = (
     Field(
         1, "North field", Cover.MAIZE,
         _corners((-70.0, 9.0), (95.0, 9.0), (99.0, 136.0), (-62.0, 141.0)),
-        row_bearing_deg=4.0, row_spacing_m=0.75, plant_spacing_m=0.2, crop_width_m=0.46,
-        crop_height_m=0.7, drip_every=2, vigour=0.74, moisture=0.26,
+        row_bearing_deg=4.0, row_spacing_m=0.75, plant_spacing_m=0.2,
+        crop_height_m=0.7, drip_every=2, vigour=0.62, gap_vigour=0.08, moisture=0.26,
     ),
     Field(
         2, "South vineyard", Cover.VINES,
         _corners((-72.0, -112.0), (58.0, -106.0), (64.0, -17.0), (-70.0, -17.0)),
-        row_bearing_deg=87.0, row_spacing_m=2.6, plant_spacing_m=1.2, crop_width_m=0.8,
-        crop_height_m=1.7, drip_every=1, vigour=0.66, moisture=0.19,
+        row_bearing_deg=87.0, row_spacing_m=2.6, plant_spacing_m=1.2,
+        crop_height_m=1.7, drip_every=1, vigour=0.44, gap_vigour=0.22, moisture=0.19,
     ),
     Field(
         3, "East pasture", Cover.PASTURE,
         _corners((113.0, -66.0), (226.0, -72.0), (232.0, 120.0), (116.0, 132.0)),
-        row_bearing_deg=0.0, row_spacing_m=0.0, plant_spacing_m=0.0, crop_width_m=0.0,
-        crop_height_m=0.12, drip_every=0, vigour=0.55, moisture=0.22,
+        row_bearing_deg=0.0, row_spacing_m=0.0, plant_spacing_m=0.0,
+        crop_height_m=0.12, drip_every=0, vigour=0.50, gap_vigour=0.12, moisture=0.22,
     ),
     Field(
         4, "West olive grove", Cover.OLIVES,
         _corners((-205.0, -96.0), (-86.0, -104.0), (-82.0, 132.0), (-198.0, 124.0)),
-        row_bearing_deg=12.0, row_spacing_m=7.0, plant_spacing_m=7.0, crop_width_m=4.2,
-        crop_height_m=4.0, drip_every=0, vigour=0.5, moisture=0.15,
+        row_bearing_deg=12.0, row_spacing_m=7.0, plant_spacing_m=7.0,
+        crop_height_m=4.0, drip_every=0, vigour=0.36, gap_vigour=0.15, moisture=0.15,
     ),
     Field(
         5, "South-east barley", Cover.BARLEY,
         _corners((76.0, -168.0), (218.0, -160.0), (222.0, -84.0), (78.0, -78.0)),
-        row_bearing_deg=96.0, row_spacing_m=0.15, plant_spacing_m=0.03, crop_width_m=0.12,
-        crop_height_m=0.6, drip_every=0, vigour=0.6, moisture=0.17,
+        row_bearing_deg=96.0, row_spacing_m=0.15, plant_spacing_m=0.03,
+        crop_height_m=0.6, drip_every=0, vigour=0.55, gap_vigour=0.10, moisture=0.17,
     ),
 )  # fmt: skip
 

@@ -1,0 +1,34 @@
+"""`python -m sim.camera`: the darkroom's process. A line with an order in, a line with its end out.
+
+It gives way to the flight, which runs in real time, and ends with its standard input.
+"""
+
+import json
+import os
+import signal
+import sys
+from typing import Final
+
+from sim.camera.develop import develop
+from sim.camera.order import from_line
+
+_NICENESS: Final = 5
+
+
+def main() -> int:
+    """Develop until there are no more orders."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # The vehicle decides when it ends
+    os.nice(_NICENESS)
+    for line in sys.stdin:
+        order = from_line(line)
+        try:
+            answer = {"number": order.number, "size_bytes": develop(order), "error": ""}
+        except OSError as error:
+            reason = error.strerror or str(error)
+            answer = {"number": order.number, "size_bytes": 0, "error": reason}
+        print(json.dumps(answer), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,126 @@
+"""The process beside the vehicle that makes pictures while the flight goes on.
+
+Rendering takes a third of a second of a core for 3 megapixels; in the vehicle's process it would
+stop the flight. The process is started with the first picture, and again if it has died.
+"""
+
+import json
+import os
+import select
+import subprocess
+import sys
+from collections import deque
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, Final, NamedTuple
+
+import sim
+from sim.camera.order import Order, to_line
+
+_COMMAND: Final = (sys.executable, "-m", "sim.camera")
+_ROOT: Final = Path(sim.__file__).resolve().parents[1]
+_CLOSE_S: Final = 5.0
+_CHUNK: Final = 65_536
+
+
+class Developed(NamedTuple):
+    """What became of an order."""
+
+    number: int
+    size_bytes: int
+    error: str  # A sentence; empty for success
+
+
+class _Running(NamedTuple):
+    """The process and its two pipes."""
+
+    process: "subprocess.Popen[bytes]"
+    orders: IO[bytes]
+    ends: IO[bytes]
+
+
+class Darkroom:
+    """Takes orders and gives their ends, in the same sequence."""
+
+    def __init__(self, command: Sequence[str] = _COMMAND) -> None:
+        self._command = command
+        self._running: _Running | None = None
+        self._pending: deque[int] = deque()
+        self._rest = b""
+
+    @property
+    def pending(self) -> int:
+        """Orders without an end."""
+        return len(self._pending)
+
+    def begin(self, order: Order) -> None:
+        """Have a picture made.
+
+        Raises:
+            OSError: if the process cannot be started or takes no orders.
+        """
+        if self._running is None:
+            self._running = _start(self._command)
+        self._running.orders.write(to_line(order).encode() + b"\n")
+        self._pending.append(order.number)
+
+    def finished(self, *, wait: bool = False) -> list[Developed]:
+        """What has ended since the last call; with `wait`, at least one of those pending."""
+        found: list[Developed] = []
+        while self._pending and self._running is not None and not found:
+            ends = self._running.ends
+            if not select.select([ends], [], [], None if wait else 0.0)[0]:
+                break
+            chunk = os.read(ends.fileno(), _CHUNK)
+            if not chunk:
+                return self._died()
+            found += self._read(chunk)
+        return found
+
+    def close(self) -> None:
+        """End the process; pictures that are pending are given up."""
+        running, self._running = self._running, None
+        self._pending.clear()
+        self._rest = b""
+        if running is not None:
+            _end(running)
+
+    def _read(self, chunk: bytes) -> list[Developed]:
+        *lines, self._rest = (self._rest + chunk).split(b"\n")
+        ended = [Developed(**json.loads(line)) for line in lines]
+        for each in ended:
+            self._pending.remove(each.number)
+        return ended
+
+    def _died(self) -> list[Developed]:
+        """Every pending picture is lost with the process; the next order starts another."""
+        lost = [Developed(number, 0, "the camera has stopped") for number in self._pending]
+        self.close()
+        return lost
+
+
+def _start(command: Sequence[str]) -> _Running:
+    process = subprocess.Popen(  # noqa: S603 - our own module
+        command,
+        bufsize=0,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        cwd=_ROOT,
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+    )
+    if process.stdin is None or process.stdout is None:
+        raise OSError("the camera's process has no pipes")
+    return _Running(process, process.stdin, process.stdout)
+
+
+def _end(running: _Running) -> None:
+    """Close its input, on which it ends; kill what hangs."""
+    with suppress(BrokenPipeError):
+        running.orders.close()
+    try:
+        running.process.wait(_CLOSE_S)
+    except subprocess.TimeoutExpired:
+        running.process.kill()
+        running.process.wait()
+    running.ends.close()
