@@ -7,7 +7,15 @@ so a broken or hostile one costs only itself.
 from typing import Any, Final
 
 from mavlink_broker.dialect import Message, Source, mavlink, source_of
-from mavlink_broker.frames import frame_size, next_marker
+from mavlink_broker.frames import (
+    SIGNED_FLAG,
+    frame_size,
+    is_signed,
+    message_id,
+    next_marker,
+    sender,
+    sequence,
+)
 
 _SEQUENCES: Final = 256
 _MAX_FAULTS_PER_DATAGRAM: Final = 16
@@ -33,10 +41,20 @@ class Encoder:
         return frame
 
 
+def encoded_as(message: Message, source: Source, sequence: int) -> bytes:
+    """Frame a message in somebody's name."""
+    codec = mavlink.MAVLink(None, source.system, source.component)
+    codec.seq = sequence
+    frame: bytes = message.pack(codec)
+    return frame
+
+
 class Decoder:
     """Reads one peer's datagrams and counts what was lost, by the gaps in its sequences."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, keeps_unknown: bool = False) -> None:
+        """Read with the dialect; what it does not know is given out without fields, if asked."""
+        self._keeps_unknown = keeps_unknown
         self._codec = mavlink.MAVLink(None)
         self._expected: dict[Source, int] = {}
         self.received = 0
@@ -56,7 +74,7 @@ class Decoder:
                 position = next_marker(datagram, position + 1)
                 continue
             position = end
-            if not isinstance(message, mavlink.MAVLink_unknown):
+            if self._keeps_unknown or not isinstance(message, mavlink.MAVLink_unknown):
                 self._count(message)
                 messages.append(message)
         return messages
@@ -65,9 +83,15 @@ class Decoder:
         if not frame:
             return None
         try:
-            return self._codec.decode(bytearray(frame))
+            message = self._codec.decode(bytearray(frame))
         except mavlink.MAVError:
             return None
+        if isinstance(message, mavlink.MAVLink_unknown):
+            flags = SIGNED_FLAG if is_signed(frame) else 0
+            message._header = mavlink.MAVLink_header(  # noqa: SLF001  # left empty by pymavlink
+                message_id(frame), flags, 0, frame[1], sequence(frame), *sender(frame)
+            )
+        return message
 
     def _count(self, message: Message) -> None:
         source, sequence = source_of(message), message.get_seq()

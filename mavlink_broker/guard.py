@@ -19,6 +19,7 @@ from enum import Enum
 from typing import Any, Final
 
 from mavlink_broker.dialect import Message, Source, mavlink, source_of
+from mavlink_broker.frames import signed
 from mavlink_broker.key_ring import KeyRing
 
 EPOCH: Final = datetime(2015, 1, 1, tzinfo=UTC)
@@ -60,6 +61,13 @@ class VehicleSigning:
         signing.timestamp = max(signing.timestamp, now)
         return signing
 
+    def mark(self, frame: bytes) -> bytes:
+        """Give a copy of somebody's frame that is signed with this key."""
+        signing = self.for_sending()
+        copy = signed(frame, self._key, signing.link_id, signing.timestamp)
+        signing.timestamp += 1
+        return copy
+
     def judge(self, frame: bytearray, source: Source) -> Refusal | None:
         """Why a signed frame is refused; None for a genuine one that was not heard before."""
         mark = hashlib.sha256(self._key + frame[:-_MARK_LENGTH]).digest()[:_MARK_LENGTH]
@@ -85,9 +93,19 @@ class Guard:
         self._tell_again = 0.0
         self.refused: Counter[Refusal] = Counter()
 
-    def admits(self, message: Message, now: float) -> bool:
-        """Whether a message is listened to; if not, it is counted and now and then told."""
+    @property
+    def is_open(self) -> bool:
+        """Whether nobody has to sign."""
+        return self._ring is None
+
+    def admits(self, message: Message, now: float, *, is_trusted: bool = False) -> bool:
+        """Whether a message is listened to; if not, it is counted and now and then told.
+
+        On a trusted link it need not be signed; a signature that is there must be right.
+        """
         refusal = self._judge(message, now)
+        if is_trusted and refusal in {Refusal.UNSIGNED, Refusal.VERSION_1}:
+            return True
         if refusal is None:
             return True
         self.refused[refusal] += 1
@@ -106,6 +124,15 @@ class Guard:
                 return None
             self._signing[system] = VehicleSigning(key, self._utc)
         return self._signing[system]
+
+    def greetings(self, is_heard: Callable[[int], bool], now: float) -> list[VehicleSigning | None]:
+        """How to sign what is said to vehicles that have not spoken: once by each one's key."""
+        if self._ring is None:
+            return [None]
+        keyed = [system for system in self._ring.systems() if not is_heard(system)]
+        by_key = [self.signing_for(system, now) for system in keyed]
+        unsigned = [None] if self._unsigned else []
+        return [*unsigned, *(signing for signing in by_key if signing is not None)]
 
     def _judge(self, message: Message, now: float) -> Refusal | None:
         source = source_of(message)

@@ -2,6 +2,7 @@
 
 import logging
 import os
+import re
 import stat
 from pathlib import Path
 from typing import Final
@@ -10,6 +11,8 @@ KEY_LENGTH: Final = 32
 LOOK_AGAIN_S: Final = 5.0
 """How often a key that is not there is looked for."""
 
+_FILE_NAME: Final = re.compile(r"signing-([1-9][0-9]{0,2})\.key")
+
 _LOG = logging.getLogger(__name__)
 
 
@@ -17,7 +20,7 @@ class KeyRing:
     """Keys by system id, read when first needed; a key that is missing may still come."""
 
     def __init__(self, folder: Path) -> None:
-        self._folder = folder
+        self.folder = folder
         self._keys: dict[int, bytes] = {}
         self._missing: dict[int, float] = {}
 
@@ -31,8 +34,17 @@ class KeyRing:
                 self._keys[system] = key
         return self._keys.get(system)
 
+    def systems(self) -> list[int]:
+        """Systems that have a file in the folder, usable or not."""
+        try:
+            names = [path.name for path in self.folder.iterdir()]
+        except OSError:
+            return []
+        found = (_FILE_NAME.fullmatch(name) for name in names)
+        return sorted(int(match[1]) for match in found if match and int(match[1]) <= 255)
+
     def _read(self, system: int) -> bytes | None:
-        path = self._folder / f"signing-{system}.key"
+        path = self.folder / f"signing-{system}.key"
         try:
             with path.open("rb") as file:
                 is_open = stat.S_IMODE(os.fstat(file.fileno()).st_mode) & 0o077

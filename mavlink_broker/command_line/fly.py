@@ -15,7 +15,7 @@ from ulid import ULID
 from afarcloud.enumerations import EventType
 from afarcloud.plan import Mission, Plan
 from mavlink_broker import config
-from mavlink_broker.app import App, Clock
+from mavlink_broker.app import App
 from mavlink_broker.command_line.local_edge import LocalEdge
 from mavlink_broker.command_line.plan_file import chosen, read_plan
 from mavlink_broker.command_line.program import (
@@ -32,6 +32,7 @@ from mavlink_broker.command_line.progress_page import JsonPage, ProgressPage
 from mavlink_broker.config import Config
 from mavlink_broker.protocol.heartbeat import LinkState
 from mavlink_broker.session_states import State
+from mavlink_broker.traffic import Clock
 
 HEARD_WITHIN_S: Final = 30.0
 LEAVE: Final = "leave"
@@ -130,12 +131,14 @@ def _fly(
         missions, _page(missions, options).take, expires_at=plan.expires_at, folder=options.out
     )
     link = open_link(settings)
-    sortie = Sortie(App(settings, link, edge, clock, lambda: str(ULID())), edge, missions, settings)
+    app = App(settings, link, edge, clock, lambda: str(ULID()))
+    sortie = Sortie(app, edge, missions, settings)
     try:
         sortie.gather(clock, signals, options.wait)
         if not signals.stop:
             sortie.fly(signals, _ON_INTERRUPT[options.on_interrupt])
     finally:
+        app.close()
         link.close()
     if signals.stop:
         _say_what_is_left(edge, missions)

@@ -11,10 +11,11 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from types import FrameType
 from typing import Final
-from urllib.parse import urlsplit
 
+from mavlink_broker.address import LinkUrl, LinkUrlError
 from mavlink_broker.config import Config
-from mavlink_broker.link import PortBusyError, UdpLink
+from mavlink_broker.links.hub import Hub, open_links
+from mavlink_broker.links.link import LinkError, PortBusyError
 
 SUCCEEDED: Final = 0
 FAILED: Final = 1
@@ -75,16 +76,19 @@ def begin_log(level: str) -> None:
     logging.basicConfig(level=level, format=_LOG_FORMAT)
 
 
-def open_link(settings: Config) -> UdpLink:
-    """Open the vehicles' link.
+def open_link(settings: Config) -> Hub:
+    """Open the links of vehicles and ground stations.
 
     Raises:
-        BusyError: if another program has it.
+        BusyError: if another program has one.
+        UsageError: if one cannot be opened, and will not come by itself.
     """
     try:
-        return UdpLink(settings.mavlink_host, settings.mavlink_port)
+        return open_links([*settings.vehicle_links, *settings.traffic.forward])
     except PortBusyError as error:
         raise BusyError(str(error)) from error
+    except LinkError as error:
+        raise UsageError(str(error)) from error
 
 
 def connected(settings: Config, url: str | None) -> Config:
@@ -95,11 +99,8 @@ def connected(settings: Config, url: str | None) -> Config:
     """
     if url is None:
         return settings
-    parts = urlsplit(url)
     try:
-        host, port = parts.hostname, parts.port
-    except ValueError:
-        host, port = None, None
-    if parts.scheme not in {"udp", "udpin"} or host is None or port is None:
-        raise UsageError(f"{url} is no link: it must look like udp://0.0.0.0:14540")
-    return replace(settings, mavlink_host=host, mavlink_port=port)
+        link = LinkUrl.parse(url)
+    except LinkUrlError as error:
+        raise UsageError(str(error)) from error
+    return replace(settings, traffic=replace(settings.traffic, links=(link,)))

@@ -38,9 +38,10 @@ def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
     )
     edge.start()
     app = App(settings, link, edge, SystemClock(), lambda: str(ULID()))
-    _LOG.info("listening on UDP %d, edge server %s", link.port, settings.edge_url)
+    _LOG.info("links %s, edge server %s", " ".join(map(str, link.urls)), settings.edge_url)
     while not signals.stop:
         app.step()
     edge.stop(LAST_POSTS_WITHIN_S)
+    app.close()
     link.close()
     return SUCCEEDED

@@ -9,6 +9,7 @@ import json
 import sys
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import requests
@@ -30,6 +31,7 @@ from mavlink_broker.command_line.program import (
 )
 from mavlink_broker.command_line.roster import page, row
 from mavlink_broker.config import Config
+from mavlink_broker.traffic_settings import TrafficSettings
 
 LISTEN_S: Final = 5.0
 """Five heartbeats, and time to ask for a version and a position."""
@@ -111,4 +113,5 @@ def _options(
     options = parser.parse_args(arguments)
     if not 0 < options.seconds <= 3600:
         parser.error("--seconds must be above 0, at most 3600")
-    return connected(config.settings(parser, options), options.connect), options
+    settings = connected(config.settings(parser, options), options.connect)
+    return replace(settings, traffic=TrafficSettings(links=settings.traffic.links)), options

@@ -19,7 +19,7 @@ from tests.support.fake_edge import FakeEdgeServer
 from tests.support.scripted_vehicle import PX4, ScriptedVehicle
 
 ROOT = Path(__file__).parents[3]
-LISTENING = "listening on UDP "
+LISTENING = "links udpin://0.0.0.0:"
 PATIENCE_S = 60.0
 
 

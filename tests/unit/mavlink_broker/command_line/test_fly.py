@@ -18,13 +18,13 @@ import pytest
 
 from afarcloud import wire
 from afarcloud.enumerations import EventType, Status
+from mavlink_broker.address import Address
 from mavlink_broker.app import App
 from mavlink_broker.command_line.fly import Sortie
 from mavlink_broker.command_line.local_edge import LocalEdge
 from mavlink_broker.command_line.program import Signals, UsageError
 from mavlink_broker.command_line.progress_page import JsonPage, ProgressPage
 from mavlink_broker.config import Config
-from mavlink_broker.link import Address
 from mavlink_broker.send_queue import Post, Urgency
 from tests.support.broker_world import TICK_S, World, first_flight, go_home, mission, takeoff
 from tests.support.scripted_vehicle import PX4, Script, ScriptedVehicle
@@ -66,6 +66,9 @@ class Field:
 
     def send(self, address: Address, frame: bytes) -> None:
         self.world.air.send(address, frame)
+
+    def greeted(self) -> list[Address]:
+        return []
 
     def gather(self, within_s: float = 30.0) -> None:
         self.sortie.gather(self.world.clock, self.signals, within_s)

@@ -5,26 +5,33 @@ import threading
 
 import pytest
 
-from mavlink_broker.link import PortBusyError, UdpLink
+from mavlink_broker.address import Address, LinkUrl
+from mavlink_broker.links.hub import Hub, open_links
+from mavlink_broker.links.link import LinkError, PortBusyError
+from tests.support.lines import hear_until
 
 HOST = "127.0.0.1"
 
 
+def listening(port: int = 0) -> Hub:
+    return open_links([LinkUrl.parse(f"udpin://{HOST}:{port}")])
+
+
 def test_datagrams_come_with_their_sender_and_answers_reach_it() -> None:
-    link = UdpLink(HOST, 0)
+    link = listening()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
         vehicle.settimeout(5.0)
         vehicle.bind((HOST, 0))
-        vehicle.sendto(b"one", (HOST, link.port))
+        vehicle.sendto(b"one", (HOST, link.urls[0].port))
         ((address, datagram),) = link.receive(5.0)
-        assert (address, datagram) == (vehicle.getsockname(), b"one")
+        assert (address[:2], datagram) == (vehicle.getsockname(), b"one")
         link.send(address, b"two")
         assert vehicle.recv(100) == b"two"
     link.close()
 
 
 def test_a_wake_up_from_another_thread_ends_the_wait() -> None:
-    link = UdpLink(HOST, 0)
+    link = listening()
     thread = threading.Thread(target=link.wake)
     thread.start()
     assert link.receive(30.0) == []
@@ -33,7 +40,7 @@ def test_a_wake_up_from_another_thread_ends_the_wait() -> None:
 
 
 def test_any_number_of_wake_ups_is_one() -> None:
-    link = UdpLink(HOST, 0)
+    link = listening()
     for _ in range(10_000):
         link.wake()
     link.receive(0.0)
@@ -41,10 +48,10 @@ def test_any_number_of_wake_ups_is_one() -> None:
 
 
 def test_a_vehicle_that_is_gone_is_no_error() -> None:
-    link = UdpLink(HOST, 0)
+    link = listening()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
         vehicle.bind((HOST, 0))
-        gone = vehicle.getsockname()
+        gone = Address(*vehicle.getsockname())
     for _ in range(3):
         link.send(gone, b"anybody?")
         assert link.receive(0.01) == []
@@ -52,7 +59,48 @@ def test_a_vehicle_that_is_gone_is_no_error() -> None:
 
 
 def test_a_busy_port_is_told_in_a_sentence() -> None:
-    link = UdpLink(HOST, 0)
-    with pytest.raises(PortBusyError, match=f"UDP port {link.port} is in use"):
-        UdpLink(HOST, link.port)
+    link = listening()
+    with pytest.raises(PortBusyError, match=f"UDP port {link.urls[0].port} is in use"):
+        listening(link.urls[0].port)
+    link.close()
+
+
+def test_an_address_of_another_machine_cannot_be_listened_on() -> None:
+    with pytest.raises(LinkError, match="cannot listen there"):
+        open_links([LinkUrl.parse("udpin://192.0.2.1:0")])
+
+
+def test_who_waits_to_be_spoken_to_is_named_and_reached() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
+        vehicle.settimeout(5.0)
+        vehicle.bind((HOST, 0))
+        link = open_links([LinkUrl.parse(f"udpout://localhost:{vehicle.getsockname()[1]}")])
+        hear_until(link, lambda _: bool(link.greeted()))
+        (address,) = link.greeted()
+        link.send(address, b"hello")
+        data, broker = vehicle.recvfrom(100)
+        assert data == b"hello"
+        vehicle.sendto(b"here", broker)
+        assert hear_until(link, bool) == [(address, b"here")]
+        link.close()
+
+
+def test_version_6_addresses_are_links_too() -> None:
+    link = open_links([LinkUrl.parse("udpin://[::1]:0")])
+    with socket.socket(socket.AF_INET6, socket.SOCK_DGRAM) as vehicle:
+        vehicle.settimeout(5.0)
+        vehicle.sendto(b"one", ("::1", link.urls[0].port))
+        ((address, datagram),) = hear_until(link, bool)
+        assert datagram == b"one"
+        link.send(address, b"two")
+        assert vehicle.recv(100) == b"two"
+    link.close()
+
+
+def test_several_links_are_waited_for_at_once_and_told_apart() -> None:
+    link = open_links([LinkUrl.parse(f"udpin://{HOST}:0"), LinkUrl.parse(f"tcpin://{HOST}:0")])
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
+        vehicle.sendto(b"datagram", (HOST, link.urls[0].port))
+        ((address, _),) = hear_until(link, bool)
+    assert address.link == 0
     link.close()

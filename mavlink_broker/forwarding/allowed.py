@@ -1,0 +1,74 @@
+"""What a ground station may always say: everything that reads, nothing that changes a flight.
+
+Lists of what is allowed; whatever is on none of them, messages without a definition included, is
+refused while a mission of the broker runs.
+"""
+
+from typing import Final
+
+from mavlink_broker.dialect import mavlink
+
+MESSAGES: Final = frozenset(
+    {
+        "PING",
+        "TIMESYNC",
+        "PARAM_REQUEST_READ",
+        "PARAM_REQUEST_LIST",
+        "PARAM_EXT_REQUEST_READ",
+        "PARAM_EXT_REQUEST_LIST",
+        "LOG_REQUEST_LIST",
+        "LOG_REQUEST_DATA",
+        "LOG_REQUEST_END",
+        "REQUEST_EVENT",
+        "GPS_RTCM_DATA",  # Corrections: a receiver that loses them loses its fix
+        "OPEN_DRONE_ID_BASIC_ID",  # Where the operator stands is for the authorities
+        "OPEN_DRONE_ID_OPERATOR_ID",
+        "OPEN_DRONE_ID_SELF_ID",
+        "OPEN_DRONE_ID_SYSTEM",
+        "OPEN_DRONE_ID_SYSTEM_UPDATE",
+    }
+)
+
+MISSION_READS: Final = frozenset(
+    {"MISSION_REQUEST_LIST", "MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK"}
+)
+"""Allowed except in the second in which the broker's own transfer has the vehicle's ear."""
+
+MISSION_WRITES: Final = frozenset(
+    {
+        "MISSION_COUNT",
+        "MISSION_ITEM",
+        "MISSION_ITEM_INT",
+        "MISSION_WRITE_PARTIAL_LIST",
+        "MISSION_CLEAR_ALL",
+        "MISSION_SET_CURRENT",
+    }
+)
+
+COMMANDS: Final = frozenset(
+    {
+        mavlink.MAV_CMD_GET_HOME_POSITION,
+        mavlink.MAV_CMD_GET_MESSAGE_INTERVAL,
+        mavlink.MAV_CMD_REQUEST_MESSAGE,
+        mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION,
+        mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES,
+        mavlink.MAV_CMD_REQUEST_CAMERA_INFORMATION,
+        mavlink.MAV_CMD_REQUEST_CAMERA_SETTINGS,
+        mavlink.MAV_CMD_REQUEST_STORAGE_INFORMATION,
+        mavlink.MAV_CMD_REQUEST_CAMERA_CAPTURE_STATUS,
+        mavlink.MAV_CMD_REQUEST_FLIGHT_INFORMATION,
+        mavlink.MAV_CMD_REQUEST_CAMERA_IMAGE_CAPTURE,
+        mavlink.MAV_CMD_VIDEO_START_STREAMING,  # Live pictures; recording is another command
+        mavlink.MAV_CMD_VIDEO_STOP_STREAMING,
+        mavlink.MAV_CMD_REQUEST_VIDEO_STREAM_INFORMATION,
+        mavlink.MAV_CMD_REQUEST_VIDEO_STREAM_STATUS,
+    }
+)
+"""Beside SET_MESSAGE_INTERVAL, which has rules of its own."""
+
+FILE_READS: Final = frozenset({0, 1, 2, 3, 4, 5, 14, 15, 16})
+"""Opcodes of MAVLink's file transfer that only read: none, terminate, reset, list, open to read,
+read, checksum, burst read, list with time."""
+
+NEVER: Final = frozenset({"SETUP_SIGNING", "AUTH_KEY"})
+"""Never passed on: keys go over trusted links only, and by nobody else's hand."""

@@ -1,0 +1,226 @@
+"""Frames between the links and the sessions: who is believed, by which way, and who else hears it.
+
+What comes in is judged by its signature and by the way it came; what is left is written down,
+shown to ground stations and given to the sessions. What goes out is numbered per correspondent
+and signed with the vehicle's key.
+"""
+
+import logging
+from collections.abc import Callable, Iterable, Sequence
+from datetime import datetime
+from typing import Final, Protocol
+
+from mavlink_broker.address import Address
+from mavlink_broker.codec import Decoder, Encoder
+from mavlink_broker.config import Config
+from mavlink_broker.dialect import Message, Source, mavlink, source_of
+from mavlink_broker.forwarding.verdict import Tenure
+from mavlink_broker.frame_log import FrameLog
+from mavlink_broker.frames import unsigned
+from mavlink_broker.ground import Ground
+from mavlink_broker.guard import Guard
+from mavlink_broker.key_ring import KeyRing
+from mavlink_broker.protocol.heartbeat import INTERVAL_S, is_vehicle, own_heartbeat
+from mavlink_broker.ways import Ways
+
+PEERS_KEPT: Final = 1024
+COMPONENTS_KEPT: Final = 32
+"""Per system; what else speaks in its name is not listened to."""
+GREETED_AFTER_S: Final = 3.0
+"""Who has been silent for so long is spoken to where a link has to speak first."""
+
+_LOG = logging.getLogger(__name__)
+
+
+class Link(Protocol):
+    """Datagrams from and to addresses."""
+
+    def receive(self, timeout_s: float) -> Sequence[tuple[Address, bytes]]:
+        """Wait for datagrams at most so long."""
+
+    def send(self, address: Address, frame: bytes) -> None:
+        """Send one."""
+
+    def greeted(self) -> Sequence[Address]:
+        """Who has to be spoken to first."""
+
+
+class Clock(Protocol):
+    """Time, as the program needs it."""
+
+    def monotonic(self) -> float:
+        """Seconds that never go back."""
+
+    def utc(self) -> datetime:
+        """Time of day."""
+
+
+class Traffic:
+    """Everything that all vehicles' frames have in common."""
+
+    def __init__(
+        self, config: Config, link: Link, clock: Clock, tenure: Callable[[int], Tenure]
+    ) -> None:
+        """Use the links; `tenure` tells whose a system is, for its ground stations."""
+        self._config = config
+        self._link = link
+        self._clock = clock
+        ring = None if config.signing_keys is None else KeyRing(config.signing_keys)
+        if ring is None:
+            _LOG.warning("MAVLink is unsigned: whoever reaches the port can speak for a vehicle")
+        self._guard = Guard(ring, config.unsigned_systems, clock.utc)
+        self._ground = Ground(config, link, ring, clock, tenure)
+        self._log = _frame_log(config)
+        self._ways: dict[int, dict[int, Ways]] = {}
+        self._autopilots: dict[int, int] = {}
+        self._decoders: dict[Address, Decoder] = {}
+        self._encoders: dict[Address, Encoder] = {}
+        self._greet_at = 0.0
+
+    def receive(self, wait_s: float) -> list[Message]:
+        """Wait at most so long; gives what vehicles have said, each message once."""
+        arrivals = self._link.receive(wait_s)
+        now = self._clock.monotonic()
+        heard: list[Message] = []
+        for address, data in arrivals:
+            if self._ground.is_at(address):
+                for target, frame in self._ground.take(address, data, self._ways.keys(), now):
+                    self._pass_on(target, frame, now)
+            else:
+                heard += self._from_vehicles(address, data, now)
+        if now >= self._greet_at:
+            self._greet_at = now + INTERVAL_S
+            self._greet(now)
+        return heard
+
+    def send(self, system: int, messages: Iterable[Message]) -> None:
+        """Send to a vehicle; before it has been heard nobody knows where it is."""
+        now = self._clock.monotonic()
+        for message in messages:
+            address = self._way_to(system, getattr(message, "target_component", 0))
+            if address is None:
+                return
+            signing = self._guard.signing_for(system, now)
+            marks = None if signing is None else signing.for_sending()
+            self._send(address, self._encoder(address).encode(message, marks))
+
+    def is_watched(self) -> bool:
+        """Whether a ground station has spoken lately."""
+        return self._ground.is_watched(self._clock.monotonic())
+
+    def close(self) -> None:
+        """Write down what has not been yet."""
+        if self._log is not None:
+            self._log.close()
+
+    def _from_vehicles(self, address: Address, data: bytes, now: float) -> list[Message]:
+        heard: list[Message] = []
+        is_trusted = self._config.vehicle_links[address.link].is_trusted
+        for message in self._decoder(address).decode(data):
+            if not self._guard.admits(message, now, is_trusted=is_trusted):
+                continue
+            if message.get_type() == "RADIO_STATUS":
+                self._ground.show(message, now)
+            elif self._counts(message, address, now):
+                self._ground.show(message, now)
+                if not isinstance(message, mavlink.MAVLink_unknown):
+                    heard.append(message)
+            self._write_down(bytes(message.get_msgbuf()))
+        return heard
+
+    def _counts(self, message: Message, address: Address, now: float) -> bool:
+        """Whether a message is of a vehicle, and came by the way that counts."""
+        source = source_of(message)
+        components = self._ways.get(source.system)
+        if components is None:
+            if not self._is_new_vehicle(message, source):
+                return False
+            _LOG.info("system %d is heard from %s", source.system, address)
+            self._autopilots[source.system] = source.component
+            components = self._ways[source.system] = {}
+        if source.component not in components:
+            if len(components) >= COMPONENTS_KEPT:
+                return False
+            components[source.component] = Ways()
+        ways = components[source.component]
+        before = ways.active
+        counts = ways.hear(address, now)
+        if before not in {None, ways.active}:
+            _LOG.info("%s is now heard from %s, not %s", source, ways.active, before)
+        return counts
+
+    def _is_new_vehicle(self, message: Message, source: Source) -> bool:
+        if source.system in {0, self._config.system_id}:
+            return False
+        is_named = self._config.vehicle_id(source.system) is not None
+        return is_named and message.get_type() == "HEARTBEAT" and is_vehicle(message)
+
+    def _way_to(self, system: int, component: int) -> Address | None:
+        components = self._ways.get(system)
+        if components is None:
+            return None
+        return components.get(component, components[self._autopilots[system]]).active
+
+    def _pass_on(self, target: Source, frame: bytes, now: float) -> None:
+        """Send a ground station's frame to a vehicle, with the vehicle's signature."""
+        address = self._way_to(*target)
+        if address is not None:
+            signing = self._guard.signing_for(target.system, now)
+            self._send(address, unsigned(frame) if signing is None else signing.mark(frame))
+
+    def _greet(self, now: float) -> None:
+        """Speak first to those who wait for it."""
+        for address in self._link.greeted():
+            if self._ground.is_at(address):
+                continue
+            signings = self._guard.greetings(lambda system: self._is_heard(system, now), now)
+            if self._config.vehicle_links[address.link].is_trusted and None not in signings:
+                signings.append(None)
+            for signing in signings:
+                if signing is None and self._is_busy(address, now):
+                    continue
+                marks = None if signing is None else signing.for_sending()
+                self._send(address, self._encoder(address).encode(own_heartbeat(), marks))
+
+    def _is_heard(self, system: int, now: float) -> bool:
+        components = self._ways.get(system)
+        if components is None:
+            return False
+        return not components[self._autopilots[system]].is_silent(now, GREETED_AFTER_S)
+
+    def _is_busy(self, address: Address, now: float) -> bool:
+        """Whether somebody there is in conversation with us already."""
+        return any(
+            self._is_heard(system, now) and self._way_to(system, 0) == address
+            for system in self._ways
+        )
+
+    def _send(self, address: Address, frame: bytes) -> None:
+        self._link.send(address, frame)
+        self._write_down(frame)
+
+    def _write_down(self, frame: bytes) -> None:
+        if self._log is not None:
+            self._log.write(frame, self._clock.utc())
+
+    def _decoder(self, address: Address) -> Decoder:
+        if address not in self._decoders:
+            if len(self._decoders) >= PEERS_KEPT:
+                self._decoders.clear()
+            self._decoders[address] = Decoder(keeps_unknown=True)
+        return self._decoders[address]
+
+    def _encoder(self, address: Address) -> Encoder:
+        """One sequence of numbers per correspondent, who may be several vehicles on one radio."""
+        if address not in self._encoders:
+            if len(self._encoders) >= PEERS_KEPT:
+                self._encoders.clear()
+            self._encoders[address] = Encoder(self._config.system_id, self._config.component_id)
+        return self._encoders[address]
+
+
+def _frame_log(config: Config) -> FrameLog | None:
+    traffic = config.traffic
+    if traffic.tlog_dir is None:
+        return None
+    return FrameLog(traffic.tlog_dir, file_bytes=traffic.tlog_mib << 20, files=traffic.tlog_files)
