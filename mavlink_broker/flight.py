@@ -14,15 +14,28 @@ from mavlink_broker.effects import Acknowledgement, Effects
 from mavlink_broker.ending import Ending, coming_home
 from mavlink_broker.flight_progress import FlightProgress
 from mavlink_broker.interruption import PATIENCE_S, REASONS, SoftAbort, SpeedOrders
+from mavlink_broker.protocol.plan_kinds import FENCE
 from mavlink_broker.reporter import Reporter
 from mavlink_broker.session_states import Event, State
+from mavlink_broker.translation.fence import fence_items
+from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.vehicle import Vehicle
 from mavlink_broker.work import EventWork, MissionWork
 
 _BEFORE_TAKEOFF: Final = frozenset(
-    {State.HOLDING, State.UPLOADING, State.VERIFYING, State.SELECTING, State.ARMING, State.STARTING}
+    {
+        State.FENCING,
+        State.HOLDING,
+        State.UPLOADING,
+        State.VERIFYING,
+        State.SELECTING,
+        State.ARMING,
+        State.STARTING,
+    }
 )
 _IN_FLIGHT: Final = frozenset({State.RUNNING, State.PERFORMING})
+_COMES_DOWN_BY_ITSELF: Final = frozenset({ModeRole.ENDING, ModeRole.OTHER})
+"""Its own failsafe or a pilot has it: who is nearer knows better."""
 
 
 class Flight(FlightProgress):
@@ -35,6 +48,7 @@ class Flight(FlightProgress):
         self._ending: Ending | None = None
         self._ending_work: int | None = None  # None: an alarm has ended the mission
         self._entries = {
+            State.FENCING: self._enter_fencing,
             State.HOLDING: self._enter_holding,
             State.UPLOADING: self._enter_uploading,
             State.VERIFYING: self._enter_verifying,
@@ -73,6 +87,8 @@ class Flight(FlightProgress):
         if self.work.report is not None:
             self.ledger.restore(self.work.report)
         self._was_running = self.ledger.status == Status.RUNNING
+        if resumed:
+            self._vehicle.loan.assume(FENCE, fence_items(self.work.geofence))
         self._move(Event.MISSION_RESUMED if resumed else Event.MISSION_TAKEN, now, effects)
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
@@ -125,6 +141,10 @@ class Flight(FlightProgress):
         if self._soft_abort is not None:
             work_id, self._soft_abort = self._soft_abort.work.work_id, None
             effects.for_edge.append(Acknowledgement(work_id, "done"))
+        if self._vehicle.mode_role in _COMES_DOWN_BY_ITSELF:
+            self._follower = self._performer = None
+            self._move(Event.ENDED, now, effects)
+            return
         self._leave(coming_home(self._vehicle.vehicle_id), None, now, effects)
 
     def _leave(
@@ -181,6 +201,7 @@ class Flight(FlightProgress):
 
     def rebooted(self, now: float, effects: Effects) -> None:
         """Take that the vehicle was restarted."""
+        self._is_fenced = False
         preparing = self.state in _BEFORE_TAKEOFF
         flying = self.state in {State.RUNNING, State.PERFORMING}
         if flying or (preparing and self._hovering):

@@ -13,7 +13,7 @@ from typing import Any, Final, Literal
 
 from pydantic import AwareDatetime, BaseModel, StrictInt, ValidationError
 
-from afarcloud.plan import Event, Mission
+from afarcloud.plan import Event, Geofence, Mission
 from afarcloud.state import MissionReport
 from mavlink_broker.work import EventWork, MissionWork, StateVectorWork, Work
 
@@ -45,6 +45,7 @@ class _RawMission(_RawWork):
     plan_id: str | None = None
     state: Literal["queued", "accepted"] = "queued"
     mission: Mission
+    geofence: Geofence | None = None
     report: dict[str, Any] | None = None
 
 
@@ -120,6 +121,7 @@ def _mission(raw: _RawMission, now: float, utc: datetime) -> MissionWork:
         plan_id=str(raw.plan_id),
         vehicle_id=raw.mission.vehicle_id,
         mission=raw.mission,
+        geofence=raw.geofence,
         was_accepted=raw.state == "accepted",
         report=None if raw.report is None else _report(raw.report),
         expires_at=raw.deadline(now, utc),

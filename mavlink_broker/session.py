@@ -14,6 +14,7 @@ from afarcloud.enumerations import Status
 from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.effects import Acknowledgement, Effects, VehicleUpdate
 from mavlink_broker.flight import Flight
+from mavlink_broker.giving_back import GivingBack
 from mavlink_broker.interruption import REASONS
 from mavlink_broker.protocol.heartbeat import LinkState, OwnHeartbeat
 from mavlink_broker.protocol.parameter_read import ParameterRead
@@ -52,6 +53,7 @@ class Session:
         self._streams = StreamRequests(vehicle.route, vehicle.round_trip)
         self._capacity: ParameterRead | None = None
         self._alarms = AlarmWatch()
+        self._giving_back = GivingBack(vehicle)
         self._waiting: deque[Flight] = deque()
         self._flight: Flight | None = None
         self._hovering = False
@@ -75,7 +77,7 @@ class Session:
         flight = Flight(work, self.vehicle, self._reporter)
         family = self.vehicle.family if self.vehicle.is_identified else MOST_ABLE
         try:
-            translate(work.mission, family, Home(0.0, 0.0, 0.0))
+            flight.check_area(translate(work.mission, family, Home(0.0, 0.0, 0.0)))
         except RefusedError as error:
             flight.refuse(error, effects)
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", str(error)))
@@ -113,6 +115,7 @@ class Session:
         self._raise_alarms(self._alarms.receive(message, now), now, effects)
         if self._capacity is not None:
             self._capacity.receive(message)
+        effects.messages += self._giving_back.receive(message, now)
         if self._flight is not None:
             self._flight.receive(message, now, effects)
             self._close_flight()
@@ -137,6 +140,7 @@ class Session:
             self.vehicle.is_identified |= self._streams.is_version_settled
             self._read_capacity(now, effects)
             self._watch_hover()
+            effects.messages += self._giving_back.step(now, idle=self._flight is None)
             is_connected = self.vehicle.link_state(now) is LinkState.CONNECTED
             failures = self._alarms.tick(now, is_connected=is_connected)
             self._raise_alarms(failures, now, effects)

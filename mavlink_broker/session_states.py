@@ -14,6 +14,7 @@ class State(Enum):
     IDLE = auto()  # No mission, or one that waits for the vehicle to come down
     ATTACHING = auto()  # Finding out whether the vehicle flies a mission accepted earlier
     WAITING = auto()  # A mission waits for the vehicle to be heard, placed and ready to arm
+    FENCING = auto()  # The plan's geofence goes onto the vehicle, before it may fly
     HOLDING = auto()  # A hovering vehicle leaves its mission mode, lest it fly what arrives
     UPLOADING = auto()  # The mission goes onto the vehicle
     VERIFYING = auto()  # The vehicle proves that it holds the mission
@@ -35,6 +36,7 @@ class Event(Enum):
     NOT_STARTED = auto()
     READY = auto()
     HOVERS = auto()  # Ready, in the air where a mission of ours has left it
+    FENCED = auto()
     HELD = auto()
     REFUSED = auto()  # An item, for which there is another one
     STORED = auto()
@@ -59,11 +61,14 @@ TRANSITIONS: Final[Mapping[tuple[State, Event], State]] = {
     (State.ATTACHING, Event.ITEMS_NEXT): State.HOLDING,
     (State.ATTACHING, Event.GROUND_NEXT): State.WAITING,
     (State.ATTACHING, Event.FAULT): State.FAILING,
-    (State.WAITING, Event.READY): State.UPLOADING,
-    (State.WAITING, Event.HOVERS): State.HOLDING,
-    (State.WAITING, Event.LIVE_NEXT): State.PERFORMING,
+    (State.WAITING, Event.READY): State.FENCING,
     (State.WAITING, Event.FAULT): State.FAILING,
     (State.WAITING, Event.ENDED): State.IDLE,
+    (State.FENCING, Event.FENCED): State.UPLOADING,
+    (State.FENCING, Event.HOVERS): State.HOLDING,
+    (State.FENCING, Event.LIVE_NEXT): State.PERFORMING,
+    (State.FENCING, Event.REBOOTED): State.WAITING,
+    (State.FENCING, Event.FAULT): State.FAILING,
     (State.HOLDING, Event.HELD): State.UPLOADING,
     (State.HOLDING, Event.FAULT): State.FAILING,
     (State.UPLOADING, Event.STORED): State.VERIFYING,
@@ -95,6 +100,7 @@ TRANSITIONS: Final[Mapping[tuple[State, Event], State]] = {
     (State.FAILING, Event.ENDED): State.IDLE,
     (State.ATTACHING, Event.ABORTED): State.LEAVING,
     (State.WAITING, Event.ABORTED): State.LEAVING,
+    (State.FENCING, Event.ABORTED): State.LEAVING,
     (State.HOLDING, Event.ABORTED): State.LEAVING,
     (State.UPLOADING, Event.ABORTED): State.LEAVING,
     (State.VERIFYING, Event.ABORTED): State.LEAVING,
@@ -106,6 +112,7 @@ TRANSITIONS: Final[Mapping[tuple[State, Event], State]] = {
     (State.FAILING, Event.ABORTED): State.LEAVING,
     (State.LEAVING, Event.ABORTED): State.LEAVING,
     (State.ATTACHING, Event.ENDED): State.IDLE,
+    (State.FENCING, Event.ENDED): State.IDLE,
     (State.HOLDING, Event.ENDED): State.IDLE,
     (State.UPLOADING, Event.ENDED): State.IDLE,
     (State.VERIFYING, Event.ENDED): State.IDLE,

@@ -36,6 +36,11 @@ class Stages:
             refused=frozenset(vehicle.refused_items),
         )
 
+    @property
+    def itinerary(self) -> Itinerary | None:
+        """The whole of it, once it has been made."""
+        return self._itinerary
+
     def set_speed(self, speed_m_s: float) -> None:
         """Fly what is still to come at another speed."""
         self._mission = self._mission.model_copy(update={"maximum_speed": speed_m_s})

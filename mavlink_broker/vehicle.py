@@ -1,6 +1,7 @@
 """One vehicle as the broker sees it: its link, its family, its newest words."""
 
 from dataclasses import dataclass, field
+from typing import Final
 
 from mavlink_broker.dialect import Message
 from mavlink_broker.protocol.heartbeat import LinkState, LinkWatch
@@ -10,9 +11,13 @@ from mavlink_broker.protocol.round_trip import RoundTrip
 from mavlink_broker.protocol.route import Route
 from mavlink_broker.protocol.status_text import StatusTexts
 from mavlink_broker.translation.families import GENERIC, Family, family_of
+from mavlink_broker.translation.loan import Loan
 from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.translation.observations import Observations
 from mavlink_broker.translation.telemetry import Snapshot
+
+AGED: Final = frozenset({"GLOBAL_POSITION_INT", "ATTITUDE", "BATTERY_STATUS", "MISSION_CURRENT"})
+"""Messages whose age is kept: what is told of a vehicle must not look fresher than it is."""
 
 
 @dataclass(slots=True)
@@ -32,7 +37,9 @@ class Vehicle:
     software_version: int = 0  # AUTOPILOT_VERSION.flight_sw_version, once it has told it
     kind: int | None = None  # MAV_TYPE
     autopilot: int | None = None  # MAV_AUTOPILOT
+    loan: Loan = field(default_factory=Loan)  # What a plan's fence has changed on it
     refused_items: set[int] = field(default_factory=set)  # MAV_CMD that no mission of it may hold
+    _heard_at: dict[str, float] = field(default_factory=dict)
     _reboots: RebootWatch = field(default_factory=RebootWatch)
     _words: StatusTexts = field(default_factory=StatusTexts)
 
@@ -42,16 +49,20 @@ class Vehicle:
         if kind == "HEARTBEAT":
             self.link.heard(now)
             self.autopilot, self.kind = message.autopilot, message.type
-            self.family = family_of(message.autopilot, self.product)
+            self.family = family_of(message.autopilot, self.product, message.type)
         elif kind == "AUTOPILOT_VERSION":
             self.product = message.vendor_id, message.product_id
             self.capabilities = message.capabilities
             self.software_version = message.flight_sw_version
             self.is_identified = True
-            self.family = family_of(self.autopilot or 0, self.product)
+            self.family = family_of(self.autopilot or 0, self.product, self.kind)
         self._words.receive(message, now)
-        rebooted = hasattr(message, "time_boot_ms") and self._reboots.sample(message.time_boot_ms)
+        if kind in AGED:
+            self._heard_at[kind] = now
+        boot_ms: int | None = getattr(message, "time_boot_ms", None)
+        rebooted = boot_ms is not None and self._reboots.sample(kind, boot_ms, now)
         if rebooted:
+            self._heard_at.clear()
             self.snapshot.forget()
             self.observations.forget()
             self._words.clear()
@@ -83,5 +94,10 @@ class Vehicle:
         return encoding_of(self.capabilities, self.family.parameter_encoding)
 
     def words_since(self, time: float) -> str | None:
-        """Its latest complaint since a time, or None."""
-        return self._words.latest_since(time)
+        """Its latest complaints since a time, or None."""
+        return "; ".join(self._words.since(time)) or None
+
+    def age_s(self, kind: str, now: float) -> float | None:
+        """How old its newest message of a kind is (one of AGED); None: it has told none."""
+        heard_at = self._heard_at.get(kind)
+        return None if heard_at is None else now - heard_at

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from afarcloud.plan import Event, Mission
+from afarcloud.plan import Event, Geofence, Mission
 from afarcloud.state import MissionReport
 
 
@@ -15,6 +15,7 @@ class MissionWork:
     plan_id: str
     vehicle_id: int
     mission: Mission
+    geofence: Geofence | None = None  # Of its plan
     was_accepted: bool = False  # By an earlier run of the broker
     report: MissionReport | None = None
     expires_at: float | None = None  # [s] On the broker's clock

@@ -1,6 +1,7 @@
 """The broker's work: handed out in order, acknowledged, never after it has expired."""
 
 import time
+from collections.abc import Mapping
 from enum import StrEnum
 from typing import Any, Final
 
@@ -127,19 +128,21 @@ def _show(connection: Connection, item: Work) -> dict[str, Any]:
         # With one time of expiry, the one that holds
         event = {**(item.body or {}), "expires_at": shown["expires_at"]}
         return {**shown, "state": item.state, "event": event}
+    plan = plans.find(connection, item.plan) if item.plan is not None else None
+    body = {} if plan is None else plan.body
     return {
         **shown,
         "plan_id": item.plan_id,
         "state": item.state,
-        "mission": _in_seconds(connection, item),
+        "mission": _in_seconds(item, body),
+        "geofence": body.get("geofence"),
         "report": item.report,
     }
 
 
-def _in_seconds(connection: Connection, item: Work) -> dict[str, Any] | None:
+def _in_seconds(item: Work, plan: Mapping[str, Any]) -> dict[str, Any] | None:
     """Give the mission with its hold times in seconds, whatever profile it was posted under."""
-    plan = plans.find(connection, item.plan) if item.plan is not None else None
-    if plan is None or plan.body.get("profile") != Profile.ANNEX:
+    if plan.get("profile") != Profile.ANNEX:
         return item.body
     return write(in_seconds(Mission.model_validate(item.body)))
 

@@ -24,11 +24,18 @@ class AreaCheck:
         self._height_m = geofence.max_altitude
 
     def check(
-        self, mission: Mission, itinerary: Itinerary, *, start: Spot | None, home: Home | None
+        self,
+        mission: Mission,
+        itinerary: Itinerary,
+        *,
+        start: Spot | None,
+        home: Home | None,
+        own_limit_m: float | None = None,
     ) -> None:
         """Follow the vehicle through its mission from where it stands.
 
-        What is not known yet (`start`, `home`) is not judged.
+        What is not known yet (`start`, `home`) is not judged. `own_limit_m` is a height that the
+        vehicle keeps below by itself.
 
         Raises:
             RefusedError: for the first command that leads out.
@@ -43,7 +50,8 @@ class AreaCheck:
             fault = self._fault_of(part)
             if fault is None:
                 name = altitude_name(command)
-                fault = self._height_fault(_spot_of(part).relative_altitude_m)
+                height_m = _spot_of(part).relative_altitude_m
+                fault = self._height_fault(height_m) or _own_fault(height_m, own_limit_m)
             if fault is not None:
                 raise RefusedError(part.command, command, Refusal(name, fault))
 
@@ -78,6 +86,12 @@ class AreaCheck:
         if self._height_m is None or height_m <= self._height_m + ALTITUDE_TOLERANCE_M:
             return None
         return f"{height_m:g} m is above geofence.max_altitude, {self._height_m:g} m"
+
+
+def _own_fault(height_m: float, own_limit_m: float | None) -> str | None:
+    if own_limit_m is None or height_m <= own_limit_m + ALTITUDE_TOLERANCE_M:
+        return None
+    return f"{height_m:g} m is above the vehicle's own limit, {own_limit_m:g} m"
 
 
 def _spot_of(part: Part) -> Spot:

@@ -15,7 +15,7 @@ from mavlink_broker.dialect import mavlink
 from mavlink_broker.protocol.command import CommandLong, long_command
 from mavlink_broker.protocol.command_sequence import Ways
 from mavlink_broker.protocol.parameter_write import ParameterEncoding
-from mavlink_broker.translation import modes
+from mavlink_broker.translation import guarding, modes
 from mavlink_broker.translation.modes import ModeRole
 
 
@@ -107,9 +107,16 @@ class Family:
     takes_panoramas: bool = False  # Its camera does, by PANORAMA_CREATE
     busy_pause_s: float = 6.0  # After "busy": the vehicle's own idle timeout and a second
     battery_capacity_parameter: str | None = None  # In mAh
+    guard: guarding.Guard = guarding.guard_nothing  # Keeps a vehicle within its fence
+    guard_parameters: tuple[str, ...] = ()  # Which that has to know
     parameter_encoding: ParameterEncoding = ParameterEncoding.C_CAST  # Of one that tells none
     mode_name: Callable[[int, int], str] = modes.generic_name
     mode_role: Callable[[str], ModeRole] = modes.generic_role
+
+    @property
+    def knows_modes(self) -> bool:
+        """Whether its modes can be told apart."""
+        return self.mode_role is not modes.generic_role
 
 
 PX4: Final = Family(
@@ -130,6 +137,8 @@ PX4: Final = Family(
     following=Following.BY_MODE,
     follow_modes=((_FOLLOW_OF_PX4,),),
     battery_capacity_parameter="BAT1_CAPACITY",
+    guard=guarding.guard_px4,
+    guard_parameters=guarding.PX4_NAMES,
     parameter_encoding=ParameterEncoding.BYTEWISE,
     mode_name=modes.px4_name,
     mode_role=modes.px4_role,
@@ -185,11 +194,27 @@ ARDUPILOT: Final = Family(
     holding=((_COPTER_GUIDED,), (_PAUSE,)),
     busy_pause_s=9.0,
     battery_capacity_parameter="BATT_CAPACITY",
+    guard=guarding.guard_ardupilot,
+    guard_parameters=guarding.ARDUPILOT_NAMES,
     mode_name=modes.copter_name,
     mode_role=modes.copter_role,
 )
 
 GENERIC: Final = Family(name="generic")
+
+ARDUPILOT_OTHER: Final = replace(
+    ARDUPILOT,
+    name="ardupilot-other",
+    arming=GENERIC.arming,
+    starting=GENERIC.starting,
+    holding=GENERIC.holding,
+    landing=GENERIC.landing,
+    returning=GENERIC.returning,
+    follow_modes=(),
+    mode_name=modes.generic_name,
+    mode_role=modes.generic_role,
+)
+"""ArduPilot that is no copter: its missions, and nothing that depends on a number of a mode."""
 
 MOST_ABLE: Final = OWN
 """Flies whatever any family flies: what it cannot, nobody can."""
@@ -205,7 +230,30 @@ OWN_PRODUCT: Final = (0x1209, 0x0001)
 """Vendor and product in AUTOPILOT_VERSION by which the project's own vehicle is told."""
 
 
-def family_of(autopilot: int, product: tuple[int, int] | None = None) -> Family:
-    """Family of a MAV_AUTOPILOT; `product` is vendor and product, if the vehicle has told it."""
+_COPTERS: Final = frozenset(
+    {
+        mavlink.MAV_TYPE_QUADROTOR,
+        mavlink.MAV_TYPE_COAXIAL,
+        mavlink.MAV_TYPE_HELICOPTER,
+        mavlink.MAV_TYPE_HEXAROTOR,
+        mavlink.MAV_TYPE_OCTOROTOR,
+        mavlink.MAV_TYPE_TRICOPTER,
+        mavlink.MAV_TYPE_DODECAROTOR,
+        mavlink.MAV_TYPE_DECAROTOR,
+        mavlink.MAV_TYPE_GENERIC_MULTIROTOR,
+    }
+)
+"""MAV_TYPE of what flies ArduCopter; its numbers of modes mean other things to a plane or rover."""
+
+
+def family_of(
+    autopilot: int, product: tuple[int, int] | None = None, vehicle_type: int | None = None
+) -> Family:
+    """Family of a MAV_AUTOPILOT; `product` is vendor and product, if the vehicle has told it.
+
+    `vehicle_type` is its MAV_TYPE; a copter unless it says otherwise.
+    """
     family = FAMILIES.get(autopilot, GENERIC)
+    if family is ARDUPILOT and vehicle_type not in {None, *_COPTERS}:
+        return ARDUPILOT_OTHER
     return OWN if family is PX4 and product == OWN_PRODUCT else family

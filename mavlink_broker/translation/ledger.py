@@ -54,6 +54,11 @@ class Ledger:
                 self._statuses[index] = known[command_id].command_status_id
                 self._messages[index] = known[command_id].message
 
+    def remark(self, notes: Sequence[str]) -> None:
+        """Say something about the whole mission; its status stays."""
+        if notes:
+            self.message = _shorten("; ".join(notes))
+
     def note(self, index: int, notes: Sequence[str]) -> None:
         """Say what was changed about a command; its status stays."""
         if notes:

@@ -73,6 +73,13 @@ def route_of(
     return _Walk(commands, start, home).go(itinerary)
 
 
+def highest_m(commands: tuple[Command, ...], itinerary: Itinerary | None) -> float:
+    """Give the greatest height above home that an itinerary asks for; 0 where it asks for none."""
+    parts = () if itinerary is None else route_of(commands, itinerary, None, None)
+    heights = (part.end if isinstance(part, Way) else part.centre for part in parts)
+    return max((spot.relative_altitude_m for spot in heights), default=0.0)
+
+
 class _Walk:
     """Remembers where the vehicle is: one of these places; empty if that is not known."""
 
