@@ -28,7 +28,7 @@ CANCEL = mavlink.MAVLink_mission_ack_message(1, 1, mavlink.MAV_MISSION_OPERATION
 
 systems = st.sampled_from(sorted(PLANS))
 moments = st.one_of(
-    st.tuples(systems, systems.map(count)),
+    systems.map(lambda system: (system, count(system))),
     st.tuples(systems, st.just(CLEAR)),
     st.tuples(systems, st.just(CANCEL)),
     systems.flatmap(
