@@ -28,7 +28,13 @@ class FakeEdge:
 
     # What tests do.
 
-    def plan(self, mission: dict[str, Any], *, expires_at: str | None = None) -> int:
+    def plan(
+        self,
+        mission: dict[str, Any],
+        *,
+        expires_at: str | None = None,
+        geofence: dict[str, Any] | None = None,
+    ) -> int:
         """Hand out a mission; gives the number of the work."""
         number = len(self.work) + 1
         self.work[number] = {
@@ -39,6 +45,7 @@ class FakeEdge:
             "expires_at": expires_at,
             "state": "queued",
             "mission": mission,
+            "geofence": geofence,
             "report": None,
         }
         self._new.append(dict(self.work[number]))

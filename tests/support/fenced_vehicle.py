@@ -1,0 +1,149 @@
+"""A scripted vehicle that also keeps a fence, rally points and parameters.
+
+Fence and rally points have stores of their own beside the mission's. Integers among the parameters
+travel as their values (C cast), as ArduPilot sends them; PX4's that matter here are floats.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from mavlink_broker.dialect import Message, mavlink
+from tests.support.broker_world import World
+from tests.support.scripted_missions import ARDUPILOT, PX4, Script, ScriptedMissions
+from tests.support.scripted_vehicle import ScriptedVehicle
+
+FENCE, RALLY = 1, 2
+ABLE = mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
+PX4_VALUES = {"GF_MAX_VER_DIST": 0.0, "RTL_RETURN_ALT": 60.0, "BAT1_CAPACITY": 4200.0}
+ARDUPILOT_VALUES = {
+    "FENCE_ENABLE": 0,
+    "FENCE_TYPE": 7,
+    "FENCE_ALT_MAX": 100.0,
+    "FENCE_OPTIONS": 1,
+    "BATT_CAPACITY": 4200,
+}
+"""As an ArduCopter leaves the factory; an int is an integer parameter."""
+
+
+class FencedVehicle(ScriptedVehicle):
+    """One vehicle."""
+
+    def __init__(
+        self,
+        system: int,
+        script: Script,
+        *,
+        booted_at: float,
+        capabilities: int = ABLE,
+        values: Mapping[str, float] | None = None,
+    ) -> None:
+        super().__init__(system, script, booted_at=booted_at)
+        of_family = {PX4.autopilot: PX4_VALUES, ARDUPILOT.autopilot: ARDUPILOT_VALUES}
+        self.capabilities = capabilities
+        self.values = dict(of_family.get(script.autopilot, {}) if values is None else values)
+        self.set: list[tuple[str, float]] = []  # Parameters written, in order
+        self.refused_values: set[str] = set()
+        self.plans = {kind: self._store(kind, script) for kind in (FENCE, RALLY)}
+        self.log: list[str] = []  # What was stored or removed, and armed, in order
+
+    @property
+    def fence(self) -> list[tuple[int, float, float]]:
+        """The stored fence: command, latitude and longitude of each item."""
+        return [(item.command, item.x / 1e7, item.y / 1e7) for item in self.plans[FENCE].items]
+
+    def receive(self, datagram: bytes, now: float) -> None:
+        """Take what the broker sent."""
+        self._now = now
+        for message in self._decoder.decode(datagram):
+            if getattr(message, "target_system", self.system) not in {0, self.system}:
+                continue
+            store = self.plans.get(getattr(message, "mission_type", 0), self.missions)
+            if message.get_type() == "MISSION_CLEAR_ALL":
+                self._clear(message.mission_type)
+            else:
+                store.handle(message, now)
+            self._handle(message)
+
+    def step(self, now: float) -> list[bytes]:
+        """Let time pass; gives the frames to send."""
+        for store in self.plans.values():
+            store.tick(now)
+        was_armed = self.armed
+        frames = super().step(now)
+        if self.armed and not was_armed:
+            self.log.append("armed")
+        return frames
+
+    def _store(self, kind: int, script: Script) -> ScriptedMissions:
+        def send(message: Message) -> None:
+            message.mission_type = kind
+            self._send(message)
+
+        plain = Script(
+            gives_ids=script.gives_ids,
+            float_requests=script.float_requests,
+            lost_acknowledgements=script.lost_acknowledgements,
+        )
+        return ScriptedMissions(plain, send, lambda: self.log.append(f"stored {kind}"))
+
+    def _mission_stored(self) -> None:
+        self.log.append("stored 0")
+        super()._mission_stored()
+
+    def _clear(self, kind: int) -> None:
+        self.plans[kind].items = []
+        self.log.append(f"cleared {kind}")
+        self._send(mavlink.MAVLink_mission_ack_message(0, 0, mavlink.MAV_MISSION_ACCEPTED, kind))
+
+    def _mission_current(self) -> Message:
+        message = super()._mission_current()
+        message.fence_id = self.plans[FENCE].plan_id
+        message.rally_points_id = self.plans[RALLY].plan_id
+        return message
+
+    def _autopilot_version(self) -> Message:
+        message = super()._autopilot_version()
+        message.capabilities = self.capabilities
+        return message
+
+    def _handle(self, message: Message) -> None:
+        if message.get_type() == "PARAM_SET":
+            self._set(message.param_id, message.param_value)
+        elif message.get_type() == "COMMAND_LONG" and message.command == 400:
+            self.log.append("told to arm")
+        super()._handle(message)
+
+    def _parameter(self, message: Message) -> None:
+        if message.param_id in self.values:
+            self._tell(message.param_id)
+
+    def _set(self, name: str, value: float) -> None:
+        if name in self.values and name not in self.refused_values:
+            kind = type(self.values[name])
+            self.set.append((name, value))
+            self.values[name] = kind(value)
+        self._tell(name)
+
+    def _tell(self, name: str) -> None:
+        is_integer = isinstance(self.values[name], int)
+        kind = mavlink.MAV_PARAM_TYPE_INT16 if is_integer else mavlink.MAV_PARAM_TYPE_REAL32
+        value = float(self.values[name])
+        self._send(mavlink.MAVLink_param_value_message(name.encode(), value, kind, 1, 0))
+
+
+def fenced_vehicle(
+    world: World,
+    script: Script = PX4,
+    *,
+    capabilities: int = ABLE,
+    values: Mapping[str, float] | None = None,
+) -> FencedVehicle:
+    """Add such a vehicle to a world."""
+    vehicle = FencedVehicle(
+        1, script, booted_at=world.clock.now, capabilities=capabilities, values=values
+    )
+    world.air.vehicles["192.0.2.1", 14581] = vehicle
+    return vehicle
+
+
+GENERIC = replace(PX4, autopilot=mavlink.MAV_AUTOPILOT_GENERIC, gives_ids=False)
