@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -163,7 +164,7 @@ def test_a_full_disk_is_told_once_costs_frames_and_leaves_no_half_record(
         for _ in range(3):
             dropped = log.dropped
             log.write(*record("meanwhile"))
-            wait_until(lambda before=dropped: log.dropped > before)
+            wait_until(partial(_has_dropped_more, log, dropped))
         disk.is_full = False
         log.write(*record("after"))
     (path,) = files_of(tmp_path)
@@ -173,6 +174,10 @@ def test_a_full_disk_is_told_once_costs_frames_and_leaves_no_half_record(
     assert len(warnings) == 2
     assert "No space left" in warnings[0]
     assert "again" in warnings[1]
+
+
+def _has_dropped_more(log: FrameLog, than: int) -> bool:
+    return log.dropped > than
 
 
 def record(text: str) -> tuple[bytes, datetime]:
