@@ -11,7 +11,6 @@ from afarcloud.enumerations import EventType
 from afarcloud.plan import Event
 from mavlink_broker.dialect import Message
 from mavlink_broker.performer import Performer, Phase
-from mavlink_broker.translation.families import GENERIC
 from mavlink_broker.translation.live import Lasted, LiveAction
 from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.translation.situation import Spot
@@ -59,8 +58,7 @@ class Ending:
     @property
     def _flies_on(self) -> bool:
         """Whether its mode still flies the mission; an unknown autopilot's word must do."""
-        knows_modes = self._vehicle.family.name != GENERIC.name
-        return knows_modes and self._vehicle.mode_role is ModeRole.MISSION
+        return self._vehicle.family.knows_modes and self._vehicle.mode_role is ModeRole.MISSION
 
     @property
     def leaves_hovering(self) -> bool:

@@ -102,7 +102,7 @@ class CommandTransaction:
         self._round_trip = round_trip
         self._confirmation = 0
         self._rejections = 0
-        self._sent_at = 0.0
+        self._first_sent_at = self._sent_at = 0.0
         self._deadline = 0.0
         self._asking = False
         self.outcome: CommandOutcome | None = None
@@ -110,13 +110,14 @@ class CommandTransaction:
     def start(self, now: float) -> list[Message]:
         """Send it for the first time."""
         self._confirmation = 0
+        self._first_sent_at = now
         return self._send(now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
         """Take an answer; everything else is ignored."""
         if self.outcome is None and self._answers(message):
-            if self._confirmation == 0 and self._asking:
-                self._round_trip.sample(now - self._sent_at)
+            if self._asking:
+                self._sample(now)
             self._settle(message.result, now)
         return []
 
@@ -137,6 +138,12 @@ class CommandTransaction:
         self._sent_at = now
         self._deadline = now + self._round_trip.timeout_s
         return [self._command.message(self._route, self._confirmation)]
+
+    def _sample(self, now: float) -> None:
+        if self._confirmation == 0:
+            self._round_trip.sample(now - self._sent_at)
+        else:
+            self._round_trip.sample_repeated(now - self._first_sent_at)
 
     def _answers(self, message: Message) -> bool:
         return (

@@ -1,29 +1,71 @@
-"""Notices that a vehicle was restarted: its time since boot goes back."""
+"""Notices that a vehicle was restarted: its time since boot goes back.
 
+What looks alike and is none: frames that overtake one another; frames that a modem kept back and
+sends late, some seconds of them in a row; messages whose clocks differ by some seconds, which is
+why every kind is followed by itself; and the counter's end, 2^32 ms after 49.7 days, behind which
+it begins at 0 and goes on. How fast the clock runs is nobody's concern here: a simulated one may
+run at any speed.
+"""
+
+from dataclasses import dataclass
 from typing import Final
 
 TOLERANCE_MS: Final = 1000
 """Frames that overtake one another make small steps back."""
 CONFIRMATIONS: Final = 3
 """A single late frame proves nothing; a restarted vehicle goes on counting from zero."""
+SILENCE_S: Final = 2.0
+"""After which any step back is believed: a vehicle may have been switched off meanwhile."""
+FAR_BACK_MS: Final = 30_000
+"""Without a silence: farther back than anything is kept back."""
+KINDS_KEPT: Final = 64
+_COUNTER: Final = 1 << 32
+_NEAR_THE_END_MS: Final = 600_000
+
+
+@dataclass(slots=True)
+class _Clock:
+    """The clock of one kind of message."""
+
+    newest_ms: int
+    heard_at: float
+    behind: int = 0
+    was_silent: bool = False  # Before it went back
 
 
 class RebootWatch:
     """Follows `time_boot_ms` of one vehicle."""
 
     def __init__(self) -> None:
-        self._newest_ms: int | None = None
-        self._behind = 0
+        self._clocks: dict[str, _Clock] = {}
 
-    def sample(self, time_boot_ms: int) -> bool:
-        """Take a time since boot; true when it proves a restart."""
-        if self._newest_ms is None or time_boot_ms >= self._newest_ms:
-            self._newest_ms = time_boot_ms
-            self._behind = 0
-        elif time_boot_ms < self._newest_ms - TOLERANCE_MS:
-            self._behind += 1
-        if self._behind < CONFIRMATIONS:
+    def sample(self, kind: str, time_boot_ms: int, now: float) -> bool:
+        """Take a time since boot of a kind of message; true when it proves a restart."""
+        clock = self._clocks.get(kind)
+        if clock is None:
+            if len(self._clocks) < KINDS_KEPT:
+                self._clocks[kind] = _Clock(time_boot_ms, now)
             return False
-        self._newest_ms = time_boot_ms
-        self._behind = 0
+        gap_s, clock.heard_at = now - clock.heard_at, now
+        if time_boot_ms >= clock.newest_ms or _has_wrapped(clock.newest_ms, time_boot_ms):
+            clock.newest_ms, clock.behind, clock.was_silent = time_boot_ms, 0, False
+        else:
+            clock.was_silent |= gap_s >= SILENCE_S
+            clock.behind += _is_suspicious(clock, time_boot_ms)
+        if clock.behind < CONFIRMATIONS:
+            return False
+        self._clocks = {kind: _Clock(time_boot_ms, now)}
         return True
+
+
+def _is_suspicious(clock: _Clock, time_boot_ms: int) -> bool:
+    back_ms = clock.newest_ms - time_boot_ms
+    if back_ms <= TOLERANCE_MS:
+        return False
+    begun_again = back_ms > FAR_BACK_MS or time_boot_ms < clock.newest_ms / 2
+    return begun_again or clock.was_silent
+
+
+def _has_wrapped(newest_ms: int, time_boot_ms: int) -> bool:
+    at_the_end = newest_ms > _COUNTER - _NEAR_THE_END_MS
+    return at_the_end and time_boot_ms < _NEAR_THE_END_MS

@@ -1,7 +1,7 @@
 """Collects what a vehicle says to its operator, long sentences put together from their parts.
 
 A text of more than 50 bytes comes in numbered chunks under a common id. Chunks may be lost; what
-has arrived is better than nothing.
+has arrived is better than nothing, with three dots for what has not.
 """
 
 from collections import deque
@@ -10,7 +10,12 @@ from typing import Final
 
 from mavlink_broker.dialect import Message, mavlink
 
-KEPT: Final = 8
+KEPT: Final = 16
+TOLD: Final = 3
+"""Complaints that go into one report: the first is often the reason of the last."""
+SENTENCE_WITHIN_S: Final = 10.0
+"""After which the same id means another sentence."""
+_GAP: Final = "..."
 
 
 @dataclass(slots=True)
@@ -21,7 +26,8 @@ class _Sentence:
 
     @property
     def text(self) -> str:
-        return "".join(self.chunks[number] for number in sorted(self.chunks)).strip()
+        parts = [self.chunks.get(number, _GAP) for number in range(max(self.chunks) + 1)]
+        return " ".join("".join(parts).split())
 
 
 class StatusTexts:
@@ -34,22 +40,30 @@ class StatusTexts:
         """Take a STATUSTEXT; everything else is ignored."""
         if message.get_type() != "STATUSTEXT" or message.severity > mavlink.MAV_SEVERITY_WARNING:
             return
-        sentence = self._open(message.id)
+        sentence = self._open(message.id, now)
         if sentence is None:
             sentence = _Sentence(now, message.id)
             self._sentences.append(sentence)
         sentence.chunks[message.chunk_seq] = message.text
 
-    def latest_since(self, time: float) -> str | None:
-        """Give the latest complaint since a time, or None."""
-        texts = (s.text for s in reversed(self._sentences) if s.time >= time)
-        return next((text for text in texts if text), None)
+    def since(self, time: float) -> list[str]:
+        """Give the latest different complaints since a time, in their order."""
+        texts = [sentence.text for sentence in self._sentences if sentence.time >= time]
+        different = dict.fromkeys(text for text in texts if text)
+        return list(different)[-TOLD:]
 
     def clear(self) -> None:
         """Forget everything."""
         self._sentences.clear()
 
-    def _open(self, identifier: int) -> _Sentence | None:
+    def _open(self, identifier: int, now: float) -> _Sentence | None:
         if identifier == 0:
             return None
-        return next((s for s in self._sentences if s.identifier == identifier), None)
+        return next(
+            (
+                sentence
+                for sentence in self._sentences
+                if sentence.identifier == identifier and now - sentence.time < SENTENCE_WITHIN_S
+            ),
+            None,
+        )

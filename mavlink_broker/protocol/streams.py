@@ -5,13 +5,22 @@ several it answers. HOME_POSITION is asked for until it is there; vehicles send 
 AUTOPILOT_VERSION is asked for a few times, since it tells kinds of vehicles apart. What
 a vehicle sends often and nobody here reads is turned off: PX4 pours some 400 messages a second
 on a companion computer's link, and a fleet's broker would read them all for nothing.
+
+Every message has an age, and is asked for again when it is older than three of its periods: a
+vehicle forgets its streams when it restarts, and a link may lose the request. An old autopilot
+that knows no SET_MESSAGE_INTERVAL is asked by REQUEST_DATA_STREAM(66), by groups.
 """
 
 import math
 from typing import Final, NamedTuple
 
 from mavlink_broker.dialect import Message, mavlink
-from mavlink_broker.protocol.command import CommandLong, CommandTransaction
+from mavlink_broker.protocol.command import (
+    Accepted,
+    CommandLong,
+    CommandOutcome,
+    CommandTransaction,
+)
 from mavlink_broker.protocol.round_trip import RoundTrip
 from mavlink_broker.protocol.route import Route
 
@@ -22,6 +31,11 @@ class Stream(NamedTuple):
     name: str
     message_id: int
     rate_hz: float
+
+    @property
+    def patience_s(self) -> float:
+        """Age from which on it is overdue: three lost ones, and a second for the link."""
+        return 3.0 / self.rate_hz + 1.0
 
     @property
     def request(self) -> CommandLong:
@@ -71,22 +85,45 @@ UNREAD: Final = {
 """What is turned off when it is heard, the most frequent first, by name."""
 _OFF_US: Final = -1.0
 
-SILENT_AFTER_S: Final = 6.0
+_GROUPS: Final = (
+    (mavlink.MAV_DATA_STREAM_EXTENDED_STATUS, 2),
+    (mavlink.MAV_DATA_STREAM_POSITION, 5),
+    (mavlink.MAV_DATA_STREAM_EXTRA1, 5),
+    (mavlink.MAV_DATA_STREAM_EXTRA3, 1),
+)
+"""REQUEST_DATA_STREAM: MISSION_CURRENT and SYS_STATUS; position; attitude; battery; and rates."""
+
 ASK_AGAIN_S: Final = 10.0
+LONGEST_PAUSE_S: Final = 60.0
+"""What a vehicle does not have is asked for ever more rarely."""
+REFUSALS: Final = 2
+"""That many and nothing accepted: it does not know the command. PX4 refuses MISSION_CURRENT."""
 HOME_EVERY_S: Final = 1.0
 VERSION_EVERY_S: Final = 0.5
 VERSION_ATTEMPTS: Final = 8
 
 
 class StreamRequests:
-    """Keeps the wanted messages of one vehicle coming."""
+    """Keeps the wanted messages of one vehicle coming.
 
-    def __init__(self, route: Route, round_trip: RoundTrip) -> None:
+    `turns_off`: what nobody here reads is turned off; not where others listen to the same link.
+    """
+
+    def __init__(self, route: Route, round_trip: RoundTrip, *, turns_off: bool = True) -> None:
         self._route = route
         self._round_trip = round_trip
+        self._turns_off = turns_off
         self._heard_at: dict[str, float] = {}
+        self.renew()
+
+    def renew(self) -> None:
+        """Ask for everything again: the vehicle has been restarted, or was long out of reach."""
+        self._heard_at.clear()
         self._asked_at: dict[str, float] = {}
+        self._pause_s: dict[str, float] = {}
         self._running: CommandTransaction | None = None
+        self._accepted = self._refused = 0
+        self._groups_at = -math.inf
         self._home_asked_at: float | None = None
         self._version_asked = 0
         self._version_asked_at = -math.inf
@@ -96,17 +133,16 @@ class StreamRequests:
         """Whether AUTOPILOT_VERSION has come, or has been asked for often enough."""
         return self._version_asked > VERSION_ATTEMPTS
 
-    def renew(self) -> None:
-        """Ask for everything again: the vehicle has been restarted."""
-        self._heard_at.clear()
-        self._asked_at.clear()
-        self._running = None
-        self._home_asked_at = None
-        self._version_asked = 0
+    def overdue(self, now: float) -> tuple[str, ...]:
+        """Names of the messages that were asked for and have not come in time."""
+        return tuple(stream.name for stream in STREAMS if self._is_overdue(stream, now))
 
     def receive(self, message: Message, now: float) -> list[Message]:
         """Take a message or an answer."""
-        self._heard_at[message.get_type()] = now
+        name = message.get_type()
+        if name in _FOLLOWED:
+            self._heard_at[name] = now
+            self._pause_s.pop(name, None)
         if self._running is None:
             return []
         self._running.receive(message, now)
@@ -114,24 +150,39 @@ class StreamRequests:
 
     def tick(self, now: float) -> list[Message]:
         """Ask for what is missing; to be called only while the vehicle is heard."""
-        messages = [*self._home(now), *self._version(now)]
+        messages = [*self._home(now), *self._version(now), *self._by_groups(now)]
         if self._running is not None:
             messages += self._running.tick(now)
         return messages + self._next(now)
 
     def _next(self, now: float) -> list[Message]:
-        if self._running is not None and self._running.outcome is None:
-            return []
+        if self._running is not None:
+            if self._running.outcome is None:
+                return []
+            self._note(self._running.outcome)
         self._running = None
         for stream in STREAMS:
             if self._is_wanted(stream, now):
                 return self._ask(stream.name, stream.request, now)
-        for name, message_id in UNREAD.items():
+        for name, message_id in UNREAD.items() if self._turns_off and self._accepted else ():
             if self._is_to_stop(name, now):
                 return self._ask(name, set_interval(message_id, _OFF_US), now)
         return []
 
+    def _note(self, outcome: CommandOutcome) -> None:
+        if isinstance(outcome, Accepted):
+            self._accepted += 1
+        else:
+            self._refused += 1
+
+    @property
+    def _knows_no_intervals(self) -> bool:
+        return self._refused >= REFUSALS and self._accepted == 0
+
     def _ask(self, name: str, request: CommandLong, now: float) -> list[Message]:
+        if name in self._asked_at:
+            pause_s = self._pause_s.get(name, ASK_AGAIN_S)
+            self._pause_s[name] = min(2.0 * pause_s, LONGEST_PAUSE_S)
         self._asked_at[name] = now
         self._running = CommandTransaction(request, self._route, self._round_trip)
         return self._running.start(now)
@@ -139,14 +190,35 @@ class StreamRequests:
     def _is_wanted(self, stream: Stream, now: float) -> bool:
         asked_at = self._asked_at.get(stream.name)
         if asked_at is None:
-            return True
-        heard_at = self._heard_at.get(stream.name, asked_at)
-        return now - heard_at > SILENT_AFTER_S and now - asked_at > ASK_AGAIN_S
+            return not self._knows_no_intervals or self._is_overdue(stream, now)
+        pause_s = self._pause_s.get(stream.name, ASK_AGAIN_S)
+        if self._knows_no_intervals:
+            pause_s = LONGEST_PAUSE_S
+        return self._is_overdue(stream, now) and now - asked_at > pause_s
+
+    def _is_overdue(self, stream: Stream, now: float) -> bool:
+        last = self._heard_at.get(stream.name, self._asked_at.get(stream.name))
+        if last is None:
+            last = self._groups_at
+        return now - last > stream.patience_s
 
     def _is_to_stop(self, name: str, now: float) -> bool:
         """Whether an unread message has come, and no request to stop it is under way."""
         asked_at = self._asked_at.get(name, -math.inf)
         return self._heard_at.get(name, -math.inf) > asked_at and now - asked_at > ASK_AGAIN_S
+
+    def _by_groups(self, now: float) -> list[Message]:
+        """Ask an autopilot of the older kind, as long as something is missing."""
+        if not self._knows_no_intervals or now - self._groups_at <= ASK_AGAIN_S:
+            return []
+        if not any(self._is_overdue(stream, now) for stream in STREAMS):
+            return []
+        self._groups_at = now
+        target = self._route.target_system, self._route.target_component
+        return [
+            mavlink.MAVLink_request_data_stream_message(*target, group, rate_hz, 1)
+            for group, rate_hz in _GROUPS
+        ]
 
     def _home(self, now: float) -> list[Message]:
         if "HOME_POSITION" in self._heard_at:
@@ -166,6 +238,9 @@ class StreamRequests:
         if self._version_asked > VERSION_ATTEMPTS:
             return []
         return [request_message(self._route, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)]
+
+
+_FOLLOWED: Final = frozenset({*(stream.name for stream in STREAMS), *UNREAD, "AUTOPILOT_VERSION"})
 
 
 def request_message(route: Route, message_id: int) -> Message:

@@ -1,5 +1,7 @@
 """The messages that the broker lives on keep coming."""
 
+from itertools import pairwise
+
 from mavlink_broker.dialect import Message, MissionCurrent, mavlink
 from mavlink_broker.protocol.parameter_read import ATTEMPTS, ParameterRead
 from mavlink_broker.protocol.round_trip import RoundTrip
@@ -16,7 +18,7 @@ SET = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
 
 
 def intervals(messages: list[Message]) -> list[int]:
-    return [int(m.param1) for m in messages if m.command == SET]
+    return [int(m.param1) for m in messages if getattr(m, "command", None) == SET]
 
 
 def asked_for_all(requests: StreamRequests) -> list[int]:
@@ -50,6 +52,72 @@ def test_what_has_fallen_silent_is_asked_for_again() -> None:
         asked += intervals(requests.receive(acknowledgement(SET, 0), now))
     assert mavlink.MAVLINK_MSG_ID_ATTITUDE in asked
     assert mavlink.MAVLINK_MSG_ID_MISSION_CURRENT not in asked
+
+
+def test_each_is_overdue_when_three_of_its_periods_are_over() -> None:
+    requests = StreamRequests(ROUTE, RoundTrip())
+    asked_for_all(requests)
+    position = mavlink.MAVLink_global_position_int_message(1, 2, 3, 4, 5, 6, 7, 8, 9)
+    requests.receive(received(MissionCurrent(0)), 1.0)
+    requests.receive(received(position), 1.0)
+    assert requests.overdue(1.1) == ()
+    assert "GLOBAL_POSITION_INT" not in requests.overdue(2.5)
+    assert "MISSION_CURRENT" not in requests.overdue(3.4)
+    assert {"GLOBAL_POSITION_INT", "MISSION_CURRENT"} <= set(requests.overdue(3.6))
+
+
+def test_what_a_vehicle_does_not_have_is_asked_for_ever_more_rarely() -> None:
+    requests = StreamRequests(ROUTE, RoundTrip())
+    asked_for_all(requests)
+    battery = mavlink.MAVLINK_MSG_ID_BATTERY_STATUS
+    asked_at: list[float] = []
+    for tenth in range(3000):
+        now = tenth / 10
+        sent = requests.tick(now) + requests.receive(acknowledgement(SET, 0), now)
+        asked_at += [now] * intervals(sent).count(battery)
+    pauses = [round(later - before) for before, later in pairwise(asked_at)]
+    assert pauses == sorted(pauses)
+    assert pauses[-1] == 60
+
+
+def groups(messages: list[Message]) -> list[int]:
+    return [m.req_stream_id for m in messages if m.get_type() == "REQUEST_DATA_STREAM"]
+
+
+def refuse_all(requests: StreamRequests, result: int, seconds: int = 30) -> list[Message]:
+    """Answer every request alike for some time; gives what was sent."""
+    sent: list[Message] = []
+    for tenth in range(seconds * 10):
+        sent += requests.tick(tenth / 10)
+        sent += requests.receive(acknowledgement(SET, result), tenth / 10)
+    return sent
+
+
+def test_an_autopilot_that_knows_no_intervals_is_asked_by_groups() -> None:
+    sent = refuse_all(StreamRequests(ROUTE, RoundTrip()), mavlink.MAV_RESULT_UNSUPPORTED)
+    assert set(groups(sent)) == {2, 6, 10, 12}
+    assert len(groups(sent)) == 3 * 4, "every ten seconds, as long as nothing comes"
+    assert len(intervals(sent)) <= len(STREAMS)
+
+
+def test_an_autopilot_that_does_not_answer_is_asked_by_groups_too() -> None:
+    assert groups(tick_until(StreamRequests(ROUTE, RoundTrip()), 0.0, 30.0))
+
+
+def test_one_refusal_is_no_reason_to_ask_by_groups() -> None:
+    """PX4 tells MISSION_CURRENT by itself, and refuses to tell it more often."""
+    requests = StreamRequests(ROUTE, RoundTrip())
+    requests.tick(0.0)
+    requests.receive(acknowledgement(SET, mavlink.MAV_RESULT_DENIED), 0.1)
+    assert groups(refuse_all(requests, mavlink.MAV_RESULT_ACCEPTED)) == []
+
+
+def test_nothing_is_turned_off_where_others_listen() -> None:
+    requests = StreamRequests(ROUTE, RoundTrip(), turns_off=False)
+    asked_for_all(requests)
+    imu = mavlink.MAVLink_highres_imu_message(1, *[0.0] * 13, 0)
+    requests.receive(received(imu), 1.0)
+    assert intervals(requests.tick(1.0)) == []
 
 
 def test_a_restart_of_the_vehicle_renews_everything() -> None:
@@ -138,17 +206,38 @@ def text(words: bytes, identifier: int = 0, chunk: int = 0, severity: int = 2) -
     return received(mavlink.MAVLink_statustext_message(severity, words, identifier, chunk))
 
 
-def test_the_latest_complaint_counts_and_chatter_does_not() -> None:
+def test_complaints_count_and_chatter_does_not() -> None:
     texts = StatusTexts()
     texts.receive(text(b"first"), 1.0)
     texts.receive(text(b"second"), 2.0)
     texts.receive(text(b"all is well", severity=6), 3.0)
-    assert texts.latest_since(0.0) == "second"
-    assert texts.latest_since(2.5) is None
+    assert texts.since(0.0) == ["first", "second"]
+    assert texts.since(2.5) == []
 
 
 def test_a_long_complaint_is_put_together_whatever_the_order() -> None:
     texts = StatusTexts()
     texts.receive(text(b"not arrive", 7, 1), 1.0)
     texts.receive(text(b"x" * 50, 7, 0), 1.1)
-    assert texts.latest_since(0.0) == "x" * 50 + "not arrive"
+    assert texts.since(0.0) == ["x" * 50 + "not arrive"]
+
+
+def test_a_lost_part_of_a_complaint_shows_as_a_gap() -> None:
+    texts = StatusTexts()
+    texts.receive(text(b"PreArm: compass", 7, 0), 1.0)
+    texts.receive(text(b" degrees off", 7, 2), 1.1)
+    assert texts.since(0.0) == ["PreArm: compass... degrees off"]
+
+
+def test_a_complaint_that_is_repeated_is_told_once_and_only_the_last_three_are() -> None:
+    texts = StatusTexts()
+    for second, words in enumerate((b"a", b"b\t", b"b", b"c", b"d", b"d")):
+        texts.receive(text(words), float(second))
+    assert texts.since(0.0) == ["b", "c", "d"]
+
+
+def test_an_id_that_is_used_again_later_means_another_complaint() -> None:
+    texts = StatusTexts()
+    texts.receive(text(b"first", 7), 1.0)
+    texts.receive(text(b"second", 7), 60.0)
+    assert texts.since(0.0) == ["first", "second"]
