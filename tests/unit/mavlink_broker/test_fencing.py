@@ -8,9 +8,7 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.dialect import mavlink
 from tests.support.broker_world import (
-    ARDUPILOT,
     FINISHED,
-    PX4,
     World,
     first_flight,
     go_home,
@@ -27,7 +25,7 @@ from tests.support.fenced_vehicle import (
     FencedVehicle,
     fenced_vehicle,
 )
-from tests.support.scripted_missions import Script
+from tests.support.scripted_missions import ARDUPILOT, PX4, Script
 from tests.support.scripted_vehicle import HOME
 
 INCLUSION, EXCLUSION = 5001, 5002
@@ -260,10 +258,10 @@ class TestGivingBack:
         world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
         world.run_until(lambda: not vehicle.armed)
         vehicle.silent = True
-        world.run(120.0)
+        world.run(10.0)
         assert len(vehicle.fence) == 4
         vehicle.silent = False
-        world.run(90.0)
+        world.run(40.0)
         assert vehicle.fence == []
 
 
