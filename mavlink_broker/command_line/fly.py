@@ -128,7 +128,11 @@ def _fly(
 ) -> int:
     signals = Signals()
     edge = LocalEdge(
-        missions, _page(missions, options).take, expires_at=plan.expires_at, folder=options.out
+        missions,
+        _page(missions, options).take,
+        expires_at=plan.expires_at,
+        geofence=plan.geofence,
+        folder=options.out,
     )
     link = open_link(settings)
     app = App(settings, link, edge, clock, lambda: str(ULID()))

@@ -9,7 +9,7 @@ from typing import Any, Final
 from afarcloud import wire
 from afarcloud.enumerations import EventType, Status
 from afarcloud.numbers import format_time
-from afarcloud.plan import Mission
+from afarcloud.plan import Geofence, Mission
 from mavlink_broker.send_queue import Post
 
 _IMAGE: Final = wire.Kind.IMAGE.value
@@ -30,11 +30,13 @@ class LocalEdge:
         told: Callable[[str, dict[str, Any]], None],
         *,
         expires_at: datetime | None = None,
+        geofence: Geofence | None = None,
         folder: Path | None = None,
     ) -> None:
         self._told = told
         self._folder = folder
         self._expires_at = None if expires_at is None else format_time(expires_at)
+        self._geofence = None if geofence is None else wire.write(geofence)
         self._missions = dict(enumerate(missions, 1))
         self._new: list[dict[str, Any]] = []
         self._next_id = len(self._missions) + 1
@@ -61,6 +63,7 @@ class LocalEdge:
                     "vehicle_id": mission.vehicle_id,
                     "plan_id": "local",
                     "expires_at": self._expires_at,
+                    "geofence": self._geofence,
                     "mission": wire.write(mission),
                 }
             )

@@ -11,6 +11,8 @@ from datetime import datetime
 from pathlib import Path
 
 from afarcloud import rules, wire
+from afarcloud.annex import in_seconds
+from afarcloud.enumerations import Profile
 from afarcloud.faults import DocumentError, Fault
 from afarcloud.plan import Mission, Plan
 from afarcloud.vehicle import VehicleLimits
@@ -37,7 +39,7 @@ def read_plan(path: str, now: datetime) -> tuple[Plan, tuple[str, ...]]:
 
 
 def chosen(plan: Plan, mission_id: int | None, vehicle_id: int | None) -> tuple[Mission, ...]:
-    """Give the missions that are meant; all, where nothing is said.
+    """Give the missions that are meant, all where nothing is said; times in seconds.
 
     Raises:
         UsageError: if there is none such.
@@ -50,7 +52,8 @@ def chosen(plan: Plan, mission_id: int | None, vehicle_id: int | None) -> tuple[
     if not missions:
         there = ", ".join(f"{m.mission_id} (vehicle {m.vehicle_id})" for m in plan.missions)
         raise UsageError(f"the plan has no such mission, only {there}")
-    return missions
+    is_annex = plan.profile is Profile.ANNEX
+    return tuple(in_seconds(mission) for mission in missions) if is_annex else missions
 
 
 def _bytes(path: str) -> bytes:

@@ -70,6 +70,7 @@ def _heard(settings: Config, seconds: float) -> list[dict[str, Any]]:
     while clock.monotonic() < end and not signals.stop:
         app.step()
     now = time.monotonic()
+    app.close()
     link.close()
     heard = (session.vehicle for _, session in sorted(app.sessions.items()))
     return [row(vehicle, now) for vehicle in heard]

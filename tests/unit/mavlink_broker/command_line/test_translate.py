@@ -108,6 +108,15 @@ def test_downgrades_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert "command 2 (NAV_WAYPOINT): trajectory_control" in capsys.readouterr().out
 
 
+def test_the_annex_counts_tens_of_seconds(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flown = mission(takeoff(), waypoint(hold_time=1.5), go_home())
+    path = saved(tmp_path, {"profile": "annex", "missions": [flown]})
+    items = printed(capsys, str(path))["missions"][0]["segments"][0]["items"]
+    assert [item["param1"] for item in items if item["command_id"] == 2] == [15.0]
+
+
 @pytest.mark.parametrize("document", [{"missions": []}, [], {"missions": [{"vehicle_id": 1}]}, 7])
 def test_what_is_no_plan_is_refused_with_its_paths(document: Any, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="cannot be flown") as refused:
