@@ -26,7 +26,7 @@ def programs(settings: Settings) -> list[Program]:
         Program("edge", _module("edge_server"), tcp_port=settings.edge_port),
         Program(
             "broker",
-            (*_module("mavlink_broker"), "--signing-keys", str(settings.keys_dir)),
+            _broker(settings),
             udp_port=settings.mavlink_port,
         ),
         *(
@@ -52,6 +52,11 @@ def _mqtt_broker(settings: Settings) -> list[Program]:
     # Without a file of configuration Mosquitto listens on this machine alone, and knows no users.
     command = (settings.mosquitto, "-p", str(settings.mqtt_port))
     return [Program("mosquitto", command, tcp_port=settings.mqtt_port)]
+
+
+def _broker(settings: Settings) -> tuple[str, ...]:
+    flags = ("--signing-keys", str(settings.keys_dir), "--tlog-dir", str(settings.tlog_dir))
+    return (*_module("mavlink_broker"), *flags)
 
 
 def _vehicle(settings: Settings, system_id: int) -> tuple[str, ...]:

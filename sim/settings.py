@@ -50,6 +50,11 @@ class Settings:
         """Folder of all keys."""
         return self.state_dir / "keys"
 
+    @property
+    def tlog_dir(self) -> Path:
+        """Folder of the broker's frame log."""
+        return self.state_dir / "tlog"
+
     def key_path(self, role: str) -> Path:
         """File that holds the access key of a role."""
         return self.keys_dir / f"{role}.key"
