@@ -294,9 +294,9 @@ def test_what_is_corrected_or_deleted_while_it_waits_is_sent_so(station: Station
     station.cloud.start()
     station.wait_empty()
     station.cloud.store.wait_for(2)
-    assert station.cloud.store.stream(1, "pose")[-1] == 2
-    assert 1 not in station.cloud.store.stream(1, "pose")
-    assert 100 in station.cloud.store.stream(1, "pose")
+    arrived = station.cloud.store.stream(1, "pose")
+    # Corrected in the middle of an attempt that reaches the cloud after all, it goes again, last.
+    assert arrived in ([100, 2], [0, 2, 100])
 
 
 def test_a_record_corrected_in_flight_is_sent_again_as_it_is_now(station: Station) -> None:
