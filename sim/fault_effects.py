@@ -37,6 +37,7 @@ class FaultEffects:
 
     def __init__(self) -> None:
         self.link_lost = False
+        self.camera_failed = False
         self.efficiencies: Motors = HEALTHY
         self.gust_ned: Vector3 = _ZERO  # [m/s] On top of the wind
         self.touches_readings = False
@@ -52,6 +53,7 @@ class FaultEffects:
         by_kind = {fault.kind: fault for fault in active}
         self._kinds = frozenset(by_kind)
         self.link_lost = Kind.LINK_LOSS in by_kind
+        self.camera_failed = Kind.CAMERA_FAILURE in by_kind
         self.efficiencies = _efficiencies(active)
         self.gust_ned = _gust_ned(by_kind.get(Kind.WIND_GUST))
         self._jump_neu_m = _vector(by_kind.get(Kind.GPS_JUMP))
@@ -83,6 +85,7 @@ class FaultEffects:
             baro=self._baro(readings.baro),
             mag=None if Kind.MAG_LOSS in kinds else self._mag(readings.mag),
             gps=self._gps(readings.gps),
+            range=None if Kind.RANGEFINDER_LOSS in kinds else readings.range,
         )
 
     def _imu(self, imu: ImuReading) -> ImuReading:
@@ -136,6 +139,7 @@ _ON_READINGS: Final = frozenset(
         Kind.GYRO_BIAS,
         Kind.ACCEL_LOSS,
         Kind.ACCEL_BIAS,
+        Kind.RANGEFINDER_LOSS,
     }
 )
 

@@ -21,6 +21,7 @@ class Unit(IntEnum):
     MAG = 2
     BARO = 3
     GPS = 4
+    DISTANCE_SENSOR = 7
     BATTERY = 100
     MOTOR = 101
     MAVLINK_SIGNAL = 105
@@ -57,6 +58,7 @@ EFFECTS: Final[Mapping[tuple[Unit, Failure], Effect]] = MappingProxyType(
         (Unit.GPS, Failure.OFF): Effect(Kind.GPS_LOSS, _NOTHING),
         (Unit.GPS, Failure.STUCK): Effect(Kind.GPS_FROZEN, _NOTHING),
         (Unit.GPS, Failure.WRONG): Effect(Kind.GPS_JUMP, {"north_m": 30.0, "east_m": 30.0}),
+        (Unit.DISTANCE_SENSOR, Failure.OFF): Effect(Kind.RANGEFINDER_LOSS, _NOTHING),
         (Unit.BATTERY, Failure.OFF): Effect(Kind.BATTERY_LOW, {"charge": 0.0}),
         (Unit.BATTERY, Failure.WRONG): Effect(Kind.BATTERY_CELL_FAILURE, _NOTHING),
         (Unit.MOTOR, Failure.OFF): Effect(Kind.MOTOR_LOSS, _NOTHING),

@@ -37,6 +37,7 @@ from uav_firmware.msg.sensors import (
     SensorGps,
     SensorImu,
     SensorMag,
+    SensorRange,
     SensorTruth,
 )
 from uav_firmware.msg.setpoints import (
@@ -66,6 +67,7 @@ class Topics:
     sensor_mag: Topic[SensorMag] = field(default_factory=Topic)
     sensor_gps: Topic[SensorGps] = field(default_factory=Topic)
     sensor_battery: Topic[SensorBattery] = field(default_factory=Topic)
+    sensor_range: Topic[SensorRange] = field(default_factory=Topic)
     sensor_esc: Topic[SensorEsc] = field(default_factory=Topic)
     sensor_truth: Topic[SensorTruth] = field(default_factory=Topic)
     vehicle_attitude: Topic[VehicleAttitude] = field(default_factory=Topic)

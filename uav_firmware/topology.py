@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Final
 
+from uav_firmware.cal.camera import CameraCarrier
 from uav_firmware.cal.faults import FaultInjector
 from uav_firmware.cal.files import Card
 from uav_firmware.cal.link import Link
@@ -27,6 +28,7 @@ from uav_firmware.modules.manual_control.module import ManualControlModule
 from uav_firmware.modules.manual_control.params import ManualControlParams
 from uav_firmware.modules.mavlink.builders.identity import FLIGHT_SW_VERSION
 from uav_firmware.modules.mavlink.dispatcher import PlanChecks
+from uav_firmware.modules.mavlink.files.roots import IMAGES_URL
 from uav_firmware.modules.mavlink.link_params import LinkParams
 from uav_firmware.modules.mavlink.mission_store import PlanCheck
 from uav_firmware.modules.mavlink.module import MavlinkModule
@@ -112,6 +114,7 @@ class Autopilot:
             gps=topics.sensor_gps,
             battery=topics.sensor_battery,
             esc=topics.sensor_esc,
+            range_finder=topics.sensor_range,
             truth=topics.sensor_truth,
         )
         self.estimator = EstimatorModule(
@@ -286,6 +289,8 @@ class Autopilot:
             camera_lens=topics.camera_lens,
             gimbal_status=topics.gimbal_status,
             tracking_state=topics.tracking_state,
+            device=vehicle.camera if isinstance(vehicle, CameraCarrier) else None,
+            images_url=IMAGES_URL,
         )
         self.console = ConsoleModule(
             write_line,

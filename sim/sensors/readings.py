@@ -65,6 +65,13 @@ class EscReading(NamedTuple):
     current_a: Motors  # [A] Drawn from the pack by each
 
 
+class RangeReading(NamedTuple):
+    """Range finder that looks down."""
+
+    time_us: int  # [us]
+    distance_m: float  # [m] Along the body's down axis; NaN when nothing comes back
+
+
 class Readings(NamedTuple):
     """All that the instruments say after one control step."""
 
@@ -74,3 +81,4 @@ class Readings(NamedTuple):
     gps: GpsReading | None
     battery: BatteryReading | None
     esc: EscReading | None
+    range: RangeReading | None = None

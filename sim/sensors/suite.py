@@ -5,7 +5,7 @@ from typing import Final
 
 from sim.config import SimulationConfig
 from sim.magnetic_field import decimal_year, field_ned_gauss
-from sim.sensors import baro, battery, esc, gps, magnetometer
+from sim.sensors import baro, battery, esc, gps, magnetometer, rangefinder
 from sim.sensors.baro import Barometer
 from sim.sensors.battery import Battery
 from sim.sensors.esc import EscTelemetry
@@ -13,6 +13,7 @@ from sim.sensors.gps import Gps
 from sim.sensors.imu import Imu
 from sim.sensors.magnetometer import Magnetometer
 from sim.sensors.noise import generators
+from sim.sensors.rangefinder import RangeFinder
 from sim.sensors.readings import Readings
 from sim.truth import Motors, Truth, Vector3
 
@@ -64,6 +65,8 @@ class SensorSuite:
         self._battery_schedule = Schedule(battery.RATE_HZ, first_us=16_000)
         self.esc = EscTelemetry(streams["esc"], factor=factor)
         self._esc_schedule = Schedule(esc.RATE_HZ)
+        self.rangefinder = RangeFinder(streams["rangefinder"], factor=factor)
+        self._range_schedule = Schedule(rangefinder.RATE_HZ, first_us=20_000)
 
     def read(self, truth: Truth, motor_currents_a: Callable[[], Motors]) -> Readings:
         """Every reading that is due at the instant of the truth.
@@ -80,6 +83,7 @@ class SensorSuite:
             self.gps.deliver(time_us),
             self.battery.read(time_us) if self._battery_schedule.due(time_us) else None,
             self.esc.read(truth, motor_currents_a()) if self._esc_schedule.due(time_us) else None,
+            self.rangefinder.read(truth) if self._range_schedule.due(time_us) else None,
         )
 
 

@@ -36,7 +36,14 @@ from uav_firmware.msg.mission import (
     NavigatorRequest,
     NavigatorStatus,
 )
-from uav_firmware.msg.sensors import SensorBaro, SensorBattery, SensorGps, SensorImu, SensorMag
+from uav_firmware.msg.sensors import (
+    SensorBaro,
+    SensorBattery,
+    SensorGps,
+    SensorImu,
+    SensorMag,
+    SensorRange,
+)
 from uav_firmware.msg.setpoints import TrajectorySetpoint
 from uav_firmware.msg.status import (
     Command,
@@ -139,6 +146,7 @@ class ToyVehicle:
         self.geofence_status: Topic[GeofenceStatus] = Topic()
         self.follow_target: Topic[FollowTarget] = Topic()
         self.failure: Topic[FailureDetectorStatus] = Topic()
+        self.range_finder: Topic[SensorRange] = Topic()
         self.sticks: Topic[ManualControlSetpoint] = Topic()
         self.orbit_status: Topic[OrbitStatus] = Topic()
         self.setpoint: Topic[TrajectorySetpoint] = Topic()
@@ -187,6 +195,7 @@ class ToyVehicle:
                 sensor_baro=self.baro,
                 sensor_mag=self.mag,
                 sensor_gps=self.gps,
+                sensor_range=self.range_finder,
                 sensor_battery=self.battery_topic,
                 ground_station_heartbeat=self.heartbeat,
                 manual_control_setpoint=self.sticks,

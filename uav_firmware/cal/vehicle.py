@@ -13,6 +13,7 @@ from uav_firmware.msg.sensors import (
     SensorGps,
     SensorImu,
     SensorMag,
+    SensorRange,
     SensorTruth,
 )
 from uav_firmware.msg.vectors import Motors
@@ -45,6 +46,9 @@ class Sensors(Protocol):
 
     def read_esc(self) -> SensorEsc | None:
         """Report of the motors' speed controllers if one is due."""
+
+    def read_range(self) -> SensorRange | None:
+        """Sample of the range finder if there is one, and a sample is due."""
 
     def read_truth(self) -> SensorTruth | None:
         """True state where the vehicle is simulated, else None."""

@@ -1,21 +1,24 @@
 """The simulated F450 as a vehicle of the component abstraction layer.
 
-The only file of the firmware that knows the simulator. Frames and units are the same on both
-sides (NED, FRD, SI); what changes here is the type.
+With `jsbsim_camera.py` the only file of the firmware that knows the simulator. Frames and units are
+the same on both sides (NED, FRD, SI); what changes here is the type.
 """
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from sim.config import SimulationConfig, start_east_m
 from sim.fault_console import FaultConsole
 from sim.fault_injection import Failure, Unit, faults_of, kinds_of
 from sim.fault_notation import Clear, read_faults, read_order
 from sim.faults import FaultError
+from sim.sensors import rangefinder
 from sim.sensors.readings import Readings
 from sim.simulation import Simulation
 from sim.worlds import world as world_named
+from uav_firmware.drivers.file_room import Room
+from uav_firmware.drivers.jsbsim_camera import JsbsimCamera
 from uav_firmware.msg.sensors import (
     SensorBaro,
     SensorBattery,
@@ -23,6 +26,7 @@ from uav_firmware.msg.sensors import (
     SensorGps,
     SensorImu,
     SensorMag,
+    SensorRange,
     SensorTruth,
 )
 from uav_firmware.msg.vectors import Motors
@@ -32,14 +36,29 @@ _CONSOLE_PERIOD_US: Final = 100_000
 _FARM_DEG: Final = 0.02  # Two kilometres: farther off lies another farm
 
 
+class Pictures(NamedTuple):
+    """Where the camera's pictures go."""
+
+    folder: Path
+    room: Room  # Counts what lies in the folder
+    in_step: bool  # Vehicle time waits for pictures, so that the same flight has the same reports
+
+
 class JsbsimVehicle:
-    """Implements `uav_firmware.cal.vehicle.Vehicle` and `uav_firmware.cal.faults.FaultInjector`.
+    """Implements `Vehicle`, `FaultInjector` and `CameraCarrier` of `uav_firmware.cal`.
 
     With a console it also takes orders to break and to mend parts from a file.
     """
 
-    def __init__(self, simulation: Simulation, console: FaultConsole | None = None) -> None:
+    def __init__(
+        self,
+        simulation: Simulation,
+        console: FaultConsole | None = None,
+        camera: JsbsimCamera | None = None,
+    ) -> None:
         self._simulation = simulation
+        self.camera = camera
+        """The camera; None on a vehicle without one."""
         self._console = console
         self._console_us = 0
         self._motors = _STOPPED
@@ -126,6 +145,15 @@ class JsbsimVehicle:
         esc = self._readings.esc
         return None if esc is None else SensorEsc(esc.time_us, esc.rotor_rpm, esc.current_a)
 
+    def read_range(self) -> SensorRange | None:
+        """Sample of the range finder if one is due."""
+        sample = self._readings.range
+        if sample is None:
+            return None
+        return SensorRange(
+            sample.time_us, sample.distance_m, rangefinder.MINIMUM_M, rangefinder.MAXIMUM_M
+        )
+
     def read_truth(self) -> SensorTruth:
         """True state, for display and never for control."""
         truth = self._simulation.truth
@@ -186,6 +214,8 @@ class JsbsimVehicle:
         self._simulation.close()
         if self._console is not None:
             self._console.close()
+        if self.camera is not None:
+            self.camera.close()
 
 
 def simulated_vehicle(
@@ -201,6 +231,7 @@ def simulated_vehicle(
     start_time_utc_us: int,
     faults_path: Path | None,
     console_folder: Path | None,
+    pictures: Pictures | None,
     truth_path: Path | None,
 ) -> JsbsimVehicle:
     """Make vehicle 1, 2, 3, ... of a farm.
@@ -209,7 +240,8 @@ def simulated_vehicle(
     [deg]; None is the home of `world`, where the vehicles stand side by side. The farm lies at the
     world's home, or at `home` if that is far from it. The GNSS receiver
     tells `start_time_utc_us` [us since 1970] at time zero. `faults_path` is a file of faults to
-    come; in `console_folder` more can be ordered while it flies.
+    come; in `console_folder` more can be ordered while it flies. Without `pictures` there is no
+    camera.
 
     Raises:
         ValueError: if a value is out of range, or the file of faults cannot be used.
@@ -243,7 +275,12 @@ def simulated_vehicle(
             heading_deg=heading,
         )
     console = None if console_folder is None else FaultConsole(console_folder)
-    return JsbsimVehicle(Simulation(config), console)
+    simulation, camera = Simulation(config), None
+    if pictures is not None:
+        serial = f"F450-{number:04}"
+        folder, room, in_step = pictures
+        camera = JsbsimCamera(simulation, folder, room, serial=serial, in_step=in_step)
+    return JsbsimVehicle(simulation, console, camera)
 
 
 def _on_the_farm(yard: tuple[float, float, float], home: tuple[float, float, float, float]) -> bool:

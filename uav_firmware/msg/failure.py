@@ -15,6 +15,7 @@ class FailureDetectorStatus(NamedTuple):
     roll_exceeded: bool  # Beyond FD_FAIL_R for FD_FAIL_R_TTRI
     pitch_exceeded: bool  # Beyond FD_FAIL_P for FD_FAIL_P_TTRI
     failed_motors: int  # [-] Bit 0 is motor 1
+    propulsion_weak: bool = False  # All rotors together are slower than they are told to be
 
 
 class RotorLossThrust(NamedTuple):

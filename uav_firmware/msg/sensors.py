@@ -65,6 +65,15 @@ class SensorEsc(NamedTuple):
     current_a: Motors  # [A] Drawn by each
 
 
+class SensorRange(NamedTuple):
+    """Range finder that looks down, at 10 Hz or more; told to ground stations, not flown by."""
+
+    time_us: int  # [us]
+    distance_m: float  # [m] Along the body's down axis; NaN when nothing answers
+    minimum_m: float  # [m] Of what it can measure
+    maximum_m: float  # [m]
+
+
 class SensorTruth(NamedTuple):
     """Ground truth from a simulation, for HIL_STATE_QUATERNION only; no module flies by it."""
 

@@ -117,6 +117,11 @@ def test_a_magnet_nearby_adds_to_the_field_and_a_dead_compass_is_silent() -> Non
     assert all(reading.mag is None for reading in run(simulation("mag_loss"), 0.5))
 
 
+def test_a_dead_range_finder_is_silent() -> None:
+    assert any(reading.range is not None for reading in run(simulation(), 0.5))
+    assert all(reading.range is None for reading in run(simulation("rangefinder_loss"), 0.5))
+
+
 def test_inertial_sensors_fail_as_no_number_or_by_a_bias() -> None:
     dead = run(simulation("gyro_loss", "accel_loss"), 0.1)[-1].imu
     assert all(math.isnan(value) for value in (*dead.rate_frd, *dead.specific_force_frd))

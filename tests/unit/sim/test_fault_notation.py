@@ -68,7 +68,7 @@ def test_a_toml_file_and_a_json_file_say_the_same(tmp_path: Path) -> None:
         ('[[fault]]\nkind = "gps_loss"\nstart_s = "a"', "start_s must be a number of seconds"),
         ('[[fault]]\nkind = "gps_loss"\nstart_s = nan', "start_s nan is outside"),
         ('[[fault]]\nkind = "gps_loss"\nend_s = 1\nduration_s = 1', "exclude each other"),
-        ('[[fault]]\nkind = "camera_failure"', "carries no such part yet"),
+        ('[[fault]]\nkind = "humidity_failure"', "carries no such part yet"),
         ('[[fault]]\nkind = "motor_loss"\nmotor = "1"', "motor must be a finite number"),
         ("][", "faults.toml"),
     ],

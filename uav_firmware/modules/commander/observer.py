@@ -31,6 +31,7 @@ class Observer:
             topics.ground_station_heartbeat,
             topics.manual_control_setpoint,
             topics.offboard_setpoint,
+            topics.sensor_range,
         )
         self._heard = [Freshness(topic) for topic in heard]
         self._wind = WindEstimator()

@@ -10,6 +10,7 @@ from uav_firmware.modules.commander.health_checks import (
     SENSOR_STALE_S,
 )
 from uav_firmware.modules.commander.vehicle_view import SensorAges, VehicleView
+from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.geofence import FenceBreach, GeofenceStatus
 
 
@@ -21,6 +22,7 @@ class SensorBit(IntEnum):
     MAG_3D = 0x4
     ABSOLUTE_PRESSURE = 0x8
     GPS = 0x20
+    LASER_POSITION = 0x100
     ANGULAR_RATE_CONTROL = 0x400
     ATTITUDE_STABILIZATION = 0x800
     YAW_POSITION = 0x1000
@@ -31,6 +33,7 @@ class SensorBit(IntEnum):
     AHRS = 0x200000
     BATTERY = 0x2000000
     PREARM_CHECK = 0x10000000
+    PROPULSION = 0x40000000
 
 
 _IMU = SensorBit.GYRO_3D | SensorBit.ACCEL_3D
@@ -44,6 +47,7 @@ _CONTROL = (
     | SensorBit.GEOFENCE
     | SensorBit.AHRS
     | SensorBit.PREARM_CHECK
+    | SensorBit.PROPULSION
 )
 
 
@@ -74,6 +78,7 @@ def present_bits(ages: SensorAges) -> int:
         (ages.mag, SensorBit.MAG_3D),
         (ages.gps, SensorBit.GPS),
         (ages.battery, SensorBit.BATTERY),
+        (ages.range, SensorBit.LASER_POSITION),
     ):
         if age < math.inf:
             bits |= bit
@@ -92,14 +97,18 @@ def healthy_bits(view: VehicleView, *, ready: bool) -> int:
     gps_good = ages.gps < GPS_STALE_S and view.gps is not None and view.gps.fix_type >= 3
     heading = estimate is not None and estimate.heading_valid
     height = estimate is not None and estimate.altitude_valid
-    bits: int = SensorBit.MOTOR_OUTPUTS
+    # A receiver that delivers and an estimate that was there and is not: the fault is between
+    lost = gps_good and view.home is not None and not view.position_valid
+    bits = _propulsion_bits(view.failure)
     for healthy, bit in (
         (ages.imu < IMU_STALE_S, _IMU | SensorBit.ANGULAR_RATE_CONTROL),
         (ages.baro < SENSOR_STALE_S, SensorBit.ABSOLUTE_PRESSURE),
         (ages.mag < SENSOR_STALE_S, SensorBit.MAG_3D),
         (gps_good, SensorBit.GPS),
         (ages.battery < SENSOR_STALE_S, SensorBit.BATTERY),
-        (view.aligned, SensorBit.AHRS | SensorBit.ATTITUDE_STABILIZATION),
+        (ages.range < SENSOR_STALE_S, SensorBit.LASER_POSITION),
+        (view.aligned and not lost, SensorBit.AHRS),
+        (view.aligned, SensorBit.ATTITUDE_STABILIZATION),
         (heading, SensorBit.YAW_POSITION),
         (height, SensorBit.Z_ALTITUDE_CONTROL),
         (view.position_valid, SensorBit.XY_POSITION_CONTROL),
@@ -109,6 +118,16 @@ def healthy_bits(view: VehicleView, *, ready: bool) -> int:
         if healthy:
             bits |= bit
     return bits
+
+
+def _propulsion_bits(failure: FailureDetectorStatus | None) -> int:
+    """One rotor that has failed is a part; more, or all too slow, is the function."""
+    bits: int = SensorBit.MOTOR_OUTPUTS | SensorBit.PROPULSION
+    if failure is None:
+        return bits
+    if failure.propulsion_weak or failure.failed_motors.bit_count() > 1:
+        return bits & ~SensorBit.PROPULSION
+    return bits & ~SensorBit.MOTOR_OUTPUTS if failure.failed_motors else bits
 
 
 def _inside_fence(fence: GeofenceStatus | None) -> bool:

@@ -18,7 +18,14 @@ from uav_firmware.msg.estimate import (
 from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.geofence import GeofenceStatus
 from uav_firmware.msg.mission import Mission, MissionProgress, NavigatorRequest, NavigatorStatus
-from uav_firmware.msg.sensors import SensorBaro, SensorBattery, SensorGps, SensorImu, SensorMag
+from uav_firmware.msg.sensors import (
+    SensorBaro,
+    SensorBattery,
+    SensorGps,
+    SensorImu,
+    SensorMag,
+    SensorRange,
+)
 from uav_firmware.msg.status import (
     HomePosition,
     LandDetected,
@@ -49,6 +56,7 @@ class CommanderTopics:
     sensor_baro: Topic[SensorBaro] = field(default_factory=Topic)
     sensor_mag: Topic[SensorMag] = field(default_factory=Topic)
     sensor_gps: Topic[SensorGps] = field(default_factory=Topic)
+    sensor_range: Topic[SensorRange] = field(default_factory=Topic)
     sensor_battery: Topic[SensorBattery] = field(default_factory=Topic)
     ground_station_heartbeat: Topic[Any] = field(default_factory=Topic)
     manual_control_setpoint: Topic[ManualControlSetpoint] = field(default_factory=Topic)

@@ -1,5 +1,6 @@
 """What the commander sees of the vehicle at one moment; made by the observer, read by the rest."""
 
+import math
 from typing import NamedTuple
 
 from uav_firmware.msg.control_mode import ManualControlSetpoint, OffboardSetpoint
@@ -27,6 +28,7 @@ class SensorAges(NamedTuple):
     link: float  # Heartbeat of a ground station
     sticks: float  # MANUAL_CONTROL
     offboard: float  # Streamed set-point
+    range: float = math.inf  # Height above what lies below
 
 
 class VehicleView(NamedTuple):

@@ -33,6 +33,7 @@ class GpsAiding:
         self.velocity = Aid(params.gps_velocity_gate)
         self._origin = OriginAverage(params.origin_time)
         self._last_us = -1
+        self._last: tuple[float, float, float, Vector3] | None = None
         self.accuracy_m = (math.nan, math.nan)  # Horizontal, vertical of the last fix used
         self.configure(params)
 
@@ -56,6 +57,8 @@ class GpsAiding:
         if gps.time_us <= self._last_us or core.recall(gps.time_us) is None:
             return
         self._last_us = gps.time_us
+        if self._repeats(gps) and not core.standing:
+            return
         self.accuracy_m = (gps.horizontal_accuracy_m, gps.vertical_accuracy_m)
         if core.origin is None:
             self._find_origin(core, gps)
@@ -64,6 +67,16 @@ class GpsAiding:
             fix = core.origin.to_ned(gps.latitude_deg, gps.longitude_deg, gps.altitude_amsl_m)
             self._fuse_position(core, gps, fix)
             self._fuse_height(core, gps, fix)
+
+    def _repeats(self, gps: SensorGps) -> bool:
+        """Whether a fix says in every digit what the one before said.
+
+        Noise forbids that: the receiver is stuck, and what it repeats is no measurement of a
+        vehicle that moves.
+        """
+        former = self._last
+        self._last = (gps.latitude_deg, gps.longitude_deg, gps.altitude_amsl_m, gps.velocity_ned)
+        return self._last == former
 
     def _find_origin(self, core: Core, gps: SensorGps) -> None:
         """Average fixes while the vehicle stands still; then the estimate begins."""

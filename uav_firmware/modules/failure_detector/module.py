@@ -91,7 +91,8 @@ class FailureDetectorModule:
 
     def _publish(self, now_us: int) -> None:
         former = self._failure_status.value
-        seen = (self._roll.exceeded, self._pitch.exceeded, self._watch.failed)
+        watch = self._watch
+        seen = (self._roll.exceeded, self._pitch.exceeded, watch.failed, watch.weak)
         if former is not None and seen == former[1:] and now_us - former.time_us < _REPEAT_US:
             return
         self._failure_status.publish(FailureDetectorStatus(now_us, *seen))
@@ -103,6 +104,8 @@ class FailureDetectorModule:
         for motor in range(4):
             if (self._watch.failed & ~known) >> motor & 1:
                 self._say(now_us, f"Motor {motor + 1} failed")
+        if self._watch.weak and not (former is not None and former.propulsion_weak):
+            self._say(now_us, "Propulsion weak")
         was_lost = former is not None and (former.roll_exceeded or former.pitch_exceeded)
         if (self._roll.exceeded or self._pitch.exceeded) and not was_lost:
             self._say(now_us, "Attitude beyond limits")
@@ -117,4 +120,5 @@ def _limits(params: FailureDetectorParams) -> MotorLimits:
         least_command=params.least_command,
         least_share=params.least_share,
         time_s=params.time_ms * 1e-3,
+        weak_share=params.weak_share,
     )

@@ -25,22 +25,28 @@ class MotorLimits(NamedTuple):
     least_command: float  # [-] Not judged below
     least_share: float  # [-] Of the speed expected
     time_s: float  # [s] That it must last
+    weak_share: float = 0.0  # [-] Of the speed expected, all motors together; 0 never
+    weak_time_s: float = 1.0  # [s]
 
 
 class MotorWatch:
-    """Four rotors; a failed one stays failed until `reset`."""
+    """Four rotors; what has failed stays failed until `reset`."""
 
     def __init__(self, limits: MotorLimits) -> None:
         self.limits = limits
         self.failed = 0  # [-] Bit 0 is motor 1
+        self.weak = False  # All together turn slower than they are told to
         self._bounds = [0.0, 0.0, 0.0, 0.0]
         self._slow_s = [0.0, 0.0, 0.0, 0.0]
+        self._weak_s = 0.0
 
     def reset(self) -> None:
         """Forget all: the motors stand."""
         self.failed = 0
+        self.weak = False
         self._bounds = [0.0, 0.0, 0.0, 0.0]
         self._slow_s = [0.0, 0.0, 0.0, 0.0]
+        self._weak_s = 0.0
 
     def update(self, command: Motors, speed_rpm: Motors, dt: float) -> int:
         """Motors that have failed, as bits, after `dt` seconds with these commands."""
@@ -58,4 +64,13 @@ class MotorWatch:
                     self.failed |= 1 << motor
             else:
                 self._slow_s[motor] = 0.0
+        self._judge_all(command, speed_rpm, dt)
         return self.failed
+
+    def _judge_all(self, command: Motors, speed_rpm: Motors, dt: float) -> None:
+        """Rotors that are all somewhat slow have lost their drive, not their grip."""
+        limits = self.limits
+        slow = sum(speed_rpm) < limits.weak_share * sum(self._bounds)
+        self._weak_s = self._weak_s + dt if slow and not self.failed else 0.0
+        if self._weak_s >= limits.weak_time_s and min(command) >= limits.least_command:
+            self.weak = True

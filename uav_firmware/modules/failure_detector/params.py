@@ -1,6 +1,6 @@
 """Thresholds of the failure detector: PX4's names where PX4 has them.
 
-Names that PX4 does not have: FD_ACT_RPM_FULL, FD_ACT_RPM_SHR.
+Names that PX4 does not have: FD_ACT_RPM_FULL, FD_ACT_RPM_SHR, FD_ACT_RPM_WEAK.
 """
 
 from dataclasses import dataclass
@@ -31,6 +31,10 @@ class FailureDetectorParams:
     least_share: float = param(
         "FD_ACT_RPM_SHR", 0.7, unit="1", minimum=0.1, maximum=0.95,
         short="Share of the expected rotor speed below which a motor is too slow",
+    )  # fmt: skip
+    weak_share: float = param(
+        "FD_ACT_RPM_WEAK", 0.9, unit="1", minimum=0.0, maximum=0.98,
+        short="Share of the expected speed of all rotors, below it the propulsion is weak; 0 never",
     )  # fmt: skip
     roll_deg: float = param(
         "FD_FAIL_R", 60.0, unit="deg", minimum=0.0, maximum=180.0,

@@ -99,6 +99,7 @@ STREAMS: Final[tuple[Stream, ...]] = (
     Stream(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, 5, 10, sensors.gps_raw_int),
     Stream(mavlink.MAVLINK_MSG_ID_SCALED_IMU, 0, 0, sensors.scaled_imu),
     Stream(mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE, 1, 1, sensors.scaled_pressure),
+    Stream(mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR, 0.5, 10, sensors.distance_sensor),
     Stream(mavlink.MAVLINK_MSG_ID_ATTITUDE, 15, 100, pose.attitude),
     Stream(mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION, 10, 50, pose.attitude_quaternion),
     Stream(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 1, 30, pose.local_position_ned),

@@ -31,6 +31,7 @@ from uav_firmware.msg.sensors import (
     SensorGps,
     SensorImu,
     SensorMag,
+    SensorRange,
     SensorTruth,
 )
 from uav_firmware.msg.setpoints import (
@@ -89,6 +90,7 @@ class MavlinkTopics:
     gimbal_status: Topic[GimbalStatus] = field(default_factory=Topic)
     tracking_state: Topic[TrackingState] = field(default_factory=Topic)
     mag: Topic[SensorMag] = field(default_factory=Topic)
+    range_finder: Topic[SensorRange] = field(default_factory=Topic)
     refused_frames: Topic[RefusedFrames] = field(default_factory=Topic)
     log_stream_request: Topic[LogStreamRequest] = field(default_factory=Topic)
     log_stream: Queue[LogStreamChunk] = field(default_factory=Queue)

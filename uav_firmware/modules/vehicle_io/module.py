@@ -10,6 +10,7 @@ from uav_firmware.msg.sensors import (
     SensorGps,
     SensorImu,
     SensorMag,
+    SensorRange,
     SensorTruth,
 )
 
@@ -28,6 +29,7 @@ class VehicleIoModule:
         gps: Topic[SensorGps],
         battery: Topic[SensorBattery],
         esc: Topic[SensorEsc],
+        range_finder: Topic[SensorRange],
         truth: Topic[SensorTruth],
     ) -> None:
         self._vehicle = vehicle
@@ -38,6 +40,7 @@ class VehicleIoModule:
         self._gps = gps
         self._battery = battery
         self._esc = esc
+        self._range_finder = range_finder
         self._truth = truth
 
     def update(self) -> None:
@@ -58,6 +61,8 @@ class VehicleIoModule:
             self._battery.publish(battery)
         if (esc := vehicle.read_esc()) is not None:
             self._esc.publish(esc)
+        if (distance := vehicle.read_range()) is not None:
+            self._range_finder.publish(distance)
 
     def update_truth(self) -> None:
         """Publish the true state of a simulated vehicle, for display only."""

@@ -1,10 +1,11 @@
 """A parameter is written when the vehicle shows the new value, and not before."""
 
+import math
 import random
 import struct
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mavlink_broker.dialect import Message, mavlink
@@ -173,6 +174,8 @@ def test_other_parameters_change_nothing() -> None:
 
 @given(st.integers(-(2**31), 2**31 - 1))
 def test_the_bits_of_an_integer_come_back(value: int) -> None:
+    (as_float,) = struct.unpack("<f", struct.pack("<i", value))
+    assume(not math.isnan(as_float))  # Python hands on a number that is none with other bits
     field = to_field(float(value), INT32, BYTEWISE)
     (on_the_wire,) = struct.unpack("<f", struct.pack("<f", field))
     assert from_field(on_the_wire, INT32, BYTEWISE) == value

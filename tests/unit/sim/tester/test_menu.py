@@ -29,7 +29,10 @@ from sim.tester.screens import (
     Place,
 )
 
-MAIN = "Mission running\n1. Set command as finished\n2. Update position\n3. Set alarm\n4. Update battery level\n5. Update observation info\n------ Enter the action number: "
+MAIN = (
+    "Mission running\n1. Set command as finished\n2. Update position\n3. Set alarm\n"
+    "4. Update battery level\n5. Update observation info\n------ Enter the action number: "
+)
 EQUIPMENT = {
     "1": Alarm.SONAR,
     "2": Alarm.PROPELLERS,

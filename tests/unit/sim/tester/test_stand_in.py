@@ -151,10 +151,11 @@ def test_a_mission_that_was_taken_away_is_gone() -> None:
 
 def test_a_mission_can_be_paused_and_go_on() -> None:
     vehicle = flying()
-    vehicle.hear(command(193, 0.0), 2.0)
-    assert vehicle.mission.state is MissionState.PAUSED
-    vehicle.hear(command(193, 1.0), 2.0)
-    assert vehicle.mission.state is MissionState.ACTIVE
+    states = []
+    for goes_on in (0.0, 1.0):
+        vehicle.hear(command(193, goes_on), 2.0)
+        states.append(vehicle.mission.state)
+    assert states == [MissionState.PAUSED, MissionState.ACTIVE]
 
 
 @pytest.mark.parametrize("number", [20, 21])

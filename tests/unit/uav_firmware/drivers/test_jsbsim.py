@@ -42,6 +42,7 @@ def started(folder: Path, *, world: str = "farm", faults: Path | None = None) ->
         start_time_utc_us=1_780_300_800_000_000,
         faults_path=faults,
         console_folder=folder,
+        pictures=None,
         truth_path=None,
     )
 

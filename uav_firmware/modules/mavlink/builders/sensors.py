@@ -68,6 +68,26 @@ def scaled_pressure(context: Context) -> Message | None:
     )
 
 
+def distance_sensor(context: Context) -> Message | None:
+    """DISTANCE_SENSOR of the range finder; beyond its reach it tells one centimetre more."""
+    sample = context.topics.range_finder.value
+    if sample is None:
+        return None
+    reach_cm = round(sample.maximum_m * 1e2)
+    heard = math.isfinite(sample.distance_m)
+    return mavlink.MAVLink_distance_sensor_message(
+        time_boot_ms=boot_ms(sample.time_us),
+        min_distance=round(sample.minimum_m * 1e2),
+        max_distance=reach_cm,
+        current_distance=uint16(sample.distance_m * 1e2) if heard else reach_cm + 1,
+        type=mavlink.MAV_DISTANCE_SENSOR_LASER,
+        id=0,
+        orientation=mavlink.MAV_SENSOR_ROTATION_PITCH_270,
+        covariance=UINT8_MAX,
+        signal_quality=100 if heard else 1,
+    )
+
+
 _NO_BARO: Final = SensorBaro(time_us=0, pressure_pa=NAN, temperature_c=NAN)
 _NO_MAG: Final = SensorMag(time_us=0, field_frd=(NAN, NAN, NAN))
 

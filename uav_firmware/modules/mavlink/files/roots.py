@@ -3,6 +3,7 @@
 from typing import Final
 
 from uav_firmware.cal.files import Card, FileStore, Place
+from uav_firmware.modules.mavlink.addressing import AUTOPILOT_COMPONENT
 from uav_firmware.modules.mavlink.files import metadata_files
 from uav_firmware.modules.mavlink.files.metadata_files import MetadataFiles
 from uav_firmware.modules.mavlink.files.parameter_files import ParameterFiles
@@ -11,6 +12,8 @@ from uav_firmware.modules.mavlink.files.tree import MountedTree
 CARD: Final[Place] = ("fs", "microsd")
 LOGS: Final[Place] = (*CARD, "log")
 IMAGES: Final[Place] = (*CARD, "image")
+IMAGES_URL: Final = f"mftp://[;comp={AUTOPILOT_COMPONENT}]/{'/'.join(IMAGES)}"
+"""URL of that folder for a peer that hears of it from the camera, which serves no files itself."""
 LOGS_BY_SERVICE: Final[Place] = ("@MAV_LOG",)
 PARAMETERS: Final[Place] = ("@PARAM",)
 

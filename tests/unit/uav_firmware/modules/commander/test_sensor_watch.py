@@ -1,7 +1,11 @@
 """The SYS_STATUS bits that ground stations judge the vehicle by."""
 
+import pytest
+
 from tests.support.toy_vehicle import ToyVehicle, takeoff, waypoint
 from uav_firmware.modules.commander.sensor_watch import SensorBit
+from uav_firmware.msg.failure import FailureDetectorStatus
+from uav_firmware.msg.sensors import SensorRange
 
 
 def fence_kept(vehicle: ToyVehicle) -> bool:
@@ -42,3 +46,54 @@ def test_a_breach_in_flight_shows_and_goes_away() -> None:
     assert not fence_kept(vehicle)
     vehicle.registry.set("GF_MAX_HOR_DIST", 0.0)
     assert fence_kept(vehicle)
+
+
+def ill(vehicle: ToyVehicle) -> int:
+    """What is present, in use and not healthy."""
+    vehicle.run(0.5)
+    status = vehicle.status.value
+    assert status is not None
+    return status.sensors_present & status.sensors_enabled & ~status.sensors_health
+
+
+@pytest.mark.parametrize(
+    ("failed_motors", "weak", "bit"),
+    [
+        (0, False, 0),
+        (0b0010, False, SensorBit.MOTOR_OUTPUTS),
+        (0b0110, False, SensorBit.PROPULSION),
+        (0, True, SensorBit.PROPULSION),
+    ],
+)
+def test_a_failed_motor_is_a_part_and_more_of_them_are_the_propulsion(
+    failed_motors: int, weak: bool, bit: int
+) -> None:
+    vehicle = ToyVehicle()
+    vehicle.run(1.0)
+    vehicle.failure.publish(
+        FailureDetectorStatus(vehicle.now_us, False, False, failed_motors, weak)
+    )
+    both = SensorBit.MOTOR_OUTPUTS | SensorBit.PROPULSION
+    assert ill(vehicle) & both == bit
+
+
+def test_a_range_finder_is_present_once_heard_and_ill_when_silent() -> None:
+    vehicle = ToyVehicle()
+    vehicle.run(1.0)
+    assert vehicle.status.value is not None
+    assert not vehicle.status.value.sensors_present & SensorBit.LASER_POSITION
+    vehicle.range_finder.publish(SensorRange(vehicle.now_us, 1.0, 0.1, 40.0))
+    assert not ill(vehicle) & SensorBit.LASER_POSITION
+    vehicle.run(5.0)
+    assert ill(vehicle) & SensorBit.LASER_POSITION
+
+
+def test_who_has_a_fix_and_no_position_has_lost_the_estimate() -> None:
+    vehicle = ToyVehicle()
+    vehicle.run(1.0)
+    assert not ill(vehicle) & SensorBit.AHRS
+    vehicle.position_valid = False
+    assert ill(vehicle) & SensorBit.AHRS
+    vehicle.fix_type = 1
+    assert not ill(vehicle) & SensorBit.AHRS
+    assert ill(vehicle) & SensorBit.GPS

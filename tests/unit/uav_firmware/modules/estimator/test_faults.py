@@ -161,6 +161,22 @@ def test_an_outlier_that_stays_is_believed_in_the_end() -> None:
     assert StatusFlag.GPS_GLITCH not in flags(rig)
 
 
+def test_a_receiver_that_repeats_itself_is_not_believed() -> None:
+    held: list[SensorGps] = []
+
+    def frozen(readings: Readings) -> Readings:
+        if readings.gps is None:
+            return readings
+        held.append(readings.gps)
+        return readings._replace(gps=held[0]._replace(time_us=readings.gps.time_us))
+
+    rig = Rig()
+    last = fly(rig, 25.0, frozen, between_s=(20.0, INF))
+    assert np.abs(rig.position_error(last.truth)[:2]).max() < 5.0
+    last = fly(rig, 50.0, frozen, between_s=(20.0, INF))
+    assert not rig.position.position_valid
+
+
 def test_a_spinning_compass_is_gated_and_heading_kept() -> None:
     def swapped(readings: Readings) -> Readings:
         mag = readings.mag

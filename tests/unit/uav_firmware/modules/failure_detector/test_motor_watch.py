@@ -10,7 +10,9 @@ from uav_firmware.modules.failure_detector.motor_watch import MotorLimits, Motor
 from uav_firmware.msg.vectors import Motors
 
 DT = 0.008
-LIMITS = MotorLimits(full_speed_rpm=10650.0, least_command=0.2, least_share=0.7, time_s=0.024)
+LIMITS = MotorLimits(
+    full_speed_rpm=10650.0, least_command=0.2, least_share=0.7, time_s=0.024, weak_share=0.9
+)
 HOVER: Motors = (0.42, 0.42, 0.42, 0.42)
 
 
@@ -25,12 +27,13 @@ class Rotors:
         self.watch = MotorWatch(LIMITS)
         self.speeds = [0.0] * 4
         self.dead: set[int] = set()
+        self.grip = 1.0  # Share of the speed that all of them reach
 
     def run(self, seconds: float, command: Motors, lag_s: float = 0.056) -> int:
         failed = 0
         for _ in range(round(seconds / DT)):
             for motor in range(4):
-                goal = 0.0 if motor in self.dead else steady_rpm(command[motor])
+                goal = 0.0 if motor in self.dead else self.grip * steady_rpm(command[motor])
                 self.speeds[motor] += (goal - self.speeds[motor]) * (1.0 - math.exp(-DT / lag_s))
             one, two, three, four = self.speeds
             failed = self.watch.update(command, (one, two, three, four), DT)
@@ -45,6 +48,24 @@ def test_a_stopping_motor_is_named_within_a_tenth_of_a_second(motor: int) -> Non
     assert rotors.run(0.1, HOVER) == 1 << motor
 
 
+def test_rotors_that_are_all_somewhat_slow_are_a_weak_propulsion_and_no_failed_motor() -> None:
+    rotors = Rotors()
+    rotors.run(1.0, HOVER)
+    assert not rotors.watch.weak
+    rotors.grip = 0.8
+    rotors.run(2.0, HOVER)
+    assert rotors.watch.weak
+    assert rotors.watch.failed == 0
+
+
+def test_one_slow_rotor_is_no_weak_propulsion() -> None:
+    rotors = Rotors()
+    rotors.run(1.0, HOVER)
+    rotors.dead.add(1)
+    rotors.run(3.0, HOVER)
+    assert not rotors.watch.weak
+
+
 @given(
     commands=st.lists(st.tuples(*[st.floats(0.0, 1.0)] * 4), min_size=1, max_size=40),
     lag_s=st.floats(0.02, 0.1),
@@ -53,6 +74,7 @@ def test_no_commands_make_a_healthy_motor_fail(commands: list[Motors], lag_s: fl
     rotors = Rotors()
     for command in commands:
         assert rotors.run(0.04, command, lag_s) == 0
+        assert not rotors.watch.weak
 
 
 def test_a_motor_that_is_hardly_commanded_is_not_judged() -> None:

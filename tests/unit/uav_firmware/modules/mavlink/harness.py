@@ -39,7 +39,14 @@ from uav_firmware.msg.payload import (
     TrackingState,
     TrackingStatus,
 )
-from uav_firmware.msg.sensors import SensorBaro, SensorBattery, SensorGps, SensorImu, SensorTruth
+from uav_firmware.msg.sensors import (
+    SensorBaro,
+    SensorBattery,
+    SensorGps,
+    SensorImu,
+    SensorRange,
+    SensorTruth,
+)
 from uav_firmware.msg.setpoints import (
     TrajectorySetpoint,
     VehicleAttitudeSetpoint,
@@ -203,6 +210,7 @@ def flying_topics() -> MavlinkTopics:
     )
     topics.imu.publish(SensorImu(0, ZERO, (0.0, 0.0, -9.81)))
     topics.baro.publish(SensorBaro(0, 93_000.0, 21.5))
+    topics.range_finder.publish(SensorRange(0, 10.0, 0.1, 40.0))
     topics.battery.publish(SensorBattery(0, 11.8, 14.5, 1.2, 5.0, 0.76))
     topics.vehicle_status.publish(status(armed=True))
     topics.land_detected.publish(

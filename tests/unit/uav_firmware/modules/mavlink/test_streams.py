@@ -29,7 +29,7 @@ from uav_firmware.modules.mavlink.topics import MavlinkTopics
 from uav_firmware.msg.control_mode import ManualControlSetpoint
 from uav_firmware.msg.estimate import VehicleAttitude
 from uav_firmware.msg.mission import Mission, MissionItem, MissionProgress
-from uav_firmware.msg.sensors import SensorMag
+from uav_firmware.msg.sensors import SensorMag, SensorRange
 from uav_firmware.msg.status import LandDetected, LandedState, NavigationState
 
 THRESHOLDS = BatteryThresholds(low=0.15, critical=0.07, emergency=0.05)
@@ -373,6 +373,16 @@ def test_every_stream_builds_and_packs() -> None:
         payload = pack(stream.builder(context(topics)))
         assert payload.message_id == stream.message_id
         assert frame(payload, 0, 7, 1) == message.pack(mavlink.MAVLink(None, 7, 1))
+
+
+def test_beyond_its_reach_a_range_finder_tells_more_than_its_most() -> None:
+    topics = flying_topics()
+    near = built("DISTANCE_SENSOR", topics)
+    assert (near.current_distance, near.min_distance, near.max_distance) == (1000, 10, 4000)
+    topics.range_finder.publish(SensorRange(0, math.nan, 0.1, 40.0))
+    far = built("DISTANCE_SENSOR", topics)
+    assert far.current_distance > far.max_distance
+    assert far.signal_quality < near.signal_quality
 
 
 def test_an_orbit_is_told_with_its_signed_radius_and_only_while_it_lasts() -> None:

@@ -36,6 +36,7 @@ RIVAL = Controller(42, 191)
 MISSION = Controller(0, 0)
 LATITUDE_DEG, LONGITUDE_DEG, ALTITUDE_M = 40.4434, -3.7382, 650.0
 NAN = math.nan
+IMAGES_URL = "mftp://[;comp=1]/card/image"
 
 
 class Bench:
@@ -74,6 +75,7 @@ class Bench:
             gimbal_status=self.gimbal,
             tracking_state=self.tracking,
             device=device,
+            images_url=IMAGES_URL,
         )
         for name, value in params.items():
             self.registry.set(name, value)

@@ -14,7 +14,6 @@ from tests.unit.uav_firmware.modules.payload.bench import (
     RIVAL,
     Bench,
 )
-from uav_firmware.cal.camera import Exposure, Picture
 from uav_firmware.lib.rotation import from_euler
 from uav_firmware.msg.payload import CaptureLogReset, ImageStatus, PayloadCommand
 from uav_firmware.msg.status import CommandResult, NavigationState
@@ -261,48 +260,6 @@ def test_video_counts_its_time_and_runs_once() -> None:
     assert bench.ask(VIDEO_STOP) == ACCEPTED
     assert bench.seen.recording_since_us == -1
     assert bench.ask(VIDEO_STOP) == ACCEPTED
-
-
-class Device:
-    """A camera that stores pictures, or fails."""
-
-    def __init__(self, *, works: bool) -> None:
-        self.works = works
-        self.exposures: list[Exposure] = []
-        self.erased = 0
-
-    def expose(self, exposure: Exposure) -> Picture:
-        self.exposures.append(exposure)
-        if not self.works:
-            raise OSError("no shutter")
-        return Picture(f"mftp:///fs/microsd/image/{exposure.image_index}.jpg", 1 << 20)
-
-    def erase(self) -> None:
-        self.erased += 1
-
-
-def test_a_device_gives_the_picture_its_file_and_its_size() -> None:
-    device = Device(works=True)
-    bench = Bench(device=device)
-    bench.ask(START, 0, 0, 1)
-    (picture,) = bench.pictures()
-    assert picture.file_url == "mftp:///fs/microsd/image/0.jpg"
-    assert bench.seen.used_mib == 1.0
-    (exposure,) = device.exposures
-    assert exposure.time_utc_us == 1_700_000_000_000_000 + picture.time_us
-    assert (exposure.lens.width_px, exposure.lens.height_px) == (2048, 1536)
-    bench.run(1.0)
-    bench.ask(FORMAT, 1, 1)
-    assert device.erased == 1
-
-
-def test_a_device_that_fails_gives_a_failed_picture() -> None:
-    bench = Bench(device=Device(works=False))
-    bench.ask(START, 0, 0, 1)
-    (picture,) = bench.pictures()
-    assert not picture.succeeded
-    assert picture.file_url == ""
-    assert "no shutter" in bench.said()
 
 
 def test_an_unknown_place_is_told_as_unknown() -> None:

@@ -8,6 +8,7 @@ from uav_firmware.msg.sensors import (
     SensorGps,
     SensorImu,
     SensorMag,
+    SensorRange,
     SensorTruth,
 )
 from uav_firmware.msg.vectors import Motors
@@ -47,6 +48,9 @@ class Hardware:
     def read_battery(self) -> SensorBattery | None:
         return None
 
+    def read_range(self) -> SensorRange | None:
+        return None
+
     def read_esc(self) -> SensorEsc | None:
         return None
 
@@ -75,6 +79,7 @@ class Vehicle:
             gps=Topic(),
             battery=Topic(),
             esc=Topic(),
+            range_finder=Topic(),
             truth=self.truth,
         )
 
