@@ -68,9 +68,9 @@ class Ground:
         """Whether an address is on a forwarding link."""
         return address.link >= self._first
 
-    def is_watched(self, now: float) -> bool:
-        """Whether a ground station has spoken lately."""
-        return self._gateway.is_watched(now)
+    def asked_of(self, system: int, now: float) -> Collection[int] | None:
+        """Messages that ground stations have asked a vehicle for; None: nobody watches."""
+        return self._gateway.asked_of(system, now)
 
     def show(self, message: Message, now: float) -> None:
         """Let every ground station have a vehicle's message."""

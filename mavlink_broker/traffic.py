@@ -6,7 +6,7 @@ and signed with the vehicle's key.
 """
 
 import logging
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from datetime import datetime
 from typing import Final, Protocol
 
@@ -104,9 +104,9 @@ class Traffic:
             marks = None if signing is None else signing.for_sending()
             self._send(address, self._encoder(address).encode(message, marks))
 
-    def is_watched(self) -> bool:
-        """Whether a ground station has spoken lately."""
-        return self._ground.is_watched(self._clock.monotonic())
+    def asked_of(self, system: int, now: float) -> Collection[int] | None:
+        """Messages that ground stations have asked a vehicle for; None: nobody watches."""
+        return self._ground.asked_of(system, now)
 
     def close(self) -> None:
         """Write down what has not been yet."""

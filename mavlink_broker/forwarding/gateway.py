@@ -11,13 +11,15 @@ from typing import Final
 from mavlink_broker.codec import encoded_as
 from mavlink_broker.dialect import Message, Source, mavlink, source_of
 from mavlink_broker.forwarding.numbering import Numbering
-from mavlink_broker.forwarding.policy import answers_as, judge, target_of
+from mavlink_broker.forwarding.policy import answers_as, is_message_id, judge, target_of
 from mavlink_broker.forwarding.refusals import Refusals
 from mavlink_broker.forwarding.verdict import Answer, Later, Pass, Refuse, Tenure
 from mavlink_broker.frames import unsigned
 
 WATCHED_S: Final = 10.0
 """So long after his last word somebody is taken to be watching."""
+ASKED_KEPT: Final = 500
+"""Kinds of messages; there are no more that a vehicle could send."""
 
 
 @dataclass(slots=True)
@@ -46,11 +48,19 @@ class Gateway:
         self._may_command = may_command
         self._numbering = Numbering()
         self._heard_at: float | None = None
+        self._asked: dict[int, set[int]] = {}
         self.refusals = Refusals()
 
     def is_watched(self, now: float) -> bool:
         """Whether a ground station has spoken lately."""
         return self._heard_at is not None and now - self._heard_at <= WATCHED_S
+
+    def asked_of(self, system: int, now: float) -> Collection[int] | None:
+        """Messages that somebody watching has asked a vehicle for; None: nobody watches."""
+        if not self.is_watched(now):
+            self._asked.clear()
+            return None
+        return self._asked.get(system, ())
 
     def from_vehicle(self, message: Message) -> bytes | None:
         """Give the unsigned copy of a vehicle's frame; None if it is the broker's alone."""
@@ -81,6 +91,7 @@ class Gateway:
         to_whom = Source(system, getattr(message, "target_component", 0))
         match judge(message, tenure, self._lived_on_us):
             case Pass():
+                self._note(message, system)
                 crossing.to_vehicles.append((to_whom, bytes(message.get_msgbuf())))
             case Answer(answer):
                 crossing.to_ground.append(self._said_as(answerer, answer))
@@ -93,6 +104,14 @@ class Gateway:
                     frame = encoded_as(instead, source_of(message), message.get_seq())
                     crossing.to_vehicles.append((to_whom, frame))
                 self._explain(message, answerer, crossing, now)
+
+    def _note(self, message: Message, system: int) -> None:
+        """Remember which message was asked for: how often it comes is his affair now."""
+        command = getattr(message, "command", None)
+        if command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL and is_message_id(message.param1):
+            asked = self._asked.setdefault(system, set())
+            if len(asked) < ASKED_KEPT:
+                asked.add(int(message.param1))
 
     def _explain(self, message: Message, answerer: Source, crossing: Crossing, now: float) -> None:
         sentence = self.refusals.add(message, answerer.system, now)

@@ -56,8 +56,8 @@ def _judge_command(message: Message, tenure: Tenure, lived_on_us: Mapping[int, f
 
 def _judge_interval(message: Message, lived_on_us: Mapping[int, float]) -> Verdict:
     """Let nothing that the broker lives on become slower; it is accepted, for it comes."""
-    is_number = 0.0 <= message.param1 <= LARGEST_MESSAGE_ID
-    ours_us = lived_on_us.get(int(message.param1)) if is_number else None
+    number = message.param1
+    ours_us = lived_on_us.get(int(number)) if is_message_id(number) else None
     is_camera = message.target_component not in {0, mavlink.MAV_COMP_ID_AUTOPILOT1}
     if ours_us is None or is_camera or 0.0 < message.param2 <= ours_us:
         return Pass()
@@ -120,6 +120,11 @@ def _file_refusal(message: Message) -> Message:
 
 def _name(text: str) -> bytes:
     return text.encode("ascii", "replace")
+
+
+def is_message_id(number: float) -> bool:
+    """Whether a command's parameter can be the number of a message."""
+    return 0.0 <= number <= LARGEST_MESSAGE_ID
 
 
 def target_of(message: Message) -> int:

@@ -12,6 +12,7 @@ that knows no SET_MESSAGE_INTERVAL is asked by REQUEST_DATA_STREAM(66), by group
 """
 
 import math
+from collections.abc import Collection
 from typing import Final, NamedTuple
 
 from mavlink_broker.dialect import Message, mavlink
@@ -23,6 +24,7 @@ from mavlink_broker.protocol.command import (
 )
 from mavlink_broker.protocol.round_trip import RoundTrip
 from mavlink_broker.protocol.route import Route
+from mavlink_broker.protocol.watched import RATES_HZ, Watched
 
 
 class Stream(NamedTuple):
@@ -31,6 +33,7 @@ class Stream(NamedTuple):
     name: str
     message_id: int
     rate_hz: float
+    flows: bool = True  # Else it need not come again once it is known
 
     @property
     def patience_s(self) -> float:
@@ -58,7 +61,7 @@ STREAMS: Final = (
     Stream("ATTITUDE", mavlink.MAVLINK_MSG_ID_ATTITUDE, 5.0),
     Stream("SYS_STATUS", mavlink.MAVLINK_MSG_ID_SYS_STATUS, 1.0),
     Stream("BATTERY_STATUS", mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, 1.0),
-    Stream("HOME_POSITION", mavlink.MAVLINK_MSG_ID_HOME_POSITION, 0.5),
+    Stream("HOME_POSITION", mavlink.MAVLINK_MSG_ID_HOME_POSITION, 0.5, flows=False),
 )
 """What is wanted, the most urgent first; nothing that a slow radio could not carry."""
 
@@ -114,11 +117,13 @@ class StreamRequests:
         self._round_trip = round_trip
         self._turns_off = turns_off
         self._heard_at: dict[str, float] = {}
+        self._watched = Watched()
         self.renew()
 
     def renew(self) -> None:
         """Ask for everything again: the vehicle has been restarted, or was long out of reach."""
         self._heard_at.clear()
+        self._watched.renew()
         self._asked_at: dict[str, float] = {}
         self._pause_s: dict[str, float] = {}
         self._running: CommandTransaction | None = None
@@ -128,6 +133,15 @@ class StreamRequests:
         self._version_asked = 0
         self._version_asked_at = -math.inf
 
+    def watch(self, asked_elsewhere: Collection[int] | None) -> None:
+        """Learn that ground stations watch, and what they have asked for; None: nobody does.
+
+        When the last one has gone the rates are set back: he may have had them faster.
+        """
+        if self._watched.update(asked_elsewhere) and not self._watched.by_somebody:
+            for stream in STREAMS:
+                self._asked_at.pop(stream.name, None)
+
     @property
     def is_version_settled(self) -> bool:
         """Whether AUTOPILOT_VERSION has come, or has been asked for often enough."""
@@ -135,7 +149,9 @@ class StreamRequests:
 
     def overdue(self, now: float) -> tuple[str, ...]:
         """Names of the messages that were asked for and have not come in time."""
-        return tuple(stream.name for stream in STREAMS if self._is_overdue(stream, now))
+        return tuple(
+            stream.name for stream in STREAMS if stream.flows and self._is_overdue(stream, now)
+        )
 
     def receive(self, message: Message, now: float) -> list[Message]:
         """Take a message or an answer."""
@@ -164,8 +180,13 @@ class StreamRequests:
         for stream in STREAMS:
             if self._is_wanted(stream, now):
                 return self._ask(stream.name, stream.request, now)
-        for name, message_id in UNREAD.items() if self._turns_off and self._accepted else ():
-            if self._is_to_stop(name, now):
+        if not self._accepted:
+            return []
+        if (shown := self._watched.take_next()) is not None:
+            name = mavlink.mavlink_map[shown].msgname
+            return self._ask(name, set_interval(shown, 1e6 / RATES_HZ[shown]), now)
+        for name, message_id in UNREAD.items() if self._turns_off else ():
+            if self._is_to_stop(name, now) and not self._watched.keeps(message_id):
                 return self._ask(name, set_interval(message_id, _OFF_US), now)
         return []
 
@@ -211,7 +232,7 @@ class StreamRequests:
         """Ask an autopilot of the older kind, as long as something is missing."""
         if not self._knows_no_intervals or now - self._groups_at <= ASK_AGAIN_S:
             return []
-        if not any(self._is_overdue(stream, now) for stream in STREAMS):
+        if not self.overdue(now):
             return []
         self._groups_at = now
         target = self._route.target_system, self._route.target_component
