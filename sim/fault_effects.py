@@ -85,7 +85,6 @@ class FaultEffects:
             baro=self._baro(readings.baro),
             mag=None if Kind.MAG_LOSS in kinds else self._mag(readings.mag),
             gps=self._gps(readings.gps),
-            range=None if Kind.RANGEFINDER_LOSS in kinds else readings.range,
         )
 
     def _imu(self, imu: ImuReading) -> ImuReading:
@@ -139,7 +138,6 @@ _ON_READINGS: Final = frozenset(
         Kind.GYRO_BIAS,
         Kind.ACCEL_LOSS,
         Kind.ACCEL_BIAS,
-        Kind.RANGEFINDER_LOSS,
     }
 )
 

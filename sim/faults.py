@@ -40,7 +40,6 @@ class Kind(StrEnum):
     GYRO_BIAS = "gyro_bias"
     ACCEL_LOSS = "accel_loss"
     ACCEL_BIAS = "accel_bias"
-    RANGEFINDER_LOSS = "rangefinder_loss"
     MOTOR_LOSS = "motor_loss"
     BATTERY_CELL_FAILURE = "battery_cell_failure"
     BATTERY_LOW = "battery_low"
@@ -92,7 +91,6 @@ FIELDS: Final[Mapping[Kind, Mapping[str, Field]]] = MappingProxyType(
             "y_m_s2": _COMPONENT_M_S2,
             "z_m_s2": _COMPONENT_M_S2,
         },
-        Kind.RANGEFINDER_LOSS: {},
         Kind.MOTOR_LOSS: {
             "motor": Field(None, 1, 4, whole=True),
             "efficiency": Field(0.0, 0.0, 1.0),

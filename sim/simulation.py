@@ -106,6 +106,11 @@ class Simulation:
         """Whether a fault cuts the vehicle off from its peers."""
         return self._effects.link_lost
 
+    @property
+    def camera_failed(self) -> bool:
+        """Whether a fault keeps the camera from exposing."""
+        return self._effects.camera_failed
+
     def add_fault(self, fault: Fault) -> None:
         """Let something break, now or later."""
         self._faults.add(fault)

@@ -16,12 +16,13 @@ from uav_firmware.cal.storage import Storage
 from uav_firmware.cal.vehicle import Vehicle
 from uav_firmware.config import ConfigError, Endpoint, VehicleConfig
 from uav_firmware.drivers.address_book import AddressBook
+from uav_firmware.drivers.file_room import Room
 from uav_firmware.drivers.file_storage import FileStorage
 from uav_firmware.drivers.jammed_link import JammedLink
 from uav_firmware.drivers.key_file import KeyFileError, read_key
 from uav_firmware.drivers.log_folder import LogFolder
 from uav_firmware.drivers.named_link import NamedLink
-from uav_firmware.drivers.storage_card import storage_card
+from uav_firmware.drivers.storage_card import image_folder, image_tree, storage_card
 from uav_firmware.drivers.udp_link import UdpLink
 
 _VEHICLES_PER_SEED = 256  # vehicles of one seed must not share their noise
@@ -54,14 +55,14 @@ def build_hardware(config: VehicleConfig, start_time_utc_us: int) -> Hardware:
     """
     link = bind_link(config)
     try:
-        vehicle = build_vehicle(config, start_time_utc_us)
-        logs = LogFolder(config.folder / "log")
+        logs, images = LogFolder(config.folder / "log"), image_tree(config.folder)
+        vehicle = build_vehicle(config, start_time_utc_us, images.room)
         return Hardware(
             vehicle=vehicle,
             link=JammedLink(link, vehicle) if isinstance(vehicle, FaultInjector) else link,
             storage=FileStorage(config.folder),
             log_store=logs,
-            card=storage_card(config.folder, logs),
+            card=storage_card(config.folder, logs, images),
         )
     except BaseException:
         link.close()
@@ -86,8 +87,10 @@ def bind_link(config: VehicleConfig) -> UdpLink:
         ) from error
 
 
-def build_vehicle(config: VehicleConfig, start_time_utc_us: int) -> Vehicle:
-    """Make the vehicle's driver.
+def build_vehicle(
+    config: VehicleConfig, start_time_utc_us: int, images: Room | None = None
+) -> Vehicle:
+    """Make the vehicle's driver; its camera's pictures count in `images`, without it has none.
 
     Raises:
         ConfigError: if the driver does not exist or refuses its configuration.
@@ -95,7 +98,10 @@ def build_vehicle(config: VehicleConfig, start_time_utc_us: int) -> Vehicle:
     """
     if config.driver != "jsbsim":
         raise ConfigError(f"--driver: there is no driver {config.driver!r}")
-    from uav_firmware.drivers.jsbsim import simulated_vehicle  # noqa: PLC0415  # only when named
+    from uav_firmware.drivers.jsbsim import (  # noqa: PLC0415  # only when named
+        Pictures,
+        simulated_vehicle,
+    )
 
     home = config.home
     try:
@@ -113,6 +119,9 @@ def build_vehicle(config: VehicleConfig, start_time_utc_us: int) -> Vehicle:
             start_time_utc_us=start_time_utc_us,
             faults_path=config.faults,
             console_folder=config.folder,
+            pictures=None
+            if images is None
+            else Pictures(image_folder(config.folder), images, in_step=config.speed == 0.0),
             truth_path=config.folder / "truth.csv" if config.truth else None,
         )
     except ValueError as error:

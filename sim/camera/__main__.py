@@ -9,7 +9,7 @@ import signal
 import sys
 from typing import Final
 
-from sim.camera.develop import develop
+from sim.camera.develop import Stored, develop
 from sim.camera.order import from_line
 
 _NICENESS: Final = 5
@@ -21,11 +21,12 @@ def main() -> int:
     os.nice(_NICENESS)
     for line in sys.stdin:
         order = from_line(line)
+        stored, reason = Stored(0, 0), ""
         try:
-            answer = {"number": order.number, "size_bytes": develop(order), "error": ""}
+            stored = develop(order)
         except OSError as error:
             reason = error.strerror or str(error)
-            answer = {"number": order.number, "size_bytes": 0, "error": reason}
+        answer = {"number": order.number, **stored._asdict(), "error": reason}
         print(json.dumps(answer), flush=True)
     return 0
 

@@ -28,7 +28,8 @@ class Developed(NamedTuple):
     """What became of an order."""
 
     number: int
-    size_bytes: int
+    size_bytes: int  # [B] Of all files together
+    files: int
     error: str  # A sentence; empty for success
 
 
@@ -95,7 +96,7 @@ class Darkroom:
 
     def _died(self) -> list[Developed]:
         """Every pending picture is lost with the process; the next order starts another."""
-        lost = [Developed(number, 0, "the camera has stopped") for number in self._pending]
+        lost = [Developed(number, 0, 0, "the camera has stopped") for number in self._pending]
         self.close()
         return lost
 

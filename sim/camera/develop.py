@@ -2,7 +2,7 @@
 
 import io
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from PIL import Image as PillowImage
 
@@ -17,8 +17,15 @@ _THUMBNAIL_QUALITY: Final = 78
 _INDEX_SCALE: Final = "NDVI = value / 127.5 - 1; 0 is no ground"
 
 
-def develop(order: Order) -> int:
-    """Store the picture, its small copy and the second one; gives the bytes of all of them.
+class Stored(NamedTuple):
+    """What has been written."""
+
+    size_bytes: int  # [B] Together
+    files: int
+
+
+def develop(order: Order) -> Stored:
+    """Store the picture, its small copy and, where it is wanted, the second one.
 
     Raises:
         OSError: if a file cannot be written; then none of them is there.
@@ -36,7 +43,7 @@ def develop(order: Order) -> int:
         for done in written:
             done.unlink(missing_ok=True)
         raise
-    return sum(map(len, files.values()))
+    return Stored(sum(map(len, files.values())), len(files))
 
 
 def _picture(order: Order, image: Image) -> bytes:

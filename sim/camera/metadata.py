@@ -54,6 +54,7 @@ def exif(belief: Belief, lens: Lens, number: int, description: str = "") -> byte
         tags[0x010E] = description
     details = tags.get_ifd(_EXIF_IFD)
     _add_time(tags, details, belief.time_utc_us)
+    details[0x9000], details[0xA001] = b"0232", 1  # ExifVersion; ColorSpace: sRGB
     details[0x829A] = IFDRational(1, 800)  # ExposureTime
     details[0x829D] = IFDRational(28, 10)  # FNumber
     details[0x8827] = 100  # ISO speed

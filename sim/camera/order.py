@@ -76,10 +76,12 @@ def from_line(line: str) -> Order:
         for name in ("q_ned_camera", "q_ned_frd"):
             belief[name] = tuple(belief[name])
         latitude, longitude, altitude, q = fields.pop("pose")
+        lens, origin = Lens(*fields.pop("lens")), tuple(fields.pop("farm_origin"))
         return Order(
-            **{**fields, "farm_origin": tuple(fields["farm_origin"])},
+            **fields,
+            farm_origin=origin,
             pose=Pose(latitude, longitude, altitude, tuple(q)),
-            lens=Lens(*fields.pop("lens")),
+            lens=lens,
             belief=Belief(**belief),
         )
     except (ValueError, TypeError, KeyError, AttributeError) as error:

@@ -1,14 +1,30 @@
-"""What takes the pictures, where a vehicle has something that does."""
+"""What takes the pictures, where a vehicle has something that does.
 
-from typing import NamedTuple, Protocol
+A picture is exposed at once and stored a while later; the camera can expose again meanwhile, up
+to what its memory holds. Every exposure has one outcome, in the order of the exposures.
+"""
 
+from collections.abc import Sequence
+from enum import IntEnum
+from typing import NamedTuple, Protocol, runtime_checkable
+
+from uav_firmware.cal.files import Place
 from uav_firmware.msg.payload import CameraLens
 from uav_firmware.msg.vectors import Quaternion
+
+
+class SecondPicture(IntEnum):
+    """What is stored beside each picture."""
+
+    NONE = 0
+    NEAR_INFRARED = 1
+    VEGETATION_INDEX = 2  # NDVI
 
 
 class Exposure(NamedTuple):
     """How and where a picture is taken, as the vehicle believes; written into the picture."""
 
+    time_us: int  # [us] Since boot
     time_utc_us: int  # [us since 1970] 0 unknown
     image_index: int  # [-] In the log of captures
     lens: CameraLens
@@ -17,28 +33,62 @@ class Exposure(NamedTuple):
     altitude_amsl_m: float  # [m]
     relative_altitude_m: float  # [m] Above home
     q_ned_camera: Quaternion  # [-] Optical axis forward, right, down to NED
+    q_ned_frd: Quaternion  # [-] Attitude of the vehicle that the gimbal works against
+    second: SecondPicture
 
 
 class Picture(NamedTuple):
     """A picture that has been stored."""
 
-    file_url: str  # Where it can be fetched
-    size_bytes: int
+    place: Place  # In the card's folder of pictures
+    size_bytes: int  # [B] With all that is stored beside it
+
+
+class Outcome(NamedTuple):
+    """What became of an exposure."""
+
+    image_index: int  # [-] That of the exposure
+    picture: Picture | None  # None if it could not be stored
+    reason: str = ""  # Why it could not
 
 
 class CameraDevice(Protocol):
     """A camera with its storage."""
 
-    def expose(self, exposure: Exposure) -> Picture:
-        """Take and store a picture.
+    @property
+    def is_ready(self) -> bool:
+        """Whether its memory has room for one more exposure."""
+
+    @property
+    def used_bytes(self) -> int:
+        """Room that the stored pictures take [B].
 
         Raises:
-            OSError: if the camera or its storage fails; nothing is stored then.
+            OSError: if the storage cannot be read.
         """
 
+    def expose(self, exposure: Exposure) -> None:
+        """Take a picture; its outcome comes by `collect`.
+
+        Raises:
+            OSError: if the camera fails; there is no outcome then.
+        """
+
+    def collect(self, now_us: int) -> Sequence[Outcome]:
+        """Outcomes that have come since the last call."""
+
     def erase(self) -> None:
-        """Remove all pictures.
+        """Remove all pictures; called when no outcome is due.
 
         Raises:
             OSError: if the storage refuses.
         """
+
+
+@runtime_checkable
+class CameraCarrier(Protocol):
+    """A vehicle with a camera; a driver may implement it beside `Vehicle`."""
+
+    @property
+    def camera(self) -> CameraDevice | None:
+        """The camera; None if this one has none."""

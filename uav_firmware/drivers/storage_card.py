@@ -11,10 +11,20 @@ FILES_FOLDER: Final = "files"
 IMAGE_FOLDER: Final = "image"
 
 
-def storage_card(folder: Path, logs: LogFolder) -> Card:
+def image_folder(folder: Path) -> Path:
+    """Where a vehicle's camera stores its pictures."""
+    return folder / IMAGE_FOLDER
+
+
+def image_tree(folder: Path) -> FileTree:
+    """The pictures of a vehicle, to read and to remove."""
+    return FileTree(image_folder(folder), may_write=False)
+
+
+def storage_card(folder: Path, logs: LogFolder, images: FileTree) -> Card:
     """The card in a vehicle's folder; a log that is being written cannot be removed."""
     return Card(
         files=FileTree(folder / FILES_FOLDER),
         logs=FileTree(logs.folder, may_write=False, is_in_use=logs.is_being_written),
-        images=FileTree(folder / IMAGE_FOLDER, may_write=False),
+        images=images,
     )

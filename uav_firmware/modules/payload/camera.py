@@ -46,6 +46,7 @@ class Camera:
         self.mode = CameraMode.IMAGE
         self.recording_since_us = -1
         self.report_interval_us = 0
+        self.memory_full = False  # The device cannot expose before it has stored something
         self._waiting = 0  # Pictures to take as soon as possible
         self._series: _Series | None = None
         self._ready_us = 0  # When the next exposure is possible
@@ -96,7 +97,7 @@ class Camera:
 
     def expose_in_panorama(self, now_us: int) -> bool:
         """Expose if the camera is ready; whether it did."""
-        if now_us < self._ready_us:
+        if self.memory_full or now_us < self._ready_us:
             return False
         self._ready_us = now_us + EXPOSURE_US
         return True
@@ -130,7 +131,11 @@ class Camera:
             mission_flown: what a mission began goes on.
         """
         self._exposing = now_us < self._ready_us
-        if self._exposing or self.state in {CameraState.IDLE, CameraState.PANORAMA}:
+        if (
+            self.memory_full
+            or self._exposing
+            or self.state in {CameraState.IDLE, CameraState.PANORAMA}
+        ):
             return False
         series = self._series
         if self._waiting:

@@ -124,7 +124,8 @@ def _format(command: VehicleCommand, parts: Parts, situation: Situation) -> Outc
     if not (erases or resets):
         return ACCEPTED
     camera = parts.camera
-    if camera.state is not CameraState.IDLE or camera.recording_since_us >= 0:
+    busy = camera.state is not CameraState.IDLE or parts.storing > 0
+    if busy or camera.recording_since_us >= 0:
         return not_now("the camera takes pictures")
     if erases:
         parts.erase_due = True

@@ -4,7 +4,7 @@ import math
 from typing import Final
 
 from uav_firmware.bus import Queue, Topic
-from uav_firmware.cal.camera import CameraDevice, Exposure
+from uav_firmware.cal.camera import CameraDevice
 from uav_firmware.lib.geo import LocalFrame
 from uav_firmware.lib.rotation import yaw_of
 from uav_firmware.modules.payload import gimbal_orders, panorama_work
@@ -14,6 +14,7 @@ from uav_firmware.modules.payload.orders import MissionOrders, carry_out
 from uav_firmware.modules.payload.panorama_work import Report
 from uav_firmware.modules.payload.params import PayloadParams
 from uav_firmware.modules.payload.parts import Parts
+from uav_firmware.modules.payload.pictures import Pictures
 from uav_firmware.modules.payload.reports import camera_status, gimbal_status, tracking_state
 from uav_firmware.modules.payload.situation import NOWHERE, Situation
 from uav_firmware.modules.payload.storage import Storage
@@ -28,7 +29,6 @@ from uav_firmware.msg.payload import (
     Controller,
     GimbalOrder,
     GimbalStatus,
-    ImageCaptured,
     PayloadOrder,
     TrackingState,
 )
@@ -41,6 +41,7 @@ from uav_firmware.msg.status import (
     VehicleCommandAck,
     VehicleStatus,
 )
+from uav_firmware.msg.vectors import Quaternion
 from uav_firmware.parameters import Registry
 
 PERIOD_US: Final = 40_000  # [us] 25 Hz
@@ -48,6 +49,7 @@ _AUTOPILOT: Final = 1  # Component that the mission's orders come from
 _WARNING: Final = 4  # MAV_SEVERITY
 _INFO: Final = 6
 _PROGRESS_UNKNOWN: Final = 255
+_LEVEL: Final[Quaternion] = (1.0, 0.0, 0.0, 0.0)
 
 
 class PayloadModule:
@@ -73,12 +75,12 @@ class PayloadModule:
         gimbal_status: Topic[GimbalStatus],
         tracking_state: Topic[TrackingState],
         device: CameraDevice | None = None,
+        images_url: str = "",
     ) -> None:
         registry.add(PayloadParams)
         self._registry = registry
         self._params_version: int | None = None
         self._own = Controller(system_id, _AUTOPILOT)
-        self._boot_time_utc_us = boot_time_utc_us
         self._orders = orders
         self._region = region_of_interest
         self._region_count = 0
@@ -93,11 +95,11 @@ class PayloadModule:
         self._camera_lens = camera_lens
         self._gimbal_status = gimbal_status
         self._tracking_state = tracking_state
-        self._device = device
         self._frame: LocalFrame | None = None
         self._origin = NOWHERE
         params = registry.read(PayloadParams)
-        self._parts = Parts(params, Storage(params.storage_mib))
+        self._parts = Parts(params, Storage(params.storage_mib), images_url=images_url)
+        self._pictures = Pictures(self._parts, device, boot_time_utc_us, self._warn)
         self._mission_orders = MissionOrders()
         self._flight_end = FlightEnd()
         self._last_us: int | None = None
@@ -194,51 +196,18 @@ class PayloadModule:
     def _take_pictures(self, situation: Situation) -> None:
         parts = self._parts
         if parts.erase_due:
-            self._erase(situation.now_us)
+            self._pictures.erase(situation.now_us)
+        self._pictures.collect(situation.now_us)
         step = panorama_work.step(parts, situation)
         if step.exposed or parts.camera.update(
             situation.now_us, situation.position_ned, mission_flown=situation.mission_flown
         ):
-            self._expose(situation)
+            attitude = self._attitude.value
+            self._pictures.expose(situation, _LEVEL if attitude is None else attitude.q_ned_frd)
         self._report(step.report, situation.now_us)
 
-    def _expose(self, situation: Situation) -> None:
-        """Take a picture, whether it succeeds or not, and tell of it once."""
-        parts, now_us = self._parts, situation.now_us
-        position = situation.position_ned
-        place = NOWHERE if position is None else situation.to_geodetic(position)
-        home = situation.home
-        relative = math.nan if home is None else place[2] - home.altitude_amsl_m
-        index, q = parts.ledger.next_index(), parts.gimbal.q_ned_camera
-        url, succeeded = "", True
-        if self._device is None:
-            parts.storage.add(parts.picture_bytes)
-        else:
-            utc = self._boot_time_utc_us + now_us if self._boot_time_utc_us else 0
-            camera_lens = lens(parts.params.image_width_px)
-            try:
-                picture = self._device.expose(
-                    Exposure(utc, index, camera_lens, *place, relative, q)
-                )
-            except OSError as error:
-                succeeded = False
-                self._say(now_us, _WARNING, f"Camera failed: {error}")
-            else:
-                parts.storage.add(picture.size_bytes)
-                url = picture.file_url
-        parts.events.append(ImageCaptured(now_us, index, *place, relative, q, succeeded, url))
-        if not parts.has_room:
-            parts.camera.stop()
-            self._say(now_us, _WARNING, "Camera storage is full")
-
-    def _erase(self, now_us: int) -> None:
-        self._parts.erase_due = False
-        if self._device is None:
-            return
-        try:
-            self._device.erase()
-        except OSError as error:
-            self._say(now_us, _WARNING, f"Camera storage cannot be formatted: {error}")
+    def _warn(self, now_us: int, text: str) -> None:
+        self._say(now_us, _WARNING, text)
 
     def _say(self, now_us: int, severity: int, text: str) -> None:
         self._status_text.publish(StatusText(now_us, severity, text))

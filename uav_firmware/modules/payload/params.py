@@ -25,6 +25,10 @@ class PayloadParams:
         "CAM_IMAGE_WIDTH", 2048, unit="px", minimum=1152, maximum=4000,
         short="Width of pictures, which are three quarters as high",
     )  # fmt: skip
+    second_picture: int = param(
+        "CAM_IMAGE_SECOND", 0, unit="-", minimum=0, maximum=2,
+        short="Stored beside each picture: 0 nothing, 1 near infrared, 2 vegetation index (NDVI)",
+    )  # fmt: skip
     storage_mib: float = param(
         "CAM_STORAGE_SIZE", 16384.0, unit="MiB", minimum=1.0, maximum=1048576.0,
         short="Size of the storage for pictures; read at start and at each format",

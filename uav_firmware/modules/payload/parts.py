@@ -31,6 +31,7 @@ class Parts:
 
     params: PayloadParams
     storage: Storage
+    images_url: str = ""  # Of the folder that the device's pictures lie in
     camera: Camera = field(default_factory=Camera)
     gimbal: Gimbal = field(default_factory=Gimbal)
     control: GimbalControl = field(default_factory=GimbalControl)
@@ -41,6 +42,7 @@ class Parts:
     mission_orders: deque[VehicleCommand] = field(default_factory=deque)
     events: list[CameraEvent] = field(default_factory=list)  # To publish
     erase_due: bool = False  # The device's pictures are to be removed
+    storing: int = 0  # Pictures that are exposed and not stored yet
 
     @property
     def picture_bytes(self) -> float:
@@ -50,8 +52,8 @@ class Parts:
 
     @property
     def has_room(self) -> bool:
-        """Whether one more picture fits."""
-        return self.storage.has_room(self.picture_bytes)
+        """Whether one more picture fits, besides those that are being stored."""
+        return self.storage.has_room(self.picture_bytes * (1 + self.storing))
 
     def point(self, aim: Aim) -> None:
         """Turn the gimbal on somebody's order, which ends tracking."""

@@ -1,0 +1,187 @@
+"""The camera of the simulated vehicle: pictures of the farm as files on the storage card.
+
+Beside `jsbsim.py` the only file of the firmware that knows the simulator. A picture shows what is
+seen from the true pose; what is written into it is what the vehicle believes. The gimbal holds its
+angles against the airframe as the vehicle knows it, so that an error of its attitude tilts the
+picture as it would in the air.
+
+Each picture has a small copy of the same name in the folder `thumbnail`, and on request a second
+one in `nir` or `ndvi`.
+"""
+
+import errno
+import math
+from collections import deque
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from sim.camera.darkroom import Darkroom, Developed
+from sim.camera.lens import Lens, Pose, multiplied
+from sim.camera.order import SECOND_PICTURES, Belief, Order
+from sim.simulation import Simulation
+from uav_firmware.cal.camera import Exposure, Outcome, Picture
+from uav_firmware.drivers.file_room import Room
+
+MEMORY: Final = 8
+"""Pictures that the camera holds before it has to store one."""
+STORING_US: Final = 1_000_000
+"""[us] After its exposure a picture is stored, where vehicle time waits for it."""
+THUMBNAILS: Final = "thumbnail"
+
+
+class _Pending(NamedTuple):
+    """An exposure on its way to the card."""
+
+    image_index: int
+    name: str
+    due_us: int  # [us]
+
+
+class JsbsimCamera:
+    """Implements `uav_firmware.cal.camera.CameraDevice`."""
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        folder: Path,
+        room: Room,
+        *,
+        serial: str,
+        in_step: bool,
+        darkroom: Darkroom | None = None,
+    ) -> None:
+        """Store pictures in a folder that `room` measures.
+
+        With `in_step` a picture is stored exactly `STORING_US` after its exposure and time waits
+        for it: the same flight has the same reports. Otherwise it is stored as soon as it is
+        made, and no flight in real time waits.
+        """
+        self._simulation = simulation
+        self._folder = folder.resolve()
+        self._room = room
+        self._serial = serial
+        self._in_step = in_step
+        self._darkroom = Darkroom() if darkroom is None else darkroom
+        self._pending: deque[_Pending] = deque()
+        self._developed: deque[Developed] = deque()
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether its memory has room for one more exposure."""
+        return len(self._pending) < MEMORY
+
+    @property
+    def used_bytes(self) -> int:
+        """Room that the stored pictures take [B]."""
+        return self._room.taken.bytes
+
+    def expose(self, exposure: Exposure) -> None:
+        """Begin a picture.
+
+        Raises:
+            OSError: if the camera is broken, its memory full, or it cannot be started.
+        """
+        if self._simulation.camera_failed:
+            raise OSError(errno.EIO, "the camera does not answer")
+        if not self.is_ready:
+            raise OSError(errno.EBUSY, "the camera's memory is full")
+        name = _name(exposure, self._folder)
+        self._darkroom.begin(self._order(exposure, name))
+        due_us = exposure.time_us + STORING_US
+        self._pending.append(_Pending(exposure.image_index, name, due_us))
+
+    def collect(self, now_us: int) -> Sequence[Outcome]:
+        """Pictures that have been stored or lost since the last call."""
+        if not self._pending:
+            return ()
+        if self._in_step:
+            return self._collect_due(now_us)
+        self._developed.extend(self._darkroom.finished())
+        return [self._outcome() for _ in range(len(self._developed))]
+
+    def erase(self) -> None:
+        """Remove all pictures.
+
+        Raises:
+            OSError: if one cannot be removed; those before it are gone.
+        """
+        for path in sorted(self._folder.rglob("*.jpg")):
+            size = path.stat().st_size
+            path.unlink()
+            self._room.take(-size, -1)
+
+    def close(self) -> None:
+        """Give up what is pending, and end the process that makes the pictures."""
+        self._pending.clear()
+        self._darkroom.close()
+
+    def _collect_due(self, now_us: int) -> list[Outcome]:
+        """Those whose time has come; waits for them."""
+        found: list[Outcome] = []
+        while self._pending and self._pending[0].due_us <= now_us:
+            if not self._developed:
+                self._developed.extend(self._darkroom.finished(wait=True))
+            found.append(self._outcome())
+        return found
+
+    def _outcome(self) -> Outcome:
+        """That of the oldest exposure; the darkroom keeps the order."""
+        pending, ended = self._pending.popleft(), self._developed.popleft()
+        if ended.error:
+            return Outcome(pending.image_index, None, ended.error)
+        self._room.take(ended.size_bytes, ended.files)
+        return Outcome(pending.image_index, Picture((pending.name,), ended.size_bytes))
+
+    def _order(self, exposure: Exposure, name: str) -> Order:
+        simulation = self._simulation
+        truth, farm, plane = simulation.truth, simulation.farm, simulation.farm.plane
+        w, x, y, z = exposure.q_ned_frd
+        q_frd_camera = multiplied((w, -x, -y, -z), exposure.q_ned_camera)
+        second = SECOND_PICTURES[exposure.second]
+        return Order(
+            number=exposure.image_index,
+            farm_seed=farm.seed,
+            farm_origin=(plane.latitude_deg, plane.longitude_deg, plane.altitude_amsl_m),
+            farm_time_s=simulation.farm_time_s,
+            pose=Pose(
+                truth.latitude_deg,
+                truth.longitude_deg,
+                truth.altitude_amsl_m,
+                multiplied(truth.q_ned_frd, q_frd_camera),
+            ),
+            lens=Lens(*exposure.lens),
+            belief=_belief(exposure, self._serial),
+            path=str(self._folder / name),
+            thumbnail_path=str(self._folder / THUMBNAILS / name),
+            second=second,
+            second_path=str(self._folder / second / name),
+        )
+
+
+def _belief(exposure: Exposure, serial: str) -> Belief:
+    return Belief(
+        time_utc_us=exposure.time_utc_us,
+        latitude_deg=_known(exposure.latitude_deg),
+        longitude_deg=_known(exposure.longitude_deg),
+        altitude_amsl_m=_known(exposure.altitude_amsl_m),
+        relative_altitude_m=_known(exposure.relative_altitude_m),
+        q_ned_camera=exposure.q_ned_camera,
+        q_ned_frd=exposure.q_ned_frd,
+        serial=serial,
+    )
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _name(exposure: Exposure, folder: Path) -> str:
+    """Name after time and index; a picture of an earlier flight is never overwritten."""
+    moment = datetime.fromtimestamp(exposure.time_utc_us // 1_000_000, UTC)
+    stem = f"{moment:%Y%m%d_%H%M%S}_{exposure.image_index:04}"
+    name, number = f"{stem}.jpg", 2
+    while (folder / name).exists():
+        name, number = f"{stem}_{number}.jpg", number + 1
+    return name
