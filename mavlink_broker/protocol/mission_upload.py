@@ -181,6 +181,8 @@ class MissionUpload:
         """Give the item that was asked for, any number of times."""
         if seq >= len(self._items):
             return []
+        if self._phase is _Phase.PAUSING and seq in self._requested:
+            return [self._items[seq]]  # No progress: it is begun again all the same
         if seq not in self._requested:
             self._sample(now)
             self._requested.add(seq)

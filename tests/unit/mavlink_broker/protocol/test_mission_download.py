@@ -1,9 +1,11 @@
 """Reading a mission back."""
 
+import pytest
+
 from mavlink_broker.dialect import Message, MissionAck, MissionCount, mavlink
 from mavlink_broker.protocol.mission_download import Downloaded, MissionDownload, NotDownloaded
 from mavlink_broker.protocol.round_trip import RoundTrip
-from mavlink_broker.translation.mission_item import to_message, waypoint
+from mavlink_broker.translation.mission_item import from_message, to_message, waypoint
 from tests.unit.mavlink_broker.protocol.harness import ROUTE, kinds, received, tick_until
 
 ITEM = waypoint(latitude_deg=1.0, longitude_deg=2.0, relative_altitude_m=5.0)
@@ -75,3 +77,28 @@ def test_a_silent_vehicle_ends_it() -> None:
     one = download()
     tick_until(one, 0.0, 200.0, step=0.2)
     assert one.outcome == NotDownloaded("mission could not be read back: no answer")
+
+
+@pytest.mark.parametrize("kind", [1, 2])
+def test_each_kind_of_plan_is_read_by_itself(kind: int) -> None:
+    one = MissionDownload(ROUTE, RoundTrip(), mission_type=kind)
+    (first,) = one.start(0.0)
+    assert first.mission_type == kind
+    assert one.receive(count(2), 0.1) == []  # Of a mission
+    (request,) = one.receive(received(MissionCount(254, 191, 1, kind)), 0.1)
+    assert request.mission_type == kind
+    held = to_message(ITEM, seq=0, first=None, system=254, component=191, mission_type=kind)
+    (ack,) = one.receive(received(held), 0.2)
+    assert (ack.get_type(), ack.mission_type) == ("MISSION_ACK", kind)
+
+
+def test_a_vehicle_without_integer_items_is_asked_in_the_old_way() -> None:
+    one = MissionDownload(ROUTE, RoundTrip(), as_floats=True)
+    one.start(0.0)
+    assert kinds(one.receive(count(1), 0.1)) == ["MISSION_REQUEST"]
+    place = mavlink.MAVLink_mission_item_message(
+        254, 191, 0, 3, 16, 1, 1, 0, 0, 0, 0, 40.0, -3.0, 5
+    )
+    one.receive(received(place), 0.2)
+    assert isinstance(one.outcome, Downloaded)
+    assert from_message(one.outcome.items[0]).latitude_deg == 40.0

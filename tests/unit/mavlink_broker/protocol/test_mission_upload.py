@@ -7,13 +7,19 @@ import pytest
 from mavlink_broker.dialect import Message, MissionAck, mavlink
 from mavlink_broker.protocol.mission_upload import (
     COUNT_ATTEMPTS,
+    MOST_REPETITIONS,
     MissionUpload,
     NotStored,
     Stored,
     Uncertain,
 )
 from mavlink_broker.protocol.round_trip import RoundTrip
-from mavlink_broker.translation.mission_item import to_message, waypoint
+from mavlink_broker.translation.mission_item import (
+    from_message,
+    to_message,
+    trigger_camera,
+    waypoint,
+)
 from tests.unit.mavlink_broker.protocol.harness import ROUTE, kinds, received, tick_until
 
 COUNT = 3
@@ -25,13 +31,15 @@ def upload() -> MissionUpload:
     return MissionUpload(items, ROUTE, RoundTrip(), busy_pause_s=6.0)
 
 
-def request(seq: int, *, as_float: bool = False, system: int = 254) -> Message:
+def request(
+    seq: int, *, as_float: bool = False, system: int = 254, mission_type: int = 0
+) -> Message:
     kind: Any = (
         mavlink.MAVLink_mission_request_message
         if as_float
         else mavlink.MAVLink_mission_request_int_message
     )
-    return received(kind(system, 191, seq))
+    return received(kind(system, 191, seq, mission_type))
 
 
 def ack(result: int, opaque_id: int = 0, mission_type: int = 0) -> Message:
@@ -190,3 +198,87 @@ def test_fence_and_rally_transfers_are_somebody_elses() -> None:
     one = sent_all()
     one.receive(ack(mavlink.MAV_MISSION_ACCEPTED, 3, mission_type=1), 0.2)
     assert one.outcome is None
+
+
+def test_a_vehicle_that_goes_on_asking_is_not_given_up() -> None:
+    """Over a link that loses much, one item may take many requests."""
+    one = upload()
+    one.start(0.0)
+    now = 0.0
+    for _ in range(MOST_REPETITIONS):
+        now += 1.0
+        assert kinds(one.receive(request(0), now)) == ["MISSION_ITEM_INT"]
+        assert one.tick(now + 0.9) == []
+    assert kinds(one.receive(request(1), now + 1.0)) == ["MISSION_ITEM_INT"]
+
+
+@pytest.mark.parametrize("asked", [0, COUNT - 1], ids=["the first", "the last"])
+def test_a_vehicle_that_asks_for_one_item_without_end_is_given_up(asked: int) -> None:
+    one = upload()
+    one.start(0.0)
+    for seq in range(asked):
+        one.receive(request(seq), 0.1)
+    now = 0.1
+    while one.outcome is None and now < 1000.0:
+        now += 0.2
+        one.receive(request(asked), now)
+        one.tick(now)
+    assert isinstance(one.outcome, NotStored | Uncertain)
+
+
+def test_the_vehicles_last_words_are_the_reason_of_a_stall() -> None:
+    one = upload()
+    one.start(0.0)
+    now = 0.0
+    while one.outcome is None:
+        now += 0.5
+        one.receive(request(0), now)
+        one.receive(ack(mavlink.MAV_MISSION_ERROR), now)
+        tick_until(one, now, now + 6.5)
+        now += 6.5
+        assert now < 300.0
+    assert one.outcome == NotStored("mission upload failed 4 times: MAV_MISSION_ERROR", 0)
+
+
+@pytest.mark.parametrize(("kind", "name"), [(1, "geofence"), (2, "rally points")])
+def test_each_kind_of_plan_has_its_own_transfer(kind: int, name: str) -> None:
+    items = [
+        to_message(ITEM, seq=i, first=None, system=1, component=1, mission_type=kind)
+        for i in range(COUNT)
+    ]
+    one = MissionUpload(items, ROUTE, RoundTrip(), busy_pause_s=6.0, mission_type=kind)
+    (count,) = one.start(0.0)
+    assert (count.mission_type, count.count) == (kind, COUNT)
+    assert one.receive(request(0), 0.1) == []  # Of a mission
+    (item,) = one.receive(request(0, mission_type=kind), 0.1)
+    assert (item.mission_type, item.current) == (kind, 0)
+    one.receive(ack(mavlink.MAV_MISSION_DENIED), 0.2)
+    assert one.outcome is None
+    one.receive(ack(mavlink.MAV_MISSION_DENIED, mission_type=kind), 0.2)
+    assert one.outcome == NotStored(f"{name} refused: MAV_MISSION_DENIED", 0)
+
+
+class TestAVehicleWithoutIntegerItems:
+    def one(self) -> MissionUpload:
+        place = waypoint(latitude_deg=40.4434, longitude_deg=-3.7382, relative_altitude_m=5.0)
+        items = [
+            to_message(item, seq=i, first=0, system=1, component=1)
+            for i, item in enumerate([place, trigger_camera()])
+        ]
+        upload = MissionUpload(items, ROUTE, RoundTrip(), busy_pause_s=6.0, as_floats=True)
+        upload.start(0.0)
+        return upload
+
+    def test_gets_degrees_in_a_plain_frame_when_it_asks_in_the_old_way(self) -> None:
+        (item,) = map(received, self.one().receive(request(0, as_float=True), 0.1))
+        assert (item.get_type(), item.frame) == ("MISSION_ITEM", 3)
+        assert (item.x, item.y, item.z) == pytest.approx((40.4434, -3.7382, 5.0), abs=8e-6)
+        held = from_message(item)
+        assert (held.latitude_deg, held.frame) == (pytest.approx(40.4434, abs=8e-6), 6)
+
+    def test_gets_numbers_where_there_is_no_place(self) -> None:
+        (item,) = map(received, self.one().receive(request(1, as_float=True), 0.1))
+        assert (item.x, from_message(item).fifth) == (1.0, 1)
+
+    def test_gets_integers_all_the_same_when_it_asks_for_them(self) -> None:
+        assert kinds(self.one().receive(request(0), 0.1)) == ["MISSION_ITEM_INT"]
