@@ -40,12 +40,15 @@ class Kind(StrEnum):
     GYRO_BIAS = "gyro_bias"
     ACCEL_LOSS = "accel_loss"
     ACCEL_BIAS = "accel_bias"
+    RANGEFINDER_LOSS = "rangefinder_loss"
     MOTOR_LOSS = "motor_loss"
     BATTERY_CELL_FAILURE = "battery_cell_failure"
     BATTERY_LOW = "battery_low"
     WIND_GUST = "wind_gust"
     LINK_LOSS = "link_loss"
     CAMERA_FAILURE = "camera_failure"
+    HUMIDITY_FAILURE = "humidity_failure"
+    HUMIDITY_INVALID = "humidity_invalid"
 
 
 RESERVED: Final = frozenset({"humidity_failure"})
@@ -91,6 +94,7 @@ FIELDS: Final[Mapping[Kind, Mapping[str, Field]]] = MappingProxyType(
             "y_m_s2": _COMPONENT_M_S2,
             "z_m_s2": _COMPONENT_M_S2,
         },
+        Kind.RANGEFINDER_LOSS: {},
         Kind.MOTOR_LOSS: {
             "motor": Field(None, 1, 4, whole=True),
             "efficiency": Field(0.0, 0.0, 1.0),
@@ -107,6 +111,8 @@ FIELDS: Final[Mapping[Kind, Mapping[str, Field]]] = MappingProxyType(
         },
         Kind.LINK_LOSS: {},
         Kind.CAMERA_FAILURE: {},
+        Kind.HUMIDITY_FAILURE: {},
+        Kind.HUMIDITY_INVALID: {},
     }
 )
 """The numbers of each kind, with defaults and limits; the README says what they mean."""

@@ -114,6 +114,7 @@ class Autopilot:
             gps=topics.sensor_gps,
             battery=topics.sensor_battery,
             esc=topics.sensor_esc,
+            range_finder=topics.sensor_range,
             truth=topics.sensor_truth,
         )
         self.estimator = EstimatorModule(

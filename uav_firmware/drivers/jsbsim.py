@@ -13,6 +13,7 @@ from sim.fault_console import FaultConsole
 from sim.fault_injection import Failure, Unit, faults_of, kinds_of
 from sim.fault_notation import Clear, read_faults, read_order
 from sim.faults import FaultError
+from sim.sensors import rangefinder
 from sim.sensors.readings import Readings
 from sim.simulation import Simulation
 from sim.worlds import world as world_named
@@ -25,6 +26,7 @@ from uav_firmware.msg.sensors import (
     SensorGps,
     SensorImu,
     SensorMag,
+    SensorRange,
     SensorTruth,
 )
 from uav_firmware.msg.vectors import Motors
@@ -142,6 +144,15 @@ class JsbsimVehicle:
         """Report of the speed controllers if one is due."""
         esc = self._readings.esc
         return None if esc is None else SensorEsc(esc.time_us, esc.rotor_rpm, esc.current_a)
+
+    def read_range(self) -> SensorRange | None:
+        """Sample of the range finder if one is due."""
+        sample = self._readings.range
+        if sample is None:
+            return None
+        return SensorRange(
+            sample.time_us, sample.distance_m, rangefinder.MINIMUM_M, rangefinder.MAXIMUM_M
+        )
 
     def read_truth(self) -> SensorTruth:
         """True state, for display and never for control."""
