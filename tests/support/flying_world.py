@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from afarcloud.enumerations import Status
+from mavlink_broker.address import Address
 from mavlink_broker.app import App
 from mavlink_broker.codec import Decoder
 from mavlink_broker.config import Config
 from mavlink_broker.dialect import Message, mavlink
-from mavlink_broker.link import Address
 from sim.config import SimulationConfig
 from sim.simulation import Simulation
 from tests.support.fake_edge import FakeEdge
@@ -71,14 +71,18 @@ class BrokerEnd:
     def receive(self, timeout_s: float) -> list[tuple[Address, bytes]]:
         """Give what has arrived; there is no waiting here."""
         del timeout_s
-        return [(sender, datagram) for datagram, sender in self._link.ground.receive()]
+        return [(Address(*sender), datagram) for datagram, sender in self._link.ground.receive()]
 
     def send(self, address: Address, frame: bytes) -> None:
         """Send to the vehicle, and note it down."""
         for message in self._decoder.decode(frame):
             command = int(getattr(message, "command", 0))
             self.sent.append(Frame(self._clock.now_s, message.get_type(), command, message))
-        self._link.ground.send(frame, address)
+        self._link.ground.send(frame, (address.host, address.port))
+
+    def greeted(self) -> list[Address]:
+        """Nobody: the vehicle speaks first."""
+        return []
 
 
 class FlyingWorld:
