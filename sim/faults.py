@@ -47,8 +47,6 @@ class Kind(StrEnum):
     WIND_GUST = "wind_gust"
     LINK_LOSS = "link_loss"
     CAMERA_FAILURE = "camera_failure"
-    HUMIDITY_FAILURE = "humidity_failure"
-    HUMIDITY_INVALID = "humidity_invalid"
 
 
 RESERVED: Final = frozenset({"humidity_failure"})
@@ -111,8 +109,6 @@ FIELDS: Final[Mapping[Kind, Mapping[str, Field]]] = MappingProxyType(
         },
         Kind.LINK_LOSS: {},
         Kind.CAMERA_FAILURE: {},
-        Kind.HUMIDITY_FAILURE: {},
-        Kind.HUMIDITY_INVALID: {},
     }
 )
 """The numbers of each kind, with defaults and limits; the README says what they mean."""
