@@ -41,6 +41,9 @@ class Link(Protocol):
     def send(self, address: Address, frame: bytes) -> None:
         """Send one."""
 
+    def radio(self, address: Address, free_percent: int) -> None:
+        """Take the word of the radio at an address about how much of its buffer is free."""
+
     def greeted(self) -> Sequence[Address]:
         """Who has to be spoken to first."""
 
@@ -120,6 +123,7 @@ class Traffic:
             if not self._guard.admits(message, now, is_trusted=is_trusted):
                 continue
             if message.get_type() == "RADIO_STATUS":
+                self._link.radio(address, message.txbuf)
                 self._ground.show(message, now)
             elif self._counts(message, address, now):
                 self._ground.show(message, now)

@@ -92,6 +92,10 @@ class Hub:
         """Send a frame; what cannot leave is lost, as on any radio."""
         self._links[address.link].send(address, frame)
 
+    def radio(self, address: Address, free_percent: int) -> None:
+        """Take the word of the radio at an address about how much of its buffer is free."""
+        self._links[address.link].radio(free_percent)
+
     def greeted(self) -> list[Address]:
         """Who has to be spoken to first."""
         return [address for link in self._links for address in link.greeted()]

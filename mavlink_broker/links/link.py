@@ -52,6 +52,9 @@ class Link(Protocol):
     def send(self, address: Address, frame: bytes) -> None:
         """Send a frame; what cannot leave is lost, as on any radio."""
 
+    def radio(self, free_percent: int) -> None:
+        """Take a radio's word about how much of its buffer is free."""
+
     def greeted(self) -> list[Address]:
         """Who has to be spoken to first."""
 

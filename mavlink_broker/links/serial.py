@@ -11,7 +11,8 @@ from typing import Final
 
 from mavlink_broker.address import Address, LinkUrl
 from mavlink_broker.links.link import Arrival, LinkError, Retry
-from mavlink_broker.links.stream import Stream, StreamEndedError
+from mavlink_broker.links.pace import Pace
+from mavlink_broker.links.stream import QUEUE_BYTES, Stream, StreamEndedError
 
 LOOK_AGAIN_S: Final = 1.0
 _CHARACTERS: Final = 6
@@ -32,6 +33,7 @@ class SerialLink:
         self.url = url
         self._address = Address(url.host, url.port, number)
         self._retry = Retry(url, LOOK_AGAIN_S)
+        self._pace = Pace(url.port)
         self._stream: Stream | None = None
         self._dropped = 0
 
@@ -51,6 +53,10 @@ class SerialLink:
     def due_at(self) -> float | None:
         """When the device is looked for again."""
         return None if self._stream else self._retry.at
+
+    def radio(self, free_percent: int) -> None:
+        """Write slower while the radio's buffer is full."""
+        self._pace.report(free_percent)
 
     def greeted(self) -> list[Address]:
         """Whoever is at the other end."""
@@ -96,7 +102,7 @@ class SerialLink:
         except (OSError, termios.error) as error:
             self._retry.failed(now, str(error.args[-1] if error.args else error))
             return
-        self._stream = Stream(descriptor)
+        self._stream = Stream(descriptor, QUEUE_BYTES, self._pace)
         self._retry.opened()
 
     def _lose(self, reason: str, now: float) -> None:

@@ -9,6 +9,7 @@ from collections import deque
 from typing import Final
 
 from mavlink_broker.links.framing import FrameScanner
+from mavlink_broker.links.pace import Pace
 
 READ_AT_ONCE: Final = 16_384
 """So that a flood cannot keep the loop from its other duties."""
@@ -23,7 +24,13 @@ class StreamEndedError(Exception):
 class Stream:
     """A descriptor that does not block."""
 
-    def __init__(self, descriptor: int, queue_bytes: int = QUEUE_BYTES) -> None:
+    def __init__(
+        self, descriptor: int, queue_bytes: int = QUEUE_BYTES, pace: Pace | None = None
+    ) -> None:
+        """Use an open descriptor, and write no faster than `pace` allows."""
+        self._pace = pace
+        self._is_held = False
+        self._now = 0.0
         self.descriptor = descriptor
         self._scanner = FrameScanner()
         self._queue: deque[bytes] = deque()
@@ -40,8 +47,8 @@ class Stream:
 
     @property
     def is_behind(self) -> bool:
-        """Whether something waits to be sent."""
-        return bool(self._queue)
+        """Whether something waits for room."""
+        return bool(self._queue) and not self._is_held
 
     def read(self, now: float, *, is_readable: bool = True) -> list[bytes]:
         """Give the frames that have become whole.
@@ -49,6 +56,7 @@ class Stream:
         Raises:
             StreamEndedError: if the other side is gone.
         """
+        self._now = now
         data = self._bytes() if is_readable else b""
         frames = self._scanner.feed(data, now)
         self.is_proven |= bool(frames)
@@ -73,6 +81,9 @@ class Stream:
             StreamEndedError: if the other side is gone.
         """
         while self._queue:
+            self._is_held = self._pace is not None and not self._pace.allows(self._now)
+            if self._is_held:
+                return
             frame = self._queue[0]
             try:
                 sent = os.write(self.descriptor, frame)
@@ -80,6 +91,8 @@ class Stream:
                 return
             except OSError as error:
                 raise StreamEndedError(error.strerror or str(error)) from error
+            if self._pace is not None:
+                self._pace.wrote(sent)
             self._queued -= sent
             self._begun = sent < len(frame)
             if self._begun:

@@ -61,6 +61,9 @@ class TcpClient:
             return None
         return self._give_up_at if self._socket else self._retry.at
 
+    def radio(self, free_percent: int) -> None:
+        """Networks keep a pace of their own."""
+
     def greeted(self) -> list[Address]:
         """Whoever is at the other end."""
         return [self._address] if self._stream else []
@@ -175,6 +178,9 @@ class TcpListener:
     def due_at(self) -> float | None:
         """Nothing is done unasked."""
         return None
+
+    def radio(self, free_percent: int) -> None:
+        """Networks keep a pace of their own."""
 
     def greeted(self) -> list[Address]:
         """Everybody who has connected."""

@@ -65,6 +65,9 @@ class UdpLink:
         """Nothing is done unasked."""
         return None
 
+    def radio(self, free_percent: int) -> None:
+        """Networks keep a pace of their own."""
+
     def greeted(self) -> list[Address]:
         """Whom this link was made for, once his address is known."""
         host = self._target.numeric(self._now) if self._target else None

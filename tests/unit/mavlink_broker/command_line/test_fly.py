@@ -67,6 +67,9 @@ class Field:
     def send(self, address: Address, frame: bytes) -> None:
         self.world.air.send(address, frame)
 
+    def radio(self, address: Address, free_percent: int) -> None:
+        """Nothing fills up here."""
+
     def greeted(self) -> list[Address]:
         return []
 

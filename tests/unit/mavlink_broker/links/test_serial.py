@@ -139,3 +139,19 @@ def test_a_file_that_is_no_line_is_no_link_and_no_end(tmp_path: Path) -> None:
 def test_a_speed_that_no_line_has_is_refused() -> None:
     with pytest.raises(LinkError, match="12345 baud"):
         open_links([LinkUrl.parse("serial:///dev/ttyUSB0:12345")])
+
+
+def test_a_radio_that_is_full_is_written_to_bit_by_bit(cable: Cable, hub: Hub) -> None:
+    cable.plug_in()
+    open_line(hub)
+    for _ in range(20):
+        hub.radio(address_of(cable), 0)
+    sent = frames(60)
+    for frame in sent:
+        hub.send(address_of(cable), frame)
+    heard = cable.hear()
+    assert len(heard) < len(sent) * len(sent[0]) / 2
+    while len(heard) < len(sent) * len(sent[0]):
+        hub.receive(0.02)
+        heard += cable.hear()
+    assert heard == b"".join(sent)
