@@ -1,11 +1,13 @@
 """Flies one live command: gets there, begins, watches for the end, ends it.
 
-    APPROACHING --THERE--> BEGINNING --BEGUN--> GOING --OVER--> ENDING --ENDED--> DONE
+    BORROWING --SET--> APPROACHING --THERE--> BEGINNING --BEGUN--> GOING --OVER--> ENDING
+    ENDING --ENDED--> DONE
     any but DONE --FAULT--> FAILED
 
 A live command needs a link: what is to be told again and again (a target's place) is told at
 5 Hz, and a link that is lost is waited out, since the vehicle holds by itself. What lasts lasts
-by the vehicle's own time, which a simulation may let run at any speed.
+by the vehicle's own time, which a simulation may let run at any speed. Parameters that it borrows
+of the vehicle are set first; what comes after it has them given back.
 """
 
 import math
@@ -15,10 +17,12 @@ from typing import Final
 from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.protocol.command import Accepted, CommandOutcome, Refused
 from mavlink_broker.protocol.command_sequence import CommandSequence, Ways
-from mavlink_broker.translation.geo import distance_m, offset
-from mavlink_broker.translation.live import Lasted, LiveAction, Turned, reposition
+from mavlink_broker.series import SeriesRunner
+from mavlink_broker.translation.geo import distance_m
+from mavlink_broker.translation.live import Lasted, LiveAction, Series, Turned, reposition
 from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.translation.situation import Spot
+from mavlink_broker.turning import Turning
 from mavlink_broker.vehicle import Vehicle
 
 THERE_WITHIN_M: Final = 2.0
@@ -28,47 +32,19 @@ TARGET_EVERY_S: Final = 0.2
 TARGET_SLACK_S: Final = 0.05
 GRACE_S: Final = 5.0
 """How long a departure must last before it is believed."""
-ALMOST: Final = 0.99
-"""Share of a turn at which it is ended: the vehicle needs some time to stop."""
 _KNOWN: Final = 3  # FOLLOW_TARGET.est_capabilities: position and velocity
 
 
 class Phase(Enum):
     """How far a live command is."""
 
+    BORROWING = auto()
     APPROACHING = auto()
     BEGINNING = auto()
     GOING = auto()
     ENDING = auto()
     DONE = auto()
     FAILED = auto()
-
-
-class Turning:
-    """Counts how far a vehicle has gone round a centre, from its positions."""
-
-    def __init__(self, end: Turned) -> None:
-        self._end = end
-        self._bearing: float | None = None
-        self.turned_rad = 0.0
-
-    def take(self, latitude_deg: float, longitude_deg: float) -> None:
-        """Take a position; off the circle nothing counts."""
-        end = self._end
-        north, east = offset(end.latitude_deg, end.longitude_deg, latitude_deg, longitude_deg)
-        bearing, distance = math.atan2(east, north), math.hypot(north, east)
-        if abs(distance - end.radius_m) > max(2.0, 0.3 * end.radius_m):
-            self._bearing = None
-            return
-        if self._bearing is not None:
-            step = math.remainder(bearing - self._bearing, 2.0 * math.pi)
-            self.turned_rad += step if end.is_clockwise else -step
-        self._bearing = bearing
-
-    @property
-    def is_complete(self) -> bool:
-        """Whether the angle has been flown, but for what it takes to stop."""
-        return self.turned_rad >= ALMOST * self._end.angle_rad
 
 
 class Performer:
@@ -79,14 +55,15 @@ class Performer:
         self._vehicle = vehicle
         self._sequence: CommandSequence | None = None
         self._turning = Turning(action.end) if isinstance(action.end, Turned) else None
+        self._series: SeriesRunner | None = None
         self._phase_at = 0.0
         self._began_at = 0.0
         self._target_due_at = -math.inf
         self._departed_at: float | None = None
         self._was_guided = False
-        self.phase = Phase.APPROACHING
+        self.phase = Phase.BORROWING
         self.reason = ""
-        self.note: str | None = None  # What the way that was taken cannot do
+        self.note: str | None = None  # What cannot be done as it was meant
 
     @property
     def has_begun(self) -> bool:
@@ -100,10 +77,18 @@ class Performer:
         the vehicle counts may be over.
         """
         self._began_at = self._phase_at = self._time_s(now)
+        self._vehicle.parameters.want(self._action.loans)
         if resumed:
-            self.phase = Phase.GOING
             self._was_guided = True
+            self._go(now)
             return []
+        return self._set_out(now)
+
+    def _set_out(self, now: float) -> list[Message]:
+        """Go to where it begins, once the vehicle has the parameters that it needs."""
+        if not self._vehicle.parameters.is_settled:
+            return []
+        self._enter(Phase.APPROACHING, now)
         if self._action.approach is None:
             return self._begin(now)
         home = self._vehicle.snapshot.home
@@ -114,6 +99,8 @@ class Performer:
     def receive(self, message: Message, now: float) -> list[Message]:
         """Take a message of the vehicle."""
         messages = self._sequence.receive(message, now) if self._sequence else []
+        if self._series is not None and self.phase is Phase.GOING:
+            messages += self._series.receive(message, now)
         if message.get_type() == "GLOBAL_POSITION_INT":
             self._count_turn()
             messages += self._tell_target(now)
@@ -122,6 +109,8 @@ class Performer:
     def tick(self, now: float) -> list[Message]:
         """Let time pass."""
         messages = self._sequence.tick(now) if self._sequence else []
+        if self._series is not None and self.phase is Phase.GOING:
+            messages += self._series.tick(now)
         messages += self._advance(now)
         self._watch(now)
         return messages
@@ -141,11 +130,15 @@ class Performer:
         if isinstance(outcome, Refused) and self.phase is not Phase.ENDING:
             return self._fail(outcome.reason)
         match self.phase:
+            case Phase.BORROWING:
+                return self._set_out(now)
             case Phase.APPROACHING if isinstance(outcome, Accepted) and self._is_there():
                 return self._begin(now)
             case Phase.BEGINNING if isinstance(outcome, Accepted):
                 self._note_way()
-                self._enter(Phase.GOING, now)
+                self._go(now)
+            case Phase.GOING if self._series is not None and self._series.reason is not None:
+                return self._fail(self._series.reason)
             case Phase.GOING if self._is_over(now):
                 return self._finish(now)
             case Phase.ENDING if self._is_ended(outcome):
@@ -155,6 +148,11 @@ class Performer:
     def _begin(self, now: float) -> list[Message]:
         self._enter(Phase.BEGINNING, now)
         return [*self._tell_target(now), *self._order(self._action.begin, now)]
+
+    def _go(self, now: float) -> None:
+        if isinstance(self._action.end, Series):
+            self._series = SeriesRunner(self._action.end.steps, self._vehicle)
+        self._enter(Phase.GOING, now)
 
     def _finish(self, now: float) -> list[Message]:
         self._enter(Phase.ENDING, now)
@@ -178,8 +176,10 @@ class Performer:
 
     def _note_way(self) -> None:
         way = self._sequence.way if self._sequence else 0
+        notes = list(self._vehicle.parameters.refusals.values())
         if way < len(self._action.way_notes):
-            self.note = self._action.way_notes[way] or None
+            notes.append(self._action.way_notes[way])
+        self.note = "; ".join(note for note in notes if note) or None
 
     def _is_there(self) -> bool:
         place, spot = self._vehicle.snapshot.position, self._action.approach
@@ -197,6 +197,8 @@ class Performer:
             case Turned():
                 complete = self._turning is not None and self._turning.is_complete
                 return complete or self._has_released()
+            case Series():
+                return self._series is not None and self._series.is_over
 
     def _has_released(self) -> bool:
         """Whether a vehicle that counts its turns has ended by itself."""

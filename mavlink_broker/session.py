@@ -116,6 +116,7 @@ class Session:
         if self._capacity is not None:
             self._capacity.receive(message)
         effects.messages += self._giving_back.receive(message, now)
+        effects.messages += self.vehicle.parameters.receive(message, now)
         if self._flight is not None:
             self._flight.receive(message, now, effects)
             self._close_flight()
@@ -141,6 +142,7 @@ class Session:
             self._read_capacity(now, effects)
             self._watch_hover()
             effects.messages += self._giving_back.step(now, idle=self._flight is None)
+            effects.messages += self._keep_parameters(now)
             is_connected = self.vehicle.link_state(now) is LinkState.CONNECTED
             failures = self._alarms.tick(now, is_connected=is_connected)
             self._raise_alarms(failures, now, effects)
@@ -153,6 +155,15 @@ class Session:
         connected = self.vehicle.link_state(now) is LinkState.CONNECTED
         if connected and now - self._state_vector_at >= self._state_vector_every_s:
             self._post_state_vector(now, effects)
+
+    def _keep_parameters(self, now: float) -> list[Message]:
+        """Set what the part of the mission that is flown has borrowed, give back the rest."""
+        vehicle = self.vehicle
+        if self._flight is None:
+            vehicle.parameters.want(())
+        return vehicle.parameters.tick(
+            now, vehicle.route, vehicle.round_trip, vehicle.parameter_encoding
+        )
 
     def _raise_alarms(self, failures: Iterable[Failure], now: float, effects: Effects) -> None:
         """Tell what has failed; a mission that flies has failed with it."""

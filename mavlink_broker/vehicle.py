@@ -5,6 +5,7 @@ from typing import Final
 
 from mavlink_broker.dialect import Message
 from mavlink_broker.protocol.heartbeat import LinkState, LinkWatch
+from mavlink_broker.protocol.parameter_keeper import ParameterKeeper
 from mavlink_broker.protocol.parameter_write import ParameterEncoding, encoding_of
 from mavlink_broker.protocol.reboot import RebootWatch
 from mavlink_broker.protocol.round_trip import RoundTrip
@@ -38,6 +39,7 @@ class Vehicle:
     kind: int | None = None  # MAV_TYPE
     autopilot: int | None = None  # MAV_AUTOPILOT
     loan: Loan = field(default_factory=Loan)  # What a plan's fence has changed on it
+    parameters: ParameterKeeper = field(default_factory=ParameterKeeper)  # What is borrowed of it
     refused_items: set[int] = field(default_factory=set)  # MAV_CMD that no mission of it may hold
     _heard_at: dict[str, float] = field(default_factory=dict)
     _reboots: RebootWatch = field(default_factory=RebootWatch)

@@ -10,7 +10,7 @@ from afarcloud.plan import Mission
 from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.protocol.command_sequence import Ways
 from mavlink_broker.protocol.route import Route
-from mavlink_broker.translation.live import End, Turned
+from mavlink_broker.translation.live import End, Lasted, Series, Turned
 from mavlink_broker.translation.mission import FlightPlan, Itinerary, LiveCommand
 from mavlink_broker.translation.situation import Spot
 
@@ -68,10 +68,10 @@ def end_sentence(end: End) -> str:
     match end:
         case Turned(radius_m=radius_m, angle_rad=angle_rad):
             return f"until {angle_rad / math.tau:g} turn at {radius_m:g} m is flown"
-        case _ if end.duration_s > 0.0:
-            return f"for {end.duration_s:g} s"
-        case _:
-            return "until it is accepted"
+        case Series(steps):
+            return f"until {len(steps)} steps are taken"
+        case Lasted(duration_s):
+            return f"for {duration_s:g} s" if duration_s > 0.0 else "until it is accepted"
 
 
 def plain(value: Any) -> Any:

@@ -6,6 +6,7 @@ from typing import Final, TypeAlias
 from mavlink_broker.dialect import mavlink
 from mavlink_broker.protocol.command import CommandInt
 from mavlink_broker.protocol.command_sequence import Ways
+from mavlink_broker.protocol.parameter_keeper import Loan
 from mavlink_broker.translation.situation import Home, Spot
 
 CHANGE_MODE: Final = float(mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE)
@@ -29,7 +30,40 @@ class Lasted:
     duration_s: float = 0.0
 
 
-End: TypeAlias = Turned | Lasted
+@dataclass(frozen=True, slots=True)
+class Face:
+    """Turn on the spot, and rest; the angle counts clockwise from where the nose was at first."""
+
+    turn_deg: float
+    rest_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """Have something else done, in the first way that is accepted."""
+
+    ways: Ways
+
+
+@dataclass(frozen=True, slots=True)
+class Shift:
+    """Fly on from where it was at first: along the nose, and up."""
+
+    forward_m: float
+    up_m: float
+
+
+Step: TypeAlias = Face | Order | Shift
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """It ends when all its steps have been taken, one after the other."""
+
+    steps: tuple[Step, ...]
+
+
+End: TypeAlias = Turned | Lasted | Series
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,10 +75,12 @@ class LiveAction:
     within_s: float  # Beginning to end; longer means that something is wrong
     approach: Spot | None = None  # Gone to before it begins
     follow: Spot | None = None  # Told to the vehicle as the place of a target, all the time
+    loans: tuple[Loan, ...] = ()  # Parameters that it borrows of the vehicle, while it lasts
     finish: Ways = ()  # What ends it, when its time has come
     notes: tuple[str, ...] = ()
     way_notes: tuple[str, ...] = ()  # What is lost by each way, "" for nothing
     moves: bool = True  # It takes the vehicle out of its mission
+    ends_at: Spot | None = None  # Where the vehicle is afterwards, if that is known before
 
 
 def reposition(spot: Spot, home: Home, yaw_rad: float = float("nan")) -> CommandInt:
