@@ -13,7 +13,13 @@ from mavlink_broker.dialect import Message
 from mavlink_broker.effects import Acknowledgement, Effects
 from mavlink_broker.ending import Ending, coming_home
 from mavlink_broker.flight_progress import FlightProgress
-from mavlink_broker.interruption import PATIENCE_S, REASONS, SoftAbort, SpeedOrders
+from mavlink_broker.interruption import (
+    PATIENCE_S,
+    REASONS,
+    SoftAbort,
+    SpeedOrders,
+    within_fence,
+)
 from mavlink_broker.protocol.plan_kinds import FENCE
 from mavlink_broker.reporter import Reporter
 from mavlink_broker.session_states import Event, State
@@ -46,6 +52,7 @@ class Flight(FlightProgress):
         self._speeds = SpeedOrders(vehicle)
         self._soft_abort: SoftAbort | None = None
         self._ending: Ending | None = None
+        self._ending_note: str | None = None  # What is done otherwise than it says
         self._ending_work: int | None = None  # None: an alarm has ended the mission
         self._entries = {
             State.FENCING: self._enter_fencing,
@@ -152,6 +159,7 @@ class Flight(FlightProgress):
     ) -> None:
         """Send the vehicle where the event says."""
         self._follower = self._performer = None
+        event, self._ending_note = within_fence(event, self._area, self._vehicle)
         self._ending, self._ending_work = Ending(event, self._vehicle), work_id
         self._move(Event.ABORTED, now, effects)
         effects.messages += self._ending.start(now)
@@ -184,7 +192,8 @@ class Flight(FlightProgress):
     def _acknowledge_ending(self, effects: Effects) -> None:
         """Say that an event has been carried out, once."""
         if self._ending is not None and self._ending_work is not None:
-            effects.for_edge.append(Acknowledgement(self._ending_work, "done"))
+            done = Acknowledgement(self._ending_work, "done", self._ending_note)
+            effects.for_edge.append(done)
             self._ending_work = None
 
     def _step_leaving(self, now: float, effects: Effects) -> None:

@@ -3,10 +3,13 @@
 from dataclasses import dataclass, field
 
 from afarcloud.enumerations import EventType
+from afarcloud.plan import Event
 from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.effects import Acknowledgement, Effects
 from mavlink_broker.protocol.command import Accepted, Refused, long_command
 from mavlink_broker.protocol.command_sequence import CommandSequence
+from mavlink_broker.translation.area_check import AreaCheck
+from mavlink_broker.translation.situation import Spot
 from mavlink_broker.vehicle import Vehicle
 from mavlink_broker.work import EventWork
 
@@ -18,6 +21,25 @@ REASONS = {
     EventType.ABORT_MISSION: "aborted by an event",
     EventType.SOFT_ABORT_MISSION: "aborted softly by an event",
 }
+
+
+def within_fence(
+    event: Event, area: AreaCheck | None, vehicle: Vehicle
+) -> tuple[Event, str | None]:
+    """Leave out a place that the plan's geofence forbids, and say what comes instead.
+
+    An emergency is not refused for it: the vehicle lands where it is, or returns.
+    """
+    point, here = event.abort, vehicle.snapshot.position
+    if area is None or point is None:
+        return event, None
+    start = None if here is None else (here.latitude_deg, here.longitude_deg)
+    fault = area.fault_of_order(start, Spot(point.latitude, point.longitude, point.altitude))
+    if fault is None:
+        return event, None
+    is_soft = event.event_type_id is EventType.SOFT_ABORT_MISSION
+    instead = "it returns and lands" if is_soft else "it lands where it is"
+    return event.model_copy(update={"abort": None}), f"abort: {fault}: {instead}"
 
 
 @dataclass(slots=True)

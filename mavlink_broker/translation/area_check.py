@@ -56,11 +56,14 @@ class AreaCheck:
                 raise RefusedError(part.command, command, Refusal(name, fault))
 
     def fault_of_order(self, start: Vertex | None, target: Spot) -> str | None:
-        """Say why a vehicle must not be sent somewhere, or None."""
-        here = None if start is None else Spot(*start, target.relative_altitude_m)
-        return self._fault_of(Way(0, here, target)) or self._height_fault(
-            target.relative_altitude_m
-        )
+        """Say why a vehicle must not be sent somewhere, or None.
+
+        One that is where it must not be may come from there any way.
+        """
+        height_m = target.relative_altitude_m
+        strayed = start is not None and self._area.fault_at(start) is not None
+        here = None if start is None or strayed else Spot(*start, height_m)
+        return self._fault_of(Way(0, here, target)) or self._height_fault(height_m)
 
     def _fault_of_beginning(self, start: Spot | None, home: Home | None) -> Refusal | None:
         beginnings = {"the vehicle": start and start[:2], "home": home and home[:2]}

@@ -26,7 +26,7 @@ from tests.support.fenced_vehicle import (
     fenced_vehicle,
 )
 from tests.support.scripted_missions import ARDUPILOT, PX4, Script
-from tests.support.scripted_vehicle import HOME
+from tests.support.scripted_vehicle import HOME, PX4_LAND, PX4_RETURN
 
 INCLUSION, EXCLUSION = 5001, 5002
 BOTH = pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
@@ -370,3 +370,39 @@ class TestRefusing:
         why = "landing: the way there enters geofence.exclusion.0"
         assert world.edge.reports(1201)[-1]["command_report_array"][-1]["message"] == why
         assert vehicle.log == []
+
+
+class TestEvents:
+    """An emergency is never refused for the fence, and never leads out of it."""
+
+    @pytest.mark.parametrize(
+        ("kind", "mode", "instead"),
+        [(1, PX4_LAND, "it lands where it is"), (2, PX4_RETURN, "it returns and lands")],
+    )
+    def test_a_place_outside_is_left_out_and_said_so(
+        self, kind: int, mode: int, instead: str
+    ) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        world.edge.plan(first_flight(), geofence=fence())
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        outside = {"latitude": HOME[0] + 9e-4, "longitude": HOME[1], "altitude": 5.0}
+        event = world.edge.event(kind, abort=outside)
+        world.run_until(lambda: not vehicle.armed)
+        assert vehicle.custom_mode == mode
+        assert mavlink.MAV_CMD_DO_REPOSITION not in vehicle.commands
+        done = world.edge.acknowledgements(event)[-1]
+        assert done["status"] == "done"
+        assert "m outside geofence.inclusion" in done["message"]
+        assert done["message"].endswith(instead)
+
+    def test_a_place_inside_is_flown_to(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        world.edge.plan(first_flight(), geofence=fence())
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        inside = {"latitude": HOME[0] + 1e-4, "longitude": HOME[1], "altitude": 5.0}
+        event = world.edge.event(1, abort=inside)
+        world.run_until(lambda: not vehicle.armed)
+        assert mavlink.MAV_CMD_DO_REPOSITION in vehicle.commands
+        assert "message" not in world.edge.acknowledgements(event)[-1]
