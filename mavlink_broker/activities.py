@@ -77,6 +77,14 @@ def selection(plan: FlightPlan, vehicle: Vehicle) -> MissionSelect:
     return MissionSelect(first, vehicle.route, vehicle.round_trip, shown_as=shown_as)
 
 
+def hold_on_ground(vehicle: Vehicle) -> Message:
+    """Ask for the family's hold mode; only the vehicle's next heartbeat tells whether it took it.
+
+    A vehicle of which only the mode is wrong is not ready to arm in it.
+    """
+    return vehicle.family.holding[0][0].message(vehicle.route, 0)
+
+
 def commands(ways: Ways, vehicle: Vehicle) -> CommandSequence:
     """Arm or start, in the family's ways."""
     return CommandSequence(ways, vehicle.route, vehicle.round_trip)

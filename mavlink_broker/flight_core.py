@@ -5,6 +5,7 @@ is the event that leads on. Knows neither clock nor network.
 """
 
 import logging
+import math
 from collections.abc import Callable, Mapping
 from typing import Final, TypeAlias
 
@@ -57,6 +58,7 @@ class FlightCore:
         self._fencing: Fencing | None = None
         self._is_fenced = False  # Once for the whole mission
         self._opaque_id = 0
+        self._mode_asked_at = -math.inf  # Of a vehicle that is not ready in the mode that it is in
         self._began_at = 0.0
         self._heard_at: float | None = None  # Its vehicle, for the first time since it is attached
         self._entered_at = 0.0

@@ -97,6 +97,7 @@ class Family:
     gimbal_rate_deg_s: float = math.nan  # What says "no rate" beside a gimbal's angles
     arming: Ways = ((_ARM,),)
     starting: Ways = ((_START,),)
+    readiness_by_mode: bool = False  # "Ready to arm" means: in the mode that it is in
     holding: Ways = ((_PAUSE,),)  # Stay in the air, out of the mission
     landing: Ways = ((_LAND,),)  # Here and now
     returning: Ways = ((_RETURN,),)  # Home, and land there
@@ -129,6 +130,7 @@ PX4: Final = Family(
         mavlink.MAV_CMD_NAV_LOITER_UNLIM: frozenset({2, 3}),
     },
     hold_yaw_deg=math.nan,
+    readiness_by_mode=True,
     arming=((_ARM,), (_PX4_MISSION_MODE, _ARM)),
     starting=((_START,), (_PX4_MISSION_MODE,)),
     holding=((_PX4_HOLD,), (_PAUSE,)),

@@ -9,7 +9,7 @@ from mavlink_broker.dialect import mavlink
 from mavlink_broker.protocol.command import CommandInt
 from mavlink_broker.translation import mission_item
 from mavlink_broker.translation.families import Family, Orbiting
-from mavlink_broker.translation.geo import shifted
+from mavlink_broker.translation.geo import offset, shifted
 from mavlink_broker.translation.live import LiveAction, Turned
 from mavlink_broker.translation.situation import Items, Situation, Spot
 
@@ -49,6 +49,16 @@ def start_point(p: NavHotpointParameters) -> Spot | None:
     return Spot(*shifted(p.latitude, p.longitude, bearing_deg, p.radius), p.orbit_altitude)
 
 
+def _end_point(p: NavHotpointParameters, situation: Situation) -> Spot | None:
+    """Where a full turn ends: where it began, which is the nearest point if none was named."""
+    start, before = start_point(p), situation.spot
+    if start is not None or before is None:
+        return start
+    north_m, east_m = offset(p.latitude, p.longitude, *before[:2])
+    bearing_deg = math.degrees(math.atan2(east_m, north_m))
+    return Spot(*shifted(p.latitude, p.longitude, bearing_deg, p.radius), p.orbit_altitude)
+
+
 def _live(p: NavHotpointParameters, situation: Situation) -> LiveAction:
     speed_m_s = speed_on_circle_m_s(p.angular_velocity, p.radius)
     heading, notes = _heading(p.orbit_type, situation.family)
@@ -73,6 +83,7 @@ def _live(p: NavHotpointParameters, situation: Situation) -> LiveAction:
         finish=situation.family.holding,
         within_s=2.0 * FULL_TURN_RAD * p.radius / speed_m_s + SLACK_S,
         notes=(*_limited(p, speed_m_s), *notes),
+        ends_at=_end_point(p, situation),
     )
 
 

@@ -169,7 +169,7 @@ class _Translation:
                 self._close()
                 self.segments.append(LiveCommand(index, part))
                 if part.moves:
-                    self._situation = self._situation._replace(spot=None, after_live=True)
+                    self._situation = self._situation._replace(spot=part.ends_at, after_live=True)
             else:
                 self._take(index, command, part)
         self._close()

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from mavlink_broker.dialect import Message, MissionAck, MissionCount, mavlink
+from tests.support.stored_items import Keeping
 
 _REPEAT_REQUEST_S = 0.25
 _IDLE_TRANSFER_S = 5.0
@@ -39,6 +40,26 @@ class Script:
     has_home: bool = True
     battery_capacity_mah: float | None = 4200.0
     ignores_start: bool = False
+    keeps: Keeping | None = None  # What becomes of an item in its storage
+    is_atomic: bool = True  # Else items are overwritten as they come
+    shows_legs_only: bool = False  # MISSION_CURRENT counts only what is navigated to
+    mission_every_s: float = 0.2
+    tells_current_on_request: bool = True
+    tells_mission_state: bool = True
+    counts_home: bool = True  # In MISSION_CURRENT.total
+    no_mission_total: int = 0
+    streams_unasked: bool = True
+    knows_intervals: bool = True
+    is_infeasible: bool = False  # Found after the upload was accepted
+    arms_in: frozenset[int] | None = None  # Custom modes; None: in any
+    arming_refusal: int = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+    arming_complaint: str = ""
+    readiness_by_mode: bool = False  # "Ready to arm" means: in the mode that it is in
+    wants_takeoff_first: bool = False  # Refuses to begin on the ground with anything else
+    in_progress: frozenset[int] = frozenset()  # Commands that it works on for 2 s first
+    disarms_after_s: float = 0.0  # Once it stands
+    current_goes_to_0_at_the_end: bool = False
+    return_changes_mode: bool = False  # The item of a return is done by leaving the mission
     product: tuple[int, int] = (0, 0)  # Vendor and product in AUTOPILOT_VERSION
 
 
@@ -62,6 +83,7 @@ class ScriptedMissions:
         self.items: list[Message] = []
         self.uploads = 0
         self.refusals = 0
+        self.listings = 0
         self.busy_until = 0.0
         self.complain: Callable[[], None] = lambda: None
         self._send = send
@@ -115,6 +137,8 @@ class ScriptedMissions:
             return
         self._transfer = {}
         self._transfer_count = message.count
+        if not self.script.is_atomic:
+            del self.items[message.count :]
         self._acknowledged = None
         self._progress_at = self._now
         self._ask()
@@ -133,7 +157,13 @@ class ScriptedMissions:
         if message.command in self.script.unknown_items:
             self._refuse(mavlink.MAV_MISSION_UNSUPPORTED)
             return
-        self._transfer[message.seq] = self._stored(message)
+        kept = self._stored(message)
+        if isinstance(kept, int):
+            self._refuse(kept)
+            return
+        self._transfer[message.seq] = kept
+        if not self.script.is_atomic:
+            self.items[message.seq : message.seq + 1] = [kept]
         self._progress_at = self._now
         if len(self._transfer) < self._transfer_count:
             self._ask()
@@ -146,7 +176,9 @@ class ScriptedMissions:
         self.complain()
         self._acknowledge(result)
 
-    def _stored(self, message: Message) -> Message:
+    def _stored(self, message: Message) -> Message | int:
+        if self.script.keeps is not None and message.seq >= self.script.home_is_item_0:
+            return self.script.keeps(message)
         if message.seq == self.script.corrupts_item:
             message.z += 5.0
         if self.script.forgets_parameters and message.command == mavlink.MAV_CMD_NAV_WAYPOINT:
@@ -178,6 +210,7 @@ class ScriptedMissions:
 
     def _list(self, message: Message) -> None:
         del message
+        self.listings += 1
         self._send(MissionCount(0, 0, len(self.items), 0, self.plan_id))
 
     def _request(self, message: Message) -> None:

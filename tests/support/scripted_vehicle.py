@@ -11,6 +11,7 @@ from mavlink_broker.codec import Decoder, Encoder
 from mavlink_broker.dialect import Message, MissionCurrent, mavlink
 from mavlink_broker.translation.geo import shifted
 from tests.support.scripted_missions import ARDUPILOT, PX4, Script, ScriptedMissions
+from tests.support.scripted_streams import TELEMETRY_S, ScriptedStreams
 
 __all__ = ["ARDUPILOT", "PX4", "Script", "ScriptedVehicle"]
 
@@ -28,7 +29,6 @@ COPTER_AUTO = 3
 COPTER_RETURN = 6
 COPTER_LAND = 9
 LANDING_S = 8.0
-TELEMETRY_S = 0.2
 SENSORS = (
     mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
     | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
@@ -89,9 +89,19 @@ class ScriptedVehicle:
         self._decoder = Decoder()
         self._encoder = Encoder(system, 1)
         self._outbox: list[bytes] = []
+        self._streams = ScriptedStreams(
+            unasked=script.streams_unasked, mission_every_s=script.mission_every_s, now=booted_at
+        )
+        self._later: list[tuple[float, Message]] = []
+        self._disarm_at = math.inf
         self._item_began_at = 0.0
         self._mode_began_at = 0.0
         self._next = {"heartbeat": booted_at, "telemetry": booted_at}
+
+    @property
+    def booted_at(self) -> float:
+        """When it was switched on, by the world's clock."""
+        return self._booted_at
 
     @property
     def script(self) -> Script:
@@ -138,7 +148,10 @@ class ScriptedVehicle:
             self._next["telemetry"] = now + TELEMETRY_S
             self._go_round()
             self._come_down()
-            self._telemetry()
+        if now >= self._disarm_at:
+            self._disarm()
+        self._answer_later(now)
+        self._telemetry()
         frames, self._outbox = self._outbox, []
         return [] if self.silent else frames
 
@@ -147,6 +160,7 @@ class ScriptedVehicle:
         self.armed = self.airborne = False
         self._booted_at = now
         self._next = {"heartbeat": now, "telemetry": now}
+        self._streams.restart(now)
         self.missions.drop_transfer()
         self.mission_state = mavlink.MISSION_STATE_NOT_STARTED
         self.current = 0
@@ -184,43 +198,76 @@ class ScriptedVehicle:
         )
 
     def _telemetry(self) -> None:
-        boot_ms = int((self._now - self._booted_at) * 1000)
+        makers = {
+            "position": self._position,
+            "attitude": self._attitude,
+            "landed": self._landed,
+            "health": self._health,
+            "battery": self._battery,
+            "mission": self._mission_current,
+        }
+        for name in self._streams.due(self._now):
+            self._send(makers[name]())
+
+    @property
+    def _boot_ms(self) -> int:
+        return int((self._now - self._booted_at) * 1000)
+
+    def _position(self) -> Message:
         height_mm = round(self.height_m * 1e3) if self.airborne else 0
         latitude, longitude = (round(degrees * 1e7) for degrees in self.place)
         amsl_mm = round(HOME[2] * 1000)
-        ready = self._now - self._booted_at >= self.script.ready_to_arm_after_s
-        prearm = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+        return mavlink.MAVLink_global_position_int_message(
+            self._boot_ms, latitude, longitude, amsl_mm + height_mm, height_mm, 100, 0, 0, 0
+        )
+
+    def _attitude(self) -> Message:
+        return mavlink.MAVLink_attitude_message(self._boot_ms, 0.01, -0.02, -math.pi / 2, 0, 0, 0)
+
+    def _landed(self) -> Message:
         landed = (
             mavlink.MAV_LANDED_STATE_IN_AIR if self.airborne else mavlink.MAV_LANDED_STATE_ON_GROUND
         )
-        messages = [
-            mavlink.MAVLink_global_position_int_message(
-                boot_ms, latitude, longitude, amsl_mm + height_mm, height_mm, 100, 0, 0, 0
-            ),
-            mavlink.MAVLink_attitude_message(boot_ms, 0.01, -0.02, -math.pi / 2, 0, 0, 0),
-            mavlink.MAVLink_extended_sys_state_message(0, landed),
-            mavlink.MAVLink_sys_status_message(
-                prearm | SENSORS,
-                prearm | SENSORS,
-                ((prearm if ready else 0) | SENSORS) & ~self.ill,
-                *(0, 12000, 100, 80, 0, 0, 0, 0, 0, 0),
-            ),
-            mavlink.MAVLink_battery_status_message(
-                0, 1, 1, 32767, [12000] + [65535] * 9, 100, 0, -1, 80
-            ),
-            self._mission_current(),
-        ]
-        for message in messages:
-            self._send(message)
+        return mavlink.MAVLink_extended_sys_state_message(0, landed)
+
+    def _health(self) -> Message:
+        prearm = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+        may = self._may_arm_here or not self.script.readiness_by_mode
+        ready = prearm if self._ready and may else 0
+        return mavlink.MAVLink_sys_status_message(
+            prearm | SENSORS,
+            prearm | SENSORS,
+            (ready | SENSORS) & ~self.ill,
+            *(0, 12000, 100, 80, 0, 0, 0, 0, 0, 0),
+        )
+
+    def _battery(self) -> Message:
+        return mavlink.MAVLink_battery_status_message(
+            0, 1, 1, 32767, [12000] + [65535] * 9, 100, 0, -1, 80
+        )
 
     def _mission_current(self) -> Message:
+        script = self.script
+        count = len(self.items) if script.counts_home else max(0, len(self.items) - 1)
+        state = self.mission_state
+        if script.is_infeasible and self.items:
+            state = mavlink.MISSION_STATE_NO_MISSION
         return MissionCurrent(
-            self.current,
-            len(self.items),
-            self.mission_state,
+            self._shown_current(),
+            count if self.items else script.no_mission_total,
+            state if script.tells_mission_state else mavlink.MISSION_STATE_UNKNOWN,
             1 if self.in_mission else 2,
             self.missions.plan_id,
         )
+
+    def _shown_current(self) -> int:
+        if not self.script.shows_legs_only:
+            return self.current
+        legs = (i for i in range(self.current, len(self.items)) if self._is_leg(i))
+        return next(legs, self.current) if self.current else 0
+
+    def _is_leg(self, seq: int) -> bool:
+        return bool(self.items[seq].command <= mavlink.MAV_CMD_NAV_LAST)
 
     # Commands and parameters.
 
@@ -230,6 +277,8 @@ class ScriptedVehicle:
                 self._command(message)
             case "FOLLOW_TARGET":
                 self.targets += 1
+            case "REQUEST_DATA_STREAM":
+                self._streams.ask_group(message, self._now)
             case "PARAM_REQUEST_READ":
                 self._parameter(message)
             case "MISSION_SET_CURRENT":
@@ -238,6 +287,9 @@ class ScriptedVehicle:
     def _mission_stored(self) -> None:
         self.current = 0
         self.mission_state = mavlink.MISSION_STATE_NOT_STARTED
+        if self.script.is_infeasible:
+            self.say("Mission rejected: takeoff altitude too low!\t")
+            return
         self._begin_if_flying()  # Whoever is in the mission mode flies what it is given
 
     def _set_current(self, seq: int) -> None:
@@ -257,14 +309,80 @@ class ScriptedVehicle:
         values = tuple(getattr(message, name) for name in names)
         self.commands.append(message.command)
         self.parameters.append((message.command, values))
-        result = self.script.results.get(message.command, mavlink.MAV_RESULT_ACCEPTED)
-        if message.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM and not self._ready:
-            result = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+        result = self._judge(message)
         if result == mavlink.MAV_RESULT_ACCEPTED:
             self._obey(message)
-        elif message.command != mavlink.MAV_CMD_DO_SET_MISSION_CURRENT:
+        elif message.command not in {
+            mavlink.MAV_CMD_DO_SET_MISSION_CURRENT,
+            mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
+            mavlink.MAV_CMD_REQUEST_MESSAGE,
+        }:
             self._complain()
-        self._send(mavlink.MAVLink_command_ack_message(message.command, result))
+        answer = mavlink.MAVLink_command_ack_message(message.command, result)
+        if message.command in self.script.in_progress:
+            working = mavlink.MAV_RESULT_IN_PROGRESS
+            self._send(mavlink.MAVLink_command_ack_message(message.command, working))
+            self._later.append((self._now + 2.0, answer))
+        else:
+            self._send(answer)
+
+    def _judge(self, message: Message) -> int:
+        """MAV_RESULT of a command, before it is obeyed."""
+        script = self.script
+        refusals = {
+            mavlink.MAV_CMD_COMPONENT_ARM_DISARM: self._judge_arming,
+            mavlink.MAV_CMD_MISSION_START: self._judge_start,
+            mavlink.MAV_CMD_DO_SET_MODE: lambda: self._judge_mode(int(message.param2)),
+        }
+        result = script.results.get(message.command, mavlink.MAV_RESULT_ACCEPTED)
+        if result == mavlink.MAV_RESULT_ACCEPTED and message.command in refusals:
+            return refusals[message.command]()
+        unknown = {
+            mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: not script.knows_intervals,
+            mavlink.MAV_CMD_REQUEST_MESSAGE: (
+                message.param1 == mavlink.MAVLINK_MSG_ID_MISSION_CURRENT
+                and not script.tells_current_on_request
+            ),
+        }
+        return mavlink.MAV_RESULT_UNSUPPORTED if unknown.get(message.command) else result
+
+    @property
+    def _may_arm_here(self) -> bool:
+        arms_in = self.script.arms_in
+        return arms_in is None or self.custom_mode in arms_in
+
+    def _judge_arming(self) -> int:
+        if self._ready and self._may_arm_here:
+            return int(mavlink.MAV_RESULT_ACCEPTED)
+        if self.script.arming_complaint:
+            self.say(self.script.arming_complaint)
+        return self.script.arming_refusal
+
+    def _judge_start(self) -> int:
+        if self.script.is_infeasible:
+            self.say("Mission start denied! No valid mission\t")
+            return int(mavlink.MAV_RESULT_DENIED)
+        return self._judge_mode(COPTER_AUTO)
+
+    def _judge_mode(self, main: int) -> int:
+        """ArduPilot's AUTO begins on the ground with a take-off only."""
+        if self.script.is_infeasible and self.armed and main == COPTER_GUIDED:
+            return int(mavlink.MAV_RESULT_TEMPORARILY_REJECTED)  # PX4's AUTO has the same number
+        first = self.script.home_is_item_0
+        legs = [item for item in self.items[first:] if item.command <= mavlink.MAV_CMD_NAV_LAST]
+        takes_off = bool(legs) and legs[0].command == mavlink.MAV_CMD_NAV_TAKEOFF
+        standing = self.armed and not self.airborne
+        auto = self.script.wants_takeoff_first and main == COPTER_AUTO
+        if auto and standing and not takes_off:
+            self.say("Auto: Missing Takeoff Cmd")
+            return int(mavlink.MAV_RESULT_FAILED)
+        return int(mavlink.MAV_RESULT_ACCEPTED)
+
+    def _answer_later(self, now: float) -> None:
+        due = [message for at, message in self._later if now >= at]
+        self._later = [(at, message) for at, message in self._later if now < at]
+        for message in due:
+            self._send(message)
 
     @property
     def _ready(self) -> bool:
@@ -292,6 +410,8 @@ class ScriptedVehicle:
                 self._set_current(int(message.param1))
             case mavlink.MAV_CMD_REQUEST_MESSAGE:
                 self._requested(int(message.param1))
+            case mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
+                self._streams.ask(int(message.param1), message.param2, self._now)
             case _:
                 self._fly_live(message)
 
@@ -351,9 +471,19 @@ class ScriptedVehicle:
         is_px4 = self.script.autopilot == mavlink.MAV_AUTOPILOT_PX4
         landing = {PX4_LAND, PX4_RETURN} if is_px4 else {COPTER_LAND, COPTER_RETURN}
         ended = self._now - self._mode_began_at >= LANDING_S
-        if self.armed and self.custom_mode in landing and ended:
-            self.armed = self.airborne = False
-            self.heartbeat()
+        if self.armed and self.airborne and self.custom_mode in landing and ended:
+            self._land()
+
+    def _land(self) -> None:
+        self.airborne = False
+        self._disarm_at = self._now + self.script.disarms_after_s
+        if self.script.disarms_after_s == 0.0:
+            self._disarm()
+
+    def _disarm(self) -> None:
+        self._disarm_at = math.inf
+        self.armed = False
+        self.heartbeat()
 
     def _go_round(self) -> None:
         """Fly on along the circle, and hold when it has been flown as far as was asked for."""
@@ -380,13 +510,16 @@ class ScriptedVehicle:
     def _reached(self, item: Message) -> None:
         if self.script.tells_reached:
             self._send(mavlink.MAVLink_mission_item_reached_message(self.current))
-        if item.command in {mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH}:
-            self.armed = self.airborne = False
-            self.heartbeat()
+        if item.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH and self.script.return_changes_mode:
+            self.set_mode(PX4_RETURN)
+        elif item.command in {mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH}:
+            self._land()
         if self.current + 1 < len(self.items):
             self.current += 1
         else:
             self.mission_state = mavlink.MISSION_STATE_COMPLETE
+            if self.script.current_goes_to_0_at_the_end:
+                self.current = 0
         self._send(self._mission_current())
 
     def _send(self, message: Message) -> None:

@@ -1,0 +1,51 @@
+"""PX4 and ArduCopter as their sources say that they behave, each habit a named trait.
+
+PX4: `mavlink_mission.cpp`, `mission_base.cpp`, `FeasibilityChecker.cpp`, `Commander.cpp`.
+ArduPilot: `MissionItemProtocol.cpp`, `AP_Mission.cpp`, `GCS_Common.cpp`, `mode_auto.cpp`,
+`GCS_MAVLink_Copter.cpp`.
+"""
+
+from dataclasses import replace
+from typing import Final
+
+from mavlink_broker.dialect import mavlink
+from tests.support.scripted_missions import Script
+from tests.support.stored_items import as_ardupilot_keeps, as_px4_keeps
+
+PX4_MODES_TO_ARM_IN: Final = frozenset({4 << 16 | 2 << 24, 4 << 16 | 3 << 24, 4 << 16 | 4 << 24})
+"""Take-off, hold, mission: what flies without a remote control."""
+COPTER_MODES_TO_ARM_IN: Final = frozenset({0, 2, 4, 5, 16})
+
+PX4_1_17: Final = Script(
+    keeps=as_px4_keeps,
+    mission_every_s=1.0,
+    tells_current_on_request=False,
+    results={mavlink.MAV_CMD_DO_SET_MISSION_CURRENT: mavlink.MAV_RESULT_UNSUPPORTED},
+    no_mission_total=65535,
+    arms_in=PX4_MODES_TO_ARM_IN,
+    readiness_by_mode=True,
+    disarms_after_s=2.0,
+    return_changes_mode=True,
+)
+PX4_1_14: Final = replace(PX4_1_17, gives_ids=False, tells_mission_state=False)
+"""Before it gave ids to missions and told their state."""
+
+COPTER_4_6: Final = Script(
+    autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
+    gives_ids=False,
+    home_is_item_0=True,
+    float_requests=True,
+    keeps=as_ardupilot_keeps,
+    is_atomic=False,
+    shows_legs_only=True,
+    streams_unasked=False,
+    counts_home=False,
+    arms_in=COPTER_MODES_TO_ARM_IN,
+    arming_refusal=mavlink.MAV_RESULT_FAILED,
+    arming_complaint="Arm: AUTO mode not armable",
+    wants_takeoff_first=True,
+    results={mavlink.MAV_CMD_DO_ORBIT: mavlink.MAV_RESULT_UNSUPPORTED},
+    disarms_after_s=0.5,
+)
+COPTER_3_6: Final = replace(COPTER_4_6, knows_intervals=False, tells_mission_state=False)
+"""Before SET_MESSAGE_INTERVAL: streams by groups."""
