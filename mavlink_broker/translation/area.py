@@ -63,14 +63,27 @@ class Polygon:
 
     def __init__(self, corners: Sequence[Point]) -> None:
         self.edges: tuple[Edge, ...] = tuple(zip(corners, (*corners[1:], corners[0]), strict=True))
+        self._west = min(east for east, _ in corners)
+        self._east = max(east for east, _ in corners)
         self._south = min(north for _, north in corners)
-        height = max(north for _, north in corners) - self._south
+        self._north = max(north for _, north in corners)
+        height = self._north - self._south
         number = max(1, min(_MOST_STRIPS, len(corners) // _CORNERS_PER_STRIP))
         self._strip_m = height / number or 1.0
         self._strips: list[list[Edge]] = [[] for _ in range(number)]
         for edge in self.edges:
             for strip in self._strips_of(edge[0][1], edge[1][1]):
                 strip.append(edge)
+
+    def is_beside(self, way: Edge) -> bool:
+        """Whether a way keeps clear of it altogether, at a glance."""
+        (x1, y1), (x2, y2) = way
+        return (
+            max(x1, x2) < self._west
+            or min(x1, x2) > self._east
+            or max(y1, y2) < self._south
+            or min(y1, y2) > self._north
+        )
 
     def contains(self, point: Point) -> bool:
         """Whether a point lies inside, by counting the edges to the east of it."""
@@ -154,6 +167,8 @@ class Area:
     def _fault(self, way: Edge) -> int | None:
         """Give the number of the exclusion that a way enters, -1 if it leaves the inclusion."""
         for number, polygon in enumerate(self.exclusion):
+            if polygon.is_beside(way):
+                continue
             near = polygon.edges_near(way)
             for piece in _pieces(way, near):
                 if polygon.contains(_middle(piece)) and not _keeps_to_one(piece, near):
