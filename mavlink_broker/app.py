@@ -5,7 +5,7 @@ a day of it in a second.
 """
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
@@ -14,6 +14,8 @@ from mavlink_broker.dialect import Message, Source, source_of
 from mavlink_broker.effects import Acknowledgement, Effects, ForEdge
 from mavlink_broker.forwarding.verdict import Tenure
 from mavlink_broker.inbox import Inbox, WorkError
+from mavlink_broker.jobs import Job, JobFailed, JobOutcome
+from mavlink_broker.pictures.desk import HEARD as PICTURED
 from mavlink_broker.posts import post_for
 from mavlink_broker.protocol.heartbeat import is_vehicle
 from mavlink_broker.protocol.route import Route
@@ -29,10 +31,15 @@ IDLE_WAIT_S: Final = 0.02
 """Longest sleep: what is overdue is noticed that late. Datagrams and work end it at once."""
 AUTOPILOT: Final = 1
 """MAV_COMP_ID_AUTOPILOT1."""
-PAYLOAD_WORDS: Final = frozenset({"COMMAND_ACK", "HEARTBEAT"}) | OBSERVED
+PAYLOAD_WORDS: Final = frozenset({"COMMAND_ACK", "HEARTBEAT"}) | OBSERVED | PICTURED
 """What is taken from a vehicle's other components, such as its camera."""
 
-TRANSFERS: Final = frozenset({State.ATTACHING, State.UPLOADING, State.VERIFYING, State.SELECTING})
+PICTURES_WAITING: Final = 8
+"""With so many unanswered none is fetched: they are safer on the vehicle than in memory."""
+
+TRANSFERS: Final = frozenset(
+    {State.ATTACHING, State.FENCING, State.UPLOADING, State.VERIFYING, State.SELECTING}
+)
 """States in which a mission is sent or read back."""
 
 _LOG = logging.getLogger(__name__)
@@ -46,6 +53,36 @@ class Edge(Protocol):
 
     def post(self, post: Post) -> None:
         """Leave a post to be sent, in order, until it is answered."""
+
+    @property
+    def waiting_pictures(self) -> int:
+        """How many pictures have not been answered yet."""
+
+
+class Jobs(Protocol):
+    """What is done beside the loop."""
+
+    def put(self, system: int, job: Job) -> None:
+        """Have a job done for a vehicle."""
+
+    def take_finished(self) -> Sequence[tuple[int, JobOutcome]]:
+        """Give what has been done."""
+
+
+class NoJobs:
+    """Does nothing beside the loop."""
+
+    def __init__(self) -> None:
+        self._refused: list[tuple[int, JobOutcome]] = []
+
+    def put(self, system: int, job: Job) -> None:
+        """Refuse a job."""
+        self._refused.append((system, JobFailed(job.number, "nobody is there to do it")))
+
+    def take_finished(self) -> Sequence[tuple[int, JobOutcome]]:
+        """Give what has been refused."""
+        refused, self._refused = self._refused, []
+        return refused
 
 
 @dataclass(slots=True)
@@ -66,11 +103,14 @@ class App:
         edge: Edge,
         clock: Clock,
         new_ulid: Callable[[], str],
+        jobs: Jobs | None = None,
     ) -> None:
+        """Take what the loop needs; without `jobs` no picture can be fetched or made to fit."""
         self._config = config
         self._edge = edge
         self._clock = clock
         self._new_ulid = new_ulid
+        self._jobs = jobs or NoJobs()
         self._inbox = Inbox()
         self._traffic = Traffic(config, link, clock, self._tenure)
         self._peers: dict[int, _Peer] = {}
@@ -88,8 +128,15 @@ class App:
             self._dispatch(message, now)
         for raw in self._edge.take_work():
             self._take(raw, now)
-        for peer in self._peers.values():
+        for system, outcome in self._jobs.take_finished():
             effects = Effects()
+            self._peers[system].session.pictures.take_outcome(outcome, now, effects)
+            self._carry_out(effects, self._peers[system])
+        has_room = self._edge.waiting_pictures < PICTURES_WAITING
+        for system, peer in self._peers.items():
+            effects = Effects()
+            peer.session.watch(self._traffic.asked_of(system, now))
+            peer.session.pictures.has_room = has_room
             peer.session.step(now, effects)
             self._carry_out(effects, peer)
 
@@ -206,6 +253,8 @@ class App:
             self._traffic.send(peer.session.vehicle.route.target_system, effects.messages)
         for word in effects.for_edge:
             self._tell(word, peer.session.vehicle.vehicle_id)
+        for job in effects.jobs:
+            self._jobs.put(peer.session.vehicle.route.target_system, job)
 
     def _tell(self, word: ForEdge, vehicle_id: int) -> None:
         post = post_for(

@@ -18,6 +18,7 @@ from typing import Any, Final
 
 import requests
 
+from afarcloud import wire
 from mavlink_broker.send_queue import Post, SendQueue
 
 LONG_POLL_S: Final = 20.0
@@ -152,6 +153,12 @@ class EdgeClient:
         """How many posts have no final answer yet."""
         with self._changed:
             return len(self._posts)
+
+    @property
+    def waiting_pictures(self) -> int:
+        """How many pictures have no final answer yet."""
+        with self._changed:
+            return self._posts.waiting_in(wire.Kind.IMAGE.value)
 
     @property
     def dropped(self) -> int:

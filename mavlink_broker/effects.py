@@ -1,4 +1,4 @@
-"""What a vehicle's session wants done: frames to the vehicle, words to the edge server.
+"""What a vehicle's session wants done: frames to the vehicle, words to the edge server, jobs.
 
 A session touches neither; the program's loop carries its effects out, in order.
 """
@@ -16,6 +16,7 @@ from afarcloud.state import (
     StateVector,
 )
 from mavlink_broker.dialect import Message
+from mavlink_broker.jobs import Job
 
 Report: TypeAlias = Pose | Battery | StateVector | MissionReport | Alarm | ObservationList | Image
 
@@ -58,3 +59,4 @@ class Effects:
 
     messages: list[Message] = field(default_factory=list)
     for_edge: list[ForEdge] = field(default_factory=list)
+    jobs: list[Job] = field(default_factory=list)

@@ -3,8 +3,9 @@
 from collections import Counter
 from typing import TypeVar
 
-from afarcloud.state import Alarm, Report, StateVector
+from afarcloud.state import Alarm, Image, Report, StateVector
 from mavlink_broker import effects
+from mavlink_broker.jobs import Developed
 from mavlink_broker.translation import telemetry
 from mavlink_broker.translation.alarms import Failure
 from mavlink_broker.translation.ledger import Ledger
@@ -39,6 +40,18 @@ class Reporter:
         if battery is not None:
             reports.append((of, self._signed(battery, "battery")))
         return [effects.Result(report, name) for name, report in reports]
+
+    def image(self, picture: Developed, name: str, of: str) -> effects.Told:
+        """Give a picture; `of` tells it from every other for good, its name is for people."""
+        image = Image.model_construct(  # Its maker has seen to it that the frame is what it says
+            vehicle_id=self._vehicle.vehicle_id,
+            sequence_number=self._numbers["image"],
+            format=picture.format,
+            image_size=picture.size_bytes,
+            name=f"{name}.{picture.format.value}",
+            frame=picture.frame,
+        )
+        return effects.Result(self._signed(image, "image"), of)
 
     def state_vector(self) -> StateVector | None:
         """State of the vehicle now; None while it is unknown."""

@@ -82,6 +82,11 @@ class SendQueue:
         if post.may_be_dropped and self._droppable() > self._kept:
             self._drop_oldest()
 
+    def waiting_in(self, lane: str) -> int:
+        """How many posts of a kind, of all vehicles, have not been answered."""
+        lanes = (each for (_, name), each in self._lanes.items() if name == lane)
+        return sum(len(each.posts) + (each.in_flight is not None) for each in lanes)
+
     def take(self, now: float) -> Post | None:
         """Give the most urgent post whose turn it is; it is in flight until settled."""
         ready = [lane for lane in self._all if self._is_ready(lane, now)]

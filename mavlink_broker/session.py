@@ -7,15 +7,17 @@ of ours has left it.
 
 import logging
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from typing import Any, Final
 
 from afarcloud.enumerations import Status
-from mavlink_broker.dialect import Message, mavlink
+from mavlink_broker.dialect import Message, mavlink, source_of
 from mavlink_broker.effects import Acknowledgement, Effects, VehicleUpdate
 from mavlink_broker.flight import Flight
 from mavlink_broker.giving_back import GivingBack
 from mavlink_broker.interruption import REASONS
+from mavlink_broker.pictures.desk import HEARD as PICTURED
+from mavlink_broker.pictures.desk import PictureDesk
 from mavlink_broker.protocol.heartbeat import LinkState, OwnHeartbeat
 from mavlink_broker.protocol.parameter_read import ParameterRead
 from mavlink_broker.protocol.streams import StreamRequests
@@ -29,6 +31,19 @@ from mavlink_broker.work import EventWork, MissionWork, StateVectorWork
 
 UPDATE_EVERY_S: Final = 2.0
 NO_MISSION: Final = "no active mission"
+PREPARATION: Final = frozenset(
+    {
+        State.ATTACHING,
+        State.HOLDING,
+        State.FENCING,
+        State.UPLOADING,
+        State.VERIFYING,
+        State.SELECTING,
+        State.ARMING,
+        State.STARTING,
+    }
+)
+"""States in which the link is kept free of pictures."""
 
 _LOG = logging.getLogger(__name__)
 
@@ -49,6 +64,7 @@ class Session:
         self._state_vector_every_s = state_vector_every_s
         self._battery_capacity_ah = battery_capacity_ah
         self._reporter = Reporter(vehicle, new_session_id())
+        self.pictures = PictureDesk(vehicle, self._reporter)
         self._heartbeat = OwnHeartbeat()
         self._streams = StreamRequests(vehicle.route, vehicle.round_trip)
         self._capacity: ParameterRead | None = None
@@ -113,6 +129,8 @@ class Session:
             self._restarted(now, effects)
         effects.messages += self._streams.receive(message, now)
         self._raise_alarms(self._alarms.receive(message, now), now, effects)
+        if message.get_type() in PICTURED:
+            self.pictures.receive(message, now, effects)
         if self._capacity is not None:
             self._capacity.receive(message)
         effects.messages += self._giving_back.receive(message, now)
@@ -121,13 +139,20 @@ class Session:
             self._flight.receive(message, now, effects)
             self._close_flight()
 
+    def watch(self, asked_elsewhere: Collection[int] | None) -> None:
+        """Learn that ground stations watch, and which messages they have asked for."""
+        self._streams.watch(asked_elsewhere)
+
     def receive_payload(self, message: Message, now: float, effects: Effects) -> None:
         """Take a message of another component of the vehicle: its camera, its gimbal."""
         if message.get_type() == "HEARTBEAT":
             if message.type == mavlink.MAV_TYPE_CAMERA:
                 self._alarms.camera_heard(now)
+                self.pictures.camera_heard(source_of(message).component)
             return
         self.vehicle.observations.take(message, self.vehicle.snapshot, now)
+        if message.get_type() in PICTURED:
+            self.pictures.receive(message, now, effects)
         if self._flight is not None:
             self._flight.receive(message, now, effects)
             self._close_flight()
@@ -151,7 +176,8 @@ class Session:
         self._next_flight(now, effects)
         if self._flight is not None:
             self._flight.step(now, effects)
-            self._close_flight()
+        self._step_pictures(now, effects)
+        self._close_flight()
         connected = self.vehicle.link_state(now) is LinkState.CONNECTED
         if connected and now - self._state_vector_at >= self._state_vector_every_s:
             self._post_state_vector(now, effects)
@@ -164,6 +190,13 @@ class Session:
         return vehicle.parameters.tick(
             now, vehicle.route, vehicle.round_trip, vehicle.parameter_encoding
         )
+
+    def _step_pictures(self, now: float, effects: Effects) -> None:
+        flight = self._flight
+        ledger = None if flight is None else flight.ledger
+        self.pictures.watch(None if flight is None else flight.work, ledger, now)
+        if self.vehicle.is_heard(now):
+            self.pictures.step(now, effects, is_busy=self.state in PREPARATION)
 
     def _raise_alarms(self, failures: Iterable[Failure], now: float, effects: Effects) -> None:
         """Tell what has failed; a mission that flies has failed with it."""
@@ -235,29 +268,10 @@ class Session:
         if not due and change == self._last_update:
             return
         self._updated_at, self._last_update = now, change
-        effects.for_edge.append(VehicleUpdate(vehicle.vehicle_id, self._description(now)))
+        effects.for_edge.append(VehicleUpdate(vehicle.vehicle_id, registry.description(vehicle, self._mission_id, now)))
 
     @property
     def _mission_id(self) -> int | None:
         if self._flight is None or self._flight.ledger.status != Status.RUNNING:
             return None
         return self._flight.ledger.mission_id
-
-    def _description(self, now: float) -> dict[str, Any]:
-        vehicle, snapshot = self.vehicle, self.vehicle.snapshot
-        body: dict[str, Any] = {
-            "link_state": vehicle.link_state(now).value,
-            "autopilot": vehicle.family.autopilot,
-            "mission_id": self._mission_id,
-        }
-        if snapshot.armed is not None:
-            body |= {"armed": snapshot.armed, "mode": vehicle.mode}
-        if snapshot.position is not None:
-            body |= {
-                "latitude": snapshot.position.latitude_deg,
-                "longitude": snapshot.position.longitude_deg,
-                "altitude": snapshot.position.altitude_m,
-            }
-        if snapshot.battery_fraction is not None:
-            body["battery_percentage"] = snapshot.battery_fraction
-        return body

@@ -82,6 +82,11 @@ class LocalEdge:
         work, self._new = self._new, []
         return work
 
+    @property
+    def waiting_pictures(self) -> int:
+        """None: they are kept at once."""
+        return 0
+
     def post(self, post: Post) -> None:
         """Take what a vehicle's session tells."""
         first, *more = post.path.strip("/").split("/")

@@ -16,6 +16,7 @@ from mavlink_broker.command_line.program import (
     open_link,
 )
 from mavlink_broker.edge_client import EdgeClient
+from mavlink_broker.workshop import Workshop
 
 LAST_POSTS_WITHIN_S: Final = 1.0
 """How long a stopping broker goes on telling what it has to tell."""
@@ -37,10 +38,13 @@ def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
         settings.edge_url, settings.key_file, link.wake, ca_file=settings.edge_ca_file
     )
     edge.start()
-    app = App(settings, link, edge, SystemClock(), lambda: str(ULID()))
+    workshop = Workshop(link.wake)
+    workshop.start()
+    app = App(settings, link, edge, SystemClock(), lambda: str(ULID()), workshop)
     _LOG.info("links %s, edge server %s", " ".join(map(str, link.urls)), settings.edge_url)
     while not signals.stop:
         app.step()
+    workshop.stop()
     edge.stop(LAST_POSTS_WITHIN_S)
     app.close()
     link.close()

@@ -9,13 +9,20 @@ from dataclasses import dataclass
 from typing import Final
 
 from mavlink_broker.dialect import Message
-from mavlink_broker.protocol.file_packets import BURST, CHECKSUM, TERMINATE, Packet, request
+from mavlink_broker.protocol.file_packets import (
+    BURST,
+    CHECKSUM,
+    OPEN,
+    TERMINATE,
+    Packet,
+    request,
+)
 from mavlink_broker.protocol.round_trip import LONGEST_TIMEOUT_S, RoundTrip
 from mavlink_broker.protocol.route import Route
 
 ATTEMPTS: Final = 20
 """Requests in a row without an answer: at 20 % loss each way, one transfer in 10^9."""
-_ATTEMPTS_OF: Final = {BURST: 5, CHECKSUM: 5, TERMINATE: 3}
+_ATTEMPTS_OF: Final = {OPEN: 8, BURST: 5, CHECKSUM: 5, TERMINATE: 3}
 CHECK_TIMEOUT_S: Final = 3.0
 """A slow card takes that long to be read through."""
 

@@ -33,6 +33,7 @@ FRUITLESS: Final = 20
 """Answers in a row that bring nothing."""
 BREATH: Final = 0.25
 LONGEST_BREATH_S: Final = 1.0
+NO_ANSWER: Final = "the vehicle does not answer"
 _WORD: Final = struct.Struct("<I")
 
 
@@ -323,4 +324,4 @@ class FileDownload:
             case file_packets.RESET:
                 self._wants_reset = False
             case _:
-                self.outcome = NotFetched("the vehicle does not answer")
+                self.outcome = NotFetched(NO_ANSWER)

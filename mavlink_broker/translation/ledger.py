@@ -64,6 +64,11 @@ class Ledger:
         if notes:
             self._messages[index] = _shorten("; ".join(notes))
 
+    def add_note(self, index: int, text: str) -> None:
+        """Say something more about a command; its status stays."""
+        before = self._messages[index]
+        self._messages[index] = _shorten(f"{before}; {text}" if before else text)
+
     def set_command(self, index: int, status: Status, message: str | None = None) -> bool:
         """Change a command's status; tells whether that is news.
 

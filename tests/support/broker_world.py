@@ -14,7 +14,11 @@ from mavlink_broker.app import App
 from mavlink_broker.codec import Encoder
 from mavlink_broker.config import Config
 from mavlink_broker.dialect import mavlink
+from mavlink_broker.jobs import Job, JobOutcome
+from mavlink_broker.session_states import State
+from mavlink_broker.workshop import do
 from tests.support.fake_edge import FakeEdge
+from tests.support.scripted_camera import ScriptedCamera
 from tests.support.scripted_vehicle import ARDUPILOT, HOME, PX4, Script, ScriptedVehicle
 
 GENERIC = Script(autopilot=mavlink.MAV_AUTOPILOT_GENERIC)
@@ -42,13 +46,19 @@ class Air:
 
     def __init__(self, clock: Clock, loss: float, seed: int) -> None:
         self.vehicles: dict[tuple[str, int], ScriptedVehicle] = {}
+        self.cameras: dict[tuple[str, int], ScriptedCamera] = {}
         self.sent: list[tuple[Address, bytes]] = []
         self._clock = clock
         self._loss = loss
         self._random = random.Random(seed)
         self._to_broker: list[tuple[Address, bytes]] = []
+        self._cameras_beat_at = 0.0
 
     def step(self) -> None:
+        if self._clock.now >= self._cameras_beat_at:
+            self._cameras_beat_at = self._clock.now + 1.0
+            for camera in self.cameras.values():
+                camera.heartbeat()
         for address, vehicle in self.vehicles.items():
             for frame in vehicle.step(self._clock.now):
                 self.to_broker(address, frame)
@@ -67,10 +77,29 @@ class Air:
         vehicle = self.vehicles[address.host, address.port]
         if self._random.random() >= self._loss and not vehicle.silent:
             vehicle.receive(frame, self._clock.now)
+            if (address.host, address.port) in self.cameras:
+                self.cameras[address.host, address.port].receive(frame)
+
+    def radio(self, address: Address, free_percent: int) -> None:
+        """Nothing fills up here."""
 
     def greeted(self) -> list[Address]:
         """Whoever listens is not spoken to first."""
         return []
+
+
+class InlineJobs:
+    """Does at once what the program does on threads; the outcome is there at the next step."""
+
+    def __init__(self) -> None:
+        self._finished: list[tuple[int, JobOutcome]] = []
+
+    def put(self, system: int, job: Job) -> None:
+        self._finished.append((system, do(job)))
+
+    def take_finished(self) -> list[tuple[int, JobOutcome]]:
+        finished, self._finished = self._finished, []
+        return finished
 
 
 class World:
@@ -86,7 +115,7 @@ class World:
         self.app = self._new_app()
 
     def _new_app(self) -> App:
-        return App(self.config, self.air, self.edge, self.clock, self._ulid)
+        return App(self.config, self.air, self.edge, self.clock, self._ulid, InlineJobs())
 
     def _ulid(self) -> str:
         return f"01{next(self._ulids):024d}"
@@ -105,6 +134,20 @@ class World:
         vehicle = ScriptedVehicle(system, script, booted_at=self.clock.now)
         self.air.vehicles["192.0.2.1", 14580 + system] = vehicle
         return vehicle
+
+    def add_camera(self, vehicle: ScriptedVehicle, **more: Any) -> ScriptedCamera:
+        """Put a camera onto a vehicle; it falls silent with the vehicle."""
+        address = next(a for a, v in self.air.vehicles.items() if v is vehicle)
+
+        def put(frame: bytes) -> None:
+            if not vehicle.silent:
+                self.air.to_broker(address, frame)
+
+        camera = ScriptedCamera(
+            vehicle.system, put, lambda: round((self.clock.now - vehicle.booted_at) * 1e3), **more
+        )
+        self.air.cameras[address] = camera
+        return camera
 
     def hear_camera(self, vehicle: ScriptedVehicle) -> None:
         """Let a vehicle's camera send a heartbeat."""
@@ -179,9 +222,9 @@ def first_flight(mission_id: int = 1201, vehicle_id: int = 1) -> Any:
 
 
 def flying_world(script: Script = PX4) -> World:
-    """A world whose one vehicle has just been reported to fly."""
+    """A world whose one vehicle has just been seen to fly."""
     world = World()
     world.add_vehicle(script=script)
     world.edge.plan(first_flight())
-    world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+    world.run_until(lambda: any(s.state is State.RUNNING for s in world.app.sessions.values()))
     return world

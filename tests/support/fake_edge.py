@@ -112,6 +112,8 @@ class FakeEdge:
         work, self._new = self._new, []
         return work
 
+    waiting_pictures = 0
+
     def post(self, post: Post) -> None:
         """Take a post; it is answered at once."""
         self.posts.append(post)

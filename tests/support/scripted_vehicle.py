@@ -78,6 +78,9 @@ class ScriptedVehicle:
         self.commands: list[int] = []
         self.parameters: list[tuple[int, tuple[float, ...]]] = []
         self.silent = False
+        self.settings = dict(script.settings)
+        self.written: list[tuple[str, float]] = []  # Parameters, as they were set
+        self.yaw_rad = -math.pi / 2
         self.home = HOME
         self.place = HOME[:2]
         self.height_m = 5.0
@@ -222,7 +225,7 @@ class ScriptedVehicle:
         )
 
     def _attitude(self) -> Message:
-        return mavlink.MAVLink_attitude_message(self._boot_ms, 0.01, -0.02, -math.pi / 2, 0, 0, 0)
+        return mavlink.MAVLink_attitude_message(self._boot_ms, 0.01, -0.02, self.yaw_rad, 0, 0, 0)
 
     def _landed(self) -> Message:
         landed = (
@@ -279,6 +282,8 @@ class ScriptedVehicle:
                 self.targets += 1
             case "REQUEST_DATA_STREAM":
                 self._streams.ask_group(message, self._now)
+            case "PARAM_SET":
+                self._set_parameter(message)
             case "PARAM_REQUEST_READ":
                 self._parameter(message)
             case "MISSION_SET_CURRENT":
@@ -297,11 +302,18 @@ class ScriptedVehicle:
         self._send(self._mission_current())
 
     def _parameter(self, message: Message) -> None:
-        capacity_mah = self.script.battery_capacity_mah
-        if capacity_mah is not None:
+        """Tell a parameter; one that is not known is the battery's size."""
+        value = self.settings.get(message.param_id, self.script.battery_capacity_mah)
+        if value is not None:
             kind = mavlink.MAV_PARAM_TYPE_REAL32
             name = message.param_id.encode()
-            self._send(mavlink.MAVLink_param_value_message(name, capacity_mah, kind, 1, 0))
+            self._send(mavlink.MAVLink_param_value_message(name, value, kind, 1, 0))
+
+    def _set_parameter(self, message: Message) -> None:
+        if message.param_id in self.settings:
+            self.settings[message.param_id] = message.param_value
+            self.written.append((message.param_id, message.param_value))
+        self._parameter(message)
 
     def _command(self, message: Message) -> None:
         last = ("x", "y", "z") if message.get_type() == "COMMAND_INT" else PLACE
@@ -422,7 +434,11 @@ class ScriptedVehicle:
             case mavlink.MAV_CMD_DO_REPOSITION:
                 self.place = message.x / 1e7, message.y / 1e7
                 self.height_m = message.z - HOME[2]
+                if not math.isnan(message.param4):
+                    self.yaw_rad = message.param4
                 self.set_mode(PX4_HOLD)
+            case mavlink.MAV_CMD_CONDITION_YAW:
+                self.yaw_rad = math.remainder(math.radians(message.param1), 2.0 * math.pi)
             case mavlink.MAV_CMD_DO_ORBIT:
                 centre = message.x / 1e7, message.y / 1e7
                 angle = math.inf if math.isnan(message.param4) else message.param4

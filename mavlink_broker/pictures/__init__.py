@@ -1,0 +1,1 @@
+"""Pictures that a vehicle takes: announced, counted, fetched and told to the edge server."""

@@ -1,0 +1,78 @@
+"""One picture as its camera announces it, and where it lies."""
+
+import re
+from dataclasses import dataclass
+from typing import Final, NamedTuple, TypeAlias
+from urllib.parse import urlsplit
+
+from mavlink_broker.dialect import Message, source_of
+
+_FTP_URL: Final = re.compile(r"^(?:mftp|mavftp|mavlinkftp|file)://(.*)$", re.DOTALL)
+_COMPONENT: Final = re.compile(r"^/?\[?;comp=(\d{1,3})\]?(.*)$", re.DOTALL)
+
+
+class FilePlace(NamedTuple):
+    """A file of the vehicle, read over MAVFTP; without a component it is the camera's own."""
+
+    path: str
+    component: int | None = None
+
+
+class WebPlace(NamedTuple):
+    """A file of a web server, such as the camera's."""
+
+    url: str
+
+
+Place: TypeAlias = FilePlace | WebPlace
+
+
+def place_of(url: str) -> Place | None:
+    """Read `file_url`: `mftp://[;comp=<id>]path`, a plain path, http or https; None for others."""
+    match = _FTP_URL.match(url)
+    if match is not None:
+        directed = _COMPONENT.match(match[1])
+        path = match[1] if directed is None else directed[2]
+        component = None if directed is None else int(directed[1])
+        is_component = component is None or 1 <= component <= 255
+        return FilePlace(path, component) if path and is_component else None
+    if "://" not in url:
+        return FilePlace(url) if url else None
+    try:
+        parts = urlsplit(url)
+    except ValueError:
+        return None
+    return WebPlace(url) if parts.scheme in {"http", "https"} and parts.hostname else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Capture:
+    """CAMERA_IMAGE_CAPTURED(263)."""
+
+    component: int
+    index: int
+    taken_s: float | None  # By its camera's clock, since it was switched on; None: not told
+    altitude_m: float  # Above home
+    has_succeeded: bool
+    url: str
+    identity: str  # The same for the same picture, however often it is announced
+
+    @property
+    def place(self) -> Place | None:
+        """Where it lies."""
+        return place_of(self.url)
+
+
+def read_capture(message: Message) -> Capture:
+    """Read CAMERA_IMAGE_CAPTURED(263)."""
+    component, url = source_of(message).component, str(message.file_url)
+    marks = (message.time_utc, message.time_boot_ms, message.lat, message.lon, message.image_index)
+    return Capture(
+        component=component,
+        index=message.image_index,
+        taken_s=message.time_boot_ms / 1e3 if message.time_boot_ms else None,
+        altitude_m=message.relative_alt / 1e3,
+        has_succeeded=message.capture_result == 1,
+        url=url,
+        identity="/".join(map(str, (component, message.camera_id, *marks, url))),
+    )

@@ -1,0 +1,129 @@
+"""Which pictures of one camera have been announced; lost announcements are asked for again.
+
+A camera numbers its pictures from 0 without gaps and announces each of them once. What is missing
+between two numbers, or behind the last one by the camera's own count, is asked for again:
+REQUEST_MESSAGE(512) of CAMERA_IMAGE_CAPTURED(263) with the number. A broker that was restarted
+asks back from the newest, as far as pictures may be of its missions.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+from mavlink_broker.dialect import Message, mavlink
+from mavlink_broker.pictures.capture import Capture
+from mavlink_broker.protocol.command import long_command
+from mavlink_broker.protocol.round_trip import RoundTrip
+from mavlink_broker.protocol.route import Route
+
+WINDOW: Final = 4
+ATTEMPTS: Final = 10
+LARGEST_GAP: Final = 200
+"""A camera whose numbers leap further has been exchanged, or emptied."""
+_STATUS: Final[int] = mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS
+_IMAGE: Final[int] = mavlink.MAVLINK_MSG_ID_CAMERA_IMAGE_CAPTURED
+
+
+@dataclass(slots=True)
+class _Wish:
+    due_at: float = 0.0
+    attempts: int = 0
+
+
+class PictureCount:
+    """One camera of one vehicle."""
+
+    def __init__(self, component: int, route: Route, round_trip: RoundTrip) -> None:
+        self._component = component
+        self._route = route
+        self._round_trip = round_trip
+        self._heard: dict[int, str] = {}  # Number to identity
+        self._first: int | None = None  # What lies before is nobody's here
+        self._status: _Wish | None = None
+        self._images: dict[int, _Wish] = {}
+        self._goes_back = False
+
+    @property
+    def is_asking(self) -> bool:
+        """Whether something is still being asked for."""
+        return self._status is not None or bool(self._images)
+
+    def is_wanted(self, number: int) -> bool:
+        """Whether an announcement has been asked for again."""
+        return number in self._images
+
+    def ask_count(self, *, go_back: bool = False) -> None:
+        """Ask the camera how many it has taken; `go_back` to pictures that were not heard of."""
+        self._goes_back |= go_back
+        self._status = self._status or _Wish()
+
+    def take(self, capture: Capture, *, is_recent: bool) -> bool:
+        """Take an announcement; whether it is news. What is not recent ends the way back."""
+        number = capture.index
+        was_wanted = self._images.pop(number, None) is not None
+        if self._heard.get(number) == capture.identity:
+            return False
+        if not was_wanted and self._is_of_another_camera(number):
+            self._heard.clear()
+            self._images.clear()
+            self._first = number
+        if self._goes_back and was_wanted and number <= min(self._heard, default=number):
+            self._goes_back = is_recent and number > 0
+            if self._goes_back:
+                self._images[number - 1] = _Wish()
+        self._heard[number] = capture.identity
+        self._first = number if self._first is None else self._first
+        self._miss_up_to(number)
+        return True
+
+    def told(self, image_count: int) -> None:
+        """Take CAMERA_CAPTURE_STATUS.image_count: the newest picture has the number before it."""
+        self._status = None
+        if image_count < 0:
+            return
+        if self._first is None:
+            self._first = image_count
+        if self._goes_back and not self._heard and image_count > 0:
+            self._images.setdefault(image_count - 1, _Wish())
+        elif image_count <= max(self._heard, default=-1) + LARGEST_GAP:
+            self._miss_up_to(image_count)
+
+    def tick(self, now: float) -> tuple[list[Message], list[int]]:
+        """Ask again what is overdue; gives the messages, and the numbers that are given up."""
+        messages, lost = [], []
+        if self._status is not None and now >= self._status.due_at:
+            if self._status.attempts >= ATTEMPTS:
+                self._status = None
+            else:
+                messages.append(self._request(self._status, now, _STATUS))
+        for number in sorted(self._images)[:WINDOW]:
+            wish = self._images[number]
+            if now < wish.due_at:
+                continue
+            if wish.attempts >= ATTEMPTS:
+                del self._images[number]
+                self._heard[number] = ""
+                lost.append(number)
+            else:
+                messages.append(self._request(wish, now, _IMAGE, number))
+        return messages, lost
+
+    def _request(self, wish: _Wish, now: float, message_id: int, number: int = 0) -> Message:
+        wish.attempts += 1
+        wish.due_at = now + max(0.5, self._round_trip.timeout_s) * min(wish.attempts, 4)
+        command = long_command(
+            mavlink.MAV_CMD_REQUEST_MESSAGE, message_id, number, component=self._component
+        )
+        return command.message(self._route, 0)
+
+    def _is_of_another_camera(self, number: int) -> bool:
+        """Whether the camera counts anew: it was exchanged, emptied or restarted."""
+        if not self._heard:
+            return False
+        is_other = bool(self._heard.get(number))
+        return is_other or number < (self._first or 0) or number > max(self._heard) + LARGEST_GAP
+
+    def _miss_up_to(self, number: int) -> None:
+        first = max(self._first or 0, number - LARGEST_GAP)
+        for missing in range(first, number):
+            if missing not in self._heard:
+                self._images.setdefault(missing, _Wish())

@@ -1,0 +1,89 @@
+"""A camera component of a scripted vehicle: takes pictures, loses announcements, gives files.
+
+It stands on the wire beside its `ScriptedVehicle`, of which it hears every frame.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Final
+
+from mavlink_broker.codec import Decoder, Encoder
+from mavlink_broker.dialect import Message, mavlink
+from tests.support.file_server import ScriptedFiles
+
+JPEG: Final = b"\xff\xd8\xff" + bytes(range(256)) * 20
+
+
+@dataclass
+class ScriptedCamera:
+    """One camera; `put` sends its frames, `boot_ms` is its clock."""
+
+    system: int
+    put: Callable[[bytes], None]
+    boot_ms: Callable[[], int]
+    component: int = mavlink.MAV_COMP_ID_CAMERA
+    files: ScriptedFiles = field(default_factory=ScriptedFiles)
+    url: str = "mftp:///image/{index}.jpg"
+    contents: bytes = JPEG
+    first_index: int = 0
+    taken: list[Message] = field(default_factory=list)
+    asked: list[tuple[int, int]] = field(default_factory=list)  # REQUEST_MESSAGE's p1 and p2
+
+    def __post_init__(self) -> None:
+        self._encoder = Encoder(self.system, self.component)
+        self._decoder = Decoder()
+
+    def heartbeat(self) -> None:
+        """Say that it is there."""
+        self._send(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_CAMERA, 8, 0, 0, 4, 3))
+
+    def shoot(self, *, announced: bool = True, succeeded: bool = True) -> int:
+        """Take a picture; gives its number."""
+        index = self.first_index + len(self.taken)
+        path = f"/image/{index}.jpg"
+        if succeeded:
+            self.files.files = {**self.files.files, path: self.contents + bytes([index % 256])}
+        message = mavlink.MAVLink_camera_image_captured_message(
+            self.boot_ms(),
+            1_790_000_000_000_000 + self.boot_ms() * 1000,
+            *(0, 404_434_000, -37_382_000, 655_000, 5_000),
+            [1.0, 0.0, 0.0, 0.0],
+            index,
+            int(succeeded),
+            self.url.format(index=index).encode() if succeeded else b"",
+        )
+        self.taken.append(message)
+        if announced:
+            self._send(message)
+        return index
+
+    def receive(self, frame: bytes) -> None:
+        """Take what the broker sent to the vehicle."""
+        for message in self._decoder.decode(frame):
+            for_us = getattr(message, "target_component", 0) in {0, self.component}
+            if not for_us:
+                continue
+            if message.get_type() == "COMMAND_LONG":
+                self._command(message)
+            for answer in self.files.answers(message):
+                self._send(answer)
+
+    def _command(self, message: Message) -> None:
+        if message.command != mavlink.MAV_CMD_REQUEST_MESSAGE:
+            return
+        wanted, number = int(message.param1), int(message.param2)
+        self.asked.append((wanted, number))
+        if wanted == mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS:
+            count = self.first_index + len(self.taken)
+            self._send(
+                mavlink.MAVLink_camera_capture_status_message(
+                    self.boot_ms(), 0, 0, 0.0, 0, 1000.0, count
+                )
+            )
+        place = number - self.first_index
+        is_image = wanted == mavlink.MAVLINK_MSG_ID_CAMERA_IMAGE_CAPTURED
+        if is_image and 0 <= place < len(self.taken):
+            self._send(self.taken[place])
+
+    def _send(self, message: Message) -> None:
+        self.put(self._encoder.encode(message))
