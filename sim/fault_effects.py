@@ -15,7 +15,14 @@ from typing import Final, NamedTuple
 from sim.earth import degrees_per_metre, wrapped_longitude_deg
 from sim.faults import Fault, Kind
 from sim.sensors.gps import without_fix
-from sim.sensors.readings import BaroReading, GpsReading, ImuReading, MagReading, Readings
+from sim.sensors.readings import (
+    BaroReading,
+    EnvironmentReading,
+    GpsReading,
+    ImuReading,
+    MagReading,
+    Readings,
+)
 from sim.truth import Motors, Vector3
 
 _SQUARE_SHARE: Final = 0.76
@@ -85,6 +92,7 @@ class FaultEffects:
             baro=self._baro(readings.baro),
             mag=None if Kind.MAG_LOSS in kinds else self._mag(readings.mag),
             gps=self._gps(readings.gps),
+            environment=self._measured(readings.environment),
             range=None if Kind.RANGEFINDER_LOSS in kinds else readings.range,
         )
 
@@ -113,6 +121,15 @@ class FaultEffects:
             return None
         return MagReading(mag.time_us, _sum(mag.field_frd_gauss, self._disturbance_gauss))
 
+    def _measured(self, sample: EnvironmentReading | None) -> EnvironmentReading | None:
+        if sample is None:
+            return None
+        if Kind.HUMIDITY_FAILURE in self._kinds:
+            return sample._replace(hygrometer_speaks=False)
+        if Kind.HUMIDITY_INVALID in self._kinds:
+            return sample._replace(relative_humidity_percent=math.nan)
+        return sample
+
     def _gps(self, gps: GpsReading | None) -> GpsReading | None:
         if gps is None:
             return None
@@ -140,6 +157,8 @@ _ON_READINGS: Final = frozenset(
         Kind.ACCEL_LOSS,
         Kind.ACCEL_BIAS,
         Kind.RANGEFINDER_LOSS,
+        Kind.HUMIDITY_FAILURE,
+        Kind.HUMIDITY_INVALID,
     }
 )
 

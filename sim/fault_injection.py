@@ -25,6 +25,8 @@ class Unit(IntEnum):
     BATTERY = 100
     MOTOR = 101
     MAVLINK_SIGNAL = 105
+    CAMERA = 200  # MAVLink has no number for these two
+    HYGROMETER = 201
 
 
 class Failure(IntEnum):
@@ -33,6 +35,7 @@ class Failure(IntEnum):
     OK = 0
     OFF = 1
     STUCK = 2
+    GARBAGE = 3
     WRONG = 4
 
 
@@ -63,6 +66,9 @@ EFFECTS: Final[Mapping[tuple[Unit, Failure], Effect]] = MappingProxyType(
         (Unit.BATTERY, Failure.WRONG): Effect(Kind.BATTERY_CELL_FAILURE, _NOTHING),
         (Unit.MOTOR, Failure.OFF): Effect(Kind.MOTOR_LOSS, _NOTHING),
         (Unit.MOTOR, Failure.WRONG): Effect(Kind.MOTOR_LOSS, {"efficiency": 0.6}),
+        (Unit.CAMERA, Failure.OFF): Effect(Kind.CAMERA_FAILURE, _NOTHING),
+        (Unit.HYGROMETER, Failure.OFF): Effect(Kind.HUMIDITY_FAILURE, _NOTHING),
+        (Unit.HYGROMETER, Failure.GARBAGE): Effect(Kind.HUMIDITY_INVALID, _NOTHING),
         (Unit.MAVLINK_SIGNAL, Failure.OFF): Effect(Kind.LINK_LOSS, _NOTHING),
     }
 )

@@ -20,7 +20,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from sim.faults import NEVER_US, RESERVED, Fault, FaultError, Kind
+from sim.faults import NEVER_US, Fault, FaultError, Kind
 
 _CLEAR: Final = "clear"
 _TIMES: Final = ("start_s", "end_s", "duration_s")
@@ -113,8 +113,6 @@ def _assignments(words: list[str]) -> dict[str, float]:
 
 
 def _kind_of(name: object) -> Kind:
-    if isinstance(name, str) and name in RESERVED:
-        raise FaultError(f"{name}: the simulated vehicle carries no such part yet")
     try:
         return Kind(name)  # type: ignore[arg-type]  # whatever it is, it is a kind or refused
     except ValueError:

@@ -47,10 +47,8 @@ class Kind(StrEnum):
     WIND_GUST = "wind_gust"
     LINK_LOSS = "link_loss"
     CAMERA_FAILURE = "camera_failure"
-
-
-RESERVED: Final = frozenset({"humidity_failure"})
-"""Kinds of parts that the vehicle does not carry yet: refused by their name."""
+    HUMIDITY_FAILURE = "humidity_failure"
+    HUMIDITY_INVALID = "humidity_invalid"
 
 
 class Field(NamedTuple):
@@ -109,6 +107,8 @@ FIELDS: Final[Mapping[Kind, Mapping[str, Field]]] = MappingProxyType(
         },
         Kind.LINK_LOSS: {},
         Kind.CAMERA_FAILURE: {},
+        Kind.HUMIDITY_FAILURE: {},
+        Kind.HUMIDITY_INVALID: {},
     }
 )
 """The numbers of each kind, with defaults and limits; the README says what they mean."""

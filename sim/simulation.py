@@ -8,7 +8,9 @@ from sim.config import SimulationConfig
 from sim.fault_effects import HEALTHY, FaultEffects
 from sim.faults import LASTING, Fault, FaultSchedule, Kind
 from sim.quadrotor import RATED_VOLTAGE_V, Quadrotor
+from sim.sensors import environment
 from sim.sensors.battery import DRAW_RATE_HZ
+from sim.sensors.environment import EnvironmentSensors
 from sim.sensors.noise import generators
 from sim.sensors.readings import Readings
 from sim.sensors.suite import Schedule, SensorSuite
@@ -56,6 +58,10 @@ class Simulation:
         plane, start_s = self.farm.plane, config.start_time_utc_us * 1e-6
         shift_s = day_shift_s(plane.latitude_deg, plane.longitude_deg, start_s)
         self._farm_start_s = start_s + shift_s
+        self._environment = EnvironmentSensors(
+            generators(config.seed)["environment"], self.farm, factor=config.sensor_noise_factor
+        )
+        self._environment_schedule = Schedule(environment.RATE_HZ, first_us=24_000)
         self.truth: Truth = self._quadrotor.truth(0)
         self.readings: Readings = self._observe()
 
@@ -142,6 +148,9 @@ class Simulation:
         if self._log is not None:
             self._log.record(self.truth)
         readings = self._suite.read(self.truth, self._quadrotor.motor_currents_a)
+        if self._environment_schedule.due(self.truth.time_us):
+            sample = self._environment.read(self.truth, self.farm_time_s)
+            readings = readings._replace(environment=sample)
         return self._effects.readings(readings) if self._effects.touches_readings else readings
 
     def _set_wind(self, wind_ned: Vector3) -> None:

@@ -80,6 +80,8 @@ def mavlink_topics(topics: Topics) -> MavlinkTopics:
         tracking_state=topics.tracking_state,
         mag=topics.sensor_mag,
         range_finder=topics.sensor_range,
+        hygrometer=topics.sensor_hygrometer,
+        ground_sample=topics.sensor_ground,
         refused_frames=topics.refused_frames,
         log_stream_request=topics.log_stream_request,
         log_stream=topics.log_stream,

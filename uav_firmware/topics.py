@@ -35,6 +35,8 @@ from uav_firmware.msg.sensors import (
     SensorBattery,
     SensorEsc,
     SensorGps,
+    SensorGround,
+    SensorHygrometer,
     SensorImu,
     SensorMag,
     SensorRange,
@@ -67,6 +69,8 @@ class Topics:
     sensor_mag: Topic[SensorMag] = field(default_factory=Topic)
     sensor_gps: Topic[SensorGps] = field(default_factory=Topic)
     sensor_battery: Topic[SensorBattery] = field(default_factory=Topic)
+    sensor_hygrometer: Topic[SensorHygrometer] = field(default_factory=Topic)
+    sensor_ground: Topic[SensorGround] = field(default_factory=Topic)
     sensor_range: Topic[SensorRange] = field(default_factory=Topic)
     sensor_esc: Topic[SensorEsc] = field(default_factory=Topic)
     sensor_truth: Topic[SensorTruth] = field(default_factory=Topic)

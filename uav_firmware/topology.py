@@ -115,6 +115,8 @@ class Autopilot:
             battery=topics.sensor_battery,
             esc=topics.sensor_esc,
             range_finder=topics.sensor_range,
+            hygrometer=topics.sensor_hygrometer,
+            ground=topics.sensor_ground,
             truth=topics.sensor_truth,
         )
         self.estimator = EstimatorModule(

@@ -13,7 +13,17 @@ import numpy as np
 
 from sim.truth import Vector3
 
-STREAMS: Final = ("imu", "baro", "magnetometer", "gps", "battery", "wind", "esc", "rangefinder")
+STREAMS: Final = (
+    "imu",
+    "baro",
+    "magnetometer",
+    "gps",
+    "battery",
+    "wind",
+    "esc",
+    "rangefinder",
+    "environment",
+)
 """Append only: the position of a name decides its random numbers."""
 
 _BLOCK: Final = 1024  # Drawn one by one a normal number costs three times as much

@@ -72,6 +72,18 @@ class RangeReading(NamedTuple):
     distance_m: float  # [m] Along the body's down axis; NaN when nothing comes back
 
 
+class EnvironmentReading(NamedTuple):
+    """Air and soil at the vehicle's place."""
+
+    time_us: int  # [us]
+    air_temperature_c: float  # [deg C]
+    relative_humidity_percent: float  # [%] NaN: the instrument speaks and does not measure
+    soil_moisture: float  # [m^3/m^3] Water in the upper soil
+    soil_temperature_c: float  # [deg C]
+    illuminance_lx: float  # [lx]
+    hygrometer_speaks: bool = True  # Else temperature and humidity of the air have not come
+
+
 class Readings(NamedTuple):
     """All that the instruments say after one control step."""
 
@@ -82,3 +94,4 @@ class Readings(NamedTuple):
     battery: BatteryReading | None
     esc: EscReading | None
     range: RangeReading | None = None
+    environment: EnvironmentReading | None = None

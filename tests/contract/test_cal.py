@@ -2,10 +2,12 @@
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from sim.config import SimulationConfig
+from sim.sensors.rangefinder import MAXIMUM_M, MINIMUM_M
 from sim.simulation import Simulation
 from uav_firmware.cal.vehicle import Vehicle
 from uav_firmware.drivers.jsbsim import JsbsimVehicle
@@ -152,6 +154,11 @@ def test_closing_twice_is_harmless(vehicle: Vehicle) -> None:
     vehicle.close()
 
 
+def _fields(sample: Any) -> dict[str, Any]:
+    assert sample is not None
+    return dict(sample._asdict())
+
+
 def test_the_simulated_vehicle_hands_every_reading_over_under_its_own_name() -> None:
     simulation = Simulation(SimulationConfig(seed=5))
     vehicle = JsbsimVehicle(simulation)
@@ -165,17 +172,26 @@ def test_the_simulated_vehicle_hands_every_reading_over_under_its_own_name() -> 
             "gps": vehicle.read_gps(),
             "battery": vehicle.read_battery(),
             "esc": vehicle.read_esc(),
+            "range": vehicle.read_range(),
         }
-        for name, reading in simulation.readings._asdict().items():
-            sample = handed_over[name]
+        measured = simulation.readings.environment
+        assert (vehicle.read_ground() is None) == (measured is None)
+        if measured is not None:
+            told = {**_fields(vehicle.read_ground()), **_fields(vehicle.read_hygrometer())}
+            assert told.items() <= measured._asdict().items()
+            seen.add("environment")
+        for name, sample in handed_over.items():
+            reading = getattr(simulation.readings, name)
             assert (sample is None) == (reading is None)
             if sample is not None:
                 expected = reading._asdict()
                 if name == "mag":
                     expected["field_frd"] = expected.pop("field_frd_gauss")
+                elif name == "range":
+                    expected |= {"minimum_m": MINIMUM_M, "maximum_m": MAXIMUM_M}
                 assert sample._asdict() == expected
                 seen.add(name)
-    assert seen == {"imu", "baro", "mag", "gps", "battery", "esc"}
+    assert seen == {"imu", "baro", "mag", "gps", "battery", "esc", "range", "environment"}
 
 
 def test_the_simulated_truth_is_handed_over_under_its_own_name() -> None:

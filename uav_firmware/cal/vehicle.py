@@ -11,6 +11,8 @@ from uav_firmware.msg.sensors import (
     SensorBattery,
     SensorEsc,
     SensorGps,
+    SensorGround,
+    SensorHygrometer,
     SensorImu,
     SensorMag,
     SensorRange,
@@ -49,6 +51,12 @@ class Sensors(Protocol):
 
     def read_range(self) -> SensorRange | None:
         """Sample of the range finder if there is one, and a sample is due."""
+
+    def read_hygrometer(self) -> SensorHygrometer | None:
+        """Sample of the air if there is an instrument for it, and a sample is due."""
+
+    def read_ground(self) -> SensorGround | None:
+        """Sample of soil and light if there are instruments for them, and one is due."""
 
     def read_truth(self) -> SensorTruth | None:
         """True state where the vehicle is simulated, else None."""

@@ -24,6 +24,8 @@ from uav_firmware.msg.sensors import (
     SensorBattery,
     SensorEsc,
     SensorGps,
+    SensorGround,
+    SensorHygrometer,
     SensorImu,
     SensorMag,
     SensorRange,
@@ -152,6 +154,27 @@ class JsbsimVehicle:
             return None
         return SensorRange(
             sample.time_us, sample.distance_m, rangefinder.MINIMUM_M, rangefinder.MAXIMUM_M
+        )
+
+    def read_hygrometer(self) -> SensorHygrometer | None:
+        """Sample of the air if one is due."""
+        sample = self._readings.environment
+        if sample is None or not sample.hygrometer_speaks:
+            return None
+        return SensorHygrometer(
+            sample.time_us, sample.air_temperature_c, sample.relative_humidity_percent
+        )
+
+    def read_ground(self) -> SensorGround | None:
+        """Sample of soil and light if one is due."""
+        sample = self._readings.environment
+        if sample is None:
+            return None
+        return SensorGround(
+            sample.time_us,
+            sample.soil_moisture,
+            sample.soil_temperature_c,
+            sample.illuminance_lx,
         )
 
     def read_truth(self) -> SensorTruth:

@@ -74,6 +74,23 @@ class SensorRange(NamedTuple):
     maximum_m: float  # [m]
 
 
+class SensorHygrometer(NamedTuple):
+    """Air at the vehicle, once a second; told, not flown by."""
+
+    time_us: int  # [us]
+    air_temperature_c: float  # [deg C]
+    relative_humidity_percent: float  # [%] NaN when it cannot tell
+
+
+class SensorGround(NamedTuple):
+    """Soil below and light above, once a second; told, not flown by."""
+
+    time_us: int  # [us]
+    soil_moisture: float  # [m^3/m^3] Water in the upper soil
+    soil_temperature_c: float  # [deg C]
+    illuminance_lx: float  # [lx] On level ground
+
+
 class SensorTruth(NamedTuple):
     """Ground truth from a simulation, for HIL_STATE_QUATERNION only; no module flies by it."""
 

@@ -122,6 +122,15 @@ def test_a_dead_range_finder_is_silent() -> None:
     assert all(reading.range is None for reading in run(simulation("rangefinder_loss"), 0.5))
 
 
+def test_a_hygrometer_falls_silent_or_speaks_without_a_humidity() -> None:
+    silent = [s for r in run(simulation("humidity_failure"), 3.0) if (s := r.environment)]
+    assert silent
+    assert not any(sample.hygrometer_speaks for sample in silent)
+    vague = [s for r in run(simulation("humidity_invalid"), 3.0) if (s := r.environment)]
+    assert all(sample.hygrometer_speaks for sample in vague)
+    assert all(math.isnan(sample.relative_humidity_percent) for sample in vague)
+
+
 def test_inertial_sensors_fail_as_no_number_or_by_a_bias() -> None:
     dead = run(simulation("gyro_loss", "accel_loss"), 0.1)[-1].imu
     assert all(math.isnan(value) for value in (*dead.rate_frd, *dead.specific_force_frd))

@@ -68,7 +68,6 @@ def test_a_toml_file_and_a_json_file_say_the_same(tmp_path: Path) -> None:
         ('[[fault]]\nkind = "gps_loss"\nstart_s = "a"', "start_s must be a number of seconds"),
         ('[[fault]]\nkind = "gps_loss"\nstart_s = nan', "start_s nan is outside"),
         ('[[fault]]\nkind = "gps_loss"\nend_s = 1\nduration_s = 1', "exclude each other"),
-        ('[[fault]]\nkind = "humidity_failure"', "carries no such part yet"),
         ('[[fault]]\nkind = "motor_loss"\nmotor = "1"', "motor must be a finite number"),
         ("][", "faults.toml"),
     ],
@@ -144,7 +143,7 @@ def test_faults_are_ended_by_a_line(line: str, order: Clear) -> None:
 @pytest.mark.parametrize(
     "line",
     ["", "gps", "clear gps", "clear gps_loss motor=1", "clear motor_loss motor=9", "gps_loss 5",
-     "motor_loss motor=1 motor=2", "motor_loss motor=x", "humidity_failure"],
+     "motor_loss motor=1 motor=2", "motor_loss motor=x"],
 )  # fmt: skip
 def test_a_line_that_is_no_order_is_refused(line: str) -> None:
     with pytest.raises(FaultError):

@@ -11,7 +11,7 @@ from uav_firmware.modules.mavlink.commands import Command
 from uav_firmware.modules.mavlink.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.dialect_extensions import ProtocolVersion
 from uav_firmware.modules.mavlink.peers import Channel, PeerTable
-from uav_firmware.modules.mavlink.streams import BUILDERS, MIN_INTERVAL_US, stream_key
+from uav_firmware.modules.mavlink.streams import BUILDERS, MIN_INTERVAL_US, built, stream_key
 
 _ACCEPTED: Final[int] = mavlink.MAV_RESULT_ACCEPTED
 _DENIED: Final[int] = mavlink.MAV_RESULT_DENIED
@@ -80,8 +80,8 @@ class RequestServer:
         builder = BUILDERS.get(self._key(message_id))
         if builder is None:
             return Answer(_UNSUPPORTED)
-        message = builder(self._context(now_us))
-        return Answer(_NOT_YET) if message is None else Answer(_ACCEPTED, (message,), to_all)
+        messages = built(builder, self._context(now_us))
+        return Answer(_ACCEPTED, messages, to_all) if messages else Answer(_NOT_YET)
 
     def _version(self, _command: Command, _sender: Sender, now_us: int) -> Answer:
         return Answer(_ACCEPTED, (autopilot_version(self._context(now_us).system_id),))

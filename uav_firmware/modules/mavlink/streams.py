@@ -12,6 +12,7 @@ from uav_firmware.modules.mavlink.addressing import AUTOPILOT_COMPONENT, CAMERA_
 from uav_firmware.modules.mavlink.builders import (
     camera,
     controls,
+    environment,
     gimbal,
     guidance,
     link,
@@ -26,11 +27,19 @@ from uav_firmware.modules.mavlink.dialect_extensions import ProtocolVersion
 from uav_firmware.modules.mavlink.link_params import LinkParams
 from uav_firmware.modules.mavlink.peers import Profile
 
-Builder: TypeAlias = Callable[[Context], Message | None]
-"""Makes a message, or None while the vehicle does not know its contents."""
+Builder: TypeAlias = Callable[[Context], Message | tuple[Message, ...] | None]
+"""Makes a message, or several of a kind; None while the vehicle does not know the contents."""
 
 MIN_INTERVAL_US: Final = 4000
 """Shortest interval that a peer may ask for: one control step."""
+
+
+def built(builder: Builder, context: Context) -> tuple[Message, ...]:
+    """What a builder makes now; nothing while the contents are unknown."""
+    made = builder(context)
+    if made is None:
+        return ()
+    return made if isinstance(made, tuple) else (made,)
 
 
 def stream_key(component: int, message_id: int) -> int:
@@ -99,6 +108,8 @@ STREAMS: Final[tuple[Stream, ...]] = (
     Stream(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, 5, 10, sensors.gps_raw_int),
     Stream(mavlink.MAVLINK_MSG_ID_SCALED_IMU, 0, 0, sensors.scaled_imu),
     Stream(mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE, 1, 1, sensors.scaled_pressure),
+    Stream(mavlink.MAVLINK_MSG_ID_HYGROMETER_SENSOR, 0.2, 1, environment.hygrometer_sensor),
+    Stream(mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT, 0.2, 1, environment.named_values),
     Stream(mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR, 0.5, 10, sensors.distance_sensor),
     Stream(mavlink.MAVLINK_MSG_ID_ATTITUDE, 15, 100, pose.attitude),
     Stream(mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION, 10, 50, pose.attitude_quaternion),

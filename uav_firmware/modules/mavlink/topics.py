@@ -29,6 +29,8 @@ from uav_firmware.msg.sensors import (
     SensorBaro,
     SensorBattery,
     SensorGps,
+    SensorGround,
+    SensorHygrometer,
     SensorImu,
     SensorMag,
     SensorRange,
@@ -90,6 +92,8 @@ class MavlinkTopics:
     gimbal_status: Topic[GimbalStatus] = field(default_factory=Topic)
     tracking_state: Topic[TrackingState] = field(default_factory=Topic)
     mag: Topic[SensorMag] = field(default_factory=Topic)
+    hygrometer: Topic[SensorHygrometer] = field(default_factory=Topic)
+    ground_sample: Topic[SensorGround] = field(default_factory=Topic)
     range_finder: Topic[SensorRange] = field(default_factory=Topic)
     refused_frames: Topic[RefusedFrames] = field(default_factory=Topic)
     log_stream_request: Topic[LogStreamRequest] = field(default_factory=Topic)

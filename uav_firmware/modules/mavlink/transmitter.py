@@ -9,7 +9,7 @@ from uav_firmware.modules.mavlink.addressing import Outgoing
 from uav_firmware.modules.mavlink.builders.context import Context
 from uav_firmware.modules.mavlink.dialect import Payload, frame, mavlink, pack
 from uav_firmware.modules.mavlink.peers import Channel, PeerTable
-from uav_firmware.modules.mavlink.streams import BUILDERS, component_of, message_of
+from uav_firmware.modules.mavlink.streams import BUILDERS, built, component_of, message_of
 
 _HEARTBEAT: Final = mavlink.MAVLINK_MSG_ID_HEARTBEAT
 
@@ -35,7 +35,7 @@ class Transmitter:
 
     def stream(self, context: Context) -> None:
         """Send every peer the telemetry that is due; where nobody listens, only HEARTBEAT."""
-        packed: dict[int, Payload | None] = {}
+        packed: dict[int, tuple[Payload, ...]] = {}
         for channel in self._peers:
             keys = channel.schedule.take_due(context.now_us)
             if channel.is_deaf(context.now_us):
@@ -43,30 +43,27 @@ class Transmitter:
             for key in keys:
                 if key not in packed:
                     packed[key] = self._build(key, context)
-                payload = packed[key]
-                if payload is not None:
+                for payload in packed[key]:
                     self._frame(payload, channel, component_of(key))
 
     def broadcast(self, keys: Iterable[int], context: Context) -> None:
         """Send telemetry to every peer now, whether due or not."""
         for key in keys:
-            payload = self._build(key, context)
-            if payload is not None:
+            for payload in self._build(key, context):
                 for channel in self._peers:
                     self._frame(payload, channel, component_of(key))
 
-    def _build(self, key: int, context: Context) -> Payload | None:
-        """Payload of a telemetry message; None while its contents are unknown.
+    def _build(self, key: int, context: Context) -> tuple[Payload, ...]:
+        """Payloads of a telemetry message; none while its contents are unknown.
 
         A value that fits no field (an estimate run off to infinity) costs that message, not
         the flight.
         """
         try:
-            message = BUILDERS[key](context)
-            return None if message is None else pack(message)
+            return tuple(pack(message) for message in built(BUILDERS[key], context))
         except (struct.error, OverflowError, ValueError):
             self.unpackable += 1
-            return None
+            return ()
 
     def _frame(self, payload: Payload, channel: Channel, component: int) -> None:
         signer = channel.signer

@@ -8,6 +8,8 @@ from uav_firmware.msg.sensors import (
     SensorBattery,
     SensorEsc,
     SensorGps,
+    SensorGround,
+    SensorHygrometer,
     SensorImu,
     SensorMag,
     SensorRange,
@@ -30,6 +32,8 @@ class VehicleIoModule:
         battery: Topic[SensorBattery],
         esc: Topic[SensorEsc],
         range_finder: Topic[SensorRange],
+        hygrometer: Topic[SensorHygrometer],
+        ground: Topic[SensorGround],
         truth: Topic[SensorTruth],
     ) -> None:
         self._vehicle = vehicle
@@ -41,6 +45,8 @@ class VehicleIoModule:
         self._battery = battery
         self._esc = esc
         self._range_finder = range_finder
+        self._hygrometer = hygrometer
+        self._ground = ground
         self._truth = truth
 
     def update(self) -> None:
@@ -63,6 +69,10 @@ class VehicleIoModule:
             self._esc.publish(esc)
         if (distance := vehicle.read_range()) is not None:
             self._range_finder.publish(distance)
+        if (air := vehicle.read_hygrometer()) is not None:
+            self._hygrometer.publish(air)
+        if (ground := vehicle.read_ground()) is not None:
+            self._ground.publish(ground)
 
     def update_truth(self) -> None:
         """Publish the true state of a simulated vehicle, for display only."""

@@ -43,6 +43,8 @@ from uav_firmware.msg.sensors import (
     SensorBaro,
     SensorBattery,
     SensorGps,
+    SensorGround,
+    SensorHygrometer,
     SensorImu,
     SensorRange,
     SensorTruth,
@@ -211,6 +213,8 @@ def flying_topics() -> MavlinkTopics:
     topics.imu.publish(SensorImu(0, ZERO, (0.0, 0.0, -9.81)))
     topics.baro.publish(SensorBaro(0, 93_000.0, 21.5))
     topics.range_finder.publish(SensorRange(0, 10.0, 0.1, 40.0))
+    topics.hygrometer.publish(SensorHygrometer(4_900_000, 21.37, 54.32))
+    topics.ground_sample.publish(SensorGround(4_900_000, 0.23, 17.5, 65_000.0))
     topics.battery.publish(SensorBattery(0, 11.8, 14.5, 1.2, 5.0, 0.76))
     topics.vehicle_status.publish(status(armed=True))
     topics.land_detected.publish(

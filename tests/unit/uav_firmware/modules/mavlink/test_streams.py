@@ -25,11 +25,12 @@ from uav_firmware.modules.mavlink.dialect import frame, mavlink, pack
 from uav_firmware.modules.mavlink.link_params import LinkParams
 from uav_firmware.modules.mavlink.modes import OFFERED
 from uav_firmware.modules.mavlink.streams import BUILDERS, STREAMS, LinkMode
+from uav_firmware.modules.mavlink.streams import built as built_all
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
 from uav_firmware.msg.control_mode import ManualControlSetpoint
 from uav_firmware.msg.estimate import VehicleAttitude
 from uav_firmware.msg.mission import Mission, MissionItem, MissionProgress
-from uav_firmware.msg.sensors import SensorMag, SensorRange
+from uav_firmware.msg.sensors import SensorHygrometer, SensorMag, SensorRange
 from uav_firmware.msg.status import LandDetected, LandedState, NavigationState
 
 THRESHOLDS = BatteryThresholds(low=0.15, critical=0.07, emergency=0.05)
@@ -368,11 +369,31 @@ def test_every_stream_builds_and_packs() -> None:
     topics = flying_topics()
     topics.mission.publish(Mission(time_us=0, mission_id=1, items=(ITEM,)))
     for stream in STREAMS:
-        message = stream.builder(context(topics))
-        assert message is not None
-        payload = pack(stream.builder(context(topics)))
-        assert payload.message_id == stream.message_id
-        assert frame(payload, 0, 7, 1) == message.pack(mavlink.MAVLink(None, 7, 1))
+        messages = built_all(stream.builder, context(topics))
+        assert messages
+        for message, again in zip(
+            messages, built_all(stream.builder, context(topics)), strict=True
+        ):
+            payload = pack(again)
+            assert payload.message_id == stream.message_id
+            assert frame(payload, 0, 7, 1) == message.pack(mavlink.MAVLink(None, 7, 1))
+
+
+def test_the_air_is_told_in_hundredths_and_the_soil_by_name() -> None:
+    topics = flying_topics()
+    air = built("HYGROMETER_SENSOR", topics)
+    assert (air.temperature, air.humidity) == (2137, 5432)
+    builder = BUILDERS[mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT]
+    told = {m.name: m.value for m in built_all(builder, context(topics))}
+    assert told == {"soil_moist": 23.0, "temp_soil": 17.5, "light": 65_000.0}
+
+
+def test_a_hygrometer_without_a_humidity_says_so_and_a_silent_one_nothing() -> None:
+    topics = flying_topics()
+    topics.hygrometer.publish(SensorHygrometer(4_900_000, 21.0, math.nan))
+    assert built("HYGROMETER_SENSOR", topics).humidity == 65_535
+    builder = BUILDERS[mavlink.MAVLINK_MSG_ID_HYGROMETER_SENSOR]
+    assert not built_all(builder, context(topics)._replace(now_us=60_000_000))
 
 
 def test_beyond_its_reach_a_range_finder_tells_more_than_its_most() -> None:

@@ -6,6 +6,8 @@ from uav_firmware.msg.sensors import (
     SensorBattery,
     SensorEsc,
     SensorGps,
+    SensorGround,
+    SensorHygrometer,
     SensorImu,
     SensorMag,
     SensorRange,
@@ -48,6 +50,12 @@ class Hardware:
     def read_battery(self) -> SensorBattery | None:
         return None
 
+    def read_hygrometer(self) -> SensorHygrometer | None:
+        return None
+
+    def read_ground(self) -> SensorGround | None:
+        return None
+
     def read_range(self) -> SensorRange | None:
         return None
 
@@ -80,6 +88,8 @@ class Vehicle:
             battery=Topic(),
             esc=Topic(),
             range_finder=Topic(),
+            hygrometer=Topic(),
+            ground=Topic(),
             truth=self.truth,
         )
 
