@@ -1,4 +1,4 @@
-"""One mission up to its flight: found again or waited for, uploaded, proved, armed, started."""
+"""One mission up to its flight: waited for, uploaded, proved, armed, started."""
 
 from typing import Final
 
@@ -10,7 +10,6 @@ from mavlink_broker.flight_core import FlightCore
 from mavlink_broker.protocol.command import Accepted, Refused
 from mavlink_broker.protocol.mission_upload import NotStored, Stored, Uncertain
 from mavlink_broker.protocol.mission_verify import Different, Verified
-from mavlink_broker.readiness import Attachment
 from mavlink_broker.session_states import Event, State
 from mavlink_broker.translation import route
 from mavlink_broker.translation.mission import LiveCommand, RefusedError
@@ -18,6 +17,8 @@ from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.translation.situation import Spot
 
 FLYING_WITHIN_S: Final = 5.0
+MODE_EVERY_S: Final = 2.0
+"""Longer than a mode takes to show."""
 _AFTER_ACCEPTANCE: Final = {
     State.FENCING: Event.FENCED,
     State.HOLDING: Event.HELD,
@@ -27,7 +28,7 @@ _AFTER_ACCEPTANCE: Final = {
 
 
 class FlightPreparation(FlightCore):
-    """The states from ATTACHING or WAITING to STARTING."""
+    """The states from WAITING to STARTING."""
 
     def _settle(self, now: float, effects: Effects) -> None:
         """Turn the outcome of the state's protocol into what happens next."""
@@ -38,33 +39,16 @@ class FlightPreparation(FlightCore):
             case Uncertain():
                 self._opaque_id = 0
                 self._move(Event.STORED, now, effects)
-            case Verified() | Different() if self._is_between_stages:
-                self._hovering = not self._vehicle.snapshot.is_on_ground
-                self._was_running = False
-                self._move(self._event_of_stage(), now, effects)
             case Verified():
-                attaching = self.state is State.ATTACHING
-                self._move(Event.FLYING if attaching else Event.VERIFIED, now, effects)
+                self._move(Event.VERIFIED, now, effects)
             case Accepted() if self.state in _AFTER_ACCEPTANCE:
                 self._accepted(_AFTER_ACCEPTANCE[self.state], now, effects)
             case Accepted() if self._accepted_at is None:
                 self._accepted_at = now
             case NotStored() as refusal:
                 self._not_stored(refusal, now, effects)
-            case Different() if self.state is State.ATTACHING and not self._has_flown:
-                self._activity = None
-                self._flies_another = True
             case Different(reason) | Refused(reason):
                 self._fail(reason, now, effects)
-
-    @property
-    def _is_between_stages(self) -> bool:
-        """Whether an earlier run ended behind one stage and before the next one flew."""
-        if self.state is not State.ATTACHING or self._stages.is_first:
-            return False
-        begun = self.ledger.commands[self._plan.first_command] is not Status.NOT_STARTED
-        same = isinstance(self._activity.outcome if self._activity else None, Verified)
-        return not begun and not (same and self._vehicle.mode_role is ModeRole.MISSION)
 
     def _not_stored(self, refusal: NotStored, now: float, effects: Effects) -> None:
         """Say otherwise what the vehicle does not know, if there is another way to say it."""
@@ -94,8 +78,17 @@ class FlightPreparation(FlightCore):
     def _accepted(self, event: Event, now: float, effects: Effects) -> None:
         if event is Event.FENCED:
             self._fenced(now, effects)
-        else:
+        elif event is not Event.SELECTED or self._has_borrowed():
             self._move(event, now, effects)
+
+    def _has_borrowed(self) -> bool:
+        """Whether the vehicle has the parameters that the stretch needs, or keeps its own."""
+        refusals = self._vehicle.parameters.refusals
+        for index, loan in self._plan.loans:
+            if loan[0].name in refusals:
+                notes = (*self._stages.notes[index], refusals[loan[0].name])
+                self.ledger.note(index, notes)
+        return self._vehicle.parameters.is_settled
 
     def _fenced(self, now: float, effects: Effects) -> None:
         """Go on within the fence, unless the vehicle keeps a lower one of its own."""
@@ -143,6 +136,7 @@ class FlightPreparation(FlightCore):
         self._start(activities.commands(ways, self._vehicle), now, effects)
 
     def _enter_uploading(self, now: float, effects: Effects) -> None:
+        self._vehicle.parameters.want(tuple(loan for _, loan in self._plan.loans))
         self._start(activities.upload(self._plan, self._vehicle), now, effects)
 
     def _enter_verifying(self, now: float, effects: Effects) -> None:
@@ -157,37 +151,16 @@ class FlightPreparation(FlightCore):
         self._start(activities.commands(ways, self._vehicle), now, effects)
 
     def _enter_starting(self, now: float, effects: Effects) -> None:
+        """Write down that the stage runs before the vehicle is told to start it.
+
+        A broker that is killed meanwhile would not know that it may have been flown.
+        """
         self._told_to_start = True
+        self.ledger.set_mission(Status.RUNNING)
+        self.ledger.set_command(self._plan.first_command, Status.RUNNING)
+        effects.for_edge.append(self._reporter.mission(self.ledger))
         ways = self._vehicle.family.starting
         self._start(activities.commands(ways, self._vehicle), now, effects)
-
-    def _step_attaching(self, now: float, effects: Effects) -> None:
-        if self._activity is not None:
-            return
-        if self._heard_at is None and self._vehicle.is_heard(now):
-            self._heard_at = now
-        attachment = readiness.attachment(
-            self._vehicle,
-            now,
-            started=self._has_flown,
-            waited_s=now - self._entered_at,
-            heard_s=0.0 if self._heard_at is None else now - self._heard_at,
-        )
-        match attachment:
-            case Attachment.BEGIN:
-                self._move(Event.NOT_STARTED, now, effects)
-            case Attachment.COMPARE if not self._flies_another:
-                self._attach(now, effects)
-
-    def _attach(self, now: float, effects: Effects) -> None:
-        """Find the stage that was being flown; a live command shows in the vehicle's mode."""
-        self._translate()
-        self._stages.go_to(self.ledger.finished)
-        if not isinstance(self._stages.current, LiveCommand):
-            self._start(activities.recognition(self._plan, self._vehicle), now, effects)
-            return
-        self._hovering = True
-        self._move(Event.LIVE_NEXT, now, effects)
 
     def _step_waiting(self, now: float, effects: Effects) -> None:
         if self.is_expired(now):
@@ -197,7 +170,14 @@ class FlightPreparation(FlightCore):
         obstacle = readiness.obstacle(self._vehicle, now, hovering=self._hovering)
         if obstacle is None:
             self._set_out(now, effects)
-        elif now - self._entered_at >= readiness.WITHIN_S:
+            return
+        if (
+            readiness.wants_another_mode(self._vehicle)
+            and now >= self._mode_asked_at + MODE_EVERY_S
+        ):
+            self._mode_asked_at = now
+            effects.messages.append(activities.hold_on_ground(self._vehicle))
+        if now - self._entered_at >= readiness.WITHIN_S:
             self._fail(f"not ready after {readiness.WITHIN_S:.0f} s: {obstacle}", now, effects)
 
     def _set_out(self, now: float, effects: Effects) -> None:

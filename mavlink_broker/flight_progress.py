@@ -4,13 +4,14 @@ from abc import ABC, abstractmethod
 
 from afarcloud.enumerations import Status
 from mavlink_broker.effects import Effects
-from mavlink_broker.flight_preparation import FlightPreparation
+from mavlink_broker.flight_attachment import FlightAttachment
 from mavlink_broker.follower import Follower
 from mavlink_broker.performer import Performer, Phase
 from mavlink_broker.session_states import Event
+from mavlink_broker.translation.modes import LIVE_MODES
 
 
-class FlightProgress(FlightPreparation, ABC):
+class FlightProgress(FlightAttachment, ABC):
     """The states RUNNING and PERFORMING, and the way from stage to stage."""
 
     @abstractmethod
@@ -42,8 +43,9 @@ class FlightProgress(FlightPreparation, ABC):
         effects.for_edge += self._follower.begin(now)
 
     def _enter_performing(self, now: float, effects: Effects) -> None:
-        live = self._stages.live
-        resumed = self.ledger.commands[live.command] is Status.RUNNING
+        live, vehicle = self._stages.live, self._vehicle
+        is_under_way = self._was_running and live.action.moves and vehicle.mode in LIVE_MODES
+        resumed = self.ledger.commands[live.command] is Status.RUNNING or is_under_way
         self._performer = Performer(live.action, self._vehicle)
         effects.messages += self._performer.start(now, resumed=resumed)
 

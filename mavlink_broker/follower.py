@@ -54,12 +54,13 @@ class Follower:
         return self._progress.is_finished
 
     def begin(self, now: float) -> list[Told]:
-        """Say that it flies."""
-        self._ledger.set_mission(Status.RUNNING)
-        self._run_next()
+        """Say that it flies, unless that was said when the vehicle was told to start."""
+        begins = self._ledger.set_mission(Status.RUNNING)
+        goes_on = self._run_next()
         if self._vehicle.snapshot.mission is not None:
             self._mission_id = self._vehicle.snapshot.mission.mission_id
-        return self._report(now)
+        self._reported_at = now
+        return self._report(now) if begins or goes_on or self._under_way else []
 
     def receive(self, message: Message) -> None:
         """Take what the vehicle says about the mission."""
@@ -74,9 +75,11 @@ class Follower:
         if self._vehicle.snapshot.is_on_ground and self._vehicle.is_heard(now):
             self._progress = self._progress.with_landing()
         self._watch(now)
+        before = self._ledger.commands
         reports = self._finish_commands(now)
-        if reports or self._run_next() or now - self._reported_at >= REPORT_EVERY_S:
-            self._run_next()
+        self._run_next()
+        has_changed = self._ledger.commands != before
+        if has_changed or now - self._reported_at >= REPORT_EVERY_S:
             reports += self._report(now)
         return reports
 

@@ -116,6 +116,8 @@ def _read(raw: Mapping[str, Any], now: float, utc: datetime) -> tuple[Work | Non
 
 
 def _mission(raw: _RawMission, now: float, utc: datetime) -> MissionWork:
+    report = None if raw.report is None else _report(raw.report)
+    told_at = None if report is None else report.recorded_at
     return MissionWork(
         work_id=raw.id,
         plan_id=str(raw.plan_id),
@@ -123,7 +125,8 @@ def _mission(raw: _RawMission, now: float, utc: datetime) -> MissionWork:
         mission=raw.mission,
         geofence=raw.geofence,
         was_accepted=raw.state == "accepted",
-        report=None if raw.report is None else _report(raw.report),
+        report=report,
+        reported_at=None if told_at is None else now + (told_at - utc).total_seconds(),
         expires_at=raw.deadline(now, utc),
     )
 

@@ -30,6 +30,21 @@ def obstacle(vehicle: Vehicle, now: float, *, hovering: bool) -> str | None:
     return next((obstacle for obstacle, there in obstacles.items() if there), None)
 
 
+def wants_another_mode(vehicle: Vehicle) -> bool:
+    """Whether a vehicle may be not ready to arm only because of the mode that it is in.
+
+    PX4 judges its readiness for that mode: without a remote control it is never ready to be flown
+    by one, and behind a return or a landing it stays in a mode in which it does not arm.
+    """
+    snapshot = vehicle.snapshot
+    waits = snapshot.armed is False and snapshot.ready_to_arm is False
+    return (
+        waits
+        and vehicle.family.readiness_by_mode
+        and vehicle.mode_role in {ModeRole.OTHER, ModeRole.ENDING}
+    )
+
+
 class Attachment(Enum):
     """What is to be done about a mission that an earlier run of the broker accepted."""
 
@@ -39,7 +54,12 @@ class Attachment(Enum):
 
 
 def attachment(
-    vehicle: Vehicle, now: float, *, started: bool, waited_s: float, heard_s: float
+    vehicle: Vehicle,
+    now: float,
+    *,
+    started: bool,
+    waited_s: float,
+    heard_s: float,
 ) -> Attachment:
     """Judge; `started` if the mission has been reported to run.
 
@@ -52,7 +72,8 @@ def attachment(
         return Attachment.WAIT if patient else Attachment.BEGIN
     if not started and snapshot.is_on_ground:
         return Attachment.BEGIN
-    has_told_all = snapshot.attitude is not None and snapshot.battery_fraction is not None
+    newest = snapshot.attitude, snapshot.battery_fraction, snapshot.mission
+    has_told_all = None not in newest
     is_placed = snapshot.home is not None and snapshot.position is not None
     if not is_placed or not (has_told_all or heard_s >= TELLS_ALL_WITHIN_S):
         return Attachment.WAIT

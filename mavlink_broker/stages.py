@@ -93,6 +93,11 @@ class Stages:
         return Itinerary(self._segments[: self._number + 1]).ends_on_ground
 
     @property
+    def is_from_ground(self) -> bool:
+        """Whether the vehicle stands before this stage."""
+        return self.is_first or Itinerary(self._segments[: self._number]).ends_on_ground
+
+    @property
     def is_first(self) -> bool:
         """Whether no stage lies before."""
         return self._number == 0

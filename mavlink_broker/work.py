@@ -18,6 +18,7 @@ class MissionWork:
     geofence: Geofence | None = None  # Of its plan
     was_accepted: bool = False  # By an earlier run of the broker
     report: MissionReport | None = None
+    reported_at: float | None = None  # [s] When that was told, on the broker's clock
     expires_at: float | None = None  # [s] On the broker's clock
 
     @property

@@ -28,9 +28,13 @@ class Verified:
 
 @dataclass(frozen=True, slots=True)
 class Different:
-    """It holds something else, or does not tell."""
+    """It holds something else."""
 
     reason: str
+
+
+class Untold(Different):
+    """It does not tell; the link may be away."""
 
 
 VerifyOutcome: TypeAlias = Verified | Different
@@ -102,7 +106,7 @@ class MissionVerify:
                 difference = self._difference(items)
                 self.outcome = Different(difference) if difference else Verified()
             case NotDownloaded(reason):
-                self.outcome = Different(reason)
+                self.outcome = Untold(reason)
             case _:
                 pass
         return []

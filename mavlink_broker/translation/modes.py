@@ -60,6 +60,9 @@ _PX4_ROLES: Final[Mapping[str, ModeRole]] = {
     "AUTO.PRECLAND": ModeRole.ENDING,
 }
 
+LIVE_MODES: Final = frozenset({"POSCTL.ORBIT", "AUTO.FOLLOW_TARGET", "CIRCLE", "FOLLOW"})
+"""Modes in which a vehicle is only while it flies a live command."""
+
 _COPTER: Final = {
     0: "STABILIZE",
     1: "ACRO",

@@ -1,8 +1,29 @@
 """A broker that has just started, in the middle of what an earlier one began; simulated time."""
 
+import dataclasses
+
 from afarcloud.enumerations import Status
-from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
+from mavlink_broker.codec import Decoder
+from mavlink_broker.dialect import mavlink
+from mavlink_broker.session_states import State
+from tests.support.broker_world import (
+    World,
+    first_flight,
+    flying_world,
+    go_home,
+    land,
+    mission,
+    takeoff,
+    waypoint,
+)
+from tests.support.scripted_vehicle import PX4
 from tests.unit.mavlink_broker.test_live_commands import OWN, follow, hotpoint, panorama
+
+
+def kinds_sent(world: World) -> set[str]:
+    """Kinds of message that the broker has sent."""
+    decoder = Decoder()
+    return {m.get_type() for _, frame in world.air.sent for m in decoder.decode(frame)}
 
 
 def test_a_mission_is_not_refused_by_what_the_vehicle_has_not_told_yet() -> None:
@@ -47,3 +68,71 @@ def test_a_time_that_lasts_is_counted_by_the_vehicles_clock_from_the_first_secon
     world.restart_broker()
     world.run_until_over(1201, within_s=100.0)
     assert world.edge.status(1201) == Status.FINISHED
+
+
+def test_a_mission_that_was_over_before_anybody_saw_it_fly_is_not_flown_again() -> None:
+    """Killed as soon as the vehicle was told to start, and back when it stands again."""
+    world = World()
+    vehicle = world.add_vehicle()
+    world.edge.plan(first_flight())
+    world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+    world.kill_broker()
+    world.run_until(lambda: vehicle.mission_state == mavlink.MISSION_STATE_COMPLETE)
+    world.restart_broker()
+    world.run_until_over(1201, within_s=30.0)
+    assert world.edge.statuses(1201) == [Status.FINISHED] * 3
+    assert vehicle.commands.count(mavlink.MAV_CMD_MISSION_START) == 1
+    assert vehicle.uploads == 1
+
+
+def test_the_same_stretch_twice_is_flown_twice() -> None:
+    """Killed between two sorties whose items are the same: the vehicle cannot tell them apart."""
+    sortie = (takeoff(1), waypoint(2), land(3))
+    world = World()
+    vehicle = world.add_vehicle()
+    world.edge.plan(mission(*sortie, takeoff(4), waypoint(5), land(6)))
+    world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+    world.run_until(lambda: world.edge.statuses(1201)[2] == Status.FINISHED)
+    world.restart_broker()
+    world.run_until_over(1201)
+    assert world.edge.statuses(1201) == [Status.FINISHED] * 6
+    assert vehicle.commands.count(mavlink.MAV_CMD_MISSION_START) == 2
+
+
+def test_a_vehicle_that_was_restarted_meanwhile_has_failed_its_mission() -> None:
+    world = flying_world(dataclasses.replace(PX4, item_time_s=6.0))
+    vehicle = world.only_vehicle
+    world.kill_broker()
+    world.run(20.0)
+    vehicle.reboot(world.clock.monotonic())
+    world.run(10.0)
+    world.restart_broker()
+    world.run_until_over(1201, within_s=30.0)
+    assert world.edge.status(1201) == Status.FAILED
+    assert "the vehicle was restarted" in world.edge.reports(1201)[-1]["message"]
+
+
+def test_an_orbit_is_not_flown_again_that_began_before_it_was_told() -> None:
+    world = World()
+    vehicle = world.add_vehicle(script=OWN)
+    world.edge.plan(mission(takeoff(), hotpoint(radius=30.0, start_point=1), go_home(3)))
+    world.run_until(lambda: vehicle.circle is not None)
+    assert world.edge.statuses(1201)[1] == Status.NOT_STARTED
+    world.restart_broker()
+    world.run_until_over(1201)
+    assert world.edge.statuses(1201) == [Status.FINISHED] * 3
+    assert vehicle.commands.count(mavlink.MAV_CMD_DO_ORBIT) == 1
+
+
+def test_a_link_that_is_away_while_the_mission_is_looked_for_is_waited_out() -> None:
+    world = flying_world(dataclasses.replace(PX4, item_time_s=100.0))
+    world.restart_broker()
+    world.run_until(lambda: 1 in world.app.sessions)
+    session = world.app.sessions[1]
+    world.air.sent.clear()
+    world.run_until(lambda: "MISSION_REQUEST_LIST" in kinds_sent(world))
+    world.only_vehicle.silent = True
+    world.run(60.0)
+    assert session.state is State.ATTACHING
+    world.only_vehicle.silent = False
+    world.run_until(lambda: session.state is State.RUNNING)

@@ -1,0 +1,142 @@
+"""One mission that an earlier run of the broker accepted: what the vehicle has made of it since.
+
+What a broker knows is lost with it, but for the mission's last report. A stage is written into a
+report before the vehicle is told to start it: without that nobody has started it, and with it the
+vehicle itself knows the rest.
+"""
+
+from typing import Final
+
+from afarcloud.enumerations import Status
+from mavlink_broker import activities, readiness
+from mavlink_broker.dialect import mavlink
+from mavlink_broker.effects import Effects
+from mavlink_broker.flight_preparation import FlightPreparation
+from mavlink_broker.protocol.mission_verify import Different, Untold, Verified
+from mavlink_broker.readiness import Attachment
+from mavlink_broker.session_states import Event, State
+from mavlink_broker.translation.mission import LiveCommand, RefusedError
+from mavlink_broker.translation.modes import ModeRole
+
+_NOTHING_DONE: Final = frozenset(
+    {
+        mavlink.MISSION_STATE_UNKNOWN,
+        mavlink.MISSION_STATE_NO_MISSION,
+        mavlink.MISSION_STATE_NOT_STARTED,
+    }
+)
+
+
+class FlightAttachment(FlightPreparation):
+    """The state ATTACHING."""
+
+    def _step_attaching(self, now: float, effects: Effects) -> None:
+        if self._activity is not None:
+            return
+        if self._heard_at is None and self._vehicle.is_heard(now):
+            self._heard_at = now
+        attachment = readiness.attachment(
+            self._vehicle,
+            now,
+            started=self._has_flown,
+            waited_s=now - self._entered_at,
+            heard_s=0.0 if self._heard_at is None else now - self._heard_at,
+        )
+        match attachment:
+            case Attachment.BEGIN:
+                self._move(Event.NOT_STARTED, now, effects)
+            case Attachment.COMPARE if not self._flies_another:
+                self._attach(now, effects)
+
+    def _attach(self, now: float, effects: Effects) -> None:
+        """Find the stage that was being flown; a live command shows in the vehicle's mode."""
+        try:
+            self._translate()
+        except RefusedError as error:
+            self._fail(error.reason, now, effects, error.command_index)
+            return
+        if self._has_flown and self._was_restarted(now):
+            self._fail("the vehicle was restarted", now, effects)
+            return
+        self._stages.go_to(self.ledger.finished)
+        if not isinstance(self._stages.current, LiveCommand):
+            self._start(activities.recognition(self._plan, self._vehicle), now, effects)
+            return
+        self._hovering = True
+        self._move(Event.LIVE_NEXT, now, effects)
+
+    def _settle(self, now: float, effects: Effects) -> None:
+        """Judge what was read back; every other state's protocol is settled elsewhere."""
+        if self.state is not State.ATTACHING:
+            super()._settle(now, effects)
+            return
+        outcome = self._activity.outcome if self._activity else None
+        if isinstance(outcome, Untold):
+            self._activity = None  # The link is away: asked again when it is back
+        elif isinstance(outcome, Verified | Different):
+            self._judge(outcome, now, effects)
+
+    def _judge(self, outcome: Verified | Different, now: float, effects: Effects) -> None:
+        same, first = isinstance(outcome, Verified), self._stages.is_first
+        if same and self._is_flown:
+            self._was_running = True
+            self._move(Event.FLYING, now, effects)
+        elif not first and (same or not self._is_begun):
+            self._go_on_with_stage(now, effects)
+        elif isinstance(outcome, Different) and self._has_flown:
+            self._fail(outcome.reason, now, effects)
+        else:
+            self._begin_or_wait(now, effects)
+
+    def _was_restarted(self, now: float) -> bool:
+        """Whether the vehicle, which stands, was switched on since the mission was last reported.
+
+        Its time is not the broker's where it is simulated, so that its deeds count for more.
+        """
+        snapshot, reported_at = self._vehicle.snapshot, self.work.reported_at
+        mission = snapshot.mission
+        is_complete = mission is not None and mission.state == mavlink.MISSION_STATE_COMPLETE
+        if not snapshot.is_on_ground or is_complete:
+            return False
+        up_s = snapshot.time_s
+        return up_s is not None and reported_at is not None and now - up_s > reported_at
+
+    def _go_on_with_stage(self, now: float, effects: Effects) -> None:
+        """Begin the later stage that nobody has started."""
+        self._was_running = False
+        self._hovering = not self._vehicle.snapshot.is_on_ground
+        self._move(self._event_of_stage(), now, effects)
+
+    def _begin_or_wait(self, now: float, effects: Effects) -> None:
+        """Begin from scratch on the ground; in the air flies what is not ours."""
+        if self._vehicle.snapshot.is_on_ground:
+            self._move(Event.NOT_STARTED, now, effects)
+        else:
+            self._activity = None
+            self._flies_another = True
+
+    @property
+    def _is_begun(self) -> bool:
+        """Whether the vehicle was about to be told to start the stage, so that it may have."""
+        return self.ledger.commands[self._plan.first_command] is not Status.NOT_STARTED
+
+    @property
+    def _is_flown(self) -> bool:
+        """Whether the vehicle, which holds the stage, flies it or has flown it."""
+        vehicle = self._vehicle
+        in_mission = vehicle.family.knows_modes and vehicle.mode_role is ModeRole.MISSION
+        if in_mission and vehicle.snapshot.armed:
+            return self._is_begun or self._stages.is_first
+        return self._is_begun and not self._is_fresh
+
+    @property
+    def _is_fresh(self) -> bool:
+        """Whether the vehicle has done nothing of the stage, by its own word where it gives it."""
+        rest = self._plan.commands[1:]
+        has_gone_on = any(self.ledger.commands[i] is not Status.NOT_STARTED for i in rest)
+        if has_gone_on or self._vehicle.snapshot.is_on_ground != self._stages.is_from_ground:
+            return False
+        told = self._vehicle.snapshot.mission
+        if told is None or told.seq > self._plan.first_item:
+            return False
+        return told.state in _NOTHING_DONE
