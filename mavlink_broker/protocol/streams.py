@@ -33,7 +33,7 @@ class Stream(NamedTuple):
     name: str
     message_id: int
     rate_hz: float
-    flows: bool = True  # Else it need not come again once it is known
+    flows: bool = True  # Else a vehicle may do without, or need not tell it twice
 
     @property
     def patience_s(self) -> float:
@@ -62,6 +62,15 @@ STREAMS: Final = (
     Stream("SYS_STATUS", mavlink.MAVLINK_MSG_ID_SYS_STATUS, 1.0),
     Stream("BATTERY_STATUS", mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, 1.0),
     Stream("HOME_POSITION", mavlink.MAVLINK_MSG_ID_HOME_POSITION, 0.5, flows=False),
+    Stream("SYSTEM_TIME", mavlink.MAVLINK_MSG_ID_SYSTEM_TIME, 0.5, flows=False),
+    Stream("ESTIMATOR_STATUS", mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS, 1.0, flows=False),
+    Stream("EKF_STATUS_REPORT", mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT, 1.0, flows=False),
+    Stream("FENCE_STATUS", mavlink.MAVLINK_MSG_ID_FENCE_STATUS, 1.0, flows=False),
+    Stream("HYGROMETER_SENSOR", mavlink.MAVLINK_MSG_ID_HYGROMETER_SENSOR, 1.0, flows=False),
+    Stream("NAMED_VALUE_FLOAT", mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT, 1.0, flows=False),
+    Stream("SCALED_PRESSURE", mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE, 0.5, flows=False),
+    Stream("WIND_COV", mavlink.MAVLINK_MSG_ID_WIND_COV, 0.5, flows=False),
+    Stream("WIND", mavlink.MAVLINK_MSG_ID_WIND, 0.5, flows=False),
 )
 """What is wanted, the most urgent first; nothing that a slow radio could not carry."""
 
@@ -76,7 +85,6 @@ UNREAD: Final = {
         mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,
         mavlink.MAVLINK_MSG_ID_ALTITUDE,
         mavlink.MAVLINK_MSG_ID_VFR_HUD,
-        mavlink.MAVLINK_MSG_ID_WIND_COV,
         mavlink.MAVLINK_MSG_ID_TIMESYNC,
         mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW,
         mavlink.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT,

@@ -38,7 +38,7 @@ class TestARefusal:
         world.run(5.0)
         assert world.edge.statuses(1201) == [Status.ABORTED, Status.FAILED, Status.ABORTED]
         message = world.edge.reports(1201)[0]["command_report_array"][1]["message"]
-        assert message == "it follows a landing: a take-off has to come first"
+        assert message == "command_type_id: it follows a landing: a take-off has to come first"
         assert world.edge.acknowledgements(work)[0]["status"] == "refused"
         assert vehicle.uploads == 0
 
@@ -178,7 +178,7 @@ class TestInFlight:
     def test_a_restarted_vehicle_is_asked_for_its_streams_again(self) -> None:
         world = World()
         vehicle = world.add_vehicle()
-        world.run(20.0)
+        world.run(5.0)
         asked = vehicle.commands.count(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)
         vehicle.reboot(world.clock.now)
         world.run(5.0)
