@@ -7,6 +7,10 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 
 VEHICLES ?= 1
+TESTERS ?= 0
+TESTER_SCRIPT ?=
+SYSTEM_ID ?= $(shell expr $(VEHICLES) + 1)
+SCRIPT ?=
 SPEED ?= 1
 WIND ?= 0
 SEED ?= 1
@@ -21,7 +25,7 @@ TRUTH ?= 0
 PLAN ?=
 FRAMES ?= 1000000
 OUT ?=
-export VEHICLES SPEED WIND SEED EDGE_PORT CLOUD_PORT MAVLINK_PORT GCS_PORT VEHICLE_PORT_BASE MQTT_PORT STATE_DIR TRUTH PLAN OUT
+export VEHICLES TESTERS TESTER_SCRIPT SPEED WIND SEED EDGE_PORT CLOUD_PORT MAVLINK_PORT GCS_PORT VEHICLE_PORT_BASE MQTT_PORT STATE_DIR TRUTH PLAN OUT
 
 RUNTIME := $(VENV)/.runtime
 DEV := $(VENV)/.dev
@@ -55,7 +59,7 @@ lock: $(DEV) ## resolve pyproject.toml again into the two lock files
 	$(VENV)/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-annotate --no-header --extra dev pyproject.toml -o requirements-dev.lock
 
 .PHONY: sim
-sim: $(RUNTIME) ## run the whole system: edge server, relay, broker, vehicles, mock cloud
+sim: $(if $(TESTER_SCRIPT),$(DEV),$(RUNTIME)) ## run the whole system: edge server, relay, broker, vehicles, mock cloud; TESTERS=1 leaves a seat
 	@exec $(RUN) -m sim
 
 .PHONY: demo
@@ -78,6 +82,10 @@ broker: $(RUNTIME) ## run the broker alone
 .PHONY: uav
 uav: $(RUNTIME) ## run one vehicle alone
 	@exec $(RUN) -m uav_firmware --system-id 1
+
+.PHONY: tester
+tester: $(DEV) ## stand in for vehicle SYSTEM_ID at the keyboard, where `make sim TESTERS=1` leaves a seat
+	@exec $(RUN) -m sim.tester --system-id $(SYSTEM_ID) $(if $(SCRIPT),--script $(SCRIPT))
 
 .PHONY: cloud
 cloud: $(RUNTIME) ## run the mock cloud alone

@@ -50,14 +50,13 @@ def read_plan(settings: Settings) -> dict[str, Any]:
     Raises:
         DemoError: if the file holds no plan, or there are more vehicles than a plan may have.
     """
-    if settings.vehicles > MAXIMUM_MISSIONS:
-        raise DemoError(
-            f"VEHICLES: a plan holds at most {MAXIMUM_MISSIONS} missions, not {settings.vehicles}"
-        )
+    vehicles = len(settings.started_ids)
+    if not 1 <= vehicles <= MAXIMUM_MISSIONS:
+        raise DemoError(f"VEHICLES: a plan holds 1 to {MAXIMUM_MISSIONS} missions, not {vehicles}")
     path = settings.plan or Path(EXAMPLE_PLAN)
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
-        return for_vehicles(document, settings.vehicles)
+        return for_vehicles(document, vehicles)
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise DemoError(f"{path} holds no plan: {type(error).__name__} {error}") from None
 

@@ -69,13 +69,17 @@ class System:
         self._supervisor.stop()
         self.screen.say("stopped")
 
+    @property
+    def _shown(self) -> int:
+        return self.settings.vehicles + self.settings.testers
+
     def step(self) -> None:
         """Let a moment pass: restart what died, refresh the vehicles' lines."""
         self._supervisor.step()
         try:
-            self.screen.vehicles(self.settings.vehicles, self.client.connected_vehicles())
+            self.screen.vehicles(self._shown, self.client.connected_vehicles())
         except (NotReadyError, RefusedError):
-            self.screen.vehicles(self.settings.vehicles, {})
+            self.screen.vehicles(self._shown, {})
         time.sleep(POLL_S)
 
     def wait_until_healthy(self) -> None:
@@ -98,12 +102,23 @@ class System:
             connected = self.client.connected_vehicles()
         except (NotReadyError, RefusedError) as error:
             return str(error)
-        absent = sorted(set(range(1, self.settings.vehicles + 1)) - connected.keys())
+        absent = sorted(set(self.settings.started_ids) - connected.keys())
         return f"vehicles {absent} are not connected" if absent else None
 
 
 def _by_mqtt(settings: Settings) -> str:
     return f", records come over {settings.mqtt_url}" if settings.mqtt_url else ""
+
+
+def _seats(settings: Settings) -> list[str]:
+    """Where persons may sit down in a vehicle's stead."""
+    if settings.tester_script is not None:
+        return []
+    port = f"MAVLINK_PORT={settings.mavlink_port} "
+    return [
+        f"  tester        in another terminal: {port}make tester SYSTEM_ID={system_id}"
+        for system_id in settings.tester_ids
+    ]
 
 
 def greeting(settings: Settings) -> str:
@@ -119,6 +134,7 @@ def greeting(settings: Settings) -> str:
                 f"ground station UDP {settings.gcs_port}, "
                 f"vehicle N UDP {settings.vehicle_port_base} + N"
             ),
+            *_seats(settings),
             f"  access keys   {key.parent}/ (operator, broker, admin, ...)",
             f"  logs          {settings.state_dir / 'logs'}/",
             "Fly the first plan:",

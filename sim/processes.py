@@ -37,6 +37,7 @@ def programs(settings: Settings) -> list[Program]:
             )
             for system_id in range(1, settings.vehicles + 1)
         ),
+        *_testers(settings),
     ]
 
 
@@ -56,7 +57,25 @@ def _mqtt_broker(settings: Settings) -> list[Program]:
 
 def _broker(settings: Settings) -> tuple[str, ...]:
     flags = ("--signing-keys", str(settings.keys_dir), "--tlog-dir", str(settings.tlog_dir))
-    return (*_module("mavlink_broker"), *flags)
+    return (*_module("mavlink_broker"), *flags, *_unsigned(settings))
+
+
+def _unsigned(settings: Settings) -> tuple[str, ...]:
+    """Name the testers: MAVSDK cannot sign."""
+    systems = [settings.unsigned_systems, *map(str, settings.tester_ids)]
+    named = ",".join(filter(None, systems))
+    return ("--unsigned-systems", named) if named else ()
+
+
+def _testers(settings: Settings) -> list[Program]:
+    """Testers that a script types for; a person's is started at the person's own terminal."""
+    if settings.tester_script is None:
+        return []
+    script = ("--script", str(settings.tester_script))
+    return [
+        Program(f"tester-{n}", (*_module("sim.tester"), "--system-id", str(n), *script))
+        for n in settings.tester_ids
+    ]
 
 
 def _vehicle(settings: Settings, system_id: int) -> tuple[str, ...]:

@@ -29,6 +29,9 @@ class Settings:
     plan: Path | None
     mqtt_port: int | None = None  # A broker's, over which the edge server reaches the mock cloud
     mosquitto: str | None = None  # Where that broker's program is
+    testers: int = 0  # Vehicles that persons stand in for; their numbers follow the vehicles'
+    tester_script: Path | None = None  # What is typed in the persons' stead
+    unsigned_systems: str = ""  # Further systems that cannot sign, as the broker reads them
 
     @property
     def edge_url(self) -> str:
@@ -44,6 +47,17 @@ class Settings:
     def mqtt_url(self) -> str | None:
         """Broker and topics of the farm, if records go over MQTT."""
         return f"mqtt://127.0.0.1:{self.mqtt_port}/afarcloud/farm" if self.mqtt_port else None
+
+    @property
+    def tester_ids(self) -> range:
+        """System ids of the testers."""
+        return range(self.vehicles + 1, self.vehicles + self.testers + 1)
+
+    @property
+    def started_ids(self) -> range:
+        """System ids of all that the launcher starts; a person sits down when it pleases them."""
+        last = self.vehicles + (self.testers if self.tester_script else 0)
+        return range(1, last + 1)
 
     @property
     def keys_dir(self) -> Path:
@@ -74,8 +88,12 @@ def from_environment(environment: Mapping[str, str]) -> Settings:
     Raises:
         SettingsError: naming the variable that does not fit.
     """
+    testers = _integer(environment, "TESTERS", 0, 0, MAXIMUM_VEHICLES)
     settings = Settings(
-        vehicles=_integer(environment, "VEHICLES", 1, 1, MAXIMUM_VEHICLES),
+        vehicles=_integer(environment, "VEHICLES", 1, int(testers == 0), MAXIMUM_VEHICLES),
+        testers=testers,
+        tester_script=_file(environment, "TESTER_SCRIPT"),
+        unsigned_systems=environment.get("UNSIGNED_SYSTEMS", ""),
         speed=_number(environment, "SPEED", 1.0, 0.0, 1000.0),
         edge_port=_integer(environment, "EDGE_PORT", 8000, 1, MAXIMUM_PORT),
         cloud_port=_integer(environment, "CLOUD_PORT", 8100, 1, MAXIMUM_PORT),
@@ -83,15 +101,22 @@ def from_environment(environment: Mapping[str, str]) -> Settings:
         gcs_port=_integer(environment, "GCS_PORT", 14550, 1, MAXIMUM_PORT),
         vehicle_port_base=_integer(environment, "VEHICLE_PORT_BASE", 14580, 1, MAXIMUM_PORT - 100),
         state_dir=Path(environment.get("STATE_DIR") or "var"),
-        plan=Path(environment["PLAN"]) if environment.get("PLAN") else None,
+        plan=_file(environment, "PLAN"),
         mqtt_port=_integer(environment, "MQTT_PORT", 0, 0, MAXIMUM_PORT) or None,
         mosquitto=shutil.which("mosquitto", path=f"{os.environ.get('PATH', '')}:/usr/sbin"),
     )
     if settings.mqtt_port is not None and settings.mosquitto is None:
         raise SettingsError("MQTT_PORT: mosquitto is not installed")
-    if settings.plan is not None and not settings.plan.is_file():
-        raise SettingsError(f"PLAN: there is no file {settings.plan}")
+    if settings.vehicles + settings.testers > MAXIMUM_VEHICLES:
+        raise SettingsError(f"TESTERS: with the vehicles they are {MAXIMUM_VEHICLES} at most")
     return settings
+
+
+def _file(environment: Mapping[str, str], name: str) -> Path | None:
+    path = Path(environment[name]) if environment.get(name) else None
+    if path is not None and not path.is_file():
+        raise SettingsError(f"{name}: there is no file {path}")
+    return path
 
 
 def _number(

@@ -1,6 +1,7 @@
 """`python -m sim.tester`: stand in for a vehicle at the keyboard, as the broker's substitute."""
 
 import argparse
+import math
 import os
 import random
 import signal
@@ -11,6 +12,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Final
 
+from sim.config import SimulationConfig, start_east_m
 from sim.tester.happenings import Happening
 from sim.tester.script import Script, ScriptError
 from sim.tester.seat import Seat
@@ -19,8 +21,8 @@ from sim.tester.telemetry import Home
 from sim.tester.terminal import Lines, Wakeable, wait
 from sim.tester.vehicle import LinkError, MavsdkVehicle
 
-HOME: Final = Home(40.44340, -3.73820, 650.0)
 _SCRIPT_LOOK_S: Final = 0.05
+_METRES_PER_DEGREE: Final = 111_195.0
 LINGER_S: Final = 2.0
 """Goes on speaking so long after the last line, so that the broker hears how it ended."""
 
@@ -43,7 +45,8 @@ def main(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
     _write(f"Vehicle {options.system_id}, to the broker at {options.broker}.\n")
     _write("Waiting for a mission. Ctrl-C ends.\n")
     draw = random.Random(options.seed).uniform
-    seat = Seat(StandIn(HOME, time.monotonic()), link, draw, _write)
+    vehicle = StandIn(_home(options.system_id), time.monotonic())
+    seat = Seat(vehicle, link, draw, _write)
     try:
         _sit(seat, Lines(_stdin() if script is None else None), script, woken)
     except KeyboardInterrupt:
@@ -52,6 +55,15 @@ def main(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
         link.close()
         woken.close()
     return 0
+
+
+def _home(system_id: int) -> Home:
+    """Where the simulated vehicle of that number would stand."""
+    place = SimulationConfig()
+    latitude_deg = place.home_latitude_deg
+    degree_m = _METRES_PER_DEGREE * math.cos(math.radians(latitude_deg))
+    east_deg = start_east_m(system_id) / degree_m
+    return Home(latitude_deg, place.home_longitude_deg + east_deg, place.home_altitude_amsl_m)
 
 
 def _sit(seat: Seat, lines: Lines, script: Script | None, woken: Wakeable[Happening]) -> None:
@@ -108,12 +120,7 @@ def _options(arguments: Sequence[str], environment: Mapping[str, str]) -> argpar
         default=environment.get("SCRIPT") or None,
         help="a file to read instead of the keyboard (environment: SCRIPT)",
     )
-    parser.add_argument(
-        "--seed",
-        type=int,
-        default=environment.get("SEED") or None,
-        help="of what is drawn at random (environment: SEED)",
-    )
+    parser.add_argument("--seed", type=int, help="of what is drawn at random; else it differs")
     return parser.parse_args(arguments)
 
 

@@ -53,3 +53,30 @@ def test_an_empty_variable_is_no_variable() -> None:
 def test_a_setting_that_does_not_fit_is_named(name: str, value: str) -> None:
     with pytest.raises(SettingsError, match=name):
         from_environment({name: value})
+
+
+def test_testers_are_numbered_behind_the_vehicles() -> None:
+    settings = from_environment({"VEHICLES": "2", "TESTERS": "2"})
+    assert list(settings.tester_ids) == [3, 4]
+    assert list(settings.started_ids) == [1, 2]
+
+
+def test_a_tester_with_a_script_is_started_like_a_vehicle(tmp_path: Path) -> None:
+    script = tmp_path / "script"
+    script.touch()
+    given = {"VEHICLES": "0", "TESTERS": "1", "TESTER_SCRIPT": str(script)}
+    assert list(from_environment(given).started_ids) == [1]
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"VEHICLES": "0"},
+        {"TESTERS": "-1"},
+        {"TESTERS": "100"},
+        {"TESTER_SCRIPT": "/nothing/here"},
+    ],
+)
+def test_a_system_needs_a_vehicle_or_a_tester_that_can_be_had(given: dict[str, str]) -> None:
+    with pytest.raises(SettingsError, match=next(iter(given))):
+        from_environment(given)
