@@ -12,9 +12,10 @@ from typing import Final
 from afarcloud.commands import CameraImage, CameraPanorama, VideoStartCapture, VideoStopCapture
 from afarcloud.enumerations import PanoramaMode
 from mavlink_broker.dialect import mavlink
-from mavlink_broker.protocol.command import long_command
+from mavlink_broker.protocol.command import CommandLong, long_command
 from mavlink_broker.translation import mission_item
-from mavlink_broker.translation.live import Lasted, LiveAction
+from mavlink_broker.translation.families import Family
+from mavlink_broker.translation.live import Face, Lasted, LiveAction, Order, Series, Step
 from mavlink_broker.translation.mission_item import MissionItem
 from mavlink_broker.translation.situation import Items, Refusal, Situation
 
@@ -24,6 +25,9 @@ _STEP_DEG: Final = 45.0
 _SHOTS: Final = {PanoramaMode.FULL_CIRCLE: 8, PanoramaMode.HALF_CIRCLE: 5}
 _SPAN_DEG: Final = {PanoramaMode.FULL_CIRCLE: 360.0, PanoramaMode.HALF_CIRCLE: 180.0}
 _SETTLE_S: Final = 2.0
+TURNED_WITHIN_S: Final = 600.0
+_TURNS_ITSELF: Final = "the vehicle turns from picture to picture: the camera takes no panoramas"
+_NO_GIMBAL: Final = "the vehicle has no gimbal: pitch_angle and yaw_angle were left out"
 _GIMBAL_SLACK_S: Final = 5.0
 _SEQUENCES: Final = 2**23
 """Numbers that a float carries exactly."""
@@ -43,7 +47,8 @@ def image(command: CameraImage, situation: Situation) -> Items | LiveAction:
     number = _picture_number(situation.mission_id, command.command_id)
     shots = (float(p.time_interval), float(p.photo_count))
     if situation.after_live:
-        return _live_image(p.pitch_angle, p.yaw_angle, shots, number, duration_s)
+        aim = p.pitch_angle, p.yaw_angle
+        return _live_image(situation.family, aim, shots, number, duration_s)
     pointing, notes = _pointing(p.pitch_angle, p.yaw_angle, situation)
     capture, more = _capture(shots, number, situation.refused)
     items = (*pointing, capture, mission_item.delay(duration_s))
@@ -71,11 +76,7 @@ def panorama(command: CameraPanorama, situation: Situation) -> Items | LiveActio
         create = long_command(mavlink.MAV_CMD_PANORAMA_CREATE, *angles, component=CAMERA)
         return LiveAction(begin=((create,),), end=Lasted(), within_s=PANORAMA_WITHIN_S, moves=False)
     if situation.spot is None:
-        return Refusal(
-            "command_type_id",
-            f"{situation.family.name} turns for a panorama where it is, and no command before it "
-            "says where that is",
-        )
+        return _turned_panorama(command, situation)
     middle_deg = situation.heading_deg or 0.0
     first_deg = middle_deg - (90.0 if mode is PanoramaMode.HALF_CIRCLE else 0.0)
     items: list[MissionItem] = []
@@ -85,8 +86,34 @@ def panorama(command: CameraPanorama, situation: Situation) -> Items | LiveActio
         items += _turn(yaw_deg, situation)
         items.append(_capture((0.0, 1.0), number, situation.refused)[0])
     items.append(mission_item.delay(1.0))
-    note = "the vehicle turns from picture to picture: the camera takes no panoramas"
-    return Items(tuple(items), len(items) - 1, (note,))
+    return Items(tuple(items), len(items) - 1, (_TURNS_ITSELF,))
+
+
+def _turned_panorama(command: CameraPanorama, situation: Situation) -> LiveAction | Refusal:
+    """Turn on the spot behind a live command, wherever that has left the vehicle."""
+    family, mode = situation.family, command.parameters.panorama_mode
+    if not situation.after_live:
+        return Refusal("command_type_id", "no command before it brings the vehicle to a place")
+    first_deg = -90.0 if mode is PanoramaMode.HALF_CIRCLE else 0.0
+    steps: list[Step] = []
+    for shot in range(_SHOTS[mode]):
+        number = _picture_number(situation.mission_id, command.command_id, shot)
+        take = _to_camera(family, mavlink.MAV_CMD_IMAGE_START_CAPTURE, 0.0, 0.0, 1.0, number)
+        steps += [Face(first_deg + shot * _STEP_DEG, _SETTLE_S), Order(tuple((t,) for t in take))]
+    steps.append(Face(0.0))
+    return LiveAction(
+        begin=family.holding,
+        end=Series(tuple(steps)),
+        within_s=TURNED_WITHIN_S,
+        notes=(_TURNS_ITSELF,),
+    )
+
+
+def _to_camera(family: Family, command: int, *values: float) -> tuple[CommandLong, CommandLong]:
+    """Tell the camera, or the autopilot where that is the camera; the other one in its stead."""
+    camera = long_command(command, *values, component=CAMERA)
+    autopilot = long_command(command, *values)
+    return (autopilot, camera) if family.camera_is_autopilot else (camera, autopilot)
 
 
 def _turn(yaw_deg: float, situation: Situation) -> Sequence[MissionItem]:
@@ -111,7 +138,7 @@ def _pointing(
         return (mission_item.point_gimbal(pitch_deg, yaw, flags, no_rate_deg_s=rate),), ()
     if mavlink.MAV_CMD_DO_MOUNT_CONTROL not in refused:
         return (mission_item.point_mount(pitch_deg, yaw_deg or 0.0),), ()
-    return (), ("the vehicle has no gimbal: pitch_angle and yaw_angle were left out",)
+    return (), (_NO_GIMBAL,)
 
 
 def _capture(
@@ -126,21 +153,22 @@ def _capture(
 
 
 def _live_image(
-    pitch_deg: float,
-    yaw_deg: float | None,
+    family: Family,
+    aim: tuple[float, float | None],
     shots: tuple[float, float],
     number: float,
     duration_s: float,
 ) -> LiveAction:
+    pitch_deg, yaw_deg = aim
     flags, yaw = (_VEHICLE, 0.0) if yaw_deg is None else (_EARTH, yaw_deg)
-    aim = long_command(
+    point = long_command(
         mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW, pitch_deg, yaw, math.nan, math.nan, flags
     )
     single = number if shots[1] == 1.0 else 0.0
-    take = long_command(mavlink.MAV_CMD_IMAGE_START_CAPTURE, 0.0, *shots, single, component=CAMERA)
+    takes = _to_camera(family, mavlink.MAV_CMD_IMAGE_START_CAPTURE, 0.0, *shots, single)
     return LiveAction(
-        begin=((aim, take), (take,)),
-        way_notes=("", "the vehicle has no gimbal: pitch_angle and yaw_angle were left out"),
+        begin=((point, takes[0]), *((take,) for take in takes)),
+        way_notes=("", _NO_GIMBAL, _NO_GIMBAL),
         end=Lasted(duration_s),
         within_s=duration_s + PANORAMA_WITHIN_S,
         moves=False,
@@ -152,7 +180,7 @@ def _video(command: int, values: tuple[float, float], situation: Situation) -> I
     if not situation.after_live:
         item = MissionItem(command=command, parameters=(stream, frequency_hz, 0.0, 0.0))
         return Items((item,), 0)
-    ways = ((long_command(command, *values, component=CAMERA),), (long_command(command, *values),))
+    ways = tuple((order,) for order in _to_camera(situation.family, command, *values))
     return LiveAction(begin=ways, end=Lasted(), within_s=PANORAMA_WITHIN_S, moves=False)
 
 

@@ -15,7 +15,8 @@ from mavlink_broker.dialect import mavlink
 from mavlink_broker.protocol.command import CommandLong, long_command
 from mavlink_broker.protocol.command_sequence import Ways
 from mavlink_broker.protocol.parameter_write import ParameterEncoding
-from mavlink_broker.translation import guarding, modes
+from mavlink_broker.translation import borrowed, guarding, modes
+from mavlink_broker.translation.borrowed import Loans
 from mavlink_broker.translation.modes import ModeRole
 
 
@@ -105,6 +106,10 @@ class Family:
     orbit_headings: Mapping[OrbitType, float] = field(default_factory=lambda: STANDARD_HEADINGS)
     following: Following = Following.BY_COMMAND
     follow_modes: Ways = ()
+    follow_loans: Callable[[float, float, int], Loans] = borrowed.nothing
+    """For a height above home [m], an angle to the target's course [deg], our own system id."""
+    lowest_follow_m: float = 0.0
+    camera_is_autopilot: bool = False  # Camera commands go to the autopilot itself
     takes_panoramas: bool = False  # Its camera does, by PANORAMA_CREATE
     busy_pause_s: float = 6.0  # After "busy": the vehicle's own idle timeout and a second
     battery_capacity_parameter: str | None = None  # In mAh
@@ -138,6 +143,8 @@ PX4: Final = Family(
     returning=((_PX4_RETURN,), (_RETURN,)),
     following=Following.BY_MODE,
     follow_modes=((_FOLLOW_OF_PX4,),),
+    follow_loans=borrowed.px4_follow,
+    lowest_follow_m=borrowed.PX4_LOWEST_FOLLOW_M,
     battery_capacity_parameter="BAT1_CAPACITY",
     guard=guarding.guard_px4,
     guard_parameters=guarding.PX4_NAMES,
@@ -153,6 +160,8 @@ OWN: Final = replace(
     orbiting=Orbiting.COUNTED,
     orbit_headings=OWN_HEADINGS,
     following=Following.BY_COMMAND,
+    follow_loans=borrowed.own_follow,
+    lowest_follow_m=0.0,
     takes_panoramas=True,
 )
 """The project's own vehicle, which is PX4 to everybody who does not look at its vendor."""
@@ -191,6 +200,8 @@ ARDUPILOT: Final = Family(
     orbiting=Orbiting.BY_ITEM,
     following=Following.BY_MODE,
     follow_modes=((_FOLLOW_OF_COPTER,),),
+    follow_loans=borrowed.copter_follow,
+    camera_is_autopilot=True,
     arming=((_COPTER_GUIDED, _ARM), (_ARM,)),
     starting=((_START,), (_COPTER_AUTO,)),
     holding=((_COPTER_GUIDED,), (_PAUSE,)),

@@ -9,6 +9,7 @@ from dataclasses import replace
 from afarcloud.commands import NavHome, NavLand, NavTakeoff, NavWaypoint
 from afarcloud.enumerations import PrecisionLandMode
 from mavlink_broker.translation import mission_item
+from mavlink_broker.translation.borrowed import COPTER_RADIUS_M, Loans, copter_radius
 from mavlink_broker.translation.families import Family
 from mavlink_broker.translation.mission_item import MissionItem
 from mavlink_broker.translation.situation import Items, Situation, Spot
@@ -43,8 +44,10 @@ def waypoint(command: NavWaypoint, situation: Situation) -> Items:
     notes = []
     if p.trajectory_control != 0:
         notes.append("trajectory_control is not supported and was left out")
-    if not family.honours_acceptance_radius:
-        notes.append(f"{family.name} uses its own acceptance radius")
+    loans, more = _radius(situation)
+    notes += more
+    if family.yaw_by_condition and p.hold_time % 1.0:
+        notes.append(f"hold_time: {family.name} keeps whole seconds")
     go = mission_item.waypoint(
         latitude_deg=p.latitude,
         longitude_deg=p.longitude,
@@ -55,7 +58,7 @@ def waypoint(command: NavWaypoint, situation: Situation) -> Items:
     )
     items = (*_yaw_before(p.desired_yaw_angle, family), go)
     spot = Spot(p.latitude, p.longitude, p.altitude)
-    return Items(items, len(items) - 1, tuple(notes), spot, p.desired_yaw_angle)
+    return Items(items, len(items) - 1, tuple(notes), spot, p.desired_yaw_angle, loans=loans)
 
 
 def land(command: NavLand, situation: Situation) -> Items:
@@ -91,6 +94,20 @@ def home(command: NavHome, situation: Situation) -> Items:
     )
     spot = Spot(go.latitude_deg, go.longitude_deg, go.altitude_m)
     return Items((replace(go, at_home=True),), 0, spot=spot, at_home=True)
+
+
+def _radius(situation: Situation) -> tuple[Loans, tuple[str, ...]]:
+    """Borrow the acceptance radius where it is a parameter, if one will do for all waypoints."""
+    family, radius_m = situation.family, situation.common_radius_m
+    if family.honours_acceptance_radius:
+        return (), ()
+    if radius_m is None:
+        reason = "the mission's differ, and it has one for all"
+        return (), (f"acceptance_radius: {family.name} uses its own: {reason}",)
+    smallest, largest = COPTER_RADIUS_M
+    if smallest <= radius_m <= largest:
+        return copter_radius(radius_m), ()
+    return copter_radius(radius_m), (f"acceptance_radius was limited to {largest:g} m",)
 
 
 def _item_yaw(yaw_deg: float | None, family: Family) -> float | None:

@@ -8,6 +8,7 @@ from afarcloud.enumerations import OrbitType, StartPoint
 from mavlink_broker.dialect import mavlink
 from mavlink_broker.protocol.command import CommandInt
 from mavlink_broker.translation import mission_item
+from mavlink_broker.translation.borrowed import copter_circle
 from mavlink_broker.translation.families import Family, Orbiting
 from mavlink_broker.translation.geo import offset, shifted
 from mavlink_broker.translation.live import LiveAction, Turned
@@ -31,7 +32,7 @@ def hotpoint(command: NavHotpoint, situation: Situation) -> Items | LiveAction:
     """One full turn, begun at the start point if there is one."""
     p = command.parameters
     if situation.family.orbiting is Orbiting.BY_ITEM:
-        return _as_items(p, situation)
+        return _as_items(p)
     return _live(p, situation)
 
 
@@ -87,9 +88,11 @@ def _live(p: NavHotpointParameters, situation: Situation) -> LiveAction:
     )
 
 
-def _as_items(p: NavHotpointParameters, situation: Situation) -> Items:
-    """ArduPilot's circle: the vehicle's own rate; it looks ahead, or at the centre by a ROI."""
-    notes = [f"angular_velocity: {situation.family.name} uses its own rate on a circle"]
+def _as_items(p: NavHotpointParameters) -> Items:
+    """ArduPilot's circle, its rate a parameter; it looks ahead, or at the centre by a ROI."""
+    speed_m_s = speed_on_circle_m_s(p.angular_velocity, p.radius)
+    notes = [*_limited(p, speed_m_s), *_rounded(p)]
+    inwards = p.orbit_type is OrbitType.TOWARDS_HOT_POINT
     centre = {"latitude_deg": p.latitude, "longitude_deg": p.longitude}
     circle = mission_item.turns(
         **centre,
@@ -102,13 +105,21 @@ def _as_items(p: NavHotpointParameters, situation: Situation) -> Items:
     if start is not None:
         before.append(mission_item.waypoint(**start._asdict()))
     behind = []
-    if p.orbit_type is OrbitType.TOWARDS_HOT_POINT:
+    if inwards:
         before.append(mission_item.look_at(**centre, relative_altitude_m=0.0))
         behind.append(mission_item.look_ahead())
     elif p.orbit_type is not OrbitType.ALONG_CIRCLE_LOOKING_FORWARDS:
         notes.append(f"orbit_type {p.orbit_type.name} is not supported: it looks forwards")
     spot = start or Spot(p.latitude, p.longitude, p.orbit_altitude)
-    return Items((*before, circle, *behind), len(before), tuple(notes), spot)
+    loans = copter_circle(math.degrees(speed_m_s / p.radius), along=not inwards)
+    return Items((*before, circle, *behind), len(before), tuple(notes), spot, loans=loans)
+
+
+def _rounded(p: NavHotpointParameters) -> tuple[str, ...]:
+    """Say what ArduPilot's storage makes of the radius: whole metres, beyond 255 m whole tens."""
+    step = 10.0 if p.radius > 255.0 else 1.0
+    kept = math.floor(p.radius / step) * step
+    return () if kept == p.radius else (f"radius: the vehicle keeps {kept:g} m",)
 
 
 def _heading(wanted: OrbitType, family: Family) -> tuple[float, tuple[str, ...]]:

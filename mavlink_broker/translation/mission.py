@@ -7,10 +7,11 @@ is lost after the start costs nothing. A stretch that does not end on the ground
 from dataclasses import dataclass, field, replace
 from typing import Self, TypeAlias
 
-from afarcloud.commands import FLYING, Command
+from afarcloud.commands import FLYING, Command, NavWaypoint
 from afarcloud.enumerations import CommandType
 from afarcloud.plan import Mission
 from mavlink_broker.dialect import Message, mavlink
+from mavlink_broker.protocol.parameter_keeper import Loan
 from mavlink_broker.translation import mission_item
 from mavlink_broker.translation.commands import translate_command
 from mavlink_broker.translation.families import Family
@@ -41,6 +42,7 @@ class FlightPlan:
     first_item: int  # At which the mission begins: 1 behind home, else 0
     ends_on_ground: bool  # The last command lands: it ends on the ground and disarmed
     first_command: int = 0
+    loans: tuple[tuple[int, Loan], ...] = ()  # Parameters borrowed, each with its command
 
     @classmethod
     def empty(cls) -> Self:
@@ -136,6 +138,7 @@ class _Stretch:
     owners: list[int] = field(default_factory=list)
     done: list[int] = field(default_factory=list)
     notes: list[tuple[str, ...]] = field(default_factory=list)
+    loans: list[tuple[int, Loan]] = field(default_factory=list)
     ends_on_ground: bool = False
     has_speed: bool = False
 
@@ -143,7 +146,18 @@ class _Stretch:
         self.items.extend(more)
         self.owners.extend([owner] * len(more))
 
+    def contradicts(self, part: Items) -> bool:
+        """Whether it borrows a parameter at another value."""
+        values = {setting.name: setting.value for _, loan in self.loans for setting in loan}
+        return any(
+            values.get(setting.name, setting.value) != setting.value
+            for loan in part.loans
+            for setting in loan
+        )
+
     def take(self, owner: int, part: Items) -> None:
+        known = {loan for _, loan in self.loans}
+        self.loans += [(owner, loan) for loan in part.loans if loan not in known]
         self.done.append(len(self.items) + part.done)
         self.notes.append(part.notes)
         self.ends_on_ground = part.ends_on_ground
@@ -181,6 +195,8 @@ class _Translation:
             raise RefusedError(index, command, _ON_THE_GROUND)
 
     def _take(self, index: int, command: Command, part: Items) -> None:
+        if self._stretch is not None and self._stretch.contradicts(part):
+            self._close()
         if self._stretch is None:
             self._stretch = _Stretch(index)
             if self._situation.family.home_is_item_0:
@@ -221,6 +237,7 @@ class _Translation:
                 first_item=int(self._situation.family.home_is_item_0),
                 ends_on_ground=stretch.ends_on_ground,
                 first_command=stretch.first_command,
+                loans=tuple(stretch.loans),
             )
         )
 
@@ -258,8 +275,19 @@ def translate(
         own_system=own_system,
         refused=refused,
         maximum_speed_m_s=mission.maximum_speed,
+        common_radius_m=_common_radius_m(mission),
     )
     return _Translation(mission, situation).go()
+
+
+def _common_radius_m(mission: Mission) -> float | None:
+    """Acceptance radius of all its waypoints; None if they differ."""
+    radii = {
+        command.parameters.acceptance_radius
+        for command in mission.command_array
+        if isinstance(command, NavWaypoint)
+    }
+    return radii.pop() if len(radii) == 1 else None
 
 
 def _home_item(home: Home) -> MissionItem:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from afarcloud.commands import Command
+from mavlink_broker.protocol.parameter_keeper import Loan
 from mavlink_broker.translation.families import Family
 from mavlink_broker.translation.mission_item import MissionItem
 
@@ -60,6 +61,7 @@ class Situation(NamedTuple):
     heading_deg: float | None = None  # Last one asked for
     maximum_speed_m_s: float = 0.0
     relative_altitude_m: float = DEFAULT_ALTITUDE_M  # At which the mission flies
+    common_radius_m: float | None = None  # Acceptance radius of all waypoints, if they are alike
     after_live: bool = False  # A live command came before, and nothing since gave a place
 
 
@@ -74,3 +76,4 @@ class Items:
     heading_deg: float | None = None  # Asked for; None: as it was
     at_home: bool = False  # The spot is home
     ends_on_ground: bool = False
+    loans: tuple[Loan, ...] = ()  # Parameters that it borrows of the vehicle

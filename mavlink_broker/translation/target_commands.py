@@ -7,6 +7,7 @@ from afarcloud.enumerations import FollowHeading
 from mavlink_broker.dialect import mavlink
 from mavlink_broker.protocol.command import long_command
 from mavlink_broker.protocol.command_sequence import Ways
+from mavlink_broker.translation.borrowed import BEHIND_DEG
 from mavlink_broker.translation.families import Following
 from mavlink_broker.translation.live import Lasted, LiveAction, reposition
 from mavlink_broker.translation.situation import Situation, Spot
@@ -22,7 +23,8 @@ _CAMERA: Final[int] = mavlink.MAV_COMP_ID_CAMERA
 def follow(command: NavFollowTarget, situation: Situation) -> LiveAction:
     """Follow a target that is told to the vehicle; where that is not known, go to its place."""
     p, family = command.parameters, situation.family
-    spot = Spot(p.latitude, p.longitude, p.altitude)
+    height_m = max(p.altitude, family.lowest_follow_m)
+    spot = Spot(p.latitude, p.longitude, height_m)
     order = long_command(
         mavlink.MAV_CMD_DO_FOLLOW, situation.own_system, 0.0, 0.0, _FIXED_HEIGHT, p.altitude
     )
@@ -30,12 +32,15 @@ def follow(command: NavFollowTarget, situation: Situation) -> LiveAction:
     ways = (*by_command, *family.follow_modes)
     lost = ["" for _ in ways]
     notes = []
+    if height_m > p.altitude:
+        notes.append(f"altitude: {family.name} follows no lower than {height_m:g} m")
     if p.heading is not FollowHeading.TOWARD_FOLLOW_POSITION:
         notes.append("heading: nobody steers it by hand, the nose points to the target")
     return LiveAction(
         begin=(*ways, (reposition(spot, situation.home),)),
         way_notes=(*lost, "the vehicle follows nothing: it waits at the target's place"),
         follow=spot,
+        loans=family.follow_loans(height_m, BEHIND_DEG, situation.own_system),
         end=Lasted(FOLLOWED_FOR_S),
         finish=family.holding,
         within_s=FOLLOWED_FOR_S + SLACK_S,

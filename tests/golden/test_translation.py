@@ -14,6 +14,7 @@ import pytest
 
 from afarcloud.plan import Mission
 from mavlink_broker.dialect import Message
+from mavlink_broker.protocol.parameter_keeper import Loan
 from mavlink_broker.protocol.route import Route
 from mavlink_broker.translation.families import ARDUPILOT, GENERIC, OWN, PX4, Family
 from mavlink_broker.translation.mission import FlightPlan, Home, LiveCommand, translate
@@ -144,6 +145,7 @@ def stretch_record(plan: FlightPlan) -> dict[str, Any]:
         "items": [as_record(message) for message in plan.messages(1, 1)],
         "command_of_item": list(plan.command_of_item),
         "done_item": list(plan.done_item),
+        "loans": [[index, loan_record(loan)] for index, loan in plan.loans],
     }
 
 
@@ -159,8 +161,14 @@ def live_record(live: LiveCommand) -> dict[str, Any]:
         **ways,
         "end": f"{action.end}",
         "follow": action.follow,
+        "loans": [loan_record(loan) for loan in action.loans],
         "way_notes": list(action.way_notes),
     }
+
+
+def loan_record(loan: Loan) -> list[Any]:
+    """A parameter that is borrowed, in its spellings."""
+    return [[setting.name, setting.value] for setting in loan]
 
 
 def message_record(message: Message) -> dict[str, Any]:

@@ -39,6 +39,7 @@ class Script:
     tells_reached: bool = True
     has_home: bool = True
     battery_capacity_mah: float | None = 4200.0
+    settings: Mapping[str, float] = field(default_factory=dict)  # Parameters that can be set
     ignores_start: bool = False
     keeps: Keeping | None = None  # What becomes of an item in its storage
     is_atomic: bool = True  # Else items are overwritten as they come
@@ -63,13 +64,35 @@ class Script:
     product: tuple[int, int] = (0, 0)  # Vendor and product in AUTOPILOT_VERSION
 
 
-PX4 = Script()
+PX4 = Script(
+    settings={
+        "FLW_TGT_ALT_M": 2.0,
+        "FLW_TGT_HT": 12.0,
+        "FLW_TGT_DST": 5.0,
+        "FLW_TGT_FA": 0.0,
+        "COM_OF_LOSS_T": 1.0,
+    }
+)
 ARDUPILOT = Script(
     autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
     gives_ids=False,
     home_is_item_0=True,
     float_requests=True,
     forgets_parameters=True,
+    settings={
+        "CIRCLE_RATE": 20.0,
+        "CIRCLE_OPTIONS": 1.0,
+        "WPNAV_RADIUS": 200.0,
+        "FOLL_ENABLE": 0.0,
+        "FOLL_SYSID": 0.0,
+        "FOLL_DIST_MAX": 100.0,
+        "FOLL_OFS_TYPE": 1.0,
+        "FOLL_OFS_X": 0.0,
+        "FOLL_OFS_Y": 5.0,
+        "FOLL_OFS_Z": 1.0,
+        "FOLL_YAW_BEHAVE": 0.0,
+        "FOLL_ALT_TYPE": 1.0,
+    },
 )
 
 
@@ -83,7 +106,6 @@ class ScriptedMissions:
         self.items: list[Message] = []
         self.uploads = 0
         self.refusals = 0
-        self.listings = 0
         self.busy_until = 0.0
         self.complain: Callable[[], None] = lambda: None
         self._send = send
@@ -210,7 +232,6 @@ class ScriptedMissions:
 
     def _list(self, message: Message) -> None:
         del message
-        self.listings += 1
         self._send(MissionCount(0, 0, len(self.items), 0, self.plan_id))
 
     def _request(self, message: Message) -> None:
