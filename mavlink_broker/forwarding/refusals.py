@@ -4,11 +4,13 @@ import logging
 from collections import Counter
 from typing import Final
 
-from mavlink_broker.dialect import Message
+from mavlink_broker.dialect import Message, mavlink
 
 TELL_EVERY_S: Final = 10.0
 """At most one line in so long; a stick refused at 25 Hz is one fact."""
 
+TEXT_LENGTH: Final = 50
+"""Of a STATUSTEXT."""
 KINDS_KEPT: Final = 500
 """More kinds than that are one: an endless series of unknown messages must not fill memory."""
 OTHERS: Final = "other messages"
@@ -34,7 +36,7 @@ class Refusals:
         if now - self._said_at.get((system, name), now - TELL_EVERY_S) < TELL_EVERY_S:
             return None
         self._said_at[system, name] = now
-        return f"Refused {name}: the broker flies a mission"[:50]
+        return f"A mission of the broker runs: no {name}"[:TEXT_LENGTH]
 
     def tell(self, now: float) -> None:
         """Write the counts down when it is time."""
@@ -48,8 +50,11 @@ class Refusals:
 
 
 def name_of(message: Message) -> str:
-    """What a message is called when it is refused; commands by their number."""
+    """What a message is called when it is refused; a command by its own name."""
     kind: str = message.get_type()
-    if kind in {"COMMAND_LONG", "COMMAND_INT"}:
+    if kind not in {"COMMAND_LONG", "COMMAND_INT"}:
+        return kind
+    entry = mavlink.enums["MAV_CMD"].get(message.command)
+    if entry is None:
         return f"command {message.command}"
-    return kind
+    return str(entry.name).removeprefix("MAV_CMD_")

@@ -14,9 +14,9 @@ _PROGRAM = Path(sys.executable).with_name("mavproxy.py")
 
 
 class MavProxy:
-    """MAVProxy on a port that the vehicle sends to; its files go to a folder of the test."""
+    """MAVProxy on a port that is sent to, or `udpout` to one; its files go to the test's folder."""
 
-    def __init__(self, port: int, folder: Path) -> None:
+    def __init__(self, port: int, folder: Path, way: str = "udpin") -> None:
         self.folder = folder
         self._heard = ""
         self._mark = 0
@@ -24,7 +24,7 @@ class MavProxy:
         command = [
             sys.executable,
             str(_PROGRAM),
-            f"--master=udpin:127.0.0.1:{port}",
+            f"--master={way}:127.0.0.1:{port}",
             f"--state-basedir={folder}",
             "--aircraft=field",
         ]
