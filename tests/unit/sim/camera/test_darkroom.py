@@ -1,0 +1,86 @@
+"""The process beside the vehicle: orders in, ends out, in order; it dies and comes back."""
+
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from sim.camera.darkroom import Darkroom, Developed
+from tests.support.system import wait_for
+from tests.unit.sim.camera.shots import order, pose
+
+DOWN = pose(5.0, 30.0, 20.0, -90.0, 0.0)
+
+
+@pytest.fixture
+def darkroom() -> Iterator[Darkroom]:
+    made = Darkroom()
+    yield made
+    made.close()
+
+
+def all_of(darkroom: Darkroom, count: int) -> list[Developed]:
+    ended: list[Developed] = []
+    while len(ended) < count:
+        ended += darkroom.finished(wait=True)
+    return ended
+
+
+def test_orders_end_in_their_sequence_while_nobody_waits(
+    darkroom: Darkroom, tmp_path: Path
+) -> None:
+    for number in range(3):
+        darkroom.begin(order(tmp_path, number, DOWN, width_px=320))
+    assert darkroom.pending == 3
+    ended: list[Developed] = []
+    wait_for(lambda: len(ended.extend(darkroom.finished()) or ended) == 3, "three pictures")  # type: ignore[func-returns-value]  # for its effect
+    assert [each.number for each in ended] == [0, 1, 2]
+    assert [each.error for each in ended] == ["", "", ""]
+    assert all((tmp_path / f"{number}.jpg").stat().st_size for number in range(3))
+    assert darkroom.pending == 0
+
+
+def test_what_cannot_be_written_is_said_and_the_next_goes_on(
+    darkroom: Darkroom, tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("no folder")
+    darkroom.begin(order(tmp_path / "file", 0, DOWN, width_px=64))
+    darkroom.begin(order(tmp_path / "folder", 1, DOWN, width_px=64))
+    bad, good = all_of(darkroom, 2)
+    assert (bad.number, good.number) == (0, 1)
+    assert bad.error
+    assert not good.error
+
+
+def test_a_process_that_dies_loses_its_pictures_and_is_started_again(tmp_path: Path) -> None:
+    pids = tmp_path / "pids"
+    script = (
+        "import os, sys, pathlib; pathlib.Path(sys.argv[1]).open('a').write(f'{os.getpid()}\\n'); "
+        "sys.argv = ['x']; from sim.camera.__main__ import main; main()"
+    )
+    darkroom = Darkroom((sys.executable, "-c", script, str(pids)))
+    try:
+        darkroom.begin(order(tmp_path, 0, DOWN, width_px=64))
+        all_of(darkroom, 1)
+        os.kill(int(pids.read_text()), signal.SIGSTOP)
+        darkroom.begin(order(tmp_path, 1, DOWN, width_px=64))
+        os.kill(int(pids.read_text()), signal.SIGKILL)
+        (lost,) = all_of(darkroom, 1)
+        assert lost.number == 1
+        assert "stopped" in lost.error
+        darkroom.begin(order(tmp_path, 2, DOWN, width_px=64))
+        (found,) = all_of(darkroom, 1)
+        assert found == Developed(2, found.size_bytes, 2, "")
+        assert len(pids.read_text().split()) == 2
+    finally:
+        darkroom.close()
+
+
+def test_it_ends_with_its_vehicle(darkroom: Darkroom, tmp_path: Path) -> None:
+    darkroom.begin(order(tmp_path, 0, DOWN, width_px=64))
+    darkroom.close()
+    assert darkroom.pending == 0
+    assert darkroom.finished() == []
