@@ -27,9 +27,9 @@ def kinds_sent(world: World) -> set[str]:
 
 
 def test_a_mission_is_not_refused_by_what_the_vehicle_has_not_told_yet() -> None:
-    """The panorama flies on this project's own vehicle, and not on any other behind a landing."""
+    """A panorama on the ground: of this project's own vehicle, and of no other."""
     world = World()
-    world.edge.plan(mission(takeoff(), go_home(2), panorama(3)))
+    world.edge.plan(mission(panorama(1), takeoff(2), go_home(3)))
     world.run(1.0)
     assert world.edge.status(1201) is None
     world.add_vehicle(script=OWN)
@@ -38,11 +38,11 @@ def test_a_mission_is_not_refused_by_what_the_vehicle_has_not_told_yet() -> None
 
 def test_what_its_vehicle_cannot_fly_is_refused_once_it_is_known() -> None:
     world = World()
-    world.edge.plan(mission(takeoff(), go_home(2), panorama(3)))
+    world.edge.plan(mission(panorama(1), takeoff(2), go_home(3)))
     world.run(1.0)
     vehicle = world.add_vehicle()
     world.run_until_over(1201)
-    assert world.edge.statuses(1201) == [Status.ABORTED, Status.ABORTED, Status.FAILED]
+    assert world.edge.statuses(1201) == [Status.FAILED, Status.ABORTED, Status.ABORTED]
     assert vehicle.uploads == 0
 
 
