@@ -107,6 +107,7 @@ class ToyVehicle:
     aligned: bool = True
     battery: float = 1.0
     fix_type: int = 3
+    imu_is_dead: bool = False  # It speaks, and holds no number
     satellites: int = 12
     accuracy: float = 0.1  # [m] Of the estimated position
     innovation: float = 0.0  # Test ratio of the GPS velocity
@@ -337,7 +338,8 @@ class ToyVehicle:
     def _sense_instruments(self) -> None:
         now = self.now_us
         if "imu" not in self.silent:
-            self.imu.publish(SensorImu(now, (0.0, 0.0, 0.0), (0.0, 0.0, -9.81)))
+            rate = math.nan if self.imu_is_dead else 0.0
+            self.imu.publish(SensorImu(now, (rate, rate, rate), (0.0, 0.0, -9.81)))
         if "baro" not in self.silent:
             self.baro.publish(SensorBaro(now, 93700.0, 20.0))
         if "mag" not in self.silent:

@@ -11,6 +11,7 @@ from uav_firmware.modules.commander.topics import CommanderTopics
 from uav_firmware.modules.commander.vehicle_view import SensorAges, VehicleView
 from uav_firmware.modules.commander.wind import WindEstimator
 from uav_firmware.msg.estimate import WindEstimate
+from uav_firmware.msg.sensors import SensorImu
 
 OFFBOARD_FRESH_S: Final = 0.5  # 2 Hz
 _WIND_PERIOD_US: Final = 100_000  # 10 Hz
@@ -63,6 +64,7 @@ class Observer:
             offboard=topics.offboard_setpoint.value,
             offboard_fresh=ages.offboard <= OFFBOARD_FRESH_S,
             ages=ages,
+            imu_delivers=_is_finite(topics.sensor_imu.value),
         )
 
     def observe_wind(self, view: VehicleView, ballistic_coefficient: float) -> None:
@@ -87,6 +89,11 @@ class Observer:
         wind = self._wind.wind(ballistic_coefficient, _density(altitude))
         if wind is not None:
             self._topics.wind.publish(WindEstimate(view.now_us, *wind))
+
+
+def _is_finite(imu: SensorImu | None) -> bool:
+    """Whether a sample holds numbers: a driver reports a dead sensor by none."""
+    return imu is None or math.isfinite(sum(imu.rate_frd) + sum(imu.specific_force_frd))
 
 
 def _density(altitude_amsl_m: float) -> float:

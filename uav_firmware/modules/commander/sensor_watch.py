@@ -99,15 +99,17 @@ def healthy_bits(view: VehicleView, *, ready: bool) -> int:
     height = estimate is not None and estimate.altitude_valid
     # A receiver that delivers and an estimate that was there and is not: the fault is between
     lost = gps_good and view.home is not None and not view.position_valid
-    bits = _propulsion_bits(view.failure)
+    imu_good = ages.imu < IMU_STALE_S and view.imu_delivers
+    # Without it nobody can tell how the vehicle moves, nor what its rotors do to it
+    bits = _propulsion_bits(view.failure if imu_good else None)
     for healthy, bit in (
-        (ages.imu < IMU_STALE_S, _IMU | SensorBit.ANGULAR_RATE_CONTROL),
+        (imu_good, _IMU | SensorBit.ANGULAR_RATE_CONTROL),
         (ages.baro < SENSOR_STALE_S, SensorBit.ABSOLUTE_PRESSURE),
         (ages.mag < SENSOR_STALE_S, SensorBit.MAG_3D),
         (gps_good, SensorBit.GPS),
         (ages.battery < SENSOR_STALE_S, SensorBit.BATTERY),
         (ages.range < SENSOR_STALE_S, SensorBit.LASER_POSITION),
-        (view.aligned and not lost, SensorBit.AHRS),
+        ((view.aligned and not lost) or not imu_good, SensorBit.AHRS),
         (view.aligned, SensorBit.ATTITUDE_STABILIZATION),
         (heading, SensorBit.YAW_POSITION),
         (height, SensorBit.Z_ALTITUDE_CONTROL),

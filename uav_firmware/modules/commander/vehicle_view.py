@@ -55,6 +55,7 @@ class VehicleView(NamedTuple):
     offboard: OffboardSetpoint | None
     offboard_fresh: bool  # Streamed faster than 2 Hz
     ages: SensorAges
+    imu_delivers: bool = True  # Its newest sample holds numbers
 
     @property
     def aligned(self) -> bool:

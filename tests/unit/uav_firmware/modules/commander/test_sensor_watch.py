@@ -97,3 +97,13 @@ def test_who_has_a_fix_and_no_position_has_lost_the_estimate() -> None:
     vehicle.fix_type = 1
     assert not ill(vehicle) & SensorBit.AHRS
     assert ill(vehicle) & SensorBit.GPS
+
+
+def test_a_dead_inertial_sensor_is_blamed_alone() -> None:
+    vehicle = ToyVehicle()
+    vehicle.run(1.0)
+    vehicle.imu_is_dead = True
+    vehicle.failure.publish(FailureDetectorStatus(vehicle.now_us, False, False, 0, True))
+    blamed = ill(vehicle)
+    assert blamed & SensorBit.GYRO_3D
+    assert not blamed & (SensorBit.AHRS | SensorBit.PROPULSION)
