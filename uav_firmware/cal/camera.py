@@ -56,6 +56,10 @@ class CameraDevice(Protocol):
     """A camera with its storage."""
 
     @property
+    def answers(self) -> bool:
+        """Whether it is there at all: a dead camera takes no orders and says nothing."""
+
+    @property
     def is_ready(self) -> bool:
         """Whether its memory has room for one more exposure."""
 

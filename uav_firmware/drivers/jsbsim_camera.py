@@ -68,6 +68,11 @@ class JsbsimCamera:
         self._developed: deque[Developed] = deque()
 
     @property
+    def answers(self) -> bool:
+        """Whether it has not failed."""
+        return not self._simulation.camera_failed
+
+    @property
     def is_ready(self) -> bool:
         """Whether its memory has room for one more exposure."""
         return len(self._pending) < MEMORY
@@ -83,7 +88,7 @@ class JsbsimCamera:
         Raises:
             OSError: if the camera is broken, its memory full, or it cannot be started.
         """
-        if self._simulation.camera_failed:
+        if not self.answers:
             raise OSError(errno.EIO, "the camera does not answer")
         if not self.is_ready:
             raise OSError(errno.EBUSY, "the camera's memory is full")

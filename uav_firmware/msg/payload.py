@@ -120,6 +120,7 @@ class CameraStatus(NamedTuple):
     report_interval_us: int  # [us] How often the status was asked for while recording; 0 never
     total_mib: float  # [MiB] Size of the storage
     used_mib: float  # [MiB]
+    answers: bool = True  # Else the camera is dead
 
 
 class CameraLens(NamedTuple):

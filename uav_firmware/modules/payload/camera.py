@@ -46,6 +46,7 @@ class Camera:
         self.mode = CameraMode.IMAGE
         self.recording_since_us = -1
         self.report_interval_us = 0
+        self.answers = True  # The device does
         self.memory_full = False  # The device cannot expose before it has stored something
         self._waiting = 0  # Pictures to take as soon as possible
         self._series: _Series | None = None

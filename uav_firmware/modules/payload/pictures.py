@@ -75,6 +75,7 @@ class Pictures:
         for outcome in device.collect(now_us):
             self._take(outcome, now_us)
         self._parts.camera.memory_full = not device.is_ready
+        self._parts.camera.answers = device.answers
 
     def erase(self, now_us: int) -> None:
         """Remove the pictures from the device."""

@@ -24,6 +24,7 @@ def camera_status(parts: Parts, now_us: int) -> CameraStatus:
         camera.report_interval_us,
         parts.storage.total_mib,
         parts.storage.used_mib,
+        camera.answers,
     )
 
 

@@ -41,8 +41,11 @@ _MODE_OF_TRACKING: Final = {
 }
 
 
-def heartbeat(_context: Context) -> Message:
-    """HEARTBEAT of the camera, which flies nothing."""
+def heartbeat(context: Context) -> Message | None:
+    """HEARTBEAT of the camera, which flies nothing; none of one that is dead."""
+    status = context.topics.camera_status.value
+    if status is not None and not status.answers:
+        return None
     return mavlink.MAVLink_heartbeat_message(
         type=mavlink.MAV_TYPE_CAMERA,
         autopilot=mavlink.MAV_AUTOPILOT_INVALID,

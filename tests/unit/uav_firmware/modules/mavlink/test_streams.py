@@ -19,12 +19,13 @@ from tests.unit.uav_firmware.modules.mavlink.harness import (
     status,
 )
 from uav_firmware.bus import Topic
+from uav_firmware.modules.mavlink.addressing import CAMERA_COMPONENT
 from uav_firmware.modules.mavlink.builders.context import BatteryThresholds, Context
 from uav_firmware.modules.mavlink.builders.status import charge_state
 from uav_firmware.modules.mavlink.dialect import frame, mavlink, pack
 from uav_firmware.modules.mavlink.link_params import LinkParams
 from uav_firmware.modules.mavlink.modes import OFFERED
-from uav_firmware.modules.mavlink.streams import BUILDERS, STREAMS, LinkMode
+from uav_firmware.modules.mavlink.streams import BUILDERS, STREAMS, LinkMode, stream_key
 from uav_firmware.modules.mavlink.streams import built as built_all
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
 from uav_firmware.msg.control_mode import ManualControlSetpoint
@@ -469,3 +470,13 @@ def test_a_ping_and_a_time_request_ask_and_do_not_answer() -> None:
     ping, request = built("PING"), built("TIMESYNC")
     assert (ping.target_system, ping.target_component) == (0, 0)
     assert (request.tc1, request.ts1) == (0, 5_000_000_000)
+
+
+def test_a_dead_camera_has_no_heartbeat() -> None:
+    topics = flying_topics()
+    key = stream_key(CAMERA_COMPONENT, mavlink.MAVLINK_MSG_ID_HEARTBEAT)
+    assert built_all(BUILDERS[key], context(topics))
+    status = topics.camera_status.value
+    assert status is not None
+    topics.camera_status.publish(status._replace(answers=False))
+    assert not built_all(BUILDERS[key], context(topics))

@@ -25,6 +25,7 @@ class Device:
     def __init__(self, *, works: bool = True, used_bytes: int = 0) -> None:
         self.works = works
         self.is_ready = True
+        self.answers = True
         self.used_bytes = used_bytes
         self.exposures: list[Exposure] = []
         self.under_way: list[int] = []
@@ -157,3 +158,16 @@ def test_a_format_waits_for_what_is_being_stored() -> None:
     bench.run(0.1)
     assert device.erased == 1
     assert bench.seen.used_mib == 0.0
+
+
+def test_a_dead_camera_is_told_as_dead_until_it_answers_again() -> None:
+    device = Device()
+    bench = Bench(device=device)
+    bench.run(0.2)
+    assert bench.seen.answers
+    device.answers = False
+    bench.run(0.2)
+    assert not bench.seen.answers
+    device.answers = True
+    bench.run(0.2)
+    assert bench.seen.answers
