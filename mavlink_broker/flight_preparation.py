@@ -83,12 +83,12 @@ class FlightPreparation(FlightCore):
 
     def _has_borrowed(self) -> bool:
         """Whether the vehicle has the parameters that the stretch needs, or keeps its own."""
-        refusals = self._vehicle.parameters.refusals
-        for index, loan in self._plan.loans:
-            if loan[0].name in refusals:
-                notes = (*self._stages.notes[index], refusals[loan[0].name])
-                self.ledger.note(index, notes)
-        return self._vehicle.parameters.is_settled
+        parameters = self._vehicle.parameters
+        for index in {index for index, _ in self._plan.loans} if parameters.refusals else ():
+            names = (loan[0].name for owner, loan in self._plan.loans if owner == index)
+            told = (parameters.refusals[name] for name in names if name in parameters.refusals)
+            self.ledger.note(index, (*self._stages.notes[index], *told))
+        return parameters.is_settled
 
     def _fenced(self, now: float, effects: Effects) -> None:
         """Go on within the fence, unless the vehicle keeps a lower one of its own."""
