@@ -36,6 +36,14 @@ class Geofence(Model):
     max_altitude: PositiveHeightAboveHome | None = None
 
 
+class RallyPoint(Model):
+    """Where a vehicle that has to return may go instead of home."""
+
+    latitude: Latitude
+    longitude: Longitude
+    altitude: HeightAboveHome
+
+
 class Mission(Model):
     """The commands of one vehicle, flown in order."""
 
@@ -61,6 +69,7 @@ class Plan(Model):
     expires_at: Time | None = None
     dispatch: Boolean = True
     geofence: Geofence | None = None
+    rally_points: Annotated[tuple[RallyPoint, ...], Field(max_length=100)] = ()
     missions: Annotated[tuple[Mission, ...], Field(min_length=1, max_length=16)]
 
 

@@ -44,7 +44,7 @@ class _Place(NamedTuple):
 
 def check(plan: Plan, vehicles: Mapping[int, VehicleLimits], now: datetime) -> Verdict:
     """Hold a plan against the registered vehicles and the time of day."""
-    faults = [*_plan_faults(plan, now)]
+    faults = [*_plan_faults(plan, now), *_rally_faults(plan)]
     warnings: list[Fault] = []
     for index, mission in enumerate(plan.missions):
         path = f"missions.{index}"
@@ -125,26 +125,36 @@ def _takeoff_first(mission: Mission, path: str) -> Iterator[Fault]:
             return
 
 
+def _rally_faults(plan: Plan) -> Iterator[Fault]:
+    for index, point in enumerate(plan.rally_points):
+        place = _Place(point.latitude, point.longitude, point.altitude, 0.0, "altitude")
+        path = f"rally_points.{index}"
+        yield from _place_faults(place, path, plan.geofence)
+
+
 def _fence_faults(mission: Mission, path: str, fence: Geofence | None) -> Iterator[Fault]:
-    if fence is None:
-        return
     for where, command in _commands(mission, path):
         place = place_of(command)
-        if place is None:
-            continue
-        centre = (place.latitude_deg, place.longitude_deg)
-        if fence.inclusion and not any(
-            geometry.circle_inside(polygon, centre, place.radius_m) for polygon in fence.inclusion
-        ):
-            yield Fault(f"{where}.parameters", "leaves the geofence's inclusion area")
-        for index, polygon in enumerate(fence.exclusion):
-            if not geometry.circle_outside(polygon, centre, place.radius_m):
-                yield Fault(f"{where}.parameters", f"enters geofence.exclusion.{index}")
-        if fence.max_altitude is not None and place.altitude_m > fence.max_altitude:
-            yield Fault(
-                f"{where}.parameters.{place.altitude_name}",
-                f"must be at most geofence.max_altitude, {fence.max_altitude} m",
-            )
+        if place is not None:
+            yield from _place_faults(place, f"{where}.parameters", fence)
+
+
+def _place_faults(place: _Place, path: str, fence: Geofence | None) -> Iterator[Fault]:
+    if fence is None:
+        return
+    centre = (place.latitude_deg, place.longitude_deg)
+    if fence.inclusion and not any(
+        geometry.circle_inside(polygon, centre, place.radius_m) for polygon in fence.inclusion
+    ):
+        yield Fault(path, "leaves the geofence's inclusion area")
+    for index, polygon in enumerate(fence.exclusion):
+        if not geometry.circle_outside(polygon, centre, place.radius_m):
+            yield Fault(path, f"enters geofence.exclusion.{index}")
+    if fence.max_altitude is not None and place.altitude_m > fence.max_altitude:
+        yield Fault(
+            f"{path}.{place.altitude_name}",
+            f"must be at most geofence.max_altitude, {fence.max_altitude} m",
+        )
 
 
 def _warnings(mission: Mission, path: str, profile: Profile) -> Iterator[Fault]:

@@ -20,10 +20,10 @@ from mavlink_broker.interruption import (
     SpeedOrders,
     within_fence,
 )
-from mavlink_broker.protocol.plan_kinds import FENCE
+from mavlink_broker.protocol.plan_kinds import FENCE, RALLY
 from mavlink_broker.reporter import Reporter
 from mavlink_broker.session_states import Event, State
-from mavlink_broker.translation.fence import fence_items
+from mavlink_broker.translation.fence import fence_items, rally_items
 from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.vehicle import Vehicle
 from mavlink_broker.work import EventWork, MissionWork
@@ -96,6 +96,7 @@ class Flight(FlightProgress):
         self._was_running = self.ledger.status == Status.RUNNING
         if resumed:
             self._vehicle.loan.assume(FENCE, fence_items(self.work.geofence))
+            self._vehicle.loan.assume(RALLY, rally_items(self.work.rally_points))
         self._move(Event.MISSION_RESUMED if resumed else Event.MISSION_TAKEN, now, effects)
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:

@@ -12,6 +12,7 @@ from mavlink_broker.protocol.mission_upload import NotStored, Stored, Uncertain
 from mavlink_broker.protocol.mission_verify import Different, Verified
 from mavlink_broker.session_states import Event, State
 from mavlink_broker.translation import route
+from mavlink_broker.translation.fence import rally_items
 from mavlink_broker.translation.mission import LiveCommand, RefusedError
 from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.translation.situation import Spot
@@ -73,7 +74,8 @@ class FlightPreparation(FlightCore):
 
     def _wanted_fence(self) -> Wanted:
         highest_m = route.highest_m(self.work.mission.command_array, self._stages.itinerary)
-        return Wanted(self.work.geofence, highest_m=highest_m)
+        rally = rally_items(self.work.rally_points)
+        return Wanted(self.work.geofence, rally, highest_m=highest_m)
 
     def _accepted(self, event: Event, now: float, effects: Effects) -> None:
         if event is Event.FENCED:
@@ -128,6 +130,7 @@ class FlightPreparation(FlightCore):
             self._stages.itinerary,
             start=start,
             home=self._vehicle.snapshot.home,
+            rally=self.work.rally_spots,
             own_limit_m=own_limit_m,
         )
 

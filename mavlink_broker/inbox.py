@@ -13,7 +13,7 @@ from typing import Any, Final, Literal
 
 from pydantic import AwareDatetime, BaseModel, StrictInt, ValidationError
 
-from afarcloud.plan import Event, Geofence, Mission
+from afarcloud.plan import Event, Geofence, Mission, RallyPoint
 from afarcloud.state import MissionReport
 from mavlink_broker.work import EventWork, MissionWork, StateVectorWork, Work
 
@@ -46,6 +46,7 @@ class _RawMission(_RawWork):
     state: Literal["queued", "accepted"] = "queued"
     mission: Mission
     geofence: Geofence | None = None
+    rally_points: tuple[RallyPoint, ...] = ()
     report: dict[str, Any] | None = None
 
 
@@ -124,6 +125,7 @@ def _mission(raw: _RawMission, now: float, utc: datetime) -> MissionWork:
         vehicle_id=raw.mission.vehicle_id,
         mission=raw.mission,
         geofence=raw.geofence,
+        rally_points=raw.rally_points,
         was_accepted=raw.state == "accepted",
         report=report,
         reported_at=None if told_at is None else now + (told_at - utc).total_seconds(),

@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from afarcloud.plan import Event, Geofence, Mission
+from afarcloud.plan import Event, Geofence, Mission, RallyPoint
 from afarcloud.state import MissionReport
+from mavlink_broker.translation.situation import Spot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -16,6 +17,7 @@ class MissionWork:
     vehicle_id: int
     mission: Mission
     geofence: Geofence | None = None  # Of its plan
+    rally_points: tuple[RallyPoint, ...] = ()  # Of its plan
     was_accepted: bool = False  # By an earlier run of the broker
     report: MissionReport | None = None
     reported_at: float | None = None  # [s] When that was told, on the broker's clock
@@ -25,6 +27,11 @@ class MissionWork:
     def key(self) -> tuple[int, str, int]:
         """What tells it from every other; the number alone restarts with a fresh edge server."""
         return self.work_id, self.plan_id, self.mission.mission_id
+
+    @property
+    def rally_spots(self) -> tuple[Spot, ...]:
+        """Where it may return to besides home."""
+        return tuple(Spot(p.latitude, p.longitude, p.altitude) for p in self.rally_points)
 
     @property
     def name(self) -> str:

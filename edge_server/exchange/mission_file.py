@@ -1,5 +1,6 @@
 """What any file with a mission says, once it is read."""
 
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from afarcloud.faults import Fault
@@ -14,4 +15,5 @@ class MissionFile(NamedTuple):
     speed_m_s: float | None = None  # Where no item says one
     zero_yaw_is_unset: bool = False
     geofence: dict[str, Any] | None = None
+    rally_points: Sequence[Mapping[str, Any]] = ()
     warnings: tuple[Fault, ...] = ()

@@ -1,7 +1,7 @@
-"""The fence of a `.plan`: polygons as they are, circles as polygons on the safe side. Pure."""
+"""The fence of a `.plan`, its circles as polygons on the safe side, and its rally points. Pure."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final, TypeGuard
 
 from afarcloud.faults import Fault, InvalidError
@@ -10,6 +10,7 @@ from edge_server.exchange.mission_item import EXTRA, Place
 VERSION: Final = 2
 CORNERS_OF_A_CIRCLE: Final = 72
 _SMALLEST_M, _LARGEST_M = 0.1, 1e6
+_RALLY: Final = ("latitude", "longitude", "altitude")
 
 
 def read(fence: Any) -> tuple[dict[str, Any] | None, list[Fault]]:
@@ -42,10 +43,10 @@ def read(fence: Any) -> tuple[dict[str, Any] | None, list[Fault]]:
     return (found if any(found.values()) else None), warnings
 
 
-def _list(fence: Mapping[str, Any], name: str) -> list[Any]:
-    found = fence.get(name, [])
+def _list(part: Mapping[str, Any], name: str, path: str = "geoFence") -> list[Any]:
+    found = part.get(name, [])
     if not isinstance(found, list):
-        raise InvalidError((Fault(f"geoFence.{name}", "must be a list"),))
+        raise InvalidError((Fault(f"{path}.{name}", "must be a list"),))
     return found
 
 
@@ -94,10 +95,25 @@ def _is_number(value: Any) -> TypeGuard[float]:
     return is_number and -_LARGEST_M <= value <= _LARGEST_M
 
 
-def rally_warnings(rally: Any) -> list[Fault]:
-    """Say that rally points are left out, where there are any."""
-    points = rally.get("points") if isinstance(rally, dict) else None
-    return [Fault("rallyPoints", "are left out: a plan has none")] if points else []
+def read_rally(rally: Any) -> list[dict[str, Any]]:
+    """Give rally points as documents; the model judges their numbers.
+
+    Raises:
+        InvalidError: naming each part that is wrong.
+    """
+    points = _list(rally, "points", "rallyPoints") if isinstance(rally, dict) else []
+    return [_rally_point(point, f"rallyPoints.points.{i}") for i, point in enumerate(points)]
+
+
+def _rally_point(point: Any, path: str) -> dict[str, Any]:
+    if not isinstance(point, list) or len(point) != len(_RALLY):
+        raise InvalidError((Fault(path, "must be latitude, longitude and altitude"),))
+    return dict(zip(_RALLY, point, strict=True))
+
+
+def write_rally(points: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Write rally points."""
+    return {"version": VERSION, "points": [[point[name] for name in _RALLY] for point in points]}
 
 
 def write(geofence: Mapping[str, Any] | None) -> dict[str, Any]:

@@ -4,7 +4,7 @@ File format: docs.qgroundcontrol.com, "Plan File Format". A survey or corridor c
 that it expands to, and these are read; other complex items carry none and are refused.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from afarcloud.faults import Fault, InvalidError
@@ -42,13 +42,13 @@ def read(document: Any) -> MissionFile:
     if not isinstance(mission, dict) or mission.get("version") != MISSION_VERSION:
         raise InvalidError((Fault("mission.version", f"must be {MISSION_VERSION}"),))
     geofence, warnings = qgc_fence.read(document.get("geoFence"))
-    warnings += qgc_fence.rally_warnings(document.get("rallyPoints"))
     return MissionFile(
         _items(mission.get("items")),
         _home(mission.get("plannedHomePosition")),
         _speed(mission.get("hoverSpeed")),
         zero_yaw_is_unset=mission.get("firmwareType") == ARDUPILOT,
         geofence=geofence,
+        rally_points=qgc_fence.read_rally(document.get("rallyPoints")),
         warnings=tuple(warnings),
     )
 
@@ -161,7 +161,11 @@ def _whole(simple: Mapping[str, Any], name: str) -> int:
 
 
 def write(
-    items: list[Item], home: Home, speed_m_s: float, geofence: Mapping[str, Any] | None
+    items: list[Item],
+    home: Home,
+    speed_m_s: float,
+    geofence: Mapping[str, Any] | None,
+    rally_points: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
     """Write a file that QGroundControl opens."""
     return {
@@ -179,7 +183,7 @@ def write(
             "items": [_simple(item) for item in items],
         },
         "geoFence": qgc_fence.write(geofence),
-        "rallyPoints": {"version": 2, "points": []},
+        "rallyPoints": qgc_fence.write_rally(rally_points),
     }
 
 

@@ -136,6 +136,7 @@ def _show(connection: Connection, item: Work) -> dict[str, Any]:
         "state": item.state,
         "mission": _in_seconds(item, body),
         "geofence": body.get("geofence"),
+        "rally_points": body.get("rally_points", []),
         "report": item.report,
     }
 

@@ -51,6 +51,7 @@ def create(
         "commands": translated.commands,
         "maximum_speed": translated.maximum_speed_m_s,
         "geofence": file.geofence,
+        "rally_points": file.rally_points,
         "order": write(order),
     }
     warnings = [*file.warnings, *translated.warnings]
@@ -79,6 +80,8 @@ def _document(
         plan["name"] = order.name
     if file.geofence is not None:
         plan["geofence"] = file.geofence
+    if file.rally_points:
+        plan["rally_points"] = file.rally_points
     return plan
 
 
@@ -115,8 +118,8 @@ def export(
         mission = in_seconds(mission)
     home = from_commands.home_of(mission)
     items = from_commands.items_of(mission, home)
-    geofence = stored.body.get("geofence")
-    return qgc_plan.write(items, home, mission.maximum_speed, geofence), mission.vehicle_id
+    fence, rally = stored.body.get("geofence"), stored.body.get("rally_points", ())
+    return qgc_plan.write(items, home, mission.maximum_speed, fence, rally), mission.vehicle_id
 
 
 def _chosen(missions: Sequence[Mission], vehicle_id: int | None) -> Mission:

@@ -30,6 +30,7 @@ class AreaCheck:
         *,
         start: Spot | None,
         home: Home | None,
+        rally: tuple[Spot, ...] = (),
         own_limit_m: float | None = None,
     ) -> None:
         """Follow the vehicle through its mission from where it stands.
@@ -44,7 +45,7 @@ class AreaCheck:
         refusal = self._fault_of_beginning(start, home)
         if refusal is not None:
             raise RefusedError(0, commands[0], refusal)
-        for part in route_of(commands, itinerary, start, home):
+        for part in route_of(commands, itinerary, start, home, rally):
             command = commands[part.command]
             name = place_name(command) if isinstance(part, Way) else f"{_PLACE}, radius"
             fault = self._fault_of(part)

@@ -7,11 +7,10 @@ their number, in the order of the outline. Heights are no items: see `guarding`.
 from collections.abc import Sequence
 from typing import Final
 
-from afarcloud.plan import Geofence
+from afarcloud.plan import Geofence, RallyPoint
 from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.protocol.plan_kinds import FENCE, RALLY
 from mavlink_broker.translation.mission_item import MissionItem, from_message
-from mavlink_broker.translation.situation import Spot
 
 CAPABILITIES: Final = {
     FENCE: mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE,
@@ -47,15 +46,15 @@ def fence_items(geofence: Geofence | None) -> tuple[MissionItem, ...]:
     )
 
 
-def rally_items(points: Sequence[Spot]) -> tuple[MissionItem, ...]:
+def rally_items(points: Sequence[RallyPoint]) -> tuple[MissionItem, ...]:
     """Give rally points, their heights above home."""
     return tuple(
         MissionItem(
             command=mavlink.MAV_CMD_NAV_RALLY_POINT,
             frame=mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
-            latitude_deg=point.latitude_deg,
-            longitude_deg=point.longitude_deg,
-            altitude_m=point.relative_altitude_m,
+            latitude_deg=point.latitude,
+            longitude_deg=point.longitude,
+            altitude_m=point.altitude,
         )
         for point in points
     )

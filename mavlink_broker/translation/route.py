@@ -67,10 +67,17 @@ def altitude_name(command: Command) -> str:
 
 
 def route_of(
-    commands: tuple[Command, ...], itinerary: Itinerary, start: Spot | None, home: Home | None
+    commands: tuple[Command, ...],
+    itinerary: Itinerary,
+    start: Spot | None,
+    home: Home | None,
+    rally: tuple[Spot, ...] = (),
 ) -> Iterator[Part]:
-    """Go through an itinerary; without a home, ways to it are left out."""
-    return _Walk(commands, start, home).go(itinerary)
+    """Go through an itinerary; without a home, ways to it are left out.
+
+    A vehicle that is to return may choose a rally point instead: the ways to all of them count.
+    """
+    return _Walk(commands, start, home, rally).go(itinerary)
 
 
 def highest_m(commands: tuple[Command, ...], itinerary: Itinerary | None) -> float:
@@ -84,10 +91,15 @@ class _Walk:
     """Remembers where the vehicle is: one of these places; empty if that is not known."""
 
     def __init__(
-        self, commands: tuple[Command, ...], start: Spot | None, home: Home | None
+        self,
+        commands: tuple[Command, ...],
+        start: Spot | None,
+        home: Home | None,
+        rally: tuple[Spot, ...],
     ) -> None:
         self._commands = commands
         self._home = home
+        self._rally = rally
         self._here: tuple[Spot, ...] = () if start is None else (start,)
 
     def go(self, itinerary: Itinerary) -> Iterator[Part]:
@@ -123,15 +135,16 @@ class _Walk:
         if self._home is None:
             self._here = ()
             return
-        yield from self._go_to(
-            command, Spot(self._home.latitude_deg, self._home.longitude_deg, item.altitude_m)
-        )
+        home = Spot(self._home.latitude_deg, self._home.longitude_deg, item.altitude_m)
+        yield from self._go_to(command, home, *(() if item.at_home else self._rally))
 
-    def _go_to(self, command: int, place: Spot) -> Iterator[Part]:
-        if not self._here:
-            yield Way(command, None, place)
-        yield from (Way(command, spot, place) for spot in self._here)
-        self._here = (place,)
+    def _go_to(self, command: int, *places: Spot) -> Iterator[Part]:
+        """Go to one of these places."""
+        for place in places:
+            if not self._here:
+                yield Way(command, None, place)
+            yield from (Way(command, spot, place) for spot in self._here)
+        self._here = places
 
     def _live(self, segment: LiveCommand) -> Iterator[Part]:
         action, index = segment.action, segment.command

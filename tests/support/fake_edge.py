@@ -7,7 +7,7 @@ same over HTTP, and can be told to fail.
 import json
 import threading
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
@@ -34,6 +34,7 @@ class FakeEdge:
         *,
         expires_at: str | None = None,
         geofence: dict[str, Any] | None = None,
+        rally_points: Sequence[dict[str, Any]] = (),
     ) -> int:
         """Hand out a mission; gives the number of the work."""
         number = len(self.work) + 1
@@ -46,6 +47,7 @@ class FakeEdge:
             "state": "queued",
             "mission": mission,
             "geofence": geofence,
+            "rally_points": list(rally_points),
             "report": None,
         }
         self._new.append(dict(self.work[number]))

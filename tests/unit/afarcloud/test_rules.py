@@ -114,6 +114,15 @@ def test_an_exclusion_keeps_orbits_out_that_only_touch_it() -> None:
     assert fault_paths(document) == ["missions.1.command_array.1.parameters"]
 
 
+def test_a_rally_point_outside_the_fence_is_named() -> None:
+    document = documents.plan()
+    parameters = document["missions"][0]["command_array"][1]["parameters"]
+    inside = {name: parameters[name] for name in ("latitude", "longitude", "altitude")}
+    outside = inside | {"latitude": inside["latitude"] + 1.0}
+    document["rally_points"] = [inside, outside, inside | {"altitude": 100.0}]
+    assert fault_paths(document) == ["rally_points.1", "rally_points.2.altitude"]
+
+
 def test_the_fences_ceiling_holds() -> None:
     document = documents.plan()
     document["geofence"]["max_altitude"] = 6.0

@@ -22,6 +22,7 @@ from tests.support.fenced_vehicle import (
     FENCE,
     GENERIC,
     PX4_VALUES,
+    RALLY,
     FencedVehicle,
     fenced_vehicle,
 )
@@ -406,3 +407,44 @@ class TestEvents:
         world.run_until(lambda: not vehicle.armed)
         assert mavlink.MAV_CMD_DO_REPOSITION in vehicle.commands
         assert "message" not in world.edge.acknowledgements(event)[-1]
+
+
+POINT = {"latitude": HOME[0] + 1e-4, "longitude": HOME[1], "altitude": 12.0}
+
+
+class TestRallyPoints:
+    @BOTH
+    def test_they_are_stored_before_the_mission_and_removed_after_it(self, script: Script) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world, script)
+        world.edge.plan(first_flight(), geofence=fence(), rally_points=[POINT])
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        (point,) = vehicle.plans[RALLY].items
+        assert (point.command, point.z) == (5100, 12.0)
+        assert point.x == round(POINT["latitude"] * 1e7)
+        assert vehicle.log.index("stored 2") < vehicle.log.index("stored 0")
+        world.run_until_over(1201)
+        world.run(20.0)
+        assert vehicle.plans[RALLY].items == []
+        assert vehicle.fence == []
+
+    def test_a_vehicle_that_keeps_none_flies_without_and_says_so(self) -> None:
+        world = World()
+        fenced_vehicle(world, capabilities=mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE)
+        world.edge.plan(first_flight(), rally_points=[POINT])
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+        assert message_of(world) == "the vehicle keeps no rally points: they were left out"
+
+    def test_a_return_to_one_over_what_is_forbidden_is_refused(self) -> None:
+        world = World()
+        fenced_vehicle(world)
+        beyond = POINT | {"latitude": HOME[0] + 40 * 9e-6}
+        world.edge.plan(
+            first_flight(),
+            geofence={"exclusion": [square(25.0, half_m=5.0)]},
+            rally_points=[beyond],
+        )
+        world.run_until_over(1201)
+        why = "landing: the way there enters geofence.exclusion.0"
+        assert world.edge.reports(1201)[-1]["command_report_array"][2]["message"] == why

@@ -21,12 +21,14 @@ def test_work_is_handed_out_in_the_order_of_posting(edge: Edge) -> None:
     assert [item["mission"]["mission_id"] for item in edge.work()] == [3, 1, 2]
 
 
-def test_a_mission_comes_with_the_geofence_of_its_plan(edge: Edge) -> None:
+def test_a_mission_comes_with_the_fence_and_the_rally_points_of_its_plan(edge: Edge) -> None:
     corners = [[40.44, -3.74], [40.45, -3.74], [40.45, -3.73], [40.44, -3.73]]
     fence = {"inclusion": [corners], "exclusion": [], "max_altitude": 60.0}
-    edge.post_plan(plan(mission(1), geofence=fence))
+    point = {"latitude": 40.445, "longitude": -3.735, "altitude": 20.0}
+    edge.post_plan(plan(mission(1), geofence=fence, rally_points=[point]))
     edge.post_plan(plan(mission(2)))
     assert [item["geofence"] for item in edge.work()] == [fence, None]
+    assert [item["rally_points"] for item in edge.work()] == [[point], []]
 
 
 def test_a_cursor_gives_what_came_after_it(edge: Edge) -> None:

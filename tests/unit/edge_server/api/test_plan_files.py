@@ -85,10 +85,11 @@ def test_the_fence_of_a_file_holds_and_the_rest_is_said(edge: Edge) -> None:
         "circles": [],
         "polygons": [{"version": 1, "inclusion": True, "polygon": RING}],
     }
-    rally = {"version": 2, "points": [[40.0, -3.0, 50]]}
+    rally = {"version": 2, "points": [[*RING[0], 50]]}
     stored: Any = send(edge, FILE | {"geoFence": fence, "rallyPoints": rally}).json
     assert stored["geofence"]["inclusion"] == [RING]
-    assert [one["path"] for one in stored["warnings"]] == ["rallyPoints"]
+    assert [list(point.values()) for point in stored["rally_points"]] == [[*RING[0], 50.0]]
+    assert "warnings" not in stored or stored["warnings"] == []
     away = [{"version": 1, "inclusion": True, "polygon": [[lat + 1, lon] for lat, lon in RING]}]
     answer = send(edge, FILE | {"geoFence": fence | {"polygons": away}}, "vehicle_id=2")
     assert answer.status_code == 422

@@ -139,11 +139,24 @@ def test_a_circle_becomes_a_polygon_on_the_safe_side(radius: float, bearing: flo
 
 
 def test_what_a_plan_has_no_place_for_is_said() -> None:
-    document = fenced(breachReturn=[40.0, -3.0, 50]) | {
-        "rallyPoints": {"version": 2, "points": [[40.0, -3.0, 50]]}
-    }
+    document = fenced(breachReturn=[40.0, -3.0, 50])
     paths = [warning.path for warning in qgc_plan.read(document).warnings]
-    assert paths == ["geoFence.breachReturn", "rallyPoints"]
+    assert paths == ["geoFence.breachReturn"]
+
+
+def test_rally_points_come_out_and_in_again() -> None:
+    points = [{"latitude": 40.0, "longitude": -3.0, "altitude": 50.0}]
+    written = qgc_plan.write([], Home(*HOME, 0.0), 5.0, None, points)
+    assert written["rallyPoints"]["points"] == [[40.0, -3.0, 50.0]]
+    assert list(qgc_plan.read(written).rally_points) == points
+
+
+@pytest.mark.parametrize("point", [[40.0, -3.0], "40, -3, 50", {"latitude": 40.0}, None])
+def test_a_rally_point_that_is_none_is_named(point: Any) -> None:
+    document = fenced() | {"rallyPoints": {"version": 2, "points": [[40.0, -3.0, 50], point]}}
+    with pytest.raises(InvalidError) as caught:
+        qgc_plan.read(document)
+    assert [fault.path for fault in caught.value.faults] == ["rallyPoints.points.1"]
 
 
 def test_a_fence_comes_out_and_in_again() -> None:
