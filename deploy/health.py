@@ -27,6 +27,7 @@ _UDP_TABLES: Final = (Path("/proc/net/udp"), Path("/proc/net/udp6"))
 _TCP_TABLES: Final = (Path("/proc/net/tcp"), Path("/proc/net/tcp6"))
 _ESTABLISHED: Final = "01"
 _POSTGRES_PORT: Final = 5432
+_MAVLINK_PORT: Final = 14540
 
 Environment: TypeAlias = Mapping[str, str]
 
@@ -121,7 +122,12 @@ def _relay(environment: Environment) -> None:
 
 
 def _broker(environment: Environment) -> None:
-    look_at_socket(int(environment.get("MAVLINK_PORT") or 14540))
+    """Look where it listens; of one that has lines and connections only, no more can be seen."""
+    links = (environment.get("LINKS") or "").replace(",", " ").split()
+    default = f"udpin://:{environment.get('MAVLINK_PORT') or _MAVLINK_PORT}"
+    for url in map(urlsplit, links or [default]):
+        if url.scheme in {"udpin", "udp"}:
+            look_at_socket(url.port or _MAVLINK_PORT)
 
 
 def _vehicle(environment: Environment) -> None:

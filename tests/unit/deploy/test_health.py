@@ -86,6 +86,16 @@ def test_who_speaks_mavlink_is_well_while_it_listens(program: str) -> None:
     assert health.main([program], environment) == 1
 
 
+def test_a_broker_with_links_of_its_own_is_looked_at_where_it_listens() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
+        link.bind(("127.0.0.1", 0))
+        port = link.getsockname()[1]
+        environment = {"LINKS": f"serial:///dev/ttyUSB0:57600, udpin://127.0.0.1:{port}"}
+        assert health.main(["broker"], environment) == 0
+    assert health.main(["broker"], environment) == 1
+    assert health.main(["broker"], {"LINKS": "serial:///dev/ttyUSB0:57600"}) == 0
+
+
 @pytest.mark.parametrize(("unread", "well"), [(0, True), (131_072, True), (131_073, False)])
 def test_who_leaves_its_socket_full_is_unwell(tmp_path: Path, unread: int, *, well: bool) -> None:
     table = tmp_path / "udp"
