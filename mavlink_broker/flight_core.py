@@ -18,6 +18,7 @@ from mavlink_broker.performer import Performer
 from mavlink_broker.reporter import Reporter
 from mavlink_broker.session_states import Event, State, follow
 from mavlink_broker.stages import Stages
+from mavlink_broker.translation.alarms import mission_error
 from mavlink_broker.translation.area_check import AreaCheck
 from mavlink_broker.translation.ledger import Ledger
 from mavlink_broker.translation.mission import (
@@ -26,6 +27,7 @@ from mavlink_broker.translation.mission import (
     LiveCommand,
     RefusedError,
 )
+from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.vehicle import Vehicle
 from mavlink_broker.work import MissionWork
 
@@ -64,6 +66,7 @@ class FlightCore:
         self._entered_at = 0.0
         self._accepted_at: float | None = None
         self._fault: tuple[str, int | None] = ("", None)
+        self._is_alarming = False
         self._entries: Mapping[State, Handler] = {}  # What a state begins with
         self._steps: Mapping[State, Handler] = {}  # What it does as time passes
 
@@ -131,14 +134,27 @@ class FlightCore:
 
     def _fail(self, reason: str, now: float, effects: Effects, command: int | None = None) -> None:
         self._fault = reason, command
+        self._is_alarming = self._vehicle_cannot_go_on()
         self._follower = self._performer = None
         self._move(Event.FAULT, now, effects)
+
+    def _vehicle_cannot_go_on(self) -> bool:
+        """Whether it fails a mission in flight by itself, rather than by another hand."""
+        others = {ModeRole.OTHER}
+        if self.state is State.RUNNING:
+            others.add(ModeRole.GUIDED)
+        in_flight = self.state in {State.RUNNING, State.PERFORMING}
+        return in_flight and self._vehicle.mode_role not in others
 
     def _step_failing(self, now: float, effects: Effects) -> None:
         if now - self._entered_at < LAST_WORDS_S:
             return
         reason, command = self._fault
         words = self._vehicle.words_since(self._began_at)
-        self.ledger.fail(f"{reason} ({words})" if words else reason, command)
+        text = f"{reason} ({words})" if words else reason
+        if self._is_alarming:
+            alarm = self._reporter.alarm(mission_error(text), self.work.mission.mission_id)
+            effects.for_edge.append(alarm)
+        self.ledger.fail(text, command)
         effects.for_edge.append(self._reporter.mission(self.ledger))
         self._move(Event.ENDED, now, effects)

@@ -128,7 +128,7 @@ class Session:
         if rebooted:
             self._restarted(now, effects)
         effects.messages += self._streams.receive(message, now)
-        self._raise_alarms(self._alarms.receive(message, now), now, effects)
+        self._alarms.receive(message, now)
         if message.get_type() in PICTURED:
             self.pictures.receive(message, now, effects)
         if self._capacity is not None:
@@ -150,6 +150,7 @@ class Session:
                 self._alarms.camera_heard(now)
                 self.pictures.camera_heard(source_of(message).component)
             return
+        self._alarms.observe(message, now)
         self.vehicle.observations.take(message, self.vehicle.snapshot, now)
         if message.get_type() in PICTURED:
             self.pictures.receive(message, now, effects)

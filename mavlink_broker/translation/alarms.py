@@ -1,18 +1,21 @@
-"""What a vehicle says of its own health, as AFarCloud's alarms; one table.
+"""What a vehicle says of its own health, as AFarCloud's alarms.
 
-Something has failed when it was healthy, is present and enabled, and has been unhealthy for two
-seconds. It is told once, and again only after it was healthy in between.
+Every alarm has one or more signs, each told by one message. A sign has failed when it was well
+and has been ill for two seconds. An alarm is told once, and again only after all of its signs
+were well in between; not while a cause of it is ill, for that is the alarm to tell.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from afarcloud.enumerations import AlarmCode, AlarmType
-from mavlink_broker.dialect import Message, mavlink
+from mavlink_broker.dialect import Message, mavlink, source_of
+from mavlink_broker.protocol.silence import LinkLoss, Voice
+from mavlink_broker.translation.observables import HUMIDITY, OBSERVED, readings
 
 DEBOUNCE_S: Final = 2.0
-CAMERA_SILENT_S: Final = 5.0
+SOURCES_KEPT: Final = 16
 
 
 class Failure(NamedTuple):
@@ -29,87 +32,202 @@ class Failure(NamedTuple):
         return AlarmType.EQUIPMENT_FAILURE
 
 
-class _Row(NamedTuple):
-    bits: int  # MAV_SYS_STATUS_SENSOR, any of them
-    failure: Failure
-
-
-_TABLE: Final = (
-    _Row(
-        mavlink.MAV_SYS_STATUS_SENSOR_LASER_POSITION | mavlink.MAV_SYS_STATUS_SENSOR_PROXIMITY,
-        Failure(AlarmCode.EQUIPMENT_SONAR, "range finder failed"),
-    ),
-    _Row(
-        mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS,
-        Failure(AlarmCode.EQUIPMENT_PROPELLERS, "motor failed"),
-    ),
-    _Row(
-        mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL,
-        Failure(AlarmCode.EQUIPMENT_IMU, "inertial sensors failed"),
-    ),
-    _Row(mavlink.MAV_SYS_STATUS_SENSOR_GPS, Failure(AlarmCode.EQUIPMENT_GPS, "GPS lost")),
-    _Row(
-        mavlink.MAV_SYS_STATUS_AHRS,
-        Failure(AlarmCode.FUNCTION_LOCALISATION, "the vehicle does not know where it is"),
-    ),
-    _Row(
-        mavlink.MAV_SYS_STATUS_SENSOR_PROPULSION,
-        Failure(AlarmCode.FUNCTION_PROPULSION, "propulsion failed"),
-    ),
-    _Row(
-        mavlink.MAV_SYS_STATUS_GEOFENCE,
-        Failure(AlarmCode.FUNCTION_NAVIGATION, "geofence breached"),
-    ),
+SONAR: Final = Failure(AlarmCode.EQUIPMENT_SONAR, "range finder failed")
+PROPELLERS: Final = Failure(AlarmCode.EQUIPMENT_PROPELLERS, "motor failed")
+IMU: Final = Failure(AlarmCode.EQUIPMENT_IMU, "inertial sensors failed")
+CAMERA: Final = Failure(AlarmCode.EQUIPMENT_CAMERA, "the camera is silent")
+GPS: Final = Failure(AlarmCode.EQUIPMENT_GPS, "GPS lost")
+HUMIDITY_SENSOR: Final = Failure(
+    AlarmCode.EQUIPMENT_HUMIDITY_SENSOR, "the humidity sensor is silent"
 )
-_CAMERA: Final = Failure(AlarmCode.EQUIPMENT_CAMERA, "the camera is silent")
+LOCALISATION: Final = Failure(
+    AlarmCode.FUNCTION_LOCALISATION, "the vehicle does not know where it is"
+)
+PROPULSION: Final = Failure(AlarmCode.FUNCTION_PROPULSION, "propulsion failed")
+BATTERY: Final = Failure(
+    AlarmCode.FUNCTION_PROPULSION, "the battery cannot keep the vehicle in the air"
+)
+FENCE: Final = Failure(AlarmCode.FUNCTION_NAVIGATION, "geofence breached")
+HUMIDITY_SENSING: Final = Failure(
+    AlarmCode.FUNCTION_HUMIDITY_SENSING, "the humidity sensor measures nothing"
+)
+
+CAUSES: Final[Mapping[AlarmCode, frozenset[AlarmCode]]] = {
+    AlarmCode.FUNCTION_LOCALISATION: frozenset({AlarmCode.EQUIPMENT_GPS, AlarmCode.EQUIPMENT_IMU}),
+    AlarmCode.FUNCTION_PROPULSION: frozenset({AlarmCode.EQUIPMENT_PROPELLERS}),
+    AlarmCode.FUNCTION_HUMIDITY_SENSING: frozenset({AlarmCode.EQUIPMENT_HUMIDITY_SENSOR}),
+}
+"""Functions that fail with a part of the vehicle."""
+
+
+def mission_error(reason: str) -> Failure:
+    """What a vehicle that cannot go on with its mission is told as."""
+    return Failure(AlarmCode.FUNCTION_NAVIGATION, f"mission error: {reason}"[:1000])
+
+
+class _Sign(NamedTuple):
+    source: str
+    failure: Failure
+    is_ill: bool
+
+
+_SENSORS: Final = (
+    (
+        mavlink.MAV_SYS_STATUS_SENSOR_LASER_POSITION | mavlink.MAV_SYS_STATUS_SENSOR_PROXIMITY,
+        SONAR,
+    ),
+    (mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS, PROPELLERS),
+    (mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL, IMU),
+    (mavlink.MAV_SYS_STATUS_SENSOR_GPS, GPS),
+    (mavlink.MAV_SYS_STATUS_AHRS, LOCALISATION),
+    (mavlink.MAV_SYS_STATUS_SENSOR_PROPULSION, PROPULSION),
+    (mavlink.MAV_SYS_STATUS_GEOFENCE, FENCE),
+)
+"""MAV_SYS_STATUS_SENSOR, any of them, and what their failure means."""
+
+
+def _system_status(message: Message) -> Iterator[_Sign]:
+    """SYS_STATUS(1): what is present and enabled is watched."""
+    watched = message.onboard_control_sensors_present & message.onboard_control_sensors_enabled
+    failed = watched & ~message.onboard_control_sensors_health
+    for bits, failure in _SENSORS:
+        if watched & bits:
+            yield _Sign("SYS_STATUS", failure, bool(failed & bits))
+
+
+def _estimator_status(message: Message) -> Iterator[_Sign]:
+    """ESTIMATOR_STATUS(230) of PX4, EKF_STATUS_REPORT(193) of ArduPilot: the same low bits."""
+    needed = mavlink.ESTIMATOR_ATTITUDE | mavlink.ESTIMATOR_POS_HORIZ_ABS
+    guesses = bool(message.flags & mavlink.ESTIMATOR_CONST_POS_MODE)
+    is_ill = guesses or message.flags & needed != needed
+    yield _Sign(message.get_type(), LOCALISATION, is_ill)
+
+
+def _fence_status(message: Message) -> Iterator[_Sign]:
+    yield _Sign("FENCE_STATUS", FENCE, message.breach_status != 0)
+
+
+_POWERLESS: Final = frozenset(
+    {
+        mavlink.MAV_BATTERY_CHARGE_STATE_EMERGENCY,
+        mavlink.MAV_BATTERY_CHARGE_STATE_FAILED,
+    }
+)
+
+
+def _battery_status(message: Message) -> Iterator[_Sign]:
+    """BATTERY_STATUS(147): a low battery is no failure; one that ends the flight by force is."""
+    yield _Sign(f"BATTERY_STATUS {message.id}", BATTERY, message.charge_state in _POWERLESS)
+
+
+_READERS: Final[Mapping[str, Callable[[Message], Iterator[_Sign]]]] = {
+    "SYS_STATUS": _system_status,
+    "ESTIMATOR_STATUS": _estimator_status,
+    "EKF_STATUS_REPORT": _estimator_status,
+    "FENCE_STATUS": _fence_status,
+    "BATTERY_STATUS": _battery_status,
+}
+
+
+@dataclass(slots=True)
+class _Health:
+    failure: Failure
+    was_well: bool = False
+    ill_since: float | None = None
+
+    def take(self, now: float, *, is_ill: bool) -> None:
+        if not is_ill:
+            self.was_well, self.ill_since = True, None
+        elif self.ill_since is None:
+            self.ill_since = now
+
+    @property
+    def is_ill(self) -> bool:
+        return self.was_well and self.ill_since is not None
+
+    def has_failed(self, now: float) -> bool:
+        return self.is_ill and now - (self.ill_since or now) >= DEBOUNCE_S
 
 
 @dataclass(slots=True)
 class AlarmWatch:
     """Watches one vehicle."""
 
-    _well: set[AlarmCode] = field(default_factory=set)  # Was healthy, not yet told otherwise
-    _ill_since: dict[AlarmCode, float] = field(default_factory=dict)
-    _camera_at: float | None = None
+    _signs: dict[tuple[str, AlarmCode], _Health] = field(default_factory=dict)
+    _voices: dict[tuple[str, AlarmCode], Voice] = field(default_factory=dict)
+    _told: set[AlarmCode] = field(default_factory=set)
+    _loss: LinkLoss = field(default_factory=LinkLoss)
 
-    def receive(self, message: Message, now: float) -> list[Failure]:
-        """Take SYS_STATUS; gives what has failed."""
-        if message.get_type() != "SYS_STATUS":
-            return []
-        watched = message.onboard_control_sensors_present & message.onboard_control_sensors_enabled
-        failed = watched & ~message.onboard_control_sensors_health
-        return [
-            row.failure
-            for row in _TABLE
-            if watched & row.bits and self._has_failed(row.failure, failed & row.bits != 0, now)
-        ]
+    def receive(self, message: Message, now: float) -> None:
+        """Take a message of the autopilot."""
+        self._loss.take(message)
+        reader = _READERS.get(message.get_type())
+        for source, failure, is_ill in reader(message) if reader is not None else ():
+            self._take(source, failure, now, is_ill=is_ill)
+        self.observe(message, now)
+
+    def observe(self, message: Message, now: float) -> None:
+        """Take a message of any component: what measures the humidity speaks regularly."""
+        if message.get_type() not in OBSERVED:
+            return
+        for reading in readings(message):
+            if reading.quantity.observed_property == HUMIDITY:
+                source = f"{source_of(message).component} {reading.sensor}"
+                self._heard(source, HUMIDITY_SENSOR, now)
+                self._take(source, HUMIDITY_SENSING, now, is_ill=reading.value is None)
 
     def camera_heard(self, now: float) -> None:
         """Take a heartbeat of the vehicle's camera."""
-        self._camera_at = now
+        self._heard("camera", CAMERA, now)
 
-    def tick(self, now: float, *, is_connected: bool) -> Iterable[Failure]:
-        """Notice a camera that was there and is not, while the vehicle itself is heard."""
-        if self._camera_at is not None and not is_connected:
-            self._camera_at = now
-        if self._camera_at is not None and now - self._camera_at >= CAMERA_SILENT_S:
-            self._camera_at = None
-            yield _CAMERA
+    def tick(self, now: float, *, is_connected: bool) -> list[Failure]:
+        """Judge; gives what has failed and was not told. While nobody is heard nothing is ill."""
+        for (source, _), voice in self._voices.items():
+            failure = CAMERA if source == "camera" else HUMIDITY_SENSOR
+            is_silent = voice.is_silent(now, self._loss.share)
+            if not is_connected and not is_silent:
+                voice.excuse(now)
+            self._take_silence(source, failure, now, is_silent=is_silent)
+        return [failure for failure in self._failed(now) if self._is_to_tell(failure)]
 
     def forget(self) -> None:
         """Begin anew: the vehicle was restarted, or its link was lost."""
-        self._well.clear()
-        self._ill_since.clear()
-        self._camera_at = None
+        self._signs.clear()
+        self._voices.clear()
+        self._told.clear()
 
-    def _has_failed(self, failure: Failure, is_ill: bool, now: float) -> bool:  # noqa: FBT001  # private
-        code = failure.code
-        if not is_ill:
-            self._well.add(code)
-            self._ill_since.pop(code, None)
-            return False
-        since = self._ill_since.setdefault(code, now)
-        if code not in self._well or now - since < DEBOUNCE_S:
-            return False
-        self._well.discard(code)
-        return True
+    def _take(self, source: str, failure: Failure, now: float, *, is_ill: bool) -> None:
+        key = source, failure.code
+        if key in self._signs or len(self._signs) < len(_SENSORS) + SOURCES_KEPT:
+            self._signs.setdefault(key, _Health(failure)).take(now, is_ill=is_ill)
+
+    def _take_silence(self, source: str, failure: Failure, now: float, *, is_silent: bool) -> None:
+        """Take whether a voice is there; silence has been waited for long enough already."""
+        self._take(source, failure, now - DEBOUNCE_S, is_ill=is_silent)
+
+    def _heard(self, source: str, failure: Failure, now: float) -> None:
+        voice = self._voices.get((source, failure.code))
+        if voice is not None:
+            voice.heard(now)
+        elif len(self._voices) < SOURCES_KEPT:
+            self._voices[source, failure.code] = Voice(now)
+
+    def _failed(self, now: float) -> list[Failure]:
+        """Everything that has failed, once each."""
+        failed = {
+            health.failure.code: health.failure
+            for health in self._signs.values()
+            if health.has_failed(now)
+        }
+        ill = {health.failure.code for health in self._signs.values() if health.is_ill}
+        self._told &= ill
+        return [
+            failure
+            for code, failure in sorted(failed.items())
+            if not ill & CAUSES.get(code, frozenset())
+        ]
+
+    def _is_to_tell(self, failure: Failure) -> bool:
+        is_news = failure.code not in self._told
+        self._told.add(failure.code)
+        return is_news

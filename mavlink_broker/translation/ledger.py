@@ -3,7 +3,7 @@
 LedgerError  a status that would follow a terminal one
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from afarcloud.commands import Command
 from afarcloud.enumerations import Status
@@ -28,6 +28,7 @@ class Ledger:
         self._ids = [command.command_id for command in commands]
         self._statuses = [Status.NOT_STARTED] * len(commands)
         self._messages: list[str | None] = [None] * len(commands)
+        self._added: list[list[str]] = [[] for _ in commands]
 
     @property
     def commands(self) -> tuple[Status, ...]:
@@ -66,8 +67,7 @@ class Ledger:
 
     def add_note(self, index: int, text: str) -> None:
         """Say something more about a command; its status stays."""
-        before = self._messages[index]
-        self._messages[index] = _shorten(f"{before}; {text}" if before else text)
+        self._added[index].append(text)
 
     def set_command(self, index: int, status: Status, message: str | None = None) -> bool:
         """Change a command's status; tells whether that is news.
@@ -130,9 +130,15 @@ class Ledger:
             message=self.message,
             command_report_array=tuple(
                 CommandReport(command_id=i, command_status_id=s, message=m)
-                for i, s, m in zip(self._ids, self._statuses, self._messages, strict=True)
+                for i, s, m in zip(self._ids, self._statuses, self._texts(), strict=True)
             ),
         )
+
+    def _texts(self) -> Iterator[str | None]:
+        """What is said about each command: why it is as it is, and what came to it since."""
+        for message, added in zip(self._messages, self._added, strict=True):
+            parts = [message, *added] if message else added
+            yield _shorten("; ".join(parts)) if parts else None
 
 
 def _shorten(message: str) -> str:

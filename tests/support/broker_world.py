@@ -13,7 +13,7 @@ from mavlink_broker.address import Address
 from mavlink_broker.app import App
 from mavlink_broker.codec import Encoder
 from mavlink_broker.config import Config
-from mavlink_broker.dialect import mavlink
+from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.jobs import Job, JobOutcome
 from mavlink_broker.session_states import State
 from mavlink_broker.workshop import do
@@ -110,6 +110,7 @@ class World:
         self.air = Air(self.clock, loss, seed)
         self.edge = FakeEdge()
         self.config = config or Config()
+        self._encoders: dict[tuple[int, int], Encoder] = {}
         self._ulids = count(1)
         self.is_broker_there = True
         self.app = self._new_app()
@@ -149,12 +150,21 @@ class World:
         self.air.cameras[address] = camera
         return camera
 
+    def hear(self, vehicle: ScriptedVehicle, message: Message, component: int = 1) -> None:
+        """Let a component of a vehicle say something more."""
+        address = next(a for a, v in self.air.vehicles.items() if v is vehicle)
+        if component == 1:
+            vehicle.send(message)
+            return
+        encoder = self._encoders.setdefault(
+            (vehicle.system, component), Encoder(vehicle.system, component)
+        )
+        self.air.to_broker(address, encoder.encode(message))
+
     def hear_camera(self, vehicle: ScriptedVehicle) -> None:
         """Let a vehicle's camera send a heartbeat."""
-        address = next(a for a, v in self.air.vehicles.items() if v is vehicle)
-        encoder = Encoder(vehicle.system, mavlink.MAV_COMP_ID_CAMERA)
         heartbeat = mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_CAMERA, 8, 0, 0, 4, 3)
-        self.air.to_broker(address, encoder.encode(heartbeat))
+        self.hear(vehicle, heartbeat, mavlink.MAV_COMP_ID_CAMERA)
 
     @property
     def only_vehicle(self) -> ScriptedVehicle:

@@ -174,6 +174,10 @@ class ScriptedVehicle:
         self._mode_began_at = self._now
         self.heartbeat()
 
+    def send(self, message: Message) -> None:
+        """Send something that is not of its script."""
+        self._send(message)
+
     def say(self, text: str, severity: int = mavlink.MAV_SEVERITY_CRITICAL) -> None:
         """Send a STATUSTEXT."""
         self._send(mavlink.MAVLink_statustext_message(severity, text.encode()))

@@ -5,10 +5,10 @@ import dataclasses
 import pytest
 
 from afarcloud.enumerations import AlarmCode, AlarmType, Status
-from mavlink_broker.dialect import mavlink
+from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.session_states import State
 from tests.support.broker_world import World, first_flight, flying_world
-from tests.support.scripted_vehicle import PX4, PX4_LAND, PX4_RETURN
+from tests.support.scripted_vehicle import PX4, PX4_LAND, PX4_POSITION, PX4_RETURN
 
 GPS = mavlink.MAV_SYS_STATUS_SENSOR_GPS
 SLOW = dataclasses.replace(PX4, item_time_s=10.0)
@@ -124,4 +124,170 @@ def test_a_lost_link_is_no_failure_of_a_camera() -> None:
     world.run(0.5)
     vehicle.silent = True
     world.run(30.0)
+    assert alarms(world) == []
+
+
+def test_a_part_that_fails_is_told_and_not_what_fails_with_it() -> None:
+    world = flying_world(SLOW)
+    world.only_vehicle.ill = GPS | mavlink.MAV_SYS_STATUS_AHRS
+    world.run(8.0)
+    assert alarms(world) == [(1, 5)]
+
+
+def test_what_fails_with_a_part_is_told_when_it_outlasts_it() -> None:
+    world = World()
+    vehicle = world.add_vehicle()
+    world.run(3.0)
+    vehicle.ill = GPS | mavlink.MAV_SYS_STATUS_AHRS
+    world.run(8.0)
+    vehicle.ill = mavlink.MAV_SYS_STATUS_AHRS
+    world.run(8.0)
+    assert alarms(world) == [(1, 5), (2, 50)]
+
+
+ALL_KNOWN = mavlink.ESTIMATOR_ATTITUDE | mavlink.ESTIMATOR_POS_HORIZ_ABS | 0x26
+
+
+@pytest.mark.parametrize(
+    ("well", "ill", "alarm"),
+    [
+        (
+            mavlink.MAVLink_estimator_status_message(0, ALL_KNOWN, *[0.0] * 8),
+            mavlink.MAVLink_estimator_status_message(0, ALL_KNOWN & ~16, *[0.0] * 8),
+            (2, 50),
+        ),
+        (
+            mavlink.MAVLink_ekf_status_report_message(ALL_KNOWN, *[0.0] * 6),
+            mavlink.MAVLink_ekf_status_report_message(ALL_KNOWN | 128, *[0.0] * 6),
+            (2, 50),
+        ),
+        (
+            mavlink.MAVLink_fence_status_message(0, 0, 0, 0, 0),
+            mavlink.MAVLink_fence_status_message(1, 1, mavlink.FENCE_BREACH_MAXALT, 0, 0),
+            (2, 52),
+        ),
+        (
+            mavlink.MAVLink_battery_status_message(
+                1, 1, 1, 32767, [12000] + [65535] * 9, 100, 0, -1, 30, 0, 2
+            ),
+            mavlink.MAVLink_battery_status_message(
+                1, 1, 1, 32767, [9000] + [65535] * 9, 100, 0, -1, 1, 0, 4
+            ),
+            (2, 51),
+        ),
+    ],
+    ids=["PX4's estimator", "ArduPilot's estimator", "fence", "battery"],
+)
+def test_what_a_vehicle_tells_in_its_own_way_is_the_same_alarm(
+    well: Message, ill: Message, alarm: tuple[int, int]
+) -> None:
+    world = flying_world(SLOW)
+    for message in (well, ill):
+        for _ in range(5):
+            world.hear(world.only_vehicle, message)
+            world.run(1.0)
+    assert alarms(world) == [alarm]
+    assert world.edge.status(1201) == Status.FAILED
+
+
+def test_a_low_battery_is_no_alarm() -> None:
+    world = flying_world(SLOW)
+    for charge_state in (1, 2, 3):
+        for _ in range(5):
+            battery = mavlink.MAVLink_battery_status_message(
+                1, 1, 1, 32767, [11000] + [65535] * 9, 100, 0, -1, 15, 0, charge_state
+            )
+            world.hear(world.only_vehicle, battery)
+            world.run(0.5)
+    assert alarms(world) == []
+
+
+def hygrometer(humidity: int = 4800) -> Message:
+    return mavlink.MAVLink_hygrometer_sensor_message(0, 2150, humidity)
+
+
+def speak(world: World, seconds: float, message: Message | None = None, share: float = 1.0) -> None:
+    """Let the humidity sensor speak every second, but for what is lost by the way."""
+    for second in range(round(seconds)):
+        if (second * 7) % 10 < share * 10:
+            world.hear(world.only_vehicle, message or hygrometer(), component=25)
+        world.run(1.0)
+
+
+def test_a_humidity_sensor_that_falls_silent_is_that_alarm() -> None:
+    world = flying_world(SLOW)
+    speak(world, 6.0)
+    assert alarms(world) == []
+    world.run(3.5)
+    assert alarms(world) == []
+    world.run(1.0)
+    assert alarms(world) == [(1, 6)]
+    world.run(10.0)
+    assert alarms(world) == [(1, 6)]
+
+
+def test_a_humidity_sensor_that_measures_nothing_is_the_other_alarm() -> None:
+    world = flying_world(SLOW)
+    speak(world, 4.0)
+    speak(world, 6.0, hygrometer(65_535))
+    assert alarms(world) == [(2, 53)]
+    assert world.edge.status(1201) == Status.FAILED
+
+
+def test_a_named_humidity_is_watched_too() -> None:
+    world = flying_world(SLOW)
+    speak(world, 4.0, mavlink.MAVLink_named_value_float_message(1, b"hum_air", 48.0))
+    world.run(7.0)
+    assert alarms(world) == [(1, 6)]
+
+
+def test_a_vehicle_without_a_humidity_sensor_has_not_lost_it() -> None:
+    world = flying_world(SLOW)
+    speak(world, 1.0)
+    world.run(20.0)
+    assert alarms(world) == []
+
+
+def test_a_lost_link_is_no_failure_of_the_humidity_sensor() -> None:
+    world = World()
+    vehicle = world.add_vehicle()
+    world.run(3.0)
+    speak(world, 4.0)
+    vehicle.silent = True
+    world.run(30.0)
+    vehicle.silent = False
+    speak(world, 10.0)
+    assert alarms(world) == []
+
+
+def test_on_a_bad_link_silence_has_to_last_longer() -> None:
+    world = World(loss=0.3, seed=4)
+    vehicle = world.add_vehicle()
+    world.run(30.0)
+    speak(world, 8.0)
+    world.run(6.0)
+    assert alarms(world) == []
+    world.run(30.0)
+    assert alarms(world) == [(1, 6)]
+    assert not vehicle.silent
+
+
+def test_a_vehicle_that_cannot_go_on_is_a_mission_error() -> None:
+    world = flying_world(SLOW)
+    world.only_vehicle.say("Critical battery, returning")
+    world.only_vehicle.set_mode(PX4_RETURN)
+    world.run(7.0)
+    assert alarms(world) == [(2, 52)]
+    (alarm,) = world.edge.bodies("/alarm/")
+    assert alarm["mission_id"] == 1201
+    assert "Critical battery" in alarm["message"]
+    paths = [post.path for post in world.edge.posts]
+    assert paths.index("/alarm/") < len(paths) - 1 - paths[::-1].index("/mission_report/")
+
+
+def test_a_pilot_who_takes_over_is_no_failure() -> None:
+    world = flying_world(SLOW)
+    world.only_vehicle.set_mode(PX4_POSITION)
+    world.run(8.0)
+    assert world.edge.status(1201) == Status.FAILED
     assert alarms(world) == []
