@@ -26,6 +26,9 @@ from tests.support.geodesy import LocalGround
 from tests.support.lossy_link import GROUND_ADDRESS, VEHICLE_ADDRESS, Conditions, LossyLink
 from uav_firmware.drivers.file_storage import FileStorage
 from uav_firmware.drivers.jsbsim import JsbsimVehicle
+from uav_firmware.drivers.jsbsim_camera import JsbsimCamera
+from uav_firmware.drivers.log_folder import LogFolder
+from uav_firmware.drivers.storage_card import image_folder, image_tree, storage_card
 from uav_firmware.modules.mavlink.peers import Peer, Profile
 from uav_firmware.topology import Autopilot
 
@@ -95,20 +98,28 @@ class FlyingWorld:
         to_broker: Conditions = PERFECT,
         to_vehicle: Conditions = PERFECT,
         seed: int = 1,
+        with_camera: bool = False,
     ) -> None:
+        """Begin on the ground; without a camera pictures are reckoned, and nothing is stored."""
         self.clock = Clock()
         self.edge = FakeEdge()
         self.link = LossyLink(to_broker, to_vehicle, seed=seed)
         self.air = BrokerEnd(self.link, self.clock)
         self.simulation = Simulation(SimulationConfig(seed=seed))
+        images = image_tree(folder)
+        camera = JsbsimCamera(
+            self.simulation, image_folder(folder), images.room, serial="F450-1", in_step=True
+        )
+        self.vehicle = JsbsimVehicle(self.simulation, camera=camera if with_camera else None)
         self.autopilot = Autopilot(
-            JsbsimVehicle(self.simulation),
+            self.vehicle,
             self.link.vehicle,
             FileStorage(folder),
             system_id=1,
             peers=(Peer(address=GROUND_ADDRESS, profile=Profile.ONBOARD),),
             boot_time_utc_us=0,
             write_line=lambda _time_us, _text: None,
+            card=storage_card(folder, LogFolder(folder / "log"), images) if with_camera else None,
         )
         start = self.simulation.truth
         self.ground = LocalGround(start.latitude_deg, start.longitude_deg, start.altitude_amsl_m)
