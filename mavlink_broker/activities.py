@@ -6,6 +6,7 @@ from typing import Protocol, TypeAlias
 from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.protocol.command import CommandOutcome
 from mavlink_broker.protocol.command_sequence import CommandSequence, Ways
+from mavlink_broker.protocol.float_items import floats_only
 from mavlink_broker.protocol.mission_select import MissionSelect
 from mavlink_broker.protocol.mission_upload import MissionUpload, UploadOutcome
 from mavlink_broker.protocol.mission_verify import MissionVerify, VerifyOutcome
@@ -41,6 +42,7 @@ def upload(plan: FlightPlan, vehicle: Vehicle) -> MissionUpload:
         route,
         vehicle.round_trip,
         busy_pause_s=vehicle.family.busy_pause_s,
+        as_floats=floats_only(vehicle.capabilities),
     )
 
 
@@ -58,7 +60,8 @@ def verification(plan: FlightPlan, vehicle: Vehicle, opaque_id: int) -> MissionV
     def compare(messages: Sequence[Message]) -> str | None:
         return difference(plan, messages, vehicle.family)
 
-    return MissionVerify(opaque_id, compare, vehicle.route, vehicle.round_trip)
+    floats = floats_only(vehicle.capabilities)
+    return MissionVerify(opaque_id, compare, vehicle.route, vehicle.round_trip, as_floats=floats)
 
 
 def recognition(plan: FlightPlan, vehicle: Vehicle) -> MissionVerify:
@@ -67,7 +70,8 @@ def recognition(plan: FlightPlan, vehicle: Vehicle) -> MissionVerify:
     def compare(messages: Sequence[Message]) -> str | None:
         return difference(plan, messages, vehicle.family, home_may_have_moved=True)
 
-    return MissionVerify(0, compare, vehicle.route, vehicle.round_trip)
+    floats = floats_only(vehicle.capabilities)
+    return MissionVerify(0, compare, vehicle.route, vehicle.round_trip, as_floats=floats)
 
 
 def selection(plan: FlightPlan, vehicle: Vehicle) -> MissionSelect:

@@ -13,6 +13,7 @@ from typing import Any, Final, Protocol, TypeAlias
 from afarcloud.plan import Geofence
 from mavlink_broker.dialect import Message
 from mavlink_broker.protocol.command import Accepted, CommandOutcome, Refused
+from mavlink_broker.protocol.float_items import POSITION_STEP_DEG, floats_only
 from mavlink_broker.protocol.mission_clear import MissionClear, NotCleared
 from mavlink_broker.protocol.mission_download import Downloaded, MissionDownload, NotDownloaded
 from mavlink_broker.protocol.mission_upload import MissionUpload, NotStored, Stored
@@ -137,7 +138,8 @@ class Fencing:
             return
         if not items and kind not in plans:
             return
-        download = MissionDownload(*self._link, mission_type=kind)
+        floats = floats_only(self.vehicle.capabilities)
+        download = MissionDownload(*self._link, mission_type=kind, as_floats=floats)
         match (yield download):
             case NotDownloaded(reason):
                 raise _StopError(reason)
@@ -147,14 +149,14 @@ class Fencing:
     def _replace(self, kind: int, held: Items, items: Items) -> _Course:
         plans = self.vehicle.loan.plans
         loan = plans.get(kind)
-        if loan and loan.placed is not None and fence.difference(loan.placed, held):
+        if loan and loan.placed is not None and self._difference(loan.placed, held):
             del plans[kind]  # Somebody else's now
             loan = None
             if not items:
                 return
         before = held if loan is None else loan.before
         wanted = items or before
-        if fence.difference(wanted, held):
+        if self._difference(wanted, held):
             plans[kind] = ExchangedPlan(before, None)
             yield from self._put(kind, wanted)
             loan = plans[kind] = ExchangedPlan(before, items)
@@ -185,7 +187,11 @@ class Fencing:
             for seq, item in enumerate(items)
         ]
         upload = MissionUpload(
-            messages, *self._link, busy_pause_s=family.busy_pause_s, mission_type=kind
+            messages,
+            *self._link,
+            busy_pause_s=family.busy_pause_s,
+            mission_type=kind,
+            as_floats=floats_only(self.vehicle.capabilities),
         )
         match (yield upload):
             case NotStored(reason, item):
@@ -198,9 +204,10 @@ class Fencing:
     def _prove(self, kind: int, items: Items, opaque_id: int) -> _Course:
         verify = MissionVerify(
             opaque_id,
-            lambda messages: fence.difference(items, fence.items_of(messages)),
+            lambda messages: self._difference(items, fence.items_of(messages)),
             *self._link,
             mission_type=kind,
+            as_floats=floats_only(self.vehicle.capabilities),
         )
         match (yield verify):
             case Different(reason):
@@ -252,6 +259,11 @@ class Fencing:
         match (yield write):
             case Refused(reason):
                 raise _StopError(reason)
+
+    def _difference(self, meant: Items, held: Items) -> str | None:
+        if floats_only(self.vehicle.capabilities):
+            return fence.difference(meant, held, POSITION_STEP_DEG)
+        return fence.difference(meant, held)
 
     @property
     def _link(self) -> tuple[Any, Any]:

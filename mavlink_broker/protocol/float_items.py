@@ -8,8 +8,18 @@ _PLAIN_FRAMES: Final = {
     mavlink.MAV_FRAME_GLOBAL_INT: mavlink.MAV_FRAME_GLOBAL,
     mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT: mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
 }
-POSITION_STEP_DEG: Final = 8e-6
-"""Single precision at 180 degrees, to half a step; some 0.9 m."""
+POSITION_STEP_DEG: Final = 1.6e-5
+"""Single precision beyond 128 degrees; some 1.8 m."""
+_FLOATS: Final[int] = mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FLOAT
+_INTEGERS: Final[int] = mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
+
+
+def floats_only(capabilities: int) -> bool:
+    """Whether a vehicle says in AUTOPILOT_VERSION that it knows items as floats, and only so.
+
+    One that says neither is taken for a usual one: asking by MISSION_REQUEST(40) proves nothing.
+    """
+    return capabilities & (_FLOATS | _INTEGERS) == _FLOATS
 
 
 def in_floats(item: Message) -> Message:

@@ -65,7 +65,9 @@ def items_of(messages: Sequence[Message]) -> tuple[MissionItem, ...]:
     return tuple(map(from_message, messages))
 
 
-def difference(meant: Sequence[MissionItem], held: Sequence[MissionItem]) -> str | None:
+def difference(
+    meant: Sequence[MissionItem], held: Sequence[MissionItem], tolerance_deg: float = _TOLERANCE_DEG
+) -> str | None:
     """Name the first difference that matters, or None.
 
     Frame and altitude of an area mean nothing and come back as the vehicle likes; its first
@@ -79,8 +81,8 @@ def difference(meant: Sequence[MissionItem], held: Sequence[MissionItem]) -> str
         same = {
             "command": one.command == other.command,
             "parameter 1": abs(one.parameters[0] - other.parameters[0]) <= tolerance_m,
-            "latitude": abs(one.latitude_deg - other.latitude_deg) <= _TOLERANCE_DEG,
-            "longitude": abs(one.longitude_deg - other.longitude_deg) <= _TOLERANCE_DEG,
+            "latitude": abs(one.latitude_deg - other.latitude_deg) <= tolerance_deg,
+            "longitude": abs(one.longitude_deg - other.longitude_deg) <= tolerance_deg,
             "altitude": not is_rally
             or abs(one.altitude_m - other.altitude_m) <= _ALTITUDE_TOLERANCE_M,
         }

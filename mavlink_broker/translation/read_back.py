@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from mavlink_broker.dialect import Message, mavlink
+from mavlink_broker.protocol.float_items import POSITION_STEP_DEG
 from mavlink_broker.translation.families import Family
 from mavlink_broker.translation.mission import FlightPlan
 from mavlink_broker.translation.mission_item import MissionItem, from_message
@@ -56,7 +57,9 @@ def difference(
     for seq in range(plan.first_item, len(plan.items)):
         sent, held = plan.items[seq], from_message(messages[seq])
         moved = home_may_have_moved and sent.at_home
-        tolerance_deg = HOME_TOLERANCE_DEG if moved else POSITION_TOLERANCE_DEG
+        is_float = messages[seq].get_type() == "MISSION_ITEM"
+        precision_deg = POSITION_STEP_DEG if is_float else POSITION_TOLERANCE_DEG
+        tolerance_deg = HOME_TOLERANCE_DEG if moved else precision_deg
         name = _different_field(sent, held, family, tolerance_deg, loosely=home_may_have_moved)
         if name:
             return f"item {seq} on the vehicle differs in {name}"

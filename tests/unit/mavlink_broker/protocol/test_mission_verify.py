@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+import pytest
+
 from mavlink_broker.dialect import Message, MissionCount, MissionCurrent
 from mavlink_broker.protocol.mission_verify import Different, MissionVerify, Verified
 from mavlink_broker.protocol.round_trip import RoundTrip
@@ -54,3 +56,13 @@ def test_a_silent_vehicle_has_not_proven_anything() -> None:
     one.start(0.0)
     tick_until(one, 0.0, 300.0, step=0.2)
     assert isinstance(one.outcome, Different)
+
+
+@pytest.mark.parametrize(("kind", "field"), [(1, "fence_id"), (2, "rally_points_id")])
+def test_each_kind_of_plan_has_its_own_id(kind: int, field: str) -> None:
+    one = MissionVerify(77, lambda _items: None, ROUTE, RoundTrip(), mission_type=kind)
+    one.start(0.0)
+    one.receive(current(77), 0.1)
+    assert one.outcome is None
+    one.receive(received(MissionCurrent(0, 3, 2, 0, **{field: 77})), 0.1)
+    assert one.outcome == Verified()
