@@ -30,6 +30,11 @@ _NOTHING_DONE: Final = frozenset(
 class FlightAttachment(FlightPreparation):
     """The state ATTACHING."""
 
+    @property
+    def is_looked_for(self) -> bool:
+        """Whether it was seen to fly, and it is not known yet what has become of that."""
+        return self.state is State.ATTACHING and self._has_flown
+
     def _step_attaching(self, now: float, effects: Effects) -> None:
         if self._activity is not None:
             return

@@ -56,6 +56,7 @@ class _RawStateVector(_RawWork):
 
 
 class _RawEvent(_RawWork):
+    state: Literal["queued", "accepted"] = "queued"
     event: Event
 
 
@@ -109,7 +110,10 @@ def _read(raw: Mapping[str, Any], now: float, utc: datetime) -> tuple[Work | Non
         case "event":
             event = _RawEvent.model_validate(raw)
             order = EventWork(
-                work_id=event.id, event=event.event, expires_at=event.deadline(now, utc)
+                work_id=event.id,
+                event=event.event,
+                was_accepted=event.state == "accepted",
+                expires_at=event.deadline(now, utc),
             )
             return order, (event.id, "event", repr(event.event))
         case _:

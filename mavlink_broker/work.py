@@ -54,6 +54,7 @@ class EventWork:
 
     work_id: int
     event: Event
+    was_accepted: bool = False  # By an earlier run of the broker, which did not see it through
     expires_at: float | None = None  # [s] On the broker's clock
 
     @property

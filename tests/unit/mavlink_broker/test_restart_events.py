@@ -1,0 +1,134 @@
+"""A broker that is killed while an event is being carried out, and one that finds an event."""
+
+from collections.abc import Callable
+
+import pytest
+
+from afarcloud.enumerations import Status
+from mavlink_broker.dialect import mavlink
+from mavlink_broker.session_states import State
+from tests.support.broker_world import World, first_flight
+from tests.support.scripted_vehicle import PX4_LAND, PX4_POSITION, PX4_RETURN
+from tests.unit.mavlink_broker.test_events import ABORT, POINT, SOFT_ABORT, SPEED, said, world_at
+
+AWAY = pytest.mark.parametrize("away_s", [0.0, 3.0, 60.0])
+
+
+def restart(world: World, away_s: float = 0.0) -> None:
+    world.kill_broker()
+    world.run(away_s)
+    world.restart_broker()
+
+
+def is_at_point(world: World) -> Callable[[], bool]:
+    return lambda: (
+        world.only_vehicle.place == pytest.approx((POINT["latitude"], POINT["longitude"]))
+    )
+
+
+@AWAY
+def test_an_abort_with_a_point_still_lands_there(away_s: float) -> None:
+    world = world_at(1)
+    vehicle = world.only_vehicle
+    vehicle.height_m = 40.0
+    event = world.edge.event(ABORT, abort=POINT)
+    world.run_until(lambda: world.app.sessions[1].state is State.LEAVING)
+    world.tick()
+    assert "done" not in said(world, event)
+    restart(world, away_s)
+    world.run_until(lambda: "done" in said(world, event))
+    world.run_until(lambda: not vehicle.armed)
+    assert is_at_point(world)()
+    assert vehicle.commands.count(mavlink.MAV_CMD_MISSION_START) == 1
+    assert world.edge.status(1201) == Status.ABORTED
+
+
+def test_a_landing_that_was_ordered_is_not_ordered_again() -> None:
+    world = world_at(1)
+    vehicle = world.only_vehicle
+    world.edge.event(ABORT)
+    world.run_until(lambda: vehicle.custom_mode == PX4_LAND)
+    ordered = len([c for c in vehicle.parameters if c[0] == mavlink.MAV_CMD_DO_SET_MODE])
+    restart(world)
+    world.run_until(lambda: not vehicle.armed)
+    told = len([c for c in vehicle.parameters if c[0] == mavlink.MAV_CMD_DO_SET_MODE])
+    assert told == ordered
+
+
+@AWAY
+def test_a_soft_abort_still_lets_the_running_command_end(away_s: float) -> None:
+    world = world_at(1)
+    event = world.edge.event(SOFT_ABORT)
+    world.run(0.5)
+    assert said(world, event) == ["accepted"]
+    restart(world, away_s)
+    world.run_until(lambda: "done" in said(world, event))
+    assert world.edge.status(1201) == Status.ABORTED
+    assert world.edge.statuses(1201)[1] == Status.FINISHED
+    assert world.only_vehicle.custom_mode == PX4_RETURN
+
+
+def test_a_soft_abort_to_a_point_still_holds_there_and_the_next_mission_begins_there() -> None:
+    world = world_at(1)
+    vehicle = world.only_vehicle
+    event = world.edge.event(SOFT_ABORT, abort=POINT)
+    world.run_until(lambda: world.app.sessions[1].state is State.LEAVING)
+    world.tick()
+    world.edge.plan(first_flight(mission_id=1202))
+    world.tick()
+    restart(world)
+    world.run_until(lambda: "done" in said(world, event))
+    assert is_at_point(world)()
+    assert vehicle.armed
+    world.run_until_over(1202)
+    assert world.edge.status(1202) == Status.FINISHED
+
+
+@AWAY
+@pytest.mark.parametrize("command", [0, 2, 3])
+def test_an_abort_that_came_while_nobody_was_there_is_carried_out(
+    command: int, away_s: float
+) -> None:
+    world = world_at(command)
+    world.kill_broker()
+    event = world.edge.event(ABORT)
+    world.run(away_s)
+    world.restart_broker()
+    world.run_until(lambda: "done" in said(world, event))
+    assert world.edge.status(1201) == Status.ABORTED
+    world.run_until(lambda: not world.only_vehicle.armed)
+
+
+def test_a_speed_that_was_not_told_yet_is_told() -> None:
+    world = world_at(1)
+    world.kill_broker()
+    event = world.edge.event(SPEED, maximum_speed=2.5)
+    world.restart_broker()
+    world.run_until(lambda: "done" in said(world, event))
+    told = [v for c, v in world.only_vehicle.parameters if c == mavlink.MAV_CMD_DO_CHANGE_SPEED]
+    assert [values[1] for values in told] == [2.5]
+
+
+def test_a_pilot_who_has_taken_over_meanwhile_is_left_alone() -> None:
+    world = world_at(1)
+    event = world.edge.event(ABORT, abort=POINT)
+    world.run_until(lambda: world.app.sessions[1].state is State.LEAVING)
+    world.tick()
+    world.kill_broker()
+    world.only_vehicle.set_mode(PX4_POSITION)
+    world.run(3.0)
+    world.restart_broker()
+    world.run_until(lambda: "refused" in said(world, event))
+    assert "another hand" in world.edge.acknowledgements(event)[-1]["message"]
+    assert world.only_vehicle.custom_mode == PX4_POSITION
+
+
+def test_an_abort_that_was_carried_out_does_not_touch_what_came_after() -> None:
+    world = world_at(1)
+    world.edge.event(ABORT)
+    world.run_until(lambda: world.only_vehicle.custom_mode == PX4_LAND)
+    world.edge.plan(first_flight(mission_id=1202))
+    world.tick()
+    restart(world)
+    world.run_until_over(1202)
+    assert world.edge.status(1202) == Status.FINISHED
