@@ -116,8 +116,9 @@ class Vehicle:
 class Field:
     """Broker, vehicle and the air between them."""
 
-    def __init__(self, trouble: Trouble, loss: float, seed: int) -> None:
+    def __init__(self, trouble: Trouble, loss: float, seed: int, *, step_us: int = STEP_US) -> None:
         self.vehicle = Vehicle()
+        self._step_us = step_us
         self.now_us = 0
         self._link = LossyLink(trouble.at(loss), trouble.at(loss), seed=seed)
         self._encoder = broker_codec.Encoder(ROUTE.own_system, ROUTE.own_component)
@@ -129,7 +130,7 @@ class Field:
         self._send(activity.start(self.now_us / 1e6))
         while activity.outcome is None:
             assert self.now_us < end_us, "no outcome"
-            self.now_us += STEP_US
+            self.now_us += self._step_us
             self._step(activity)
 
     def _step(self, activity: Activity) -> None:
@@ -211,6 +212,12 @@ def test_at_a_fifth_lost_each_way_a_hundred_of_a_hundred_arrive() -> None:
     for seed in range(100):
         trouble = Trouble(duplication=0.05, reordering=0.05, delay_s=0.02)
         assert_transferred(Field(trouble, 0.2, seed), a_plan(100))
+
+
+def test_over_a_slow_link_too_a_hundred_of_a_hundred_arrive() -> None:
+    """A round trip of 1.5 s, and a fifth lost each way."""
+    for seed in range(100):
+        assert_transferred(Field(Trouble(delay_s=0.75), 0.2, seed, step_us=20_000), a_plan(10))
 
 
 @pytest.mark.parametrize("trouble", TROUBLES, ids=str)
