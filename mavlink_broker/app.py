@@ -29,6 +29,7 @@ from mavlink_broker.work import EventWork, MissionWork, StateVectorWork
 
 IDLE_WAIT_S: Final = 0.02
 """Longest sleep: what is overdue is noticed that late. Datagrams and work end it at once."""
+SWEEP_EVERY_S: Final = 10.0
 AUTOPILOT: Final = 1
 """MAV_COMP_ID_AUTOPILOT1."""
 PAYLOAD_WORDS: Final = frozenset({"COMMAND_ACK", "HEARTBEAT"}) | OBSERVED | PICTURED
@@ -114,6 +115,7 @@ class App:
         self._inbox = Inbox()
         self._traffic = Traffic(config, link, clock, self._tenure)
         self._peers: dict[int, _Peer] = {}
+        self._sweep_at = 0.0
 
     @property
     def sessions(self) -> dict[int, Session]:
@@ -126,19 +128,30 @@ class App:
         now = self._clock.monotonic()
         for message in messages:
             self._dispatch(message, now)
-        for raw in sorted(self._edge.take_work(), key=_number_of):
+        for raw in self._edge.take_work():
             self._take(raw, now)
         for system, outcome in self._jobs.take_finished():
-            effects = Effects()
-            self._peers[system].session.pictures.take_outcome(outcome, now, effects)
-            self._carry_out(effects, self._peers[system])
+            if system in self._peers:
+                effects = Effects()
+                self._peers[system].session.pictures.take_outcome(outcome, now, effects)
+                self._carry_out(effects, self._peers[system])
         has_room = self._edge.waiting_pictures < PICTURES_WAITING
         for system, peer in self._peers.items():
             effects = Effects()
             peer.session.watch(self._traffic.asked_of(system, now))
+            peer.session.vehicle.warning = self._traffic.warning_of(system, now)
             peer.session.pictures.has_room = has_room
             peer.session.step(now, effects)
             self._carry_out(effects, peer)
+        if now >= self._sweep_at:
+            self._sweep_at = now + SWEEP_EVERY_S
+            self._forget_strangers(now)
+
+    def _forget_strangers(self, now: float) -> None:
+        """Drop what has sent a heartbeat and nothing else, such as somebody's scan."""
+        for system in [s for s, peer in self._peers.items() if peer.session.is_stranger(now)]:
+            del self._peers[system]
+            self._traffic.forget(system)
 
     def close(self) -> None:
         """End what goes on beside the loop; the links are the caller's."""
@@ -223,17 +236,10 @@ class App:
         self._carry_out(effects, peer)
 
     def _take_event(self, work: EventWork, now: float) -> None:
-        """Interrupt a vehicle; what has expired, or is for nobody, is refused.
-
-        One that an earlier run has accepted may be for a vehicle that is still to be heard.
-        """
+        """Interrupt a vehicle; what has expired, or is for nobody, is refused."""
         system = self._config.system_of(work.vehicle_id)
-        if system is not None and work.was_accepted:
-            peer: _Peer | None = self._peer(system, work.vehicle_id)
-        else:
-            peer = None if system is None else self._peers.get(system)
-        late = work.expires_at is not None and now >= work.expires_at
-        expired = late and not work.was_accepted
+        peer = None if system is None else self._peers.get(system)
+        expired = work.expires_at is not None and now >= work.expires_at
         if peer is None or expired:
             reason = "expired" if expired else f"vehicle {work.vehicle_id} is not known"
             self._tell(Acknowledgement(work.work_id, "refused", reason), work.vehicle_id)
@@ -271,9 +277,3 @@ class App:
             key=self._new_ulid(),
         )
         self._edge.post(post)
-
-
-def _number_of(raw: dict[str, Any]) -> int:
-    """Work in the order in which it was given, though events are handed out first."""
-    number = raw.get("id")
-    return number if isinstance(number, int) else 0

@@ -10,10 +10,10 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterable
 from typing import Any, Final
 
-from afarcloud.enumerations import EventType, Status
+from afarcloud.enumerations import Status
+from mavlink_broker import registry
 from mavlink_broker.dialect import Message, mavlink, source_of
 from mavlink_broker.effects import Acknowledgement, Effects, VehicleUpdate
-from mavlink_broker.event_desk import EventDesk, is_abort
 from mavlink_broker.flight import Flight
 from mavlink_broker.giving_back import GivingBack
 from mavlink_broker.interruption import REASONS
@@ -31,6 +31,9 @@ from mavlink_broker.vehicle import Vehicle
 from mavlink_broker.work import EventWork, MissionWork, StateVectorWork
 
 UPDATE_EVERY_S: Final = 2.0
+UPDATE_LOST_EVERY_S: Final = 30.0
+"""Of a vehicle that says nothing there is no news."""
+FORGOTTEN_AFTER_S: Final = 60.0
 NO_MISSION: Final = "no active mission"
 PREPARATION: Final = frozenset(
     {
@@ -71,11 +74,13 @@ class Session:
         self._capacity: ParameterRead | None = None
         self._alarms = AlarmWatch()
         self._giving_back = GivingBack(vehicle)
-        self._events = EventDesk(vehicle)
         self._waiting: deque[Flight] = deque()
         self._flight: Flight | None = None
         self._hovering = False
         self._has_flown = False  # Only the first mission can be one that an earlier run began
+        self._was_lost = True
+        self._lost_since: float | None = None
+        self._homeless_since: float | None = None
         self._state_vector_at = 0.0
         self._updated_at: float | None = None
         self._last_update: tuple[Any, ...] = ()
@@ -83,9 +88,13 @@ class Session:
     @property
     def state(self) -> State:
         """What the session is doing."""
-        if self._flight is not None:
-            return self._flight.state
-        return State.LEAVING if self._events.is_leaving else State.IDLE
+        return self._flight.state if self._flight else State.IDLE
+
+    def is_stranger(self, now: float) -> bool:
+        """Whether a vehicle has told no more than that it is there, and is there no more."""
+        is_idle = self._flight is None and not self._waiting
+        is_long_lost = self._lost_since is not None and now - self._lost_since > FORGOTTEN_AFTER_S
+        return is_idle and is_long_lost and self.vehicle.snapshot.position is None
 
     def take_mission(self, work: MissionWork, effects: Effects) -> None:
         """Accept a mission, or refuse one that cannot be flown.
@@ -112,53 +121,19 @@ class Session:
         return self._post_state_vector(now, effects)
 
     def take_event(self, work: EventWork, now: float, effects: Effects) -> None:
-        """Carry out an event on what is flown, as soon as that is known."""
-        self._events.put(work)
-        self._carry_out_events(now, effects)
-
-    def _carry_out_events(self, now: float, effects: Effects) -> None:
-        for work in self._events.take_due(self._is_too_early, now, effects):
-            self._interrupt(work, now, effects)
-
-    def _is_too_early(self, work: EventWork) -> bool:
-        """Whether it is still to be found out what an earlier run of the broker has begun."""
+        """Carry out an event on what is flown; what waits behind it falls with an abort."""
+        is_abort = work.event.maximum_speed is None
+        waited = bool(self._waiting)
+        if is_abort:
+            while self._waiting:
+                self._waiting.popleft().abort(REASONS[work.event.event_type_id], effects)
         if self._flight is not None:
-            resumed = self._flight.is_looked_for
-        else:
-            resumed = bool(self._waiting) and self._is_resumed(self._waiting[0])
-        if self.vehicle.snapshot.armed is None:
-            return resumed or work.was_accepted
-        aborts_now = work.event.event_type_id is EventType.ABORT_MISSION
-        return resumed and not aborts_now
-
-    def _interrupt(self, work: EventWork, now: float, effects: Effects) -> None:
-        """Interrupt what is flown; what waits behind it falls with an abort."""
-        first = self._waiting[0] if self._waiting else None
-        if first is not None and self._is_resumed(first) and self._concerns(work, first):
-            self._next_flight(now, effects)
-        concerned = [flight for flight in self._waiting if self._concerns(work, flight)]
-        if is_abort(work):
-            self._events.give_way(effects)
-            for flight in concerned:
-                self._waiting.remove(flight)
-                flight.abort(REASONS[work.event.event_type_id], effects)
-        if self._flight is not None and self._concerns(work, self._flight):
             self._flight.interrupt(work, now, effects)
             self._close_flight()
-        elif is_abort(work) and concerned:
+        elif is_abort and waited:
             effects.for_edge.append(Acknowledgement(work.work_id, "done"))
-        elif is_abort(work) and work.was_accepted:
-            self._has_flown = True  # What waits was behind it, and has not begun
-            self._events.see_through(work, now, effects)
         else:
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", NO_MISSION))
-
-    def _concerns(self, work: EventWork, flight: Flight) -> bool:
-        """Whether an event is about a mission; one from an earlier run, if that came before."""
-        return not work.was_accepted or flight.work.work_id < work.work_id
-
-    def _is_resumed(self, flight: Flight) -> bool:
-        return flight.work.was_accepted and not self._has_flown
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
         """Take a message of the vehicle's autopilot."""
@@ -171,7 +146,6 @@ class Session:
             self.pictures.receive(message, now, effects)
         if self._capacity is not None:
             self._capacity.receive(message)
-        effects.messages += self._events.receive(message, now)
         effects.messages += self._giving_back.receive(message, now)
         effects.messages += self.vehicle.parameters.receive(message, now)
         if self._flight is not None:
@@ -199,6 +173,7 @@ class Session:
 
     def step(self, now: float, effects: Effects) -> None:
         """Let time pass."""
+        self._watch_link(now)
         self._update(now, effects)
         if self.vehicle.is_heard(now):
             effects.messages += self._heartbeat.tick(now)
@@ -206,8 +181,7 @@ class Session:
             self.vehicle.is_identified |= self._streams.is_version_settled
             self._read_capacity(now, effects)
             self._watch_hover()
-            self._see_events_through(now, effects)
-            effects.messages += self._giving_back.step(now, idle=self.state is State.IDLE)
+            effects.messages += self._giving_back.step(now, idle=self._flight is None)
             effects.messages += self._keep_parameters(now)
             is_connected = self.vehicle.link_state(now) is LinkState.CONNECTED
             failures = self._alarms.tick(now, is_connected=is_connected)
@@ -222,13 +196,6 @@ class Session:
         connected = self.vehicle.link_state(now) is LinkState.CONNECTED
         if connected and now - self._state_vector_at >= self._state_vector_every_s:
             self._post_state_vector(now, effects)
-
-    def _see_events_through(self, now: float, effects: Effects) -> None:
-        self._carry_out_events(now, effects)
-        was_leaving = self._events.is_leaving
-        self._events.step(now, effects)
-        if was_leaving and not self._events.is_leaving:
-            self._hovering = self._events.leaves_hovering
 
     def _keep_parameters(self, now: float) -> list[Message]:
         """Set what the part of the mission that is flown has borrowed, give back the rest."""
@@ -245,6 +212,15 @@ class Session:
         self.pictures.watch(None if flight is None else flight.work, ledger, now)
         if self.vehicle.is_heard(now):
             self.pictures.step(now, effects, is_busy=self.state in PREPARATION)
+
+    def _watch_link(self, now: float) -> None:
+        """Ask for everything again when a vehicle is back that was lost; know it has a home."""
+        is_heard = self.vehicle.is_heard(now)
+        if is_heard and self._was_lost:
+            self._streams.renew()
+        self._was_lost = not is_heard
+        self._lost_since = None if is_heard else (self._lost_since or now)
+        self._homeless_since = self.vehicle.assume_home(now, self._homeless_since)
 
     def _raise_alarms(self, failures: Iterable[Failure], now: float, effects: Effects) -> None:
         """Tell what has failed; a mission that flies has failed with it."""
@@ -267,9 +243,7 @@ class Session:
         if self._flight is not None or not self._waiting:
             return
         flight = self._waiting[0]
-        if self._events.is_before(flight.work.work_id):
-            return
-        resumed = self._is_resumed(flight)
+        resumed = flight.work.was_accepted and not self._has_flown
         free = self.vehicle.snapshot.is_on_ground or self._hovering
         if resumed or free or not self.vehicle.is_heard(now):
             self._has_flown = True
@@ -304,7 +278,7 @@ class Session:
 
     def _post_state_vector(self, now: float, effects: Effects) -> bool:
         vector = self._reporter.state_vector()
-        if vector is None or self.vehicle.link_state(now) is not LinkState.CONNECTED:
+        if vector is None or {"position", "attitude"} & {*registry.stale(self.vehicle, now)}:
             return False
         effects.for_edge.append(vector)
         self._state_vector_at = now
@@ -313,12 +287,17 @@ class Session:
     def _update(self, now: float, effects: Effects) -> None:
         """Tell the edge server about the vehicle: on a change, and every so often."""
         vehicle = self.vehicle
-        change = (vehicle.link_state(now), vehicle.snapshot.armed, vehicle.mode, self._mission_id)
-        due = self._updated_at is None or now - self._updated_at >= UPDATE_EVERY_S
+        change = (
+            *(vehicle.link_state(now), vehicle.snapshot.armed, vehicle.mode, self._mission_id),
+            *(vehicle.warning, registry.stale(vehicle, now)),
+        )
+        every_s = UPDATE_EVERY_S if vehicle.is_heard(now) else UPDATE_LOST_EVERY_S
+        due = self._updated_at is None or now - self._updated_at >= every_s
         if not due and change == self._last_update:
             return
         self._updated_at, self._last_update = now, change
-        effects.for_edge.append(VehicleUpdate(vehicle.vehicle_id, registry.description(vehicle, self._mission_id, now)))
+        body = registry.description(vehicle, self._mission_id, now)
+        effects.for_edge.append(VehicleUpdate(vehicle.vehicle_id, body))
 
     @property
     def _mission_id(self) -> int | None:

@@ -21,6 +21,7 @@ from mavlink_broker.ground import Ground
 from mavlink_broker.guard import Guard
 from mavlink_broker.key_ring import KeyRing
 from mavlink_broker.protocol.heartbeat import INTERVAL_S, is_vehicle, own_heartbeat
+from mavlink_broker.twins import Twins
 from mavlink_broker.ways import Ways
 
 PEERS_KEPT: Final = 1024
@@ -78,6 +79,7 @@ class Traffic:
         self._autopilots: dict[int, int] = {}
         self._decoders: dict[Address, Decoder] = {}
         self._encoders: dict[Address, Encoder] = {}
+        self._twins = Twins()
         self._greet_at = 0.0
 
     def receive(self, wait_s: float) -> list[Message]:
@@ -110,6 +112,16 @@ class Traffic:
     def asked_of(self, system: int, now: float) -> Collection[int] | None:
         """Messages that ground stations have asked a vehicle for; None: nobody watches."""
         return self._ground.asked_of(system, now)
+
+    def warning_of(self, system: int, now: float) -> str | None:
+        """What somebody should know about the ways to a system."""
+        return self._twins.warning(system, now)
+
+    def forget(self, system: int) -> None:
+        """Begin anew with a system that has long been silent."""
+        self._ways.pop(system, None)
+        self._autopilots.pop(system, None)
+        self._twins.forget(system)
 
     def close(self) -> None:
         """Write down what has not been yet."""
@@ -151,7 +163,18 @@ class Traffic:
         counts = ways.hear(address, now)
         if before not in {None, ways.active}:
             _LOG.info("%s is now heard from %s, not %s", source, ways.active, before)
+        if source.component == self._autopilots[source.system]:
+            self._compare_clocks(message, address, now, counts=counts)
         return counts
+
+    def _compare_clocks(
+        self, message: Message, address: Address, now: float, *, counts: bool
+    ) -> None:
+        """Notice another vehicle with the same system id."""
+        if counts:
+            self._twins.here(message, now)
+        elif self._twins.elsewhere(message, address, now):
+            _LOG.warning("%s", self._twins.warning(source_of(message).system, now))
 
     def _is_new_vehicle(self, message: Message, source: Source) -> bool:
         if source.system in {0, self._config.system_id}:

@@ -15,10 +15,17 @@ from mavlink_broker.translation.families import GENERIC, Family, family_of
 from mavlink_broker.translation.loan import Loan
 from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.translation.observations import Observations
+from mavlink_broker.translation.situation import Home
 from mavlink_broker.translation.telemetry import Snapshot
 
 AGED: Final = frozenset({"GLOBAL_POSITION_INT", "ATTITUDE", "BATTERY_STATUS", "MISSION_CURRENT"})
 """Messages whose age is kept: what is told of a vehicle must not look fresher than it is."""
+
+HOME_PATIENCE_S: Final = 20.0
+"""How long a vehicle that stands may take to tell its home; some never do."""
+
+OF_THE_PAST: Final = frozenset({"CAMERA_IMAGE_CAPTURED"})
+"""Their times are of what they tell of, which may be long ago."""
 
 
 @dataclass(slots=True)
@@ -38,6 +45,7 @@ class Vehicle:
     software_version: int = 0  # AUTOPILOT_VERSION.flight_sw_version, once it has told it
     kind: int | None = None  # MAV_TYPE
     autopilot: int | None = None  # MAV_AUTOPILOT
+    warning: str | None = None  # What somebody should know about its link
     loan: Loan = field(default_factory=Loan)  # What a plan's fence has changed on it
     parameters: ParameterKeeper = field(default_factory=ParameterKeeper)  # What is borrowed of it
     refused_items: set[int] = field(default_factory=set)  # MAV_CMD that no mission of it may hold
@@ -61,7 +69,9 @@ class Vehicle:
         self._words.receive(message, now)
         if kind in AGED:
             self._heard_at[kind] = now
-        boot_ms: int | None = getattr(message, "time_boot_ms", None)
+        boot_ms: int | None = None
+        if kind not in OF_THE_PAST:
+            boot_ms = getattr(message, "time_boot_ms", None)
         rebooted = boot_ms is not None and self._reboots.sample(kind, boot_ms, now)
         if rebooted:
             self._heard_at.clear()
@@ -81,6 +91,11 @@ class Vehicle:
         return self.link.state(now) is not LinkState.LOST
 
     @property
+    def version(self) -> str | None:
+        """Version of its firmware, once it has told it."""
+        return version(self.software_version)
+
+    @property
     def mode(self) -> str:
         """Name of its flight mode."""
         return self.family.mode_name(self.snapshot.base_mode, self.snapshot.custom_mode)
@@ -95,6 +110,20 @@ class Vehicle:
         """How it puts integers into the messages of the parameter protocol."""
         return encoding_of(self.capabilities, self.family.parameter_encoding)
 
+    def assume_home(self, now: float, homeless_since: float | None) -> float | None:
+        """Take the place where it stands for home if it does not tell; gives since when it lacks.
+
+        Its two altitudes differ by home's. Only on the ground, where home is about to be set.
+        """
+        snapshot = self.snapshot
+        stands = snapshot.is_on_ground and self.is_heard(now)
+        if snapshot.home is not None or snapshot.position is None or not stands:
+            return None
+        since = now if homeless_since is None else homeless_since
+        if now - since >= HOME_PATIENCE_S and snapshot.home_amsl_m is not None:
+            snapshot.home = Home(*snapshot.position[:2], snapshot.home_amsl_m)
+        return since
+
     def words_since(self, time: float) -> str | None:
         """Its latest complaints since a time, or None."""
         return "; ".join(self._words.since(time)) or None
@@ -103,3 +132,10 @@ class Vehicle:
         """How old its newest message of a kind is (one of AGED); None: it has told none."""
         heard_at = self._heard_at.get(kind)
         return None if heard_at is None else now - heard_at
+
+
+def version(number: int) -> str | None:
+    """Read AUTOPILOT_VERSION.flight_sw_version: major, minor and patch in its upper bytes."""
+    if number == 0:
+        return None
+    return ".".join(str(number >> shift & 0xFF) for shift in (24, 16, 8))

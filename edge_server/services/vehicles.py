@@ -1,6 +1,8 @@
 """The registry: which vehicles there are and what was last said of each."""
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field
 
 from afarcloud.model import Model
 from afarcloud.numbers import (
@@ -12,6 +14,7 @@ from afarcloud.numbers import (
     Number,
     ShortText,
     Time,
+    json_number,
 )
 from edge_server.services.attempts import repeatable
 from edge_server.services.context import Context, Precondition, show_time, unconditionally
@@ -20,9 +23,15 @@ from edge_server.store import vehicles, work
 from edge_server.store.locks import WORK, of_vehicle
 from edge_server.store.vehicles import StoredVehicle
 
+Age = Annotated[float, Field(ge=0), BeforeValidator(json_number)]
+
 
 class VehicleState(Model):
-    """What a broker says of a vehicle; altitude in metres above home."""
+    """What a broker says of a vehicle; altitude in metres above home.
+
+    `position_age` is how old the position was then, in seconds; `stale` names what has not been
+    told for some time.
+    """
 
     link_state: Literal["connected", "stale", "lost"]
     autopilot: Literal["px4", "ardupilot", "generic"] | None = None
@@ -33,6 +42,11 @@ class VehicleState(Model):
     altitude: Number | None = None
     battery_percentage: Fraction | None = None
     mission_id: Int32 | None = None
+    family: ShortText | None = None
+    version: ShortText | None = None
+    position_age: Age | None = None
+    stale: Annotated[tuple[ShortText, ...], Field(max_length=16)] | None = None
+    warning: ShortText | None = None
     recorded_at: Time | None = None
 
 

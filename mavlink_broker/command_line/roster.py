@@ -24,7 +24,7 @@ def row(vehicle: Vehicle, now: float) -> dict[str, Any]:
         _name("MAV_AUTOPILOT", vehicle.autopilot),
         _name("MAV_TYPE", vehicle.kind),
         vehicle.family.name,
-        version(vehicle.software_version),
+        vehicle.version,
         vehicle.link_state(now).value,
         None if snapshot.armed is None else vehicle.mode,
         snapshot.armed,
@@ -34,13 +34,6 @@ def row(vehicle: Vehicle, now: float) -> dict[str, Any]:
         snapshot.battery_fraction,
     )
     return dict(zip(COLUMNS, values, strict=True))
-
-
-def version(number: int) -> str | None:
-    """Read AUTOPILOT_VERSION.flight_sw_version: major, minor and patch in its upper bytes."""
-    if number == 0:
-        return None
-    return ".".join(str(number >> shift & 0xFF) for shift in (24, 16, 8))
 
 
 def page(rows: Iterable[dict[str, Any]]) -> Iterator[str]:

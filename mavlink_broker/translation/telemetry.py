@@ -56,6 +56,7 @@ class Snapshot:
     position: Position | None = None
     attitude: Attitude | None = None
     home: Home | None = None
+    home_amsl_m: float | None = None  # By its two altitudes, should it never tell its home
     battery_fraction: float | None = None
     battery_capacity_ah: float | None = None
     landed_state: int = mavlink.MAV_LANDED_STATE_UNDEFINED
@@ -91,6 +92,7 @@ def _global_position(snapshot: Snapshot, message: Message) -> None:
     snapshot.time_s = message.time_boot_ms / 1e3
     if not _is_place(message.lat, message.lon):
         return
+    snapshot.home_amsl_m = (message.alt - message.relative_alt) / 1e3
     snapshot.position = Position(
         latitude_deg=message.lat / 1e7,
         longitude_deg=message.lon / 1e7,

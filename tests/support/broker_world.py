@@ -3,6 +3,7 @@
 import random
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from itertools import count
 from typing import Any
 
@@ -53,6 +54,12 @@ class Air:
         self._random = random.Random(seed)
         self._to_broker: list[tuple[Address, bytes]] = []
         self._cameras_beat_at = 0.0
+        self._delays_s: dict[int, float] = {}
+        self._on_the_way: list[tuple[float, Callable[[], None]]] = []
+
+    def delay(self, vehicle: ScriptedVehicle, seconds: float) -> None:
+        """Let a vehicle's frames take so long from now on, in each direction."""
+        self._delays_s[id(vehicle)] = seconds
 
     def step(self) -> None:
         if self._clock.now >= self._cameras_beat_at:
@@ -61,7 +68,18 @@ class Air:
                 camera.heartbeat()
         for address, vehicle in self.vehicles.items():
             for frame in vehicle.step(self._clock.now):
-                self.to_broker(address, frame)
+                self._later(vehicle, partial(self.to_broker, address, frame))
+        due = [arrive for at, arrive in self._on_the_way if at <= self._clock.now]
+        self._on_the_way = [one for one in self._on_the_way if one[0] > self._clock.now]
+        for arrive in due:
+            arrive()
+
+    def _later(self, vehicle: ScriptedVehicle, arrive: Callable[[], None]) -> None:
+        delay_s = self._delays_s.get(id(vehicle))
+        if delay_s is None:
+            arrive()
+        else:
+            self._on_the_way.append((self._clock.now + delay_s, arrive))
 
     def to_broker(self, address: tuple[str, int], frame: bytes) -> None:
         if self._random.random() >= self._loss:
@@ -74,9 +92,11 @@ class Air:
 
     def send(self, address: Address, frame: bytes) -> None:
         self.sent.append((address, frame))
-        vehicle = self.vehicles[address.host, address.port]
+        vehicle = self.vehicles.get((address.host, address.port))
+        if vehicle is None:
+            return
         if self._random.random() >= self._loss and not vehicle.silent:
-            vehicle.receive(frame, self._clock.now)
+            self._later(vehicle, lambda: vehicle.receive(frame, self._clock.now))
             if (address.host, address.port) in self.cameras:
                 self.cameras[address.host, address.port].receive(frame)
 

@@ -49,6 +49,10 @@ class ScriptedStreams:
         for name in _GROUPS.get(message.req_stream_id, ()):
             self._set(name, 1.0 / message.req_message_rate, now)
 
+    def stop(self, name: str) -> None:
+        """Send one no more."""
+        self._periods[name] = math.inf
+
     def due(self, now: float) -> list[str]:
         """Names of what is to be sent now."""
         names = [name for name, at in self._due_at.items() if now >= at]

@@ -78,6 +78,7 @@ class ScriptedVehicle:
         self.commands: list[int] = []
         self.parameters: list[tuple[int, tuple[float, ...]]] = []
         self.silent = False
+        self.deaf_to_intervals = False
         self.settings = dict(script.settings)
         self.written: list[tuple[str, float]] = []  # Parameters, as they were set
         self.yaw_rad = -math.pi / 2
@@ -87,6 +88,7 @@ class ScriptedVehicle:
         self.circle: Circle | None = None
         self.ill = 0  # MAV_SYS_STATUS_SENSOR that are not healthy
         self.targets = 0  # FOLLOW_TARGET heard
+        self.last_target = HOME[:2]
         self._booted_at = booted_at
         self._now = booted_at
         self._decoder = Decoder()
@@ -167,6 +169,15 @@ class ScriptedVehicle:
         self.missions.drop_transfer()
         self.mission_state = mavlink.MISSION_STATE_NOT_STARTED
         self.current = 0
+
+    def stop_stream(self, name: str) -> None:
+        """Send a message no more until it is asked for again."""
+        self._streams.stop(name)
+
+    def renumber(self, system: int) -> None:
+        """Be another system from now on."""
+        self.system = system
+        self._encoder = Encoder(system, 1)
 
     def set_mode(self, custom_mode: int) -> None:
         """Change the mode as a pilot would."""
@@ -284,6 +295,7 @@ class ScriptedVehicle:
                 self._command(message)
             case "FOLLOW_TARGET":
                 self.targets += 1
+                self.last_target = message.lat / 1e7, message.lon / 1e7
             case "REQUEST_DATA_STREAM":
                 self._streams.ask_group(message, self._now)
             case "PARAM_SET":
@@ -426,7 +438,7 @@ class ScriptedVehicle:
                 self._set_current(int(message.param1))
             case mavlink.MAV_CMD_REQUEST_MESSAGE:
                 self._requested(int(message.param1))
-            case mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
+            case mavlink.MAV_CMD_SET_MESSAGE_INTERVAL if not self.deaf_to_intervals:
                 self._streams.ask(int(message.param1), message.param2, self._now)
             case _:
                 self._fly_live(message)

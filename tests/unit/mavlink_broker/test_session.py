@@ -18,7 +18,7 @@ from tests.support.broker_world import (
     takeoff,
     waypoint,
 )
-from tests.support.scripted_vehicle import ARDUPILOT, PX4, Script
+from tests.support.scripted_vehicle import ARDUPILOT, HOME, PX4, Script
 
 RESULT_PATHS = frozenset({"/pose/", "/battery/", "/mission_report/"})
 
@@ -152,13 +152,18 @@ class TestWaiting:
             "not ready after 60 s: it is not ready to arm (Preflight Fail: no GPS)"
         )
 
-    def test_for_a_home_that_is_never_told_ends_too(self) -> None:
+    def test_for_a_home_that_is_never_told_ends_where_the_vehicle_stands(self) -> None:
+        """Its two altitudes differ by home's; on the ground it stands where home will be."""
         world = World()
-        vehicle = world.add_vehicle(script=dataclasses.replace(PX4, has_home=False))
+        world.add_vehicle(script=dataclasses.replace(PX4, has_home=False))
         world.edge.plan(first_flight())
-        world.run_until_over(1201, within_s=70.0)
-        assert "its home is not known" in world.edge.reports(1201)[-1]["message"]
-        assert vehicle.uploads == 0
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+        assert world.app.sessions[1].vehicle.snapshot.home == (
+            pytest.approx(HOME[0]),
+            pytest.approx(HOME[1]),
+            pytest.approx(HOME[2]),
+        )
 
     def test_for_a_vehicle_that_is_never_heard_ends_too(self) -> None:
         world = World()

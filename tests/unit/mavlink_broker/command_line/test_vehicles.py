@@ -13,9 +13,9 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
-from mavlink_broker.command_line.roster import COLUMNS, page, row, version
+from mavlink_broker.command_line.roster import COLUMNS, page, row
 from mavlink_broker.protocol.route import Route
-from mavlink_broker.vehicle import Vehicle
+from mavlink_broker.vehicle import Vehicle, version
 from tests.support.broker_world import ARDUPILOT, World
 from tests.support.scripted_vehicle import PX4, ScriptedVehicle
 from tests.unit.mavlink_broker.test_main import fly as live

@@ -1,0 +1,229 @@
+"""Missions on vehicles that have the habits of PX4 and ArduPilot, in simulated time."""
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from afarcloud.enumerations import Status
+from mavlink_broker.dialect import mavlink
+from tests.support.broker_world import (
+    FINISHED,
+    World,
+    first_flight,
+    go_home,
+    mission,
+    takeoff,
+    waypoint,
+)
+from tests.support.real_autopilots import COPTER_3_6, COPTER_4_6, PX4_1_14, PX4_1_17
+from tests.support.scripted_vehicle import (
+    COPTER_AUTO,
+    COPTER_GUIDED,
+    PX4_MISSION,
+    PX4_POSITION,
+    Script,
+)
+
+PLANS = Path(__file__).parents[3] / "examples" / "plans"
+ALL = {"px4 1.14": PX4_1_14, "px4 1.17": PX4_1_17, "copter 3.6": COPTER_3_6, "copter": COPTER_4_6}
+AUTOPILOTS = pytest.mark.parametrize("script", list(ALL.values()), ids=list(ALL))
+PX4S = pytest.mark.parametrize("script", [PX4_1_14, PX4_1_17], ids=["1.14", "1.17"])
+COPTERS = pytest.mark.parametrize("script", [COPTER_3_6, COPTER_4_6], ids=["3.6", "4.6"])
+
+
+def flown(script: Script, plan: Any = None, *, loss: float = 0.0) -> World:
+    """A world in which one mission is over."""
+    world = World(loss=loss)
+    world.add_vehicle(script=script)
+    work = first_flight() if plan is None else plan
+    world.edge.plan(work)
+    world.run_until_over(work["mission_id"], within_s=900.0)
+    return world
+
+
+def reason(world: World) -> str:
+    return str(world.edge.reports(1201)[-1]["message"])
+
+
+class TestEveryAutopilot:
+    @AUTOPILOTS
+    @pytest.mark.parametrize("name", ["first_flight", "eleven_commands"])
+    def test_flies_the_example_plans(self, script: Script, name: str) -> None:
+        document = json.loads((PLANS / f"{name}.json").read_text(encoding="utf-8"))
+        plan = document.get("plan", document)["missions"][0]
+        world = flown(script, plan)
+        report = world.edge.reports(plan["mission_id"])[-1]
+        assert report["mission_status_id"] == Status.FINISHED, report
+        assert not world.only_vehicle.armed
+
+    @AUTOPILOTS
+    def test_flies_over_a_link_that_loses_a_fifth_each_way(self, script: Script) -> None:
+        assert flown(script, loss=0.2).edge.statuses(1201) == FINISHED
+
+    @AUTOPILOTS
+    def test_keeps_fractions_radians_and_no_pitch_and_is_believed(self, script: Script) -> None:
+        """What an autopilot rounds, turns or drops in storage is its way, and no difference."""
+        plan = mission(
+            takeoff(yaw_angle=-90.0, minimum_pitch=7.5),
+            waypoint(hold_time=2.5, desired_yaw_angle=359.9),
+            go_home(),
+        )
+        assert flown(script, plan).edge.statuses(1201) == FINISHED
+
+    @AUTOPILOTS
+    def test_flies_one_mission_after_another(self, script: Script) -> None:
+        """The second begins at its first item, whatever the vehicle remembers of the first."""
+        world = World()
+        vehicle = world.add_vehicle(script=script)
+        for number in (1, 2):
+            world.edge.plan(first_flight(mission_id=number))
+            world.run_until_over(number)
+            assert world.edge.statuses(number) == FINISHED
+        assert vehicle.uploads == 2
+
+    @AUTOPILOTS
+    def test_may_work_on_a_command_for_some_time(self, script: Script) -> None:
+        slow = frozenset({mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_MISSION_START})
+        world = flown(dataclasses.replace(script, in_progress=slow))
+        assert world.edge.statuses(1201) == FINISHED
+
+    @AUTOPILOTS
+    def test_tells_everything_again_after_a_restart(self, script: Script) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=script)
+        world.run(20.0)
+        vehicle.reboot(world.clock.now)
+        world.run(8.0)
+        ages = {
+            name: world.app.sessions[1].vehicle.age_s(name, world.clock.now)
+            for name in ("GLOBAL_POSITION_INT", "ATTITUDE", "BATTERY_STATUS", "MISSION_CURRENT")
+        }
+        assert all(age is not None and age < 2.0 for age in ages.values()), ages
+
+
+class TestPx4:
+    @PX4S
+    def test_is_taken_to_a_mode_that_it_arms_in(self, script: Script) -> None:
+        """Without a remote control it is not ready to arm in a mode that is flown by one."""
+        world = World()
+        vehicle = world.add_vehicle(script=script)
+        vehicle.set_mode(PX4_POSITION)
+        world.edge.plan(first_flight())
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+
+    @PX4S
+    def test_that_accepts_a_mission_and_finds_it_infeasible_is_not_flown(
+        self, script: Script
+    ) -> None:
+        world = flown(dataclasses.replace(script, is_infeasible=True))
+        assert world.edge.status(1201) == Status.FAILED
+        assert "Mission rejected: takeoff altitude too low!" in reason(world)
+        assert not world.only_vehicle.airborne
+
+    def test_that_tells_of_an_infeasible_mission_is_not_even_armed(self) -> None:
+        world = flown(dataclasses.replace(PX4_1_17, is_infeasible=True))
+        assert mavlink.MAV_CMD_COMPONENT_ARM_DISARM not in world.only_vehicle.commands
+
+    @PX4S
+    def test_whose_checks_still_run_is_armed_when_they_are_done(self, script: Script) -> None:
+        slow = dataclasses.replace(script, ready_to_arm_after_s=12.0)
+        assert flown(slow).edge.statuses(1201) == FINISHED
+
+    def test_that_begins_to_count_anew_at_the_end_has_finished(self) -> None:
+        script = dataclasses.replace(PX4_1_17, current_goes_to_0_at_the_end=True)
+        assert flown(script).edge.statuses(1201) == FINISHED
+
+    @PX4S
+    def test_lands_by_leaving_the_mission_and_disarms_later(self, script: Script) -> None:
+        world = flown(dataclasses.replace(script, disarms_after_s=6.0))
+        assert world.edge.statuses(1201) == FINISHED
+        assert not world.only_vehicle.armed
+
+    @PX4S
+    def test_is_not_turned_to_north_by_a_hold(self, script: Script) -> None:
+        world = flown(script, mission(takeoff(), waypoint()))
+        hold = world.only_vehicle.items[-1]
+        assert hold.command == mavlink.MAV_CMD_NAV_LOITER_UNLIM
+        assert hold.param4 != hold.param4, "NaN: the heading that it has"
+
+
+class TestArduPilot:
+    @COPTERS
+    def test_is_armed_in_guided_and_begins_from_there(self, script: Script) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=script)
+        vehicle.set_mode(COPTER_AUTO)
+        world.edge.plan(first_flight())
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+        modes = [
+            values[1]
+            for command, values in vehicle.parameters
+            if command == mavlink.MAV_CMD_DO_SET_MODE
+        ]
+        assert modes[0] == COPTER_GUIDED
+
+    @COPTERS
+    def test_whose_checks_fail_says_which(self, script: Script) -> None:
+        refused = dataclasses.replace(
+            script, arms_in=frozenset(), arming_complaint="PreArm: Compass not calibrated"
+        )
+        world = flown(refused)
+        assert world.edge.status(1201) == Status.FAILED
+        assert "PreArm: Compass not calibrated" in reason(world)
+        assert world.only_vehicle.uploads == 1
+
+    def test_that_sends_little_unasked_is_asked(self) -> None:
+        for script in (COPTER_4_6, COPTER_3_6):
+            world = World()
+            world.add_vehicle(script=script)
+            world.run(30.0)
+            snapshot = world.app.sessions[1].vehicle.snapshot
+            assert snapshot.position is not None
+            assert snapshot.battery_fraction == pytest.approx(0.8)
+            assert world.edge.bodies("/state_vector/")
+
+    def test_holds_a_mixture_after_a_broken_transfer_and_gets_a_whole_one(self) -> None:
+        """Its store is not atomic: what was broken off lies over the mission before."""
+        world = World()
+        vehicle = world.add_vehicle(script=COPTER_4_6)
+        world.edge.plan(
+            mission(takeoff(), *(waypoint(i, 5.0 * i) for i in range(2, 9)), go_home(9))
+        )
+        world.run_until(lambda: len(vehicle.items) > 4)
+        vehicle.silent = True
+        world.run(9.0)
+        vehicle.silent = False
+        world.run_until_over(1201)
+        assert world.edge.status(1201) == Status.FINISHED
+        assert len(vehicle.items) == 12
+
+    @COPTERS
+    def test_is_no_plane(self, script: Script) -> None:
+        """The numbers of a plane's modes mean other things: none is ever sent."""
+        plane = dataclasses.replace(script, vehicle_type=mavlink.MAV_TYPE_FIXED_WING)
+        world = World()
+        vehicle = world.add_vehicle(script=plane)
+        world.edge.plan(first_flight())
+        world.run(30.0)
+        assert world.app.sessions[1].vehicle.family.name == "ardupilot-other"
+        assert mavlink.MAV_CMD_DO_SET_MODE not in vehicle.commands
+        assert mavlink.MAV_CMD_MISSION_START in vehicle.commands
+
+
+class TestAPausedMission:
+    def test_goes_on_in_the_mission_mode_of_px4(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=PX4_1_17)
+        world.edge.plan(first_flight())
+        world.run_until(lambda: vehicle.airborne)
+        world.run(3.0)
+        vehicle.set_mode(4 << 16 | 3 << 24)
+        world.run(30.0)
+        vehicle.set_mode(PX4_MISSION)
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED

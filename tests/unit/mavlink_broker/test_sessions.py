@@ -1,0 +1,257 @@
+"""Many vehicles, odd ones among them, and what is told of each, in simulated time."""
+
+import dataclasses
+import math
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from afarcloud.enumerations import Status
+from mavlink_broker.codec import Encoder
+from mavlink_broker.dialect import Message, mavlink
+from tests.support.broker_world import FINISHED, World, first_flight
+from tests.support.real_autopilots import COPTER_4_6, PX4_1_17
+from tests.support.scripted_vehicle import PX4, Script, ScriptedVehicle
+
+ELSEWHERE = ("198.51.100.7", 40_000)
+
+
+def registered(world: World, vehicle_id: int = 1) -> dict[str, Any]:
+    """What was last told of a vehicle."""
+    return dict(world.edge.bodies(f"/vehicles/{vehicle_id}")[-1])
+
+
+def heartbeat(kind: int = mavlink.MAV_TYPE_QUADROTOR, autopilot: int = 12) -> Message:
+    return mavlink.MAVLink_heartbeat_message(kind, autopilot, 81, 0, 4, 3)
+
+
+class TestTheRegistry:
+    def test_tells_family_version_and_the_age_of_the_position(self) -> None:
+        world = World()
+        world.add_vehicle(script=COPTER_4_6)
+        world.run(12.0)
+        told = registered(world)
+        assert told["family"] == "ardupilot"
+        assert told["position_age"] <= 1.0
+        assert told["stale"] == []
+        assert told["warning"] is None
+
+    def test_shows_a_frozen_position_as_old_while_the_vehicle_is_heard(self) -> None:
+        """Its heart beats and its position stands still: nothing about it looks fresh."""
+        world = World()
+        vehicle = world.add_vehicle(script=COPTER_4_6)
+        world.run(10.0)
+        vectors = len(world.edge.bodies("/state_vector/"))
+        vehicle.deaf_to_intervals = True
+        vehicle.stop_stream("position")
+        world.run(10.0)
+        told = registered(world)
+        assert told["link_state"] == "connected"
+        assert told["stale"] == ["position"]
+        assert told["position_age"] > 5.0
+        assert len(world.edge.bodies("/state_vector/")) - vectors <= 6
+
+    def test_names_everything_stale_when_the_link_is_not_connected(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle()
+        world.run(5.0)
+        vehicle.silent = True
+        world.run(3.0)
+        told = registered(world)
+        assert told["link_state"] == "stale"
+        assert told["stale"] == ["position", "attitude", "battery"]
+        world.run(5.0)
+        assert registered(world)["link_state"] == "lost"
+        assert registered(world)["latitude"] == pytest.approx(40.4434)
+
+    def test_is_not_told_the_same_of_a_lost_vehicle_again_and_again(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle()
+        world.run(5.0)
+        vehicle.silent = True
+        world.run(10.0)
+        before = len(world.edge.bodies("/vehicles/1"))
+        world.run(60.0)
+        assert len(world.edge.bodies("/vehicles/1")) - before <= 3
+
+
+class TestALostLink:
+    def test_that_comes_back_has_everything_asked_for_again(self) -> None:
+        """What was reset meanwhile, or belongs to another radio, is not known."""
+        world = World()
+        vehicle = world.add_vehicle(script=COPTER_4_6)
+        world.run(10.0)
+        vehicle.silent = True
+        world.run(20.0)
+        for name in ("position", "attitude", "mission"):
+            vehicle.stop_stream(name)
+        vehicle.silent = False
+        world.run(5.0)
+        assert registered(world)["stale"] == []
+        assert registered(world)["position_age"] < 1.0
+
+
+class TestManyVehicles:
+    def test_of_all_families_fly_at_once(self) -> None:
+        world = World()
+        scripts = (PX4, PX4_1_17, COPTER_4_6, Script(autopilot=mavlink.MAV_AUTOPILOT_GENERIC))
+        for system, script in enumerate(scripts, start=1):
+            world.add_vehicle(system, script)
+            world.edge.plan(first_flight(mission_id=system, vehicle_id=system))
+        for system in range(1, len(scripts) + 1):
+            world.run_until_over(system)
+            assert world.edge.statuses(system) == FINISHED
+
+    def test_a_flood_from_one_and_a_slow_link_to_another_delay_nobody(self) -> None:
+        """One says 2,000 things a second, one answers after 1.5 s; the third flies as ever."""
+        alone = World()
+        alone.add_vehicle(3)
+        alone.edge.plan(first_flight(vehicle_id=3))
+        alone.run_until_over(1201)
+        world = World()
+        flooding, slow = world.add_vehicle(1), world.add_vehicle(2)
+        world.air.delay(slow, 0.75)
+        world.add_vehicle(3)
+        flood = Encoder(1, 1)
+        noise = mavlink.MAVLink_vfr_hud_message(1.0, 2.0, 3, 4, 5.0, 6.0)
+        address = next(a for a, v in world.air.vehicles.items() if v is flooding)
+        for system in (2, 3):
+            world.edge.plan(first_flight(mission_id=1200 + system, vehicle_id=system))
+        while (world.edge.status(1203) or 0) < Status.FINISHED:
+            for _ in range(40):
+                world.air.to_broker(address, flood.encode(noise))
+            world.tick()
+        assert world.clock.now <= alone.clock.now + 0.5
+        world.run_until_over(1202)
+        assert world.edge.statuses(1202) == FINISHED
+
+
+class TestOddOnes:
+    def test_a_scan_of_all_numbers_is_survived_and_forgotten(self) -> None:
+        world = World()
+        world.add_vehicle(1, dataclasses.replace(PX4, item_time_s=0.3))
+        for system in range(256):
+            world.air.to_broker(ELSEWHERE, Encoder(system, 1).encode(heartbeat()))
+        world.edge.plan(first_flight())
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+        assert len(world.app.sessions) <= 255
+        for _ in range(160):
+            world.clock.now += 0.5
+            world.air.step()
+            world.app.step(0.0)
+        assert set(world.app.sessions) == {1}
+
+    @pytest.mark.parametrize(
+        ("kind", "autopilot", "component"),
+        [
+            (mavlink.MAV_TYPE_GCS, 8, 190),
+            (mavlink.MAV_TYPE_GIMBAL, 8, 154),
+            (mavlink.MAV_TYPE_CAMERA, 8, 100),
+            (mavlink.MAV_TYPE_ADSB, 8, 156),
+            (mavlink.MAV_TYPE_ONBOARD_CONTROLLER, 8, 191),
+            (mavlink.MAV_TYPE_GENERIC, 8, 1),
+        ],
+    )
+    def test_what_does_not_fly_is_no_vehicle(
+        self, kind: int, autopilot: int, component: int
+    ) -> None:
+        world = World()
+        world.air.to_broker(ELSEWHERE, Encoder(7, component).encode(heartbeat(kind, autopilot)))
+        world.run(2.0)
+        assert world.app.sessions == {}
+
+    def test_another_vehicle_with_the_same_number_is_told_of_and_not_flown(self) -> None:
+        world = World()
+        world.run(50.0)
+        vehicle = world.add_vehicle(1)
+        other = ScriptedVehicle(1, PX4, booted_at=world.clock.now - 40.0)
+        world.run(0.1)
+        world.air.vehicles[ELSEWHERE] = other
+        world.edge.plan(first_flight())
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+        assert other.commands == []
+        assert vehicle.uploads == 1
+        warning = "another vehicle at 198.51.100.7:40000 has the same system id, 1"
+        assert registered(world)["warning"] == warning
+
+    def test_a_vehicle_behind_a_new_port_flies_on(self) -> None:
+        """A router gave it another port in the middle of its mission."""
+        world = World()
+        vehicle = world.add_vehicle(1)
+        world.edge.plan(first_flight())
+        world.run_until(lambda: vehicle.airborne)
+        world.air.vehicles = {ELSEWHERE: vehicle}
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+        states = [body["link_state"] for body in world.edge.bodies("/vehicles/1")]
+        assert "lost" not in states
+
+    def test_a_vehicle_that_was_given_another_number_is_another_vehicle(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle(1)
+        world.run(5.0)
+        vehicle.renumber(4)
+        world.edge.plan(first_flight(vehicle_id=4))
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+        assert registered(world, 1)["link_state"] == "lost"
+
+
+NUMBERS = st.floats(width=32) | st.sampled_from([math.nan, math.inf, -math.inf, 1e30])
+
+
+def words(signed: int, unsigned: int, number: float) -> list[Message]:
+    """Telemetry that says one odd number everywhere."""
+    byte, short = unsigned & 0xFF, unsigned & 0xFFFF
+    low, little = (signed & 0xFFFF) - 32768, (signed & 0xFF) - 128
+    return [
+        mavlink.MAVLink_heartbeat_message(2, 12, byte, unsigned, byte, 3),
+        mavlink.MAVLink_global_position_int_message(
+            unsigned, signed, signed, signed, signed, low, low, low, short
+        ),
+        mavlink.MAVLink_attitude_message(unsigned, *[number] * 6),
+        mavlink.MAVLink_home_position_message(
+            *[signed] * 3, *[number] * 3, [number] * 4, *[number] * 3
+        ),
+        mavlink.MAVLink_battery_status_message(
+            0, 1, 1, low, [short] * 10, low, signed, signed, little
+        ),
+        mavlink.MAVLink_extended_sys_state_message(byte, byte),
+        mavlink.MAVLink_sys_status_message(
+            *[unsigned] * 3, short, short, low, little, *[short] * 6
+        ),
+        mavlink.MAVLink_mission_current_message(short, short, byte, byte),
+        mavlink.MAVLink_mission_item_reached_message(short),
+        mavlink.MAVLink_system_time_message(unsigned, unsigned),
+        mavlink.MAVLink_param_value_message(b"BAT1_CAPACITY", number, 9, short, short),
+        mavlink.MAVLink_autopilot_version_message(
+            unsigned, unsigned, unsigned, unsigned, unsigned, *[[byte] * 8] * 3, short, short, 0
+        ),
+        mavlink.MAVLink_statustext_message(byte % 8, bytes([byte]) * 50, short, byte),
+        mavlink.MAVLink_command_ack_message(short, byte, byte, signed, 254, 191),
+    ]
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**32 - 1), NUMBERS)
+def test_no_telemetry_ends_the_broker_or_leaves_it_with_what_cannot_be(
+    signed: int, unsigned: int, number: float
+) -> None:
+    """Whatever a vehicle says in flight: what is posted is valid, and the loop goes on."""
+    world = World()
+    vehicle = world.add_vehicle(1, dataclasses.replace(PX4, item_time_s=0.2))
+    world.edge.plan(first_flight())
+    world.run_until(lambda: vehicle.airborne)
+    encoder = Encoder(1, 1)
+    for message in words(signed, unsigned, number):
+        world.air.to_broker(("192.0.2.1", 14581), encoder.encode(message))
+        world.tick()
+    world.run(0.5)
+    for body in (*world.edge.bodies("/state_vector/"), *world.edge.bodies("/pose/")):
+        assert -90 <= body["latitude"] <= 90
+        assert 0 <= body["yaw"] < 360
+        assert all(math.isfinite(v) for v in body.values() if isinstance(v, float))
