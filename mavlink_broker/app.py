@@ -128,7 +128,7 @@ class App:
         now = self._clock.monotonic()
         for message in messages:
             self._dispatch(message, now)
-        for raw in self._edge.take_work():
+        for raw in sorted(self._edge.take_work(), key=_number_of):
             self._take(raw, now)
         for system, outcome in self._jobs.take_finished():
             if system in self._peers:
@@ -236,10 +236,17 @@ class App:
         self._carry_out(effects, peer)
 
     def _take_event(self, work: EventWork, now: float) -> None:
-        """Interrupt a vehicle; what has expired, or is for nobody, is refused."""
+        """Interrupt a vehicle; what has expired, or is for nobody, is refused.
+
+        One that an earlier run has accepted may be for a vehicle that is still to be heard.
+        """
         system = self._config.system_of(work.vehicle_id)
-        peer = None if system is None else self._peers.get(system)
-        expired = work.expires_at is not None and now >= work.expires_at
+        if system is not None and work.was_accepted:
+            peer: _Peer | None = self._peer(system, work.vehicle_id)
+        else:
+            peer = None if system is None else self._peers.get(system)
+        late = work.expires_at is not None and now >= work.expires_at
+        expired = late and not work.was_accepted
         if peer is None or expired:
             reason = "expired" if expired else f"vehicle {work.vehicle_id} is not known"
             self._tell(Acknowledgement(work.work_id, "refused", reason), work.vehicle_id)
@@ -277,3 +284,9 @@ class App:
             key=self._new_ulid(),
         )
         self._edge.post(post)
+
+
+def _number_of(raw: dict[str, Any]) -> int:
+    """Work in the order in which it was given, though events are handed out first."""
+    number = raw.get("id")
+    return number if isinstance(number, int) else 0

@@ -10,10 +10,11 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterable
 from typing import Any, Final
 
-from afarcloud.enumerations import Status
+from afarcloud.enumerations import EventType, Status
 from mavlink_broker import registry
 from mavlink_broker.dialect import Message, mavlink, source_of
 from mavlink_broker.effects import Acknowledgement, Effects, VehicleUpdate
+from mavlink_broker.event_desk import EventDesk, is_abort
 from mavlink_broker.flight import Flight
 from mavlink_broker.giving_back import GivingBack
 from mavlink_broker.interruption import REASONS
@@ -74,6 +75,7 @@ class Session:
         self._capacity: ParameterRead | None = None
         self._alarms = AlarmWatch()
         self._giving_back = GivingBack(vehicle)
+        self._events = EventDesk(vehicle)
         self._waiting: deque[Flight] = deque()
         self._flight: Flight | None = None
         self._hovering = False
@@ -88,7 +90,9 @@ class Session:
     @property
     def state(self) -> State:
         """What the session is doing."""
-        return self._flight.state if self._flight else State.IDLE
+        if self._flight is not None:
+            return self._flight.state
+        return State.LEAVING if self._events.is_leaving else State.IDLE
 
     def is_stranger(self, now: float) -> bool:
         """Whether a vehicle has told no more than that it is there, and is there no more."""
@@ -121,19 +125,53 @@ class Session:
         return self._post_state_vector(now, effects)
 
     def take_event(self, work: EventWork, now: float, effects: Effects) -> None:
-        """Carry out an event on what is flown; what waits behind it falls with an abort."""
-        is_abort = work.event.maximum_speed is None
-        waited = bool(self._waiting)
-        if is_abort:
-            while self._waiting:
-                self._waiting.popleft().abort(REASONS[work.event.event_type_id], effects)
+        """Carry out an event on what is flown, as soon as that is known."""
+        self._events.put(work)
+        self._carry_out_events(now, effects)
+
+    def _carry_out_events(self, now: float, effects: Effects) -> None:
+        for work in self._events.take_due(self._is_too_early, now, effects):
+            self._interrupt(work, now, effects)
+
+    def _is_too_early(self, work: EventWork) -> bool:
+        """Whether it is still to be found out what an earlier run of the broker has begun."""
         if self._flight is not None:
+            resumed = self._flight.is_looked_for
+        else:
+            resumed = bool(self._waiting) and self._is_resumed(self._waiting[0])
+        if self.vehicle.snapshot.armed is None:
+            return resumed or work.was_accepted
+        aborts_now = work.event.event_type_id is EventType.ABORT_MISSION
+        return resumed and not aborts_now
+
+    def _interrupt(self, work: EventWork, now: float, effects: Effects) -> None:
+        """Interrupt what is flown; what waits behind it falls with an abort."""
+        first = self._waiting[0] if self._waiting else None
+        if first is not None and self._is_resumed(first) and self._concerns(work, first):
+            self._next_flight(now, effects)
+        concerned = [flight for flight in self._waiting if self._concerns(work, flight)]
+        if is_abort(work):
+            self._events.give_way(effects)
+            for flight in concerned:
+                self._waiting.remove(flight)
+                flight.abort(REASONS[work.event.event_type_id], effects)
+        if self._flight is not None and self._concerns(work, self._flight):
             self._flight.interrupt(work, now, effects)
             self._close_flight()
-        elif is_abort and waited:
+        elif is_abort(work) and concerned:
             effects.for_edge.append(Acknowledgement(work.work_id, "done"))
+        elif is_abort(work) and work.was_accepted:
+            self._has_flown = True  # What waits was behind it, and has not begun
+            self._events.see_through(work, now, effects)
         else:
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", NO_MISSION))
+
+    def _concerns(self, work: EventWork, flight: Flight) -> bool:
+        """Whether an event is about a mission; one from an earlier run, if that came before."""
+        return not work.was_accepted or flight.work.work_id < work.work_id
+
+    def _is_resumed(self, flight: Flight) -> bool:
+        return flight.work.was_accepted and not self._has_flown
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
         """Take a message of the vehicle's autopilot."""
@@ -146,6 +184,7 @@ class Session:
             self.pictures.receive(message, now, effects)
         if self._capacity is not None:
             self._capacity.receive(message)
+        effects.messages += self._events.receive(message, now)
         effects.messages += self._giving_back.receive(message, now)
         effects.messages += self.vehicle.parameters.receive(message, now)
         if self._flight is not None:
@@ -181,7 +220,8 @@ class Session:
             self.vehicle.is_identified |= self._streams.is_version_settled
             self._read_capacity(now, effects)
             self._watch_hover()
-            effects.messages += self._giving_back.step(now, idle=self._flight is None)
+            self._see_events_through(now, effects)
+            effects.messages += self._giving_back.step(now, idle=self.state is State.IDLE)
             effects.messages += self._keep_parameters(now)
             is_connected = self.vehicle.link_state(now) is LinkState.CONNECTED
             failures = self._alarms.tick(now, is_connected=is_connected)
@@ -196,6 +236,13 @@ class Session:
         connected = self.vehicle.link_state(now) is LinkState.CONNECTED
         if connected and now - self._state_vector_at >= self._state_vector_every_s:
             self._post_state_vector(now, effects)
+
+    def _see_events_through(self, now: float, effects: Effects) -> None:
+        self._carry_out_events(now, effects)
+        was_leaving = self._events.is_leaving
+        self._events.step(now, effects)
+        if was_leaving and not self._events.is_leaving:
+            self._hovering = self._events.leaves_hovering
 
     def _keep_parameters(self, now: float) -> list[Message]:
         """Set what the part of the mission that is flown has borrowed, give back the rest."""
@@ -243,7 +290,9 @@ class Session:
         if self._flight is not None or not self._waiting:
             return
         flight = self._waiting[0]
-        resumed = flight.work.was_accepted and not self._has_flown
+        if self._events.is_before(flight.work.work_id):
+            return
+        resumed = self._is_resumed(flight)
         free = self.vehicle.snapshot.is_on_ground or self._hovering
         if resumed or free or not self.vehicle.is_heard(now):
             self._has_flown = True
