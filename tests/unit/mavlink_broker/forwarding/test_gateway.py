@@ -4,6 +4,8 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mavlink_broker.codec import Decoder, Encoder, encoded_as
 from mavlink_broker.dialect import Source, mavlink
@@ -142,3 +144,21 @@ def test_endless_kinds_of_refused_messages_do_not_fill_memory() -> None:
         passage.say(command(40_000 + number))
     assert len(passage.gateway.refusals.count) <= KINDS_KEPT + 1
     assert passage.gateway.refusals.count.total() == 2 * KINDS_KEPT
+
+
+@given(st.sampled_from(sorted(mavlink.mavlink_map)), st.binary(min_size=1, max_size=255))
+def test_no_message_whatever_is_in_it_breaks_anything(number: int, payload: bytes) -> None:
+    kind = mavlink.mavlink_map[number]
+    payload = payload.ljust(kind.unpacker.size, b"\0")[: min(kind.unpacker.size, 255)]
+    header = bytes((0xFD, len(payload), 0, 0, 0, 255, 190)) + number.to_bytes(3, "little")
+    checksum = mavlink.x25crc(header[1:] + payload + bytes((kind.crc_extra,))).crc
+    frame = header + payload + checksum.to_bytes(2, "little")
+    passage = Passage(vehicles=(1, 2, 3))
+    passage.tenures |= {1: Tenure.MISSION, 2: Tenure.TRANSFER}
+    for message in Decoder(keeps_unknown=True).decode(frame):
+        crossing = passage.gateway.from_ground(message, passage.tenures.keys(), 0.0)
+        for answer in crossing.to_ground:
+            assert heard(answer).get_srcSystem() in {1, 2, 3}
+        for target, passed in crossing.to_vehicles:
+            assert target.system in {1, 2, 3}
+            assert heard(passed).get_srcSystem() == 255
