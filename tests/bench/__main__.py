@@ -2,8 +2,8 @@
 
 `BENCH` chooses what, separated by commas: `flight` (how well it flies, some minutes on both
 cores), `speed` (how fast it is simulated), `system` (the running programs), `links`
-(files over MAVLink), `missions` (their upload), `edge` (what the edge server takes in and sends
-on). Without it, all.
+(files over MAVLink), `missions` (their upload, by a tight client and by the broker), `edge` (what
+the edge server takes in and sends on). Without it, all.
 """
 
 import os
@@ -13,8 +13,21 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Final
 
-from tests.bench import edge, flight_quality, links, mission_upload, simulation, system
+from tests.bench import (
+    broker_upload,
+    edge,
+    flight_quality,
+    links,
+    mission_upload,
+    simulation,
+    system,
+)
 from tests.bench.results import Result, page, write
+
+
+def _missions() -> Iterable[Result]:
+    yield from mission_upload.measure()
+    yield from broker_upload.measure()
 
 
 def _system() -> Iterable[Result]:
@@ -27,7 +40,7 @@ PARTS: Final[Mapping[str, Callable[[], Iterable[Result]]]] = {
     "speed": simulation.measure,
     "system": _system,
     "links": links.measure,
-    "missions": mission_upload.measure,
+    "missions": _missions,
     "edge": edge.measure,
 }
 

@@ -1,0 +1,150 @@
+"""How fast the broker puts a mission onto a vehicle process at SPEED=1, proved, over loopback.
+
+The broker's own protocols and codec, and every message that the vehicle sends meanwhile; the
+vehicle judges the plan and writes it to the disk. Proved by the vehicle's id of the plan, and
+once more by reading every item back.
+"""
+
+import socket
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Final
+
+from mavlink_broker.codec import Decoder, Encoder
+from mavlink_broker.dialect import Message, mavlink
+from mavlink_broker.protocol.mission_upload import MissionUpload, Stored
+from mavlink_broker.protocol.mission_verify import MissionVerify, Verified
+from mavlink_broker.protocol.round_trip import RoundTrip
+from mavlink_broker.protocol.route import Route
+from mavlink_broker.translation.families import OWN
+from mavlink_broker.translation.mission import FlightPlan
+from mavlink_broker.translation.mission_item import waypoint
+from mavlink_broker.translation.read_back import difference
+from tests.bench.results import Result, at_most, percentile
+from tests.conformance.ground_station import vehicle_process
+from tests.support.system import free_ports
+
+RUNS: Final = 10
+ITEMS: Final = 500
+BAR_S: Final = 1.0
+SYSTEM_ID: Final = 1
+ROUTE: Final = Route(254, mavlink.MAV_COMP_ID_ONBOARD_COMPUTER, SYSTEM_ID, 1)
+_PATIENCE_S: Final = 60.0
+_TICK_S: Final = 0.02
+
+
+class BrokerClient:
+    """The broker's protocols on a socket."""
+
+    def __init__(self, own_port: int, vehicle_port: int) -> None:
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind(("127.0.0.1", own_port))
+        self._socket.connect(("127.0.0.1", vehicle_port))
+        self._socket.settimeout(_PATIENCE_S)
+        self._socket.recv(2000)  # The vehicle is there
+        self._socket.settimeout(_TICK_S)
+        self._encoder = Encoder(ROUTE.own_system, ROUTE.own_component)
+        self._decoder = Decoder()
+        self._round_trip = RoundTrip()
+
+    def close(self) -> None:
+        """Give the port back."""
+        self._socket.close()
+
+    def upload(self, plan: FlightPlan) -> int:
+        """Put a plan onto the vehicle; gives its id."""
+        items = plan.messages(SYSTEM_ID, 1)
+        upload = MissionUpload(items, ROUTE, self._round_trip, busy_pause_s=OWN.busy_pause_s)
+        self._run(upload)
+        match upload.outcome:
+            case Stored(opaque_id):
+                return opaque_id
+            case outcome:
+                raise RuntimeError(f"the mission is not on the vehicle: {outcome}")
+
+    def prove(self, plan: FlightPlan, opaque_id: int) -> None:
+        """Have the vehicle prove that it holds a plan: by its id, or with 0 by all its items."""
+
+        def compare(held: Sequence[Message]) -> str | None:
+            return difference(plan, held, OWN)
+
+        verify = MissionVerify(opaque_id, compare, ROUTE, self._round_trip)
+        self._run(verify)
+        if verify.outcome != Verified():
+            raise RuntimeError(f"the mission is not proved: {verify.outcome}")
+
+    def _run(self, activity: MissionUpload | MissionVerify) -> None:
+        end = time.monotonic() + _PATIENCE_S
+        self._send(activity.start(time.monotonic()))
+        while activity.outcome is None:
+            now = time.monotonic()
+            if now > end:
+                raise TimeoutError("the transfer has no end")
+            for message in self._receive():
+                self._send(activity.receive(message, now))
+            self._send(activity.tick(now))
+
+    def _receive(self) -> Sequence[Message]:
+        try:
+            return self._decoder.decode(self._socket.recv(2000))
+        except TimeoutError:
+            return ()
+
+    def _send(self, messages: Sequence[Message]) -> None:
+        for message in messages:
+            self._socket.send(self._encoder.encode(message))
+
+
+def a_plan(height_m: float) -> FlightPlan:
+    """Waypoints in rows."""
+    items = tuple(
+        waypoint(
+            latitude_deg=40.4434 + 5e-6 * (seq % 40),
+            longitude_deg=-3.7382 + 5e-6 * (seq // 40),
+            relative_altitude_m=height_m,
+            acceptance_radius_m=1.0,
+        )
+        for seq in range(ITEMS)
+    )
+    owners = tuple(range(ITEMS))
+    return FlightPlan(
+        items=items,
+        command_of_item=owners,
+        done_item=owners,
+        notes=((),) * ITEMS,
+        first_item=0,
+        ends_on_ground=False,
+    )
+
+
+def measure() -> Iterator[Result]:
+    """Upload and prove missions, over and over."""
+    own, broker, ground = free_ports(3)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        vehicle_process(SYSTEM_ID, 1.0, (own, broker, ground), Path(folder)),
+    ):
+        client = BrokerClient(broker, own)
+        try:
+            yield from _times(client)
+        finally:
+            client.close()
+
+
+def _times(client: BrokerClient) -> Iterator[Result]:
+    by_id, read_back = [], []
+    for run in range(RUNS):
+        plan = a_plan(10.0 + run)
+        started = time.perf_counter()
+        opaque_id = client.upload(plan)
+        client.prove(plan, opaque_id)
+        proved = time.perf_counter()
+        client.prove(plan, 0)
+        by_id.append(proved - started)
+        read_back.append(time.perf_counter() - proved)
+    name = f"mission of {ITEMS} items on the vehicle and verified by the broker, p50"
+    yield at_most(name, percentile(by_id, 50), "s", BAR_S, by_id)
+    name = f"mission of {ITEMS} items read back and compared by the broker, p50"
+    yield at_most(name, percentile(read_back, 50), "s", BAR_S, read_back)
