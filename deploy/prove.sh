@@ -53,9 +53,12 @@ check_isolation
 check_networks
 fly_by_curl "$root/examples/plans/first_flight.json"
 
-say "the broker is killed and made anew at another address, and the tester flies"
+say "the broker is killed and made anew at another address, and a plan is accepted"
 move_broker
-compose --profile tester run --rm tester
+compose --profile acceptance run --rm acceptance
+
+say "the tester's seat"
+compose --profile tester run --rm -T tester </dev/null
 
 say "a new key, and a backup"
 check_new_key
@@ -69,7 +72,7 @@ for profile in "$@"; do
     say "once more with $profile"
     "use_$profile"
     system_up "${with[@]}"
-    compose --profile tester run --rm tester
+    compose --profile acceptance run --rm acceptance
     "check_$profile"
     system_down
     use_nothing_more

@@ -1,6 +1,6 @@
 # What is looked at in the running system; sourced by deploy/prove.sh.
 
-profiles=sim,tester,postgres,mqtt,setup
+profiles=sim,acceptance,tester,postgres,mqtt,setup
 json() { python3 -c "import json, sys; d = json.load(sys.stdin); print($1)"; }
 seconds_since() { python3 -c "import sys, time; print(f'{time.time() - float(sys.argv[1]):.1f} s')" "$1"; }
 key() { cat "$SECRETS_DIR/$1.key"; }

@@ -1,6 +1,6 @@
 # Base images from Debian's packages, and the system's images on top; sourced by deploy/prove.sh.
 
-targets=(edge-server relay broker vehicle cloud tester)
+targets=(edge-server relay broker vehicle cloud tester acceptance)
 
 # The sources of this machine's apt that are Debian's own, as one-line entries.
 debian_sources() {

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 ROOT = Path(__file__).parents[3]
-TARGETS = ("edge-server", "relay", "broker", "vehicle", "cloud", "tester")
+TARGETS = ("edge-server", "relay", "broker", "vehicle", "cloud", "tester", "acceptance")
 
 
 @dataclass

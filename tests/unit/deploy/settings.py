@@ -25,7 +25,8 @@ KNOWN = {
     "broker": _broker(),
     "vehicle": _asked_in("uav_firmware/config.py"),
     "cloud": _asked_in("sim/cloud/__main__.py"),
-    "tester": _asked_in("deploy/acceptance_flight.py") | {"REQUESTS_CA_BUNDLE"},
+    "tester": _asked_in("sim/tester/__main__.py"),
+    "acceptance": _asked_in("deploy/acceptance_flight.py") | {"REQUESTS_CA_BUNDLE"},
 }
 """By target; `requests` listens to the one that no file of ours asks for."""
 ANYWHERE = {"PATH", "PYTHONDONTWRITEBYTECODE", "PYTHONUNBUFFERED", "STATE_DIR"}

@@ -1,4 +1,4 @@
-"""The tester's flight: it says "flown" only of what is flown, delivered, and kept no more."""
+"""The acceptance flight: it says "flown" only of what is flown, delivered, and kept no more."""
 
 import json
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import responses
 
-from deploy import acceptance_flight as tester
+from deploy import acceptance_flight
 from deploy.acceptance_flight import FlightError, System
 
 EDGE, CLOUD = "http://edge-server:8000", "http://cloud:8100"
@@ -51,9 +51,9 @@ class Farm:
 
 @pytest.fixture
 def farm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
-    monkeypatch.setattr(tester, "DELIVERY_S", 0.05)
-    monkeypatch.setattr(tester, "READY_S", 0.05)
-    monkeypatch.setattr(tester, "_LOOK_S", 0.001)
+    monkeypatch.setattr(acceptance_flight, "DELIVERY_S", 0.05)
+    monkeypatch.setattr(acceptance_flight, "READY_S", 0.05)
+    monkeypatch.setattr(acceptance_flight, "_LOOK_S", 0.001)
     with responses.RequestsMock(assert_all_requests_are_fired=False) as http:
         yield Farm(tmp_path, http)
 
@@ -68,7 +68,7 @@ REPORT = record("mission_report", mission_id=1, mission_status_id=FINISHED)
 def test_a_flight_whose_records_are_in_the_cloud_is_flown(farm: Farm) -> None:
     farm.flies(before=7)
     farm.delivers([record("pose"), REPORT], before=7)
-    tester.fly(farm.system, PLAN)
+    acceptance_flight.fly(farm.system, PLAN)
 
 
 @pytest.mark.parametrize(
@@ -86,7 +86,7 @@ def test_what_the_cloud_lacks_is_missed(farm: Farm, records: list[dict[str, Any]
     farm.flies()
     farm.delivers(records)
     with pytest.raises(FlightError, match="the cloud holds"):
-        tester.fly(farm.system, PLAN)
+        acceptance_flight.fly(farm.system, PLAN)
 
 
 def test_what_the_edge_server_still_keeps_is_not_delivered(farm: Farm) -> None:
@@ -95,19 +95,19 @@ def test_what_the_edge_server_still_keeps_is_not_delivered(farm: Farm) -> None:
     farm.edge("/mission_report/", [])
     farm.cloud("/records?after=0", [record("pose"), REPORT])
     with pytest.raises(FlightError, match="the cloud holds"):
-        tester.fly(farm.system, PLAN)
+        acceptance_flight.fly(farm.system, PLAN)
 
 
 def test_a_mission_that_failed_is_told(farm: Farm) -> None:
     farm.flies(status=FAILED)
     with pytest.raises(FlightError, match=r"missions \[1\] did not finish"):
-        tester.fly(farm.system, PLAN)
+        acceptance_flight.fly(farm.system, PLAN)
 
 
 def test_a_vehicle_that_does_not_come_is_waited_for_so_long(farm: Farm) -> None:
     farm.edge("/vehicles/", [{"vehicle_id": 1, "link_state": "lost"}])
     with pytest.raises(FlightError, match="vehicles are connected"):
-        tester.fly(farm.system, PLAN)
+        acceptance_flight.fly(farm.system, PLAN)
 
 
 def test_a_plan_that_is_refused_ends_the_test_with_the_reason(
@@ -117,10 +117,10 @@ def test_a_plan_that_is_refused_ends_the_test_with_the_reason(
     farm.cloud("/", {"counts": {"pose": 0}})
     farm.edge("/plans/", {"message": "no such command"}, "POST", 422)
     (tmp_path / "plan.json").write_text(json.dumps(PLAN))
-    assert tester.main([str(tmp_path / "plan.json")], farm.environment) == 1
+    assert acceptance_flight.main([str(tmp_path / "plan.json")], farm.environment) == 1
     assert "no such command" in capsys.readouterr().err
 
 
 def test_a_file_without_a_plan_ends_the_test(tmp_path: Path) -> None:
     (tmp_path / "plan.json").write_text("{")
-    assert tester.main([str(tmp_path / "plan.json")], {}) == 1
+    assert acceptance_flight.main([str(tmp_path / "plan.json")], {}) == 1

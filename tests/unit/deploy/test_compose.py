@@ -67,7 +67,7 @@ def test_the_profiles_are_those_that_are_promised() -> None:
     profiles = {name: tuple(s["profiles"]) for name, s in SERVICES.items() if "profiles" in s}
     assert set(SERVICES) - set(profiles) == {"edge-server", "relay", "broker"}
     assert {p for group in profiles.values() for p in group} == {
-        "sim", "tester", "postgres", "mqtt", "setup",
+        "sim", "acceptance", "tester", "postgres", "mqtt", "setup",
     }  # fmt: skip
 
 
@@ -134,7 +134,8 @@ def test_a_vehicle_and_the_cloud_are_apart(name: str) -> None:
     if name.startswith("vehicle"):
         assert networks == {"vehicles"}
     assert networks <= set(COMPOSE["networks"])
-    assert ("vehicles" in networks) == (name.startswith("vehicle") or name == "broker")
+    meets_vehicles = name.startswith("vehicle") or name in {"broker", "tester"}
+    assert ("vehicles" in networks) == meets_vehicles
 
 
 def test_nothing_has_a_fixed_address() -> None:
@@ -158,7 +159,7 @@ def test_every_program_is_shut_in(name: str) -> None:
 
 @every_service
 def test_every_server_comes_back_and_is_given_time_to_end(name: str) -> None:
-    if name in {"tester", "setup"}:
+    if name in {"tester", "acceptance", "setup"}:
         assert SERVICES[name].get("restart", "no") == "no"
         return
     assert SERVICES[name]["restart"] == "unless-stopped"
@@ -169,7 +170,7 @@ def test_every_server_comes_back_and_is_given_time_to_end(name: str) -> None:
 def test_state_lies_in_volumes_that_exist_and_that_nobody_else_uses(name: str) -> None:
     volumes = [v for v in SERVICES[name].get("volumes", []) if not v.startswith((".", "$"))]
     assert {volume.split(":")[0] for volume in volumes} <= set(COMPOSE["volumes"])
-    if name in OURS and name not in {"broker", "tester"}:
+    if name in OURS and name not in {"broker", "tester", "acceptance"}:
         assert [volume.split(":")[1] for volume in volumes] == [STATE]
     others = [v for n, s in SERVICES.items() if n != name for v in s.get("volumes", [])]
     assert not set(volumes) & set(others) or name in {"edge-server", "relay"}

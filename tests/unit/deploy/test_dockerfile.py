@@ -128,9 +128,10 @@ def test_every_program_runs_as_nobody_special_and_ends_at_sigterm(target: str) -
     assert STAGES[target].last("STOPSIGNAL") == "SIGTERM"
 
 
-def test_every_program_but_the_tester_has_its_health_check() -> None:
+def test_every_program_that_stays_has_its_health_check() -> None:
     asked = {target: STAGES[target].health for target in TARGETS}
     assert asked.pop("tester") is None
+    assert asked.pop("acceptance") is None
     assert asked == {target: target for target in health.PROGRAMS}
 
 
