@@ -77,11 +77,15 @@ class FlightCore:
     def check_area(self, itinerary: Itinerary) -> None:
         """Hold a mission against its geofence before anything is known of its vehicle.
 
+        One that an earlier run of the broker accepted may be flying: it is not judged anew.
+
         Raises:
             RefusedError: for the first command that leads out.
         """
-        if self._area is not None:
-            self._area.check(self.work.mission, itinerary, start=None, home=None)
+        if self._area is not None and not self.work.was_accepted:
+            self._area.check(
+                self.work.mission, itinerary, start=None, home=None, rally=self.work.rally_spots
+            )
 
     def abort(self, reason: str, effects: Effects) -> None:
         """End a mission that has not taken off."""

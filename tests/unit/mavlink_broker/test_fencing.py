@@ -7,6 +7,7 @@ import pytest
 
 from afarcloud.enumerations import Status
 from mavlink_broker.dialect import mavlink
+from mavlink_broker.session_states import State
 from tests.support.broker_world import (
     FINISHED,
     World,
@@ -171,6 +172,44 @@ def placed(vehicle: FencedVehicle, corners: list[list[float]]) -> None:
         )
         for seq, (latitude, longitude) in enumerate(corners)
     ]
+
+
+class TestInterruptions:
+    """Before the mission, with the fence half way onto the vehicle."""
+
+    def halfway(self) -> tuple[World, FencedVehicle]:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        vehicle.plans[FENCE].script = replace(PX4, lost_acknowledgements=10**6)
+        vehicle.plans[FENCE].busy_until = world.clock.now + 60.0
+        world.run_until(lambda: 1 in world.app.sessions)
+        world.edge.plan(first_flight(), geofence=fence())
+        world.run_until(lambda: world.app.sessions[1].state is State.FENCING)
+        world.run(2.0)
+        return world, vehicle
+
+    def test_an_abort_ends_the_mission_on_the_ground(self) -> None:
+        world, vehicle = self.halfway()
+        event = world.edge.event(1)
+        world.run(2.0)
+        assert world.edge.status(1201) == Status.ABORTED
+        assert world.edge.acknowledgements(event)[-1]["status"] == "done"
+        assert "told to arm" not in vehicle.log
+
+    def test_a_vehicle_that_restarts_is_begun_with_again(self) -> None:
+        world, vehicle = self.halfway()
+        vehicle.reboot(world.clock.now)
+        vehicle.plans[FENCE].drop_transfer()
+        vehicle.plans[FENCE].busy_until = 0.0
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+        assert vehicle.log.count("stored 1") == 1
+
+    def test_a_vehicle_that_vanishes_fails_the_mission_in_the_end(self) -> None:
+        world, vehicle = self.halfway()
+        vehicle.silent = True
+        world.run_until_over(1201)
+        assert world.edge.status(1201) == Status.FAILED
 
 
 class TestGivingBack:
