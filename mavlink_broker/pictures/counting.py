@@ -56,8 +56,8 @@ class PictureCount:
         self._goes_back |= go_back
         self._status = self._status or _Wish()
 
-    def take(self, capture: Capture, *, is_recent: bool) -> bool:
-        """Take an announcement; whether it is news. What is not recent ends the way back."""
+    def take(self, capture: Capture, *, goes_back: bool) -> bool:
+        """Take an announcement; whether it is news. `goes_back`: those before it matter too."""
         number = capture.index
         was_wanted = self._images.pop(number, None) is not None
         if self._heard.get(number) == capture.identity:
@@ -67,7 +67,7 @@ class PictureCount:
             self._images.clear()
             self._first = number
         if self._goes_back and was_wanted and number <= min(self._heard, default=number):
-            self._goes_back = is_recent and number > 0
+            self._goes_back = goes_back and number > 0
             if self._goes_back:
                 self._images[number - 1] = _Wish()
         self._heard[number] = capture.identity
@@ -82,17 +82,24 @@ class PictureCount:
             return
         if self._first is None:
             self._first = image_count
-        if self._goes_back and not self._heard and image_count > 0:
-            self._images.setdefault(image_count - 1, _Wish())
-        elif image_count <= max(self._heard, default=-1) + LARGEST_GAP:
+        if self._goes_back:
+            self._begin_back(image_count)
+        if image_count <= max(self._heard, default=-1) + LARGEST_GAP:
             self._miss_up_to(image_count)
+
+    def _begin_back(self, image_count: int) -> None:
+        newest = min(self._heard, default=image_count) - 1
+        if newest >= 0:
+            self._images.setdefault(newest, _Wish())
 
     def tick(self, now: float) -> tuple[list[Message], list[int]]:
         """Ask again what is overdue; gives the messages, and the numbers that are given up."""
         messages, lost = [], []
         if self._status is not None and now >= self._status.due_at:
             if self._status.attempts >= ATTEMPTS:
-                self._status = None
+                self._status = None  # It keeps no count
+                if self._goes_back and self._heard:
+                    self._begin_back(0)
             else:
                 messages.append(self._request(self._status, now, _STATUS))
         for number in sorted(self._images)[:WINDOW]:

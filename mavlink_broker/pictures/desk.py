@@ -136,14 +136,14 @@ class PictureDesk:
             return
         taken_s = self._taken_s(capture, now, is_live=not camera.is_wanted(capture.index))
         is_recent = self._time_s(now) - taken_s <= RECENT_S
-        is_news = camera.take(capture, is_recent=is_recent) and capture.identity not in self._seen
-        if not is_news:
+        is_of_earlier_run = is_recent and not self._attribution.began_before(taken_s)
+        is_news = camera.take(capture, goes_back=is_of_earlier_run)
+        if not is_news or capture.identity in self._seen:
             return
         self._seen[capture.identity] = None
         if len(self._seen) > IDENTITIES_KEPT:
             self._seen.popitem(last=False)
         taker = self._attribution.attribute(taken_s)
-        is_of_earlier_run = is_recent and not self._attribution.began_before(taken_s)
         if taker is not None or is_of_earlier_run:
             self._fetch(capture, taker)
 

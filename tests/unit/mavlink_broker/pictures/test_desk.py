@@ -296,3 +296,21 @@ def test_strange_numbers_do_no_harm(index: int) -> None:
     flight.land()
     assert flight.world.edge.status(MISSION) == Status.FINISHED
     assert math.isfinite(flight.world.clock.now)
+
+
+def test_announcements_of_the_past_are_no_restart_of_the_vehicle() -> None:
+    flight = Flight(count=4, component=1)
+    flight.camera.heartbeat = lambda: None  # type: ignore[method-assign]  # the autopilot has its own
+    flight.world.run(40.0)
+    flight.until_pictures()
+    flight.vehicle.script = dataclasses.replace(SLOW, item_time_s=120.0)
+    flight.world.kill_broker()
+    for _ in range(4):
+        flight.camera.shoot()
+        flight.world.run(0.3)
+    flight.world.restart_broker()
+    flight.world.run(40.0)
+    flight.camera.shoot()
+    flight.world.run(20.0)
+    assert len(flight.images) == 5
+    assert flight.world.edge.status(MISSION) == Status.RUNNING
