@@ -1,7 +1,9 @@
 """`make demo`: fly an example plan and wait until the cloud holds all that came of it."""
 
 import json
+import os
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +11,10 @@ from sim.console import TERMINAL, Screen
 from sim.farm_client import FarmClient, NotReadyError, RefusedError, rows
 from sim.fleet_plan import for_vehicles
 from sim.launcher import EXAMPLE_PLAN, Stopped, System
+from sim.mosaic.album import write_album
 from sim.settings import Settings
 from sim.supervisor import SupervisorError
+from sim.worlds import DEFAULT
 
 FLIGHT_TIMEOUT_S = 900.0
 DELIVERY_TIMEOUT_S = 60.0
@@ -28,6 +32,7 @@ def run(settings: Settings) -> int:
     with Screen() as screen:
         try:
             plan = read_plan(settings)
+            former = {number: _names(settings, number) for number in settings.started_ids}
             with System(settings, screen) as system:
                 system.wait_until_healthy()
                 arrived = len(system.client.cloud("/records"))
@@ -35,13 +40,36 @@ def run(settings: Settings) -> int:
                 missions = _fly(system, number)
                 _await_delivery(system, missions, arrived)
                 screen.say(f"plan {number}: flown, and the cloud holds every report and result")
+            _show_pictures(settings, former, screen)
         except Stopped:
             screen.say("ERROR stopped before the plan had ended")
             return 1
-        except (SupervisorError, RefusedError) as error:
+        except (SupervisorError, RefusedError, OSError) as error:
             screen.say(f"ERROR {error}")
             return 1
     return 0
+
+
+def _names(settings: Settings, vehicle_id: int) -> frozenset[str]:
+    """Pictures that a vehicle has on its card."""
+    return frozenset(path.name for path in _image_folder(settings, vehicle_id).glob("*.jpg"))
+
+
+def _image_folder(settings: Settings, vehicle_id: int) -> Path:
+    return settings.state_dir / f"vehicle-{vehicle_id}" / "image"
+
+
+def _show_pictures(
+    settings: Settings, former: Mapping[int, frozenset[str]], screen: Screen
+) -> None:
+    """Lay what the flight has photographed on sheets, and say where they are."""
+    for number, names in former.items():
+        out = settings.state_dir / "album" / f"vehicle-{number}"
+        place = os.environ.get("WORLD") or DEFAULT
+        folder = _image_folder(settings, number)
+        album = write_album(number, folder, out, place, without=names)
+        if album is not None:
+            screen.say(f"vehicle {number}: {album.sentence}: {out}")
 
 
 def read_plan(settings: Settings) -> dict[str, Any]:

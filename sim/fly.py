@@ -2,7 +2,7 @@
 
 The real system flies it: edge server, broker, vehicles and mock cloud, on ports of their own
 and with state that is thrown away. What is kept goes to one folder: `report.html`, `report.png`,
-and each vehicle's flight logs and true track.
+and each vehicle's flight logs, true track and pictures.
 """
 
 import json
@@ -20,6 +20,7 @@ from sim.console import TERMINAL, Screen
 from sim.demo import FINISHED, FLIGHT_TIMEOUT_S, DemoError, post, read_plan
 from sim.farm_client import NotReadyError, RefusedError
 from sim.launcher import Stopped, System
+from sim.mosaic.album import Album, write_album
 from sim.report.arrays import ReportError
 from sim.report.figures import Flight, examine
 from sim.report.flight_log import read_logs
@@ -29,8 +30,11 @@ from sim.report.sheet import write_overview, write_sheet
 from sim.report.truth_track import read_truth
 from sim.settings import Settings, from_environment
 from sim.supervisor import SupervisorError
+from sim.worlds import DEFAULT
 
 DISARM_TIMEOUT_S: Final = 30.0
+IMAGE_FOLDER: Final = "image"
+"""Where a vehicle's camera stores its pictures, in the vehicle's folder."""
 _PORTS: Final = ("EDGE_PORT", "CLOUD_PORT", "MAVLINK_PORT", "GCS_PORT")
 _VEHICLE_PORTS: Final = "VEHICLE_PORT_BASE"
 
@@ -170,6 +174,7 @@ def write_report(flown: Flown, settings: Settings, state_dir: Path, out: Path) -
     vehicles = sorted({int(mission["vehicle_id"]) for mission in _missions(flown.plan)})
     flights = [_flight(number, flown.plan, state_dir, out) for number in vehicles]
     title = flown.plan.get("name") or "Flight"
+    albums = [album for number in vehicles if (album := _album(number, state_dir, out))]
     facts = _facts(flown, settings, flights)
     for flight in flights:
         folder = out if len(flights) == 1 else _folder(out, flight.vehicle_id)
@@ -178,7 +183,7 @@ def write_report(flown: Flown, settings: Settings, state_dir: Path, out: Path) -
     if len(flights) > 1:
         write_overview(out / "report.png", title, described(facts), flights)
     report = out / "report.html"
-    report.write_text(page(title, described(facts), flights), encoding="utf-8")
+    report.write_text(page(title, described(facts), flights, albums), encoding="utf-8")
     (out / "plan.json").write_text(json.dumps(flown.plan, indent=2) + "\n", encoding="utf-8")
     return report
 
@@ -196,6 +201,17 @@ def _flight(vehicle_id: int, plan: Mapping[str, Any], state_dir: Path, out: Path
     ]
     truth = read_truth(Path(shutil.copy2(left / "truth.csv", kept / "truth.csv")))
     return examine(vehicle_id, planned_for(plan, vehicle_id, truth.plane), read_logs(logs), truth)
+
+
+def _album(vehicle_id: int, state_dir: Path, out: Path) -> Album | None:
+    """Copy the pictures that a vehicle has taken, and lay them on sheets."""
+    left, kept = state_dir / f"vehicle-{vehicle_id}" / IMAGE_FOLDER, _folder(out, vehicle_id)
+    shutil.rmtree(kept / IMAGE_FOLDER, ignore_errors=True)
+    if not left.is_dir():
+        return None
+    shutil.copytree(left, kept / IMAGE_FOLDER)
+    name = os.environ.get("WORLD") or DEFAULT
+    return write_album(vehicle_id, kept / IMAGE_FOLDER, kept, name, without=frozenset())
 
 
 def _folder(out: Path, vehicle_id: int) -> Path:

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Final
 
+from sim.mosaic.album import Album
 from sim.report.figures import Flight
 from sim.report.sheet import passage_mark, pictures
 from sim.report.summary import summary
@@ -30,9 +31,14 @@ def described(facts: Sequence[tuple[str, str]]) -> str:
     return "; ".join(f"{name} {value}" for name, value in facts)
 
 
-def page(title: str, subtitle: str, flights: Sequence[Flight]) -> str:
-    """Give the page: what there is to know of the run, then a section per vehicle."""
-    sections = "".join(_section(flight) for flight in flights)
+def page(title: str, subtitle: str, flights: Sequence[Flight], albums: Sequence[Album] = ()) -> str:
+    """Give the page: what there is to know of the run, then a section per vehicle.
+
+    Raises:
+        OSError: if a sheet of an album cannot be read.
+    """
+    by_vehicle = {album.vehicle_id: album for album in albums}
+    sections = "".join(_section(each, by_vehicle.get(each.vehicle_id)) for each in flights)
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         f"<title>{escape(title)}</title><style>{_STYLE}</style></head><body>"
@@ -41,7 +47,7 @@ def page(title: str, subtitle: str, flights: Sequence[Flight]) -> str:
     )
 
 
-def _section(flight: Flight) -> str:
+def _section(flight: Flight, album: Album | None) -> str:
     images = "".join(
         f'<img alt="" src="data:image/png;base64,{base64.b64encode(picture).decode()}">'
         for picture in pictures(flight)
@@ -52,8 +58,20 @@ def _section(flight: Flight) -> str:
         f'<div class="columns"><div><h3>Summary</h3>{_table((), summary(flight))}</div>'
         f"<div><h3>Commands</h3>{_commands(flight)}"
         f"<h3>Points of the plan</h3>{_passages(flight)}</div></div>"
-        f"{images}<h3>Events</h3>{_events(flight)}"
+        f"{images}{_pictures(album)}<h3>Events</h3>{_events(flight)}"
     )
+
+
+def _pictures(album: Album | None) -> str:
+    """What the camera saw: the contact sheet, then the map."""
+    if album is None:
+        return ""
+    sheets = [album.contact_sheet, *([] if album.mosaic is None else [album.mosaic.path])]
+    images = "".join(
+        f'<img alt="" src="data:image/jpeg;base64,{base64.b64encode(sheet.read_bytes()).decode()}">'
+        for sheet in sheets
+    )
+    return f"<h3>Pictures</h3><p>{escape(album.sentence)}</p>{images}"
 
 
 def _commands(flight: Flight) -> str:
