@@ -1,0 +1,47 @@
+"""Whom the loop speaks to beside the vehicles: the edge server, and those who do slow work."""
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+from mavlink_broker.jobs import Job, JobFailed, JobOutcome
+from mavlink_broker.send_queue import Post
+
+
+class Edge(Protocol):
+    """The edge server: work comes from it, posts go to it."""
+
+    def take_work(self) -> list[dict[str, Any]]:
+        """Give new work as the edge server wrote it."""
+
+    def post(self, post: Post) -> None:
+        """Leave a post to be sent, in order, until it is answered."""
+
+    @property
+    def waiting_pictures(self) -> int:
+        """How many pictures have not been answered yet."""
+
+
+class Jobs(Protocol):
+    """What is done beside the loop."""
+
+    def put(self, system: int, job: Job) -> None:
+        """Have a job done for a vehicle."""
+
+    def take_finished(self) -> Sequence[tuple[int, JobOutcome]]:
+        """Give what has been done."""
+
+
+class NoJobs:
+    """Does nothing beside the loop."""
+
+    def __init__(self) -> None:
+        self._refused: list[tuple[int, JobOutcome]] = []
+
+    def put(self, system: int, job: Job) -> None:
+        """Refuse a job."""
+        self._refused.append((system, JobFailed(job.number, "nobody is there to do it")))
+
+    def take_finished(self) -> Sequence[tuple[int, JobOutcome]]:
+        """Give what has been refused."""
+        refused, self._refused = self._refused, []
+        return refused
