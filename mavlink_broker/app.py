@@ -21,6 +21,7 @@ from mavlink_broker.protocol.heartbeat import is_vehicle
 from mavlink_broker.protocol.route import Route
 from mavlink_broker.session import Session
 from mavlink_broker.session_states import State
+from mavlink_broker.subject import TRACKED_WORDS as TRACKED
 from mavlink_broker.traffic import Clock, Link, Traffic
 from mavlink_broker.translation.observables import OBSERVED
 from mavlink_broker.vehicle import Vehicle
@@ -33,7 +34,7 @@ STEP_ALL_EVERY_S: Final = 0.015
 """In between only those who have spoken are seen to: twenty vehicles say 500 things a second."""
 AUTOPILOT: Final = 1
 """MAV_COMP_ID_AUTOPILOT1."""
-PAYLOAD_WORDS: Final = frozenset({"COMMAND_ACK", "HEARTBEAT"}) | OBSERVED | PICTURED
+PAYLOAD_WORDS: Final = frozenset({"COMMAND_ACK", "HEARTBEAT"}) | OBSERVED | PICTURED | TRACKED
 """What is taken from a vehicle's other components, such as its camera."""
 
 PICTURES_WAITING: Final = 8

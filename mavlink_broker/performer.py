@@ -14,14 +14,22 @@ import math
 from enum import Enum, auto
 from typing import Final
 
-from mavlink_broker.dialect import Message, mavlink
+from mavlink_broker.dialect import Message
 from mavlink_broker.protocol.command import Accepted, CommandOutcome, Refused
 from mavlink_broker.protocol.command_sequence import CommandSequence, Ways
 from mavlink_broker.series import SeriesRunner
+from mavlink_broker.subject import SubjectTracker
 from mavlink_broker.translation.geo import distance_m
-from mavlink_broker.translation.live import Lasted, LiveAction, Series, Turned, reposition
+from mavlink_broker.translation.live import (
+    Lasted,
+    LiveAction,
+    Series,
+    Tracked,
+    Turned,
+    reposition,
+)
 from mavlink_broker.translation.modes import ModeRole
-from mavlink_broker.translation.situation import Spot
+from mavlink_broker.translation.target import target_message
 from mavlink_broker.turning import Turning
 from mavlink_broker.vehicle import Vehicle
 
@@ -32,7 +40,6 @@ TARGET_EVERY_S: Final = 0.2
 TARGET_SLACK_S: Final = 0.05
 GRACE_S: Final = 5.0
 """How long a departure must last before it is believed."""
-_KNOWN: Final = 3  # FOLLOW_TARGET.est_capabilities: position and velocity
 
 
 class Phase(Enum):
@@ -55,7 +62,7 @@ class Performer:
         self._vehicle = vehicle
         self._sequence: CommandSequence | None = None
         self._turning = Turning(action.end) if isinstance(action.end, Turned) else None
-        self._series: SeriesRunner | None = None
+        self._doing: SeriesRunner | SubjectTracker | None = None
         self._phase_at = 0.0
         self._began_at = 0.0
         self._target_due_at = -math.inf
@@ -63,7 +70,13 @@ class Performer:
         self._was_guided = False
         self.phase = Phase.BORROWING
         self.reason = ""
-        self.note: str | None = None  # What cannot be done as it was meant
+        self._note: str | None = None
+
+    @property
+    def note(self) -> str | None:
+        """What cannot be done as it was meant."""
+        notes = (self._note, None if self._doing is None else self._doing.note)
+        return "; ".join(note for note in notes if note) or None
 
     @property
     def has_begun(self) -> bool:
@@ -99,8 +112,8 @@ class Performer:
     def receive(self, message: Message, now: float) -> list[Message]:
         """Take a message of the vehicle."""
         messages = self._sequence.receive(message, now) if self._sequence else []
-        if self._series is not None and self.phase is Phase.GOING:
-            messages += self._series.receive(message, now)
+        if self._doing is not None and self.phase is Phase.GOING:
+            messages += self._doing.receive(message, now)
         if message.get_type() == "GLOBAL_POSITION_INT":
             self._count_turn()
             messages += self._tell_target(now)
@@ -109,8 +122,8 @@ class Performer:
     def tick(self, now: float) -> list[Message]:
         """Let time pass."""
         messages = self._sequence.tick(now) if self._sequence else []
-        if self._series is not None and self.phase is Phase.GOING:
-            messages += self._series.tick(now)
+        if self._doing is not None and self.phase is Phase.GOING:
+            messages += self._doing.tick(now)
         messages += self._advance(now)
         self._watch(now)
         return messages
@@ -137,8 +150,8 @@ class Performer:
             case Phase.BEGINNING if isinstance(outcome, Accepted):
                 self._note_way()
                 self._go(now)
-            case Phase.GOING if self._series is not None and self._series.reason is not None:
-                return self._fail(self._series.reason)
+            case Phase.GOING if self._doing is not None and self._doing.reason is not None:
+                return self._fail(self._doing.reason)
             case Phase.GOING if self._is_over(now):
                 return self._finish(now)
             case Phase.ENDING if self._is_ended(outcome):
@@ -150,8 +163,11 @@ class Performer:
         return [*self._tell_target(now), *self._order(self._action.begin, now)]
 
     def _go(self, now: float) -> None:
-        if isinstance(self._action.end, Series):
-            self._series = SeriesRunner(self._action.end.steps, self._vehicle)
+        match self._action.end:
+            case Series(steps):
+                self._doing = SeriesRunner(steps, self._vehicle)
+            case Tracked() as end:
+                self._doing = SubjectTracker(end, self._vehicle)
         self._enter(Phase.GOING, now)
 
     def _finish(self, now: float) -> list[Message]:
@@ -179,7 +195,7 @@ class Performer:
         notes = list(self._vehicle.parameters.refusals.values())
         if way < len(self._action.way_notes):
             notes.append(self._action.way_notes[way])
-        self.note = "; ".join(note for note in notes if note) or None
+        self._note = "; ".join(note for note in notes if note) or None
 
     def _is_there(self) -> bool:
         place, spot = self._vehicle.snapshot.position, self._action.approach
@@ -197,8 +213,8 @@ class Performer:
             case Turned():
                 complete = self._turning is not None and self._turning.is_complete
                 return complete or self._has_released()
-            case Series():
-                return self._series is not None and self._series.is_over
+            case Series() | Tracked():
+                return self._doing is not None and self._doing.is_over
 
     def _has_released(self) -> bool:
         """Whether a vehicle that counts its turns has ended by itself."""
@@ -215,7 +231,7 @@ class Performer:
         if spot is None or home is None or not wanted or time_s < self._target_due_at:
             return []
         self._target_due_at = time_s + TARGET_EVERY_S - TARGET_SLACK_S
-        return [_target(spot, home.altitude_amsl_m, now)]
+        return [target_message(spot, home, now)]
 
     def _watch(self, now: float) -> None:
         """Fail what another hand has ended, and what takes too long."""
@@ -241,20 +257,3 @@ class Performer:
         if self._vehicle.mode_role in {ModeRole.OTHER, ModeRole.ENDING}:
             return f"the vehicle left the mission: mode {self._vehicle.mode}"
         return None
-
-
-def _target(spot: Spot, home_amsl_m: float, now: float) -> Message:
-    """FOLLOW_TARGET(144) of a target that stands still; its time is the broker's own clock."""
-    return mavlink.MAVLink_follow_target_message(
-        int(now * 1e3),
-        _KNOWN,
-        round(spot.latitude_deg * 1e7),
-        round(spot.longitude_deg * 1e7),
-        home_amsl_m + spot.relative_altitude_m,
-        (0.0, 0.0, 0.0),
-        (0.0, 0.0, 0.0),
-        (1.0, 0.0, 0.0, 0.0),
-        (0.0, 0.0, 0.0),
-        (0.0, 0.0, 0.0),
-        0,
-    )

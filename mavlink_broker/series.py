@@ -23,6 +23,22 @@ STEP_WITHIN_S: Final = 40.0
 TURN_RATE_DEG_S: Final = 30.0
 
 
+def heading_order(vehicle: Vehicle, here: Spot | None, heading_deg: float) -> Command | None:
+    """Turn the nose where the vehicle is; None while its home is not known."""
+    if vehicle.family.yaw_by_condition:
+        way_round = (heading_deg % 360.0, TURN_RATE_DEG_S, 0.0, 0.0)
+        return long_command(mavlink.MAV_CMD_CONDITION_YAW, *way_round)
+    return way_order(vehicle, here, heading_deg)
+
+
+def way_order(vehicle: Vehicle, spot: Spot | None, heading_deg: float) -> Command | None:
+    """Go to a place with a heading; None while home, where altitudes begin, is not known."""
+    home = vehicle.snapshot.home
+    if home is None or spot is None:
+        return None
+    return reposition(spot, home, math.remainder(math.radians(heading_deg), 2.0 * math.pi))
+
+
 class SeriesRunner:
     """One series on its way."""
 
@@ -35,6 +51,7 @@ class SeriesRunner:
         self._accepted_at: float | None = None
         self._resting_since: float | None = None
         self.reason: str | None = None  # Why it cannot go on
+        self.note: str | None = None  # It is what it was meant to be
 
     @property
     def is_over(self) -> bool:
@@ -87,23 +104,12 @@ class SeriesRunner:
             case Order(ways):
                 return ways
             case Face(turn_deg):
-                order = self._turning(self._first_heading_deg + turn_deg)
+                heading_deg = self._first_heading_deg + turn_deg
+                order = heading_order(self._vehicle, self._first, heading_deg)
                 return () if order is None else ((order,),)
             case Shift():
-                order = self._going(self._spot(step), self._first_heading_deg)
+                order = way_order(self._vehicle, self._spot(step), self._first_heading_deg)
                 return () if order is None else ((order,),)
-
-    def _turning(self, heading_deg: float) -> Command | None:
-        if self._vehicle.family.yaw_by_condition:
-            way_round = (heading_deg % 360.0, TURN_RATE_DEG_S, 1.0, 0.0)
-            return long_command(mavlink.MAV_CMD_CONDITION_YAW, *way_round)
-        return self._going(self._first, heading_deg)
-
-    def _going(self, spot: Spot | None, heading_deg: float) -> Command | None:
-        home = self._vehicle.snapshot.home
-        if home is None or spot is None:
-            return None
-        return reposition(spot, home, math.remainder(math.radians(heading_deg), 2.0 * math.pi))
 
     def _spot(self, step: Shift) -> Spot | None:
         if self._first is None:

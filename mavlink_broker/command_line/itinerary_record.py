@@ -10,7 +10,7 @@ from afarcloud.plan import Mission
 from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.protocol.command_sequence import Ways
 from mavlink_broker.protocol.route import Route
-from mavlink_broker.translation.live import End, Lasted, Series, Turned
+from mavlink_broker.translation.live import End, Lasted, Series, Tracked, Turned
 from mavlink_broker.translation.mission import FlightPlan, Itinerary, LiveCommand
 from mavlink_broker.translation.situation import Spot
 
@@ -70,6 +70,8 @@ def end_sentence(end: End) -> str:
             return f"until {angle_rad / math.tau:g} turn at {radius_m:g} m is flown"
         case Series(steps):
             return f"until {len(steps)} steps are taken"
+        case Tracked(mode=mode, duration_s=duration_s):
+            return f"for {duration_s:g} s or until the subject is lost, {mode.name}"
         case Lasted(duration_s):
             return f"for {duration_s:g} s" if duration_s > 0.0 else "until it is accepted"
 

@@ -19,6 +19,7 @@ FOLLOW_DISTANCE_M: Final = 8.0
 """PX4's own, and so everybody's: how far behind its target a vehicle stays."""
 BEHIND_DEG: Final = 180.0
 """Clockwise from where the target goes: PX4's FLW_TGT_FA."""
+BESIDE_DEG: Final = 90.0
 PX4_LOWEST_FOLLOW_M: Final = 8.0
 COPTER_RADIUS_M: Final = (0.05, 10.0)
 """Smallest and largest acceptance radius of WPNAV_RADIUS."""

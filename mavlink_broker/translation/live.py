@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
+from afarcloud.enumerations import TrackMode
 from mavlink_broker.dialect import mavlink
 from mavlink_broker.protocol.command import CommandInt
 from mavlink_broker.protocol.command_sequence import Ways
@@ -63,7 +64,17 @@ class Series:
     steps: tuple[Step, ...]
 
 
-End: TypeAlias = Turned | Lasted | Series
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tracked:
+    """It ends after some time, or when the camera has lost its subject."""
+
+    mode: TrackMode
+    duration_s: float
+    height_m: float  # Above home, kept by a vehicle that follows
+    follow: Ways  # How a vehicle is told to follow
+
+
+End: TypeAlias = Turned | Lasted | Series | Tracked
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

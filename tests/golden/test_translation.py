@@ -7,11 +7,13 @@ difference is then read in the version control.
 import json
 import math
 import os
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from afarcloud.enumerations import OrbitType, TrackMode
 from afarcloud.plan import Mission
 from mavlink_broker.dialect import Message
 from mavlink_broker.protocol.parameter_keeper import Loan
@@ -111,6 +113,41 @@ COMMANDS: dict[str, list[dict[str, Any]]] = {
         {"command_type_id": 9, "parameters": {"corners": [[0.25, 0.25], [0.75, 0.5]]}},
         {"command_type_id": 11, "parameters": {"landing": True}},
     ],
+    **{
+        f"track_{mode.name.lower()}": [
+            {"command_type_id": 1, "parameters": PLACE | {"altitude": 12.0}},
+            {
+                "command_type_id": 9,
+                "parameters": {"corners": [[0.1, 0.2], [0.3, 0.4]], "track_mode": int(mode)},
+            },
+        ]
+        for mode in TrackMode
+    },
+    **{
+        f"hotpoint_{heading.name.lower()}": [
+            {
+                "command_type_id": 7,
+                "parameters": PLACE
+                | {"orbit_altitude": 8.0, "radius": 20.0, "orbit_type": int(heading)},
+            },
+        ]
+        for heading in OrbitType
+    },
+    "follow_low_and_steered_by_hand": [
+        {"command_type_id": 8, "parameters": PLACE | {"altitude": 2.0, "heading": 1}},
+    ],
+    "picture_video_and_panorama_behind_a_follow": [
+        {"command_type_id": 8, "parameters": PLACE | {"altitude": 8.0}},
+        {"command_type_id": 4, "parameters": {"pitch_angle": -90, "yaw_angle": 45}},
+        {"command_type_id": 5, "parameters": {"video_stream_id": 1, "freq": 1.0}},
+        {"command_type_id": 10, "parameters": {"panorama_mode": 1}},
+        {"command_type_id": 6, "parameters": {"video_stream_id": 1}},
+        {"command_type_id": 11, "parameters": {"landing": True}},
+    ],
+    "panorama_full": [
+        {"command_type_id": 3, "parameters": PLACE | {"altitude": 8.0}},
+        {"command_type_id": 10, "parameters": {"panorama_mode": 0}},
+    ],
     "panorama_half": [
         {"command_type_id": 3, "parameters": PLACE | {"altitude": 8.0, "desired_yaw_angle": 90}},
         {"command_type_id": 10, "parameters": {"panorama_mode": 1}},
@@ -191,11 +228,19 @@ def record_of(family: Family) -> dict[str, Any]:
     return record
 
 
+def written(record: dict[str, Any]) -> str:
+    """One line for each item and each order, so that a difference is easy to read."""
+    text = json.dumps(record, indent=1)
+    for innermost in (r"\[[^][{}]*\]", r"\{[^][{}]*\}"):
+        text = re.sub(innermost, lambda found: " ".join(found.group().split()), text)
+    return text + "\n"
+
+
 @pytest.mark.parametrize("family", [PX4, OWN, ARDUPILOT, GENERIC], ids=lambda family: family.name)
 def test_every_command_becomes_the_items_on_record(family: Family) -> None:
     path = FOLDER / f"{family.name}.json"
     record = record_of(family)
     if os.environ.get("GOLDEN") == "rewrite":
         path.parent.mkdir(exist_ok=True)
-        path.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+        path.write_text(written(record), encoding="utf-8")
     assert json.loads(json.dumps(record)) == json.loads(path.read_text(encoding="utf-8"))

@@ -226,7 +226,8 @@ class TestTheCamera:
         unknown = {mavlink.MAV_CMD_CAMERA_TRACK_RECTANGLE: mavlink.MAV_RESULT_UNSUPPORTED}
         script = dataclasses.replace(OWN, results=unknown)
         world = flown(takeoff(), track(), go_home(3), script=script)
-        assert messages(world)[1] == "the camera tracks a point instead of a rectangle"
+        point = "the camera tracks a point instead of a rectangle"
+        assert str(messages(world)[1]).startswith(point)
 
     def test_takes_a_panorama_where_it_can(self) -> None:
         world = flown(takeoff(), panorama(), go_home(3))

@@ -1,0 +1,202 @@
+"""What a vehicle does while its camera tracks a subject, by the track mode."""
+
+import dataclasses
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from afarcloud.enumerations import Status, TrackMode
+from mavlink_broker.codec import Encoder
+from mavlink_broker.dialect import mavlink
+from mavlink_broker.translation.geo import shifted
+from tests.support.broker_world import World, go_home, mission, takeoff
+from tests.support.scripted_vehicle import (
+    ARDUPILOT,
+    HOME,
+    PX4,
+    PX4_FOLLOW,
+    PX4_HOLD,
+    PX4_ORBIT,
+    Script,
+    ScriptedVehicle,
+)
+
+COPTER_FOLLOW = 23
+ACTIVE, IDLE = 1, 0
+NOWHERE = 2**31 - 1
+SUBJECT_M = 20.0
+CAMERA = mavlink.MAV_COMP_ID_CAMERA
+
+
+class Scene:
+    """A vehicle whose camera tracks something to its east that walks north."""
+
+    def __init__(self, mode: TrackMode, script: Script = PX4) -> None:
+        self.world = World()
+        self.vehicle = self.world.add_vehicle(script=script)
+        self._camera = Encoder(1, CAMERA)
+        self._walked_m = 0.0
+        self.tells_place = True
+        self.world.edge.plan(mission(takeoff(), track(mode), go_home(3)))
+        self.world.run_until(lambda: self.status(1) == Status.RUNNING)
+
+    def status(self, command: int) -> int:
+        reports = self.world.edge.reports(1201)
+        statuses = reports[-1]["command_report_array"] if reports else []
+        return int(statuses[command]["command_status_id"]) if statuses else 0
+
+    @property
+    def message(self) -> str:
+        return str(self.world.edge.reports(1201)[-1]["command_report_array"][1].get("message"))
+
+    @property
+    def place(self) -> tuple[float, float]:
+        north = shifted(HOME[0], HOME[1], 0.0, self._walked_m)
+        return shifted(*north, 90.0, SUBJECT_M)
+
+    def see(self, seconds: float, *, status: int = ACTIVE) -> None:
+        """Let the camera tell what it tracks, five times a second."""
+        for _ in range(round(seconds * 5)):
+            self._walked_m += 0.2
+            self._tell(status)
+            self.world.run(0.2)
+
+    def see_until(self, condition: Callable[[], bool], within_s: float = 90.0) -> None:
+        end = self.world.clock.now + within_s
+        while not condition():
+            assert self.world.clock.now < end
+            self.see(0.2)
+
+    def _tell(self, status: int) -> None:
+        address = next(iter(self.world.air.vehicles))
+        known = self.tells_place and status == ACTIVE
+        place = tuple(round(value * 1e7) for value in self.place) if known else (NOWHERE, NOWHERE)
+        nothing = math.nan
+        geo = mavlink.MAVLink_camera_tracking_geo_status_message(
+            status, *place, HOME[2], 1.0, nothing, 1.0, 0.0, 0.0, nothing, 20.0, nothing, nothing
+        )
+        image = mavlink.MAVLink_camera_tracking_image_status_message(
+            status, 2, 1, *(nothing, nothing, nothing), 0.2, 0.2, 0.4, 0.4
+        )
+        for message in (geo, image):
+            self.world.air.to_broker(address, self._camera.encode(message))
+
+
+def track(mode: TrackMode) -> dict[str, Any]:
+    parameters = {"corners": [[0.25, 0.25], [0.75, 0.75]], "track_mode": int(mode)}
+    return {"command_id": 2, "command_type_id": 9, "parameters": parameters}
+
+
+def told(vehicle: ScriptedVehicle, command: int) -> list[tuple[float, ...]]:
+    return [values for number, values in vehicle.parameters if number == command]
+
+
+class TestTraceAndProfile:
+    @pytest.mark.parametrize(
+        ("mode", "angle"), [(TrackMode.TRACE, 180.0), (TrackMode.PROFILE, 90.0)]
+    )
+    def test_follow_the_subject_from_behind_or_beside(self, mode: TrackMode, angle: float) -> None:
+        scene = Scene(mode)
+        scene.see(10.0)
+        assert scene.vehicle.custom_mode == PX4_FOLLOW
+        assert scene.vehicle.settings["FLW_TGT_FA"] == angle
+        assert scene.vehicle.targets >= 40
+        latitude, longitude = scene.vehicle.last_target
+        assert (latitude, longitude) == pytest.approx(scene.place, abs=1e-5)
+
+    def test_end_after_a_minute_and_hold(self) -> None:
+        scene = Scene(TrackMode.TRACE)
+        scene.see_until(lambda: scene.status(1) == Status.FINISHED)
+        assert told(scene.vehicle, mavlink.MAV_CMD_CAMERA_STOP_TRACKING)
+        scene.world.run_until_over(1201)
+        assert scene.world.edge.statuses(1201) == [Status.FINISHED] * 3
+        assert scene.message == "None"
+        scene.world.run(5.0)
+        assert scene.vehicle.settings == dict(PX4.settings)
+
+    def test_of_ardupilot_go_by_its_follow_mode(self) -> None:
+        scene = Scene(TrackMode.TRACE, ARDUPILOT)
+        scene.see(10.0)
+        assert scene.vehicle.custom_mode == COPTER_FOLLOW
+        assert scene.vehicle.settings["FOLL_SYSID"] == 254.0
+
+
+class TestASubjectThatIsLost:
+    def test_ends_the_command_and_the_vehicle_holds(self) -> None:
+        scene = Scene(TrackMode.TRACE)
+        scene.see(10.0)
+        scene.see(5.0, status=IDLE)
+        scene.world.run_until(lambda: scene.status(1) == Status.FINISHED, within_s=20.0)
+        assert scene.message.startswith("the subject was lost after ")
+        scene.world.run_until_over(1201)
+        assert scene.world.edge.statuses(1201) == [Status.FINISHED] * 3
+
+    def test_for_a_moment_changes_nothing(self) -> None:
+        scene = Scene(TrackMode.TRACE)
+        scene.see(10.0)
+        scene.see(2.0, status=IDLE)
+        scene.see(5.0)
+        assert scene.vehicle.custom_mode == PX4_FOLLOW
+        assert scene.status(1) == Status.RUNNING
+
+
+class TestSpotlight:
+    def test_turns_the_nose_to_the_subject_from_where_it_is(self) -> None:
+        scene = Scene(TrackMode.SPOTLIGHT)
+        place = scene.vehicle.place
+        scene.see(6.0)
+        assert math.degrees(scene.vehicle.yaw_rad) == pytest.approx(90.0, abs=20.0)
+        scene.see(20.0)
+        assert math.degrees(scene.vehicle.yaw_rad) == pytest.approx(45.0, abs=10.0)
+        assert scene.vehicle.place == pytest.approx(place, abs=1e-6)
+        assert scene.vehicle.custom_mode == PX4_HOLD
+
+    def test_of_ardupilot_turns_by_its_own_command(self) -> None:
+        scene = Scene(TrackMode.SPOTLIGHT, ARDUPILOT)
+        scene.see(6.0)
+        assert told(scene.vehicle, mavlink.MAV_CMD_CONDITION_YAW)
+
+    def test_pro_leaves_everything_to_the_gimbal(self) -> None:
+        scene = Scene(TrackMode.SPOTLIGHT_PRO)
+        before = len(told(scene.vehicle, mavlink.MAV_CMD_DO_REPOSITION))
+        scene.see(20.0)
+        assert len(told(scene.vehicle, mavlink.MAV_CMD_DO_REPOSITION)) == before
+        assert scene.vehicle.targets == 0
+
+
+class TestAQuickShot:
+    def test_goes_round_the_subject_once(self) -> None:
+        scene = Scene(TrackMode.QUICK_SHOT)
+        scene.see(4.0)
+        assert scene.vehicle.custom_mode == PX4_ORBIT
+        (orbit,) = told(scene.vehicle, mavlink.MAV_CMD_DO_ORBIT)
+        assert orbit[0] == pytest.approx(SUBJECT_M, abs=2.0)
+        scene.see_until(lambda: scene.status(1) == Status.FINISHED)
+        scene.world.run_until_over(1201)
+        assert scene.world.edge.statuses(1201) == [Status.FINISHED] * 3
+
+    def test_flies_backwards_and_up_where_no_circle_will_do(self) -> None:
+        denied = {mavlink.MAV_CMD_DO_ORBIT: mavlink.MAV_RESULT_UNSUPPORTED}
+        scene = Scene(TrackMode.QUICK_SHOT, dataclasses.replace(PX4, results=denied))
+        before = scene.vehicle.height_m
+        scene.see_until(lambda: scene.status(1) == Status.FINISHED)
+        assert scene.vehicle.height_m == pytest.approx(before + 10.0)
+        assert "backwards and up instead of a circle" in scene.message
+
+
+def test_a_camera_that_tells_no_place_keeps_to_the_subject_by_its_gimbal_alone() -> None:
+    scene = Scene(TrackMode.TRACE)
+    scene.tells_place = False
+    scene.see_until(lambda: scene.status(1) == Status.FINISHED)
+    expected = "track_mode TRACE: the camera does not tell where the subject is"
+    assert scene.message.startswith(expected)
+    assert scene.vehicle.targets == 0
+
+
+def test_the_camera_is_asked_for_what_it_tracks() -> None:
+    scene = Scene(TrackMode.TRACE)
+    scene.world.run(1.0)
+    asked = [int(v[0]) for v in told(scene.vehicle, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)]
+    assert {275, 276} <= set(asked)
