@@ -134,11 +134,21 @@ def _show(connection: Connection, item: Work) -> dict[str, Any]:
         **shown,
         "plan_id": item.plan_id,
         "state": item.state,
-        "mission": _in_seconds(item, body),
+        "mission": _as_flown(connection, _in_seconds(item, body), item),
         "geofence": body.get("geofence"),
         "rally_points": body.get("rally_points", []),
         "report": item.report,
     }
+
+
+def _as_flown(
+    connection: Connection, mission: dict[str, Any] | None, item: Work
+) -> dict[str, Any] | None:
+    """Give a mission the speed that an event has changed it to, for a broker that starts anew."""
+    changed = work.newest_event_about(connection, item) if item.state == work.ACCEPTED else None
+    if mission is None or changed is None or changed.body is None:
+        return mission
+    return {**mission, "maximum_speed": changed.body["maximum_speed"]}
 
 
 def _in_seconds(item: Work, plan: Mapping[str, Any]) -> dict[str, Any] | None:
@@ -209,6 +219,17 @@ def _acknowledge_event(
         raise ConflictError(f"work {item.id}: {error}") from None
     if following != state:
         _move_event(connection, item, following, message)
+        if following is State.DONE and (item.body or {}).get("maximum_speed") is not None:
+            _note_flown(connection, item)
+
+
+def _note_flown(connection: Connection, item: Work) -> None:
+    """Remember which mission flies at the new speed: the first that the broker has."""
+    missions = work.unfinished(connection, vehicle_id=item.vehicle_id)
+    flown = (m for m in missions if m.kind == work.MISSION and m.state == work.ACCEPTED)
+    first = next(flown, None)
+    if first is not None and first.id < item.id:
+        work.note_mission(connection, item, first)
 
 
 def _move_event(connection: Connection, item: Work, state: State, message: str | None) -> None:

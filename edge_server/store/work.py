@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import Connection, and_, delete, func, insert, or_, select, update
 
+from afarcloud.enumerations import Status
 from edge_server.store.database import new_id, to_json
 from edge_server.store.tables import command, plan, work
 
@@ -15,6 +16,8 @@ EVENT = "event"
 QUEUED = "queued"
 ACCEPTED = "accepted"
 CLOSED = "closed"
+UNDER_WAY_S = 600.0
+"""How long beyond its life an accepted event may take: a flight to a place, and back."""
 CLOCK_SLACK_S = 2.0
 """How far the clocks of edge servers that share a database may differ."""
 
@@ -150,18 +153,38 @@ def unfinished(
 
 
 def live_events(connection: Connection, now: float, *, after_id: int = 0) -> list[Work]:
-    """List the events that may still be carried out, in order; never one that has expired.
+    """List the events that may still be carried out, in order; never begun is one that expired.
 
-    One that was accepted is among them: a broker that dies with it asks again.
+    One that was accepted is among them for some time: a broker that died with it asks again, and
+    has to see through what it has begun.
     """
+    in_time = and_(work.c.state == QUEUED, work.c.expires_at > now)
+    under_way = and_(work.c.state == ACCEPTED, work.c.expires_at > now - UNDER_WAY_S)
     query = _QUERY.where(
         work.c.kind == EVENT,
-        work.c.state.in_((QUEUED, ACCEPTED)),
+        or_(in_time, under_way),
         work.c.id > after_id,
-        work.c.expires_at > now,
         work.c.created_at <= now + CLOCK_SLACK_S,
     )
     return [_work(row) for row in connection.execute(query.order_by(work.c.id))]
+
+
+def note_mission(connection: Connection, event: Work, mission: Work) -> None:
+    """Remember which mission an event was about."""
+    change(connection, event.id, mission_id=mission.mission_id)
+
+
+def newest_event_about(connection: Connection, mission: Work) -> Work | None:
+    """Find the last event that is done and was noted for a mission."""
+    query = _QUERY.where(
+        work.c.kind == EVENT,
+        work.c.vehicle_id == mission.vehicle_id,
+        work.c.mission_id == mission.mission_id,
+        work.c.status_id == int(Status.FINISHED),
+        work.c.id > mission.id,
+    )
+    row = connection.execute(query.order_by(work.c.id.desc()).limit(1)).one_or_none()
+    return _work(row) if row else None
 
 
 def overdue(connection: Connection, now: float) -> list[Work]:

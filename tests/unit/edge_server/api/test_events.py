@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from edge_server.app import context_of, create_app
 from edge_server.services import broker_work, events
 from edge_server.services.event_states import State
-from edge_server.store.work import CLOCK_SLACK_S
+from edge_server.store.work import CLOCK_SLACK_S, UNDER_WAY_S
 from tests.unit.edge_server.conftest import NOON, Clock, Edge
 from tests.unit.edge_server.documents import event, mission, mission_report, plan, speed_event
 
@@ -123,9 +123,42 @@ def test_an_accepted_event_may_take_its_time(edge: Edge) -> None:
     number = edge.work()[0]["id"]
     edge.acknowledge(number, "accepted")
     edge.clock.pass_s(60)
-    assert [item["kind"] for item in edge.work()] == ["mission"]
+    again = edge.work()[0]
+    assert (again["id"], again["kind"], again["state"]) == (number, "event", "accepted")
     assert edge.acknowledge(number, "done").status_code == 200
     assert state(edge) == "done"
+    assert [item["kind"] for item in edge.work()] == ["mission"]
+
+
+def test_an_accepted_event_is_not_given_for_ever(edge: Edge) -> None:
+    fly(edge)
+    send(edge, event(2))
+    edge.acknowledge(edge.work()[0]["id"], "accepted")
+    edge.clock.pass_s(events.LIFETIME_S + UNDER_WAY_S)
+    assert [item["kind"] for item in edge.work()] == ["mission"]
+
+
+def test_a_speed_that_is_done_stays_with_its_mission(edge: Edge) -> None:
+    fly(edge)
+    fly(edge, 1202)
+    before = [item["mission"]["maximum_speed"] for item in edge.work()]
+    send(edge, speed_event(maximum_speed=2.5))
+    number = edge.work()[0]["id"]
+    edge.acknowledge(number, "accepted")
+    assert [item["mission"]["maximum_speed"] for item in edge.work()[1:]] == before
+    edge.acknowledge(number, "done")
+    assert [item["mission"]["maximum_speed"] for item in edge.work()] == [2.5, before[1]]
+    assert edge.get("/plans/1")["missions"][0]["maximum_speed"] == before[0]
+
+
+def test_a_speed_of_an_earlier_flight_is_not_the_next_ones(edge: Edge) -> None:
+    fly(edge)
+    send(edge, speed_event(maximum_speed=2.5))
+    edge.acknowledge(edge.work()[0]["id"], "done")
+    assert edge.post("/mission_report/", mission_report(3, 3, 3, 3), "broker").status_code == 201
+    fly(edge)
+    (item,) = edge.work()
+    assert item["mission"]["maximum_speed"] == mission(1201)["maximum_speed"]
 
 
 def test_an_end_is_for_good(edge: Edge) -> None:
@@ -174,6 +207,7 @@ def test_nothing_stale_is_handed_out(
     if accepted:
         edge.acknowledge(item["id"], "accepted")
     edge.clock.now = NOON + age_s
+    given_life_s += UNDER_WAY_S if accepted else 0.0
     alive = [item["id"]] if -CLOCK_SLACK_S <= age_s < given_life_s - 0.001 else []
     if abs(age_s - given_life_s) > 0.001:
         assert [one["id"] for one in edge.work()] == alive
