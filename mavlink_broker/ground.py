@@ -126,8 +126,9 @@ class Ground:
         return self._urls[address.link - self._first].kind is LinkKind.UDP_IN
 
     def _is_open(self, address: Address) -> bool:
-        """Whether nobody beyond this machine is there, or nothing at all is signed."""
-        return self._guard.is_open or self._urls[address.link - self._first].is_loopback
+        """Whether nobody unknown can be there, or nothing at all is signed."""
+        url = self._urls[address.link - self._first]
+        return self._guard.is_open or url.is_loopback or url.is_trusted
 
 
 class _GroundKey(KeyRing):

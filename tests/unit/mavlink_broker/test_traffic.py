@@ -289,6 +289,14 @@ class TestGroundStationsElsewhere:
         roads.hear((WIFI, roads.frame(HEARTBEAT, key=1)))
         assert roads.sent_to(STATION) == []
 
+    def test_need_no_key_on_a_trusted_cable(self, keys: Path) -> None:
+        roads = Crossroads(keys, forward="serial:///dev/ttyGROUND?trusted")
+        roads.air.waiting = [STATION]
+        roads.hear((WIFI, roads.frame(HEARTBEAT, key=1)))
+        assert [is_signed(frame) for _, frame in roads.sent_to(STATION)] == [False]
+        roads.hear((STATION, roads.frame(LAND, 255, 190)))
+        assert len(roads.sent_to(WIFI)) == 1
+
     def test_need_no_key_where_nobody_has_one(self) -> None:
         roads = Crossroads(forward=self.FORWARD)
         roads.hear((STATION, roads.frame(GROUND_HEARTBEAT, 255, 190)))
