@@ -103,6 +103,7 @@ class Flight(FlightProgress):
         """Take a message of the vehicle's autopilot."""
         if self._follower is not None:
             self._follower.receive(message)
+            effects.messages += self._foreign.receive(message, now)
         if self._performer is not None:
             effects.messages += self._performer.receive(message, now)
         if self._ending is not None:

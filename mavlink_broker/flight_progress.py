@@ -6,6 +6,7 @@ from afarcloud.enumerations import Status
 from mavlink_broker.effects import Effects
 from mavlink_broker.flight_attachment import FlightAttachment
 from mavlink_broker.follower import Follower
+from mavlink_broker.foreign_watch import ForeignWatch
 from mavlink_broker.performer import Performer, Phase
 from mavlink_broker.session_states import Event
 from mavlink_broker.translation.modes import LIVE_MODES
@@ -13,6 +14,8 @@ from mavlink_broker.translation.modes import LIVE_MODES
 
 class FlightProgress(FlightAttachment, ABC):
     """The states RUNNING and PERFORMING, and the way from stage to stage."""
+
+    _foreign: ForeignWatch  # There whenever a follower is
 
     @abstractmethod
     def _ends_here(self, now: float, effects: Effects) -> bool:
@@ -33,6 +36,7 @@ class FlightProgress(FlightAttachment, ABC):
         self._move(self._event_of_stage(), now, effects)
 
     def _enter_running(self, now: float, effects: Effects) -> None:
+        self._foreign = ForeignWatch(self._plan, self._vehicle)
         self._follower = Follower(
             self._plan,
             self.ledger,
@@ -55,8 +59,19 @@ class FlightProgress(FlightAttachment, ABC):
         effects.for_edge += self._follower.step(now)
         if self._follower.is_finished:
             self._next_stage(now, effects)
-        elif self._follower.departure is not None:
-            self._fail(self._follower.departure, now, effects)
+            return
+        self._watch_others(now, effects)
+        departure = self._follower.departure or self._foreign.departure
+        if departure is not None:
+            self._fail(departure, now, effects)
+
+    def _watch_others(self, now: float, effects: Effects) -> None:
+        """Find out what somebody else has done to the mission, and report it."""
+        effects.messages += self._foreign.tick(now)
+        note, self._foreign.note = self._foreign.note, None
+        if note is not None:
+            self.ledger.add_note(self.ledger.finished, note)
+            effects.for_edge.append(self._reporter.mission(self.ledger))
 
     def _step_performing(self, now: float, effects: Effects) -> None:
         performer = self._performer

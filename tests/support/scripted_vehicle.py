@@ -5,6 +5,7 @@ knows nothing of the broker but its frames. Time is simulated; bytes in, bytes o
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from mavlink_broker.codec import Decoder, Encoder
@@ -169,6 +170,17 @@ class ScriptedVehicle:
         self.missions.drop_transfer()
         self.mission_state = mavlink.MISSION_STATE_NOT_STARTED
         self.current = 0
+
+    def take_from_another(self, items: list[Message], *, overheard_by: int | None = None) -> None:
+        """Hold the mission of another ground station; its acknowledgement may be overheard."""
+        self.items = items
+        if overheard_by is not None:
+            self._send(mavlink.MAVLink_mission_ack_message(overheard_by, 190, 0))
+
+    def begin_at(self, seq: int) -> None:
+        """Make an item current, as another ground station would."""
+        self._item_began_at = self._now
+        self._set_current(seq)
 
     def stop_stream(self, name: str) -> None:
         """Send a message no more until it is asked for again."""
@@ -357,12 +369,12 @@ class ScriptedVehicle:
     def _judge(self, message: Message) -> int:
         """MAV_RESULT of a command, before it is obeyed."""
         script = self.script
-        refusals = {
+        refusals: dict[int, Callable[[], int]] = {
             mavlink.MAV_CMD_COMPONENT_ARM_DISARM: self._judge_arming,
             mavlink.MAV_CMD_MISSION_START: self._judge_start,
             mavlink.MAV_CMD_DO_SET_MODE: lambda: self._judge_mode(int(message.param2)),
         }
-        result = script.results.get(message.command, mavlink.MAV_RESULT_ACCEPTED)
+        result: int = script.results.get(message.command, mavlink.MAV_RESULT_ACCEPTED)
         if result == mavlink.MAV_RESULT_ACCEPTED and message.command in refusals:
             return refusals[message.command]()
         unknown = {
@@ -372,7 +384,8 @@ class ScriptedVehicle:
                 and not script.tells_current_on_request
             ),
         }
-        return mavlink.MAV_RESULT_UNSUPPORTED if unknown.get(message.command) else result
+        is_unknown = unknown.get(message.command, False)
+        return int(mavlink.MAV_RESULT_UNSUPPORTED) if is_unknown else result
 
     @property
     def _may_arm_here(self) -> bool:
