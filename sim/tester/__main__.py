@@ -5,6 +5,7 @@ import math
 import os
 import random
 import signal
+import socket
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -38,9 +39,9 @@ def main(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
     signal.signal(signal.SIGTERM, _interrupt)
     woken: Wakeable[Happening] = Wakeable()
     try:
-        link = MavsdkVehicle(options.system_id, f"udpout://{options.broker}", woken.put)
-    except LinkError as error:
-        print(f"tester: --broker: {error}", file=sys.stderr)
+        link = MavsdkVehicle(options.system_id, _url(options.broker), woken.put)
+    except (LinkError, OSError, ValueError) as error:
+        print(f"tester: --broker {options.broker}: {error}", file=sys.stderr)
         return 2
     _write(f"Vehicle {options.system_id}, to the broker at {options.broker}.\n")
     _write("Waiting for a mission. Ctrl-C ends.\n")
@@ -55,6 +56,19 @@ def main(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
         link.close()
         woken.close()
     return 0
+
+
+def _url(broker: str) -> str:
+    """MAVSDK's way to the broker: it takes addresses, not names.
+
+    Raises:
+        OSError: if nobody knows the name.
+        ValueError: if it is no host and port.
+    """
+    host, colon, port = broker.rpartition(":")
+    if not (colon and host and port.isascii() and port.isdigit() and 0 < int(port) < 65_536):
+        raise ValueError("must be host:port")
+    return f"udpout://{socket.gethostbyname(host)}:{port}"
 
 
 def _home(system_id: int) -> Home:
@@ -87,7 +101,7 @@ def _sit(seat: Seat, lines: Lines, script: Script | None, woken: Wakeable[Happen
 
 def _type(seat: Seat, lines: Lines, script: Script | None, now: float) -> None:
     """Take the lines that have come, for as long as one is waited for."""
-    while seat.menu.is_asking:
+    while seat.takes_line(now):
         if script is not None:
             line = script.next_line(seat.menu.place, now)
             if line is None:

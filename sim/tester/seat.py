@@ -8,6 +8,8 @@ from sim.tester.menu import Draw, Menu
 from sim.tester.stand_in import StandIn
 
 PUBLISH_EVERY_S: Final = 0.25
+DEED_S: Final = 0.25
+"""A deed takes so long, even of a person who is a pipe: the broker sees the vehicle in between."""
 
 
 class Link(Protocol):
@@ -31,6 +33,11 @@ class Seat:
         self._link = link
         self._write = write
         self._publish_at = -1.0
+        self._busy_until = -1.0
+
+    def takes_line(self, now: float) -> bool:
+        """Whether a line is waited for."""
+        return self.menu.is_asking and now >= self._busy_until
 
     def hear(self, happening: Happening, now: float) -> None:
         """Take what has come over the link."""
@@ -48,10 +55,12 @@ class Seat:
         if now >= self._publish_at:
             self._publish_at = now + PUBLISH_EVERY_S
             self._link.publish(self.vehicle, now)
-        return self._publish_at
+        return self._publish_at if now >= self._busy_until else self._busy_until
 
     def _carry_out(self, orders: list[Order], now: float, *, asked: bool) -> None:
         told = asked
+        if orders:
+            self._busy_until = now + DEED_S
         for order in orders:
             match order:
                 case Tell(text):

@@ -81,6 +81,11 @@ class _Component:
         fields = json.dumps(dict(words.fields))
         self.direct.send_message(MavlinkMessage(words.name, 0, 0, *to, fields))
 
+    def listen(self, hear: Callable[[Any], None]) -> None:
+        """Hand on the commands that come in."""
+        for name in ("COMMAND_LONG", "COMMAND_INT"):
+            self.direct.subscribe_message(name, lambda message, _: hear(message))
+
     def close(self) -> None:
         """Fall silent."""
         self._mavsdk.destroy()
@@ -119,8 +124,7 @@ class MavsdkVehicle:
             lambda item, _: tell(ItemMadeCurrent(item.seq))
         )
         self._mission.subscribe_clear_all(lambda _kind, _: tell(MissionCleared()))
-        for name in ("COMMAND_LONG", "COMMAND_INT"):
-            self._autopilot.direct.subscribe_message(name, lambda message, _: self._hear(message))
+        self._autopilot.listen(self._hear)
 
     def _hear(self, message: Any) -> None:
         fields = json.loads(message.fields_json)
@@ -195,9 +199,13 @@ class MavsdkVehicle:
             self._autopilot.say(Say("COMMAND_ACK", fields), command.sender)
 
     def _power_camera(self, *, on: bool) -> None:
-        """Switch the camera; its heartbeat comes and goes with it."""
+        """Switch the camera; its heartbeat comes and goes with it.
+
+        Commands for it come over its own link or the autopilot's, as the broker pleases.
+        """
         if on and self._camera is None:
             self._camera = _Component(ComponentType.CAMERA, self._system_id, self._url)
+            self._camera.listen(self._hear)
         elif not on and self._camera is not None:
             self._camera.close()
             self._camera = None
