@@ -63,27 +63,27 @@ class Link(Protocol):
 
 
 class Retry:
-    """When a link is tried again: after growing pauses, for ever; told once until it is open."""
+    """When a link is tried again: after growing pauses, for ever; each reason is told once."""
 
     def __init__(self, url: LinkUrl, longest_s: float = LONGEST_RETRY_S) -> None:
         self._url = url
         self._longest_s = longest_s
         self._pause_s = FIRST_RETRY_S
-        self._is_told = False
+        self._told: str | None = None
         self.at = 0.0
 
     def failed(self, now: float, reason: str) -> None:
         """Wait a while."""
-        if not self._is_told:
+        if reason != self._told:
             _LOG.warning("%s: %s; it is tried again and again", self._url, reason)
-        self._is_told = True
+        self._told = reason
         self.at = now + self._pause_s
         self._pause_s = min(2.0 * self._pause_s, self._longest_s)
 
     def opened(self) -> None:
         """Tell that it is open; whether it is worth anything shows later."""
         _LOG.info("%s is open", self._url)
-        self._is_told = False
+        self._told = None
 
     def proven(self) -> None:
         """Begin with short pauses again: something sensible has come."""

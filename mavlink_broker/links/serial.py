@@ -4,6 +4,7 @@
 that is not there, or is pulled out, is looked for every second.
 """
 
+import errno
 import fcntl
 import os
 import termios
@@ -110,6 +111,18 @@ class SerialLink:
         self._retry.failed(now, reason)
 
 
+def _take_for_us(descriptor: int) -> None:
+    """Lock a device: two readers would share its bytes.
+
+    Raises:
+        OSError: if another program has locked it.
+    """
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise OSError(errno.EBUSY, "another program uses it") from error
+
+
 def _open_line(path: str, baud: int) -> int:
     """Open a device raw at a speed, for this program alone.
 
@@ -119,7 +132,7 @@ def _open_line(path: str, baud: int) -> int:
     """
     descriptor = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)  # Two readers would share the bytes
+        _take_for_us(descriptor)
         characters = termios.tcgetattr(descriptor)[_CHARACTERS]
         characters[termios.VMIN] = 1  # So that reading nothing means that the line is gone
         characters[termios.VTIME] = 0

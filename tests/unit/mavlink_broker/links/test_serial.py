@@ -117,12 +117,15 @@ def test_a_hostile_stream_stops_nothing(cable: Cable, hub: Hub) -> None:
     assert [data for _, data in heard if data in sent] == sent
 
 
-def test_another_program_on_the_line_is_waited_for(cable: Cable, hub: Hub) -> None:
+def test_another_program_on_the_line_is_waited_for(
+    cable: Cable, hub: Hub, caplog: pytest.LogCaptureFixture
+) -> None:
     cable.plug_in()
     other = open_links([LinkUrl.parse(f"serial://{cable.name}:57600")])
     open_line(other)
     hub.receive(0.0)
     assert hub.greeted() == []
+    assert "another program uses it" in caplog.text
     other.close()
     open_line(hub)
 
