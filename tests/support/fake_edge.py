@@ -129,6 +129,15 @@ class FakeEdge:
             self.work[number]["state"] = "accepted"
         else:
             self.closed.add(number)
+            self._changed_speed(self.work[number], status)
+
+    def _changed_speed(self, work: dict[str, Any], status: str) -> None:
+        """A new speed that is done is that of the mission that flies."""
+        speed = work.get("event", {}).get("maximum_speed")
+        if status == "done" and speed is not None:
+            missions = (w for n, w in self.work.items() if "mission" in w and n not in self.closed)
+            for flown in list(missions)[:1]:
+                flown["mission"] = flown["mission"] | {"maximum_speed": speed}
 
     def _reported(self, report: dict[str, Any]) -> None:
         for number, work in reversed(self.work.items()):

@@ -21,6 +21,7 @@ from mavlink_broker.config import Config
 from mavlink_broker.dialect import Message, mavlink
 from sim.config import SimulationConfig
 from sim.simulation import Simulation
+from tests.support.broker_world import InlineJobs
 from tests.support.fake_edge import FakeEdge
 from tests.support.geodesy import LocalGround
 from tests.support.lossy_link import GROUND_ADDRESS, VEHICLE_ADDRESS, Conditions, LossyLink
@@ -83,6 +84,9 @@ class BrokerEnd:
             self.sent.append(Frame(self._clock.now_s, message.get_type(), command, message))
         self._link.ground.send(frame, (address.host, address.port))
 
+    def radio(self, address: Address, free_percent: int) -> None:
+        """Nothing fills up here."""
+
     def greeted(self) -> list[Address]:
         """Nobody: the vehicle speaks first."""
         return []
@@ -132,7 +136,8 @@ class FlyingWorld:
     def start_broker(self) -> None:
         """Begin with an empty memory; all unfinished work is handed out again."""
         self.link.ground.receive()  # What came while nobody listened is lost
-        self.app = App(Config(), self.air, self.edge, self.clock, self._ulid)
+        jobs = InlineJobs()
+        self.app = App(Config(), self.air, self.edge, self.clock, self._ulid, jobs)
         self.edge.hand_out_again()
 
     def kill_broker(self) -> None:
