@@ -39,11 +39,13 @@ class ParameterRead:
         round_trip: RoundTrip,
         *,
         encoding: ParameterEncoding | None = None,
+        attempts: int = ATTEMPTS,
     ) -> None:
         self._name = name
         self._route = route
         self._round_trip = round_trip
         self._encoding = encoding
+        self._most_attempts = attempts
         self._attempts = 0
         self._deadline = 0.0
         self.outcome: ReadOutcome | None = None
@@ -56,7 +58,7 @@ class ParameterRead:
     @property
     def is_over(self) -> bool:
         """Whether nothing more is going to be sent."""
-        return self.outcome is not None or self._attempts >= ATTEMPTS
+        return self.outcome is not None or self._attempts >= self._most_attempts
 
     def start(self, now: float) -> list[Message]:
         """Ask for the first time."""
@@ -77,7 +79,7 @@ class ParameterRead:
         """Ask, and ask again."""
         if self.outcome is not None or now < self._deadline:
             return []
-        if self._attempts >= ATTEMPTS:
+        if self._attempts >= self._most_attempts:
             self.outcome = Lacking()
             return []
         self._attempts += 1

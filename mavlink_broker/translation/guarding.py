@@ -83,10 +83,11 @@ def guard_ardupilot(values: Values, fence: Geofence, highest_m: float) -> Guardi
     kinds = int(values["FENCE_TYPE"]) if values["FENCE_ENABLE"] else 0
     settings: list[Setting] = []
     limit_m, own_m = guard_height_m(fence, highest_m), None
-    if limit_m is not None:
+    knows_height = "FENCE_ALT_MAX" in values
+    if limit_m is not None and knows_height:
         if kinds & _ALTITUDE_FENCE:
-            own_m = values.get("FENCE_ALT_MAX")
-            limit_m = limit_m if own_m is None else min(own_m, limit_m)
+            own_m = values["FENCE_ALT_MAX"]
+            limit_m = min(own_m, limit_m)
         settings.append(Setting("FENCE_ALT_MAX", limit_m))
         kinds |= _ALTITUDE_FENCE
     if fence.inclusion or fence.exclusion:
@@ -98,4 +99,5 @@ def guard_ardupilot(values: Values, fence: Geofence, highest_m: float) -> Guardi
         settings.append(Setting("FENCE_OPTIONS", float(options | _ANY_INCLUSION)))
     settings += [Setting("FENCE_TYPE", float(kinds)), Setting("FENCE_ENABLE", 1.0)]
     is_narrower = own_m is not None and fence.max_altitude and own_m < fence.max_altitude
-    return Guarding(tuple(settings), own_m if is_narrower else None)
+    note = NO_HEIGHT_LIMIT if limit_m is not None and not knows_height else None
+    return Guarding(tuple(settings), own_m if is_narrower else None, note=note)

@@ -31,6 +31,7 @@ from tests.support.scripted_missions import ARDUPILOT, PX4, Script
 from tests.support.scripted_vehicle import HOME, PX4_LAND, PX4_RETURN
 
 INCLUSION, EXCLUSION = 5001, 5002
+POINT = {"latitude": HOME[0] + 1e-4, "longitude": HOME[1], "altitude": 12.0}
 BOTH = pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
 
 
@@ -245,6 +246,38 @@ class TestGivingBack:
         world.run(20.0)
         assert vehicle.fence == operators
 
+    @BOTH
+    @pytest.mark.parametrize("seed", range(3))
+    def test_nothing_is_kept_over_a_link_that_loses_a_fifth_each_way(
+        self, script: Script, seed: int
+    ) -> None:
+        world = World(loss=0.2, seed=seed)
+        vehicle = fenced_vehicle(world, script)
+        low = mission(takeoff(), go_home(2))
+        world.edge.plan(low, geofence=fence(max_altitude=60.0), rally_points=[POINT])
+        world.run_until_over(1201)
+        assert world.edge.status(1201) == Status.FINISHED
+        world.run_until(lambda: not world.app.sessions[1].vehicle.loan.is_open)
+        assert vehicle.fence == vehicle.plans[RALLY].items == []
+        assert vehicle.values == (PX4_VALUES if script is PX4 else ARDUPILOT_VALUES)
+
+    def test_a_geofence_that_forbids_nothing_changes_nothing(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world, ARDUPILOT)
+        flown(world, {"inclusion": [], "exclusion": []})
+        assert world.edge.statuses(1201) == FINISHED
+        assert vehicle.set == []
+
+    def test_a_value_that_somebody_set_meanwhile_stays(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        world.edge.plan(first_flight(), geofence={"max_altitude": 40.0})
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        vehicle.values["GF_MAX_VER_DIST"] = 25.0
+        world.run_until_over(1201)
+        world.run(20.0)
+        assert vehicle.values == PX4_VALUES | {"GF_MAX_VER_DIST": 25.0}
+
     def test_the_next_plan_does_not_fly_under_the_fence_of_the_one_before(self) -> None:
         world = World()
         vehicle = fenced_vehicle(world)
@@ -446,9 +479,6 @@ class TestEvents:
         world.run_until(lambda: not vehicle.armed)
         assert mavlink.MAV_CMD_DO_REPOSITION in vehicle.commands
         assert "message" not in world.edge.acknowledgements(event)[-1]
-
-
-POINT = {"latitude": HOME[0] + 1e-4, "longitude": HOME[1], "altitude": 12.0}
 
 
 class TestRallyPoints:
