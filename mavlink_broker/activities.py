@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Protocol, TypeAlias
 
 from mavlink_broker.dialect import Message, mavlink
-from mavlink_broker.protocol.command import CommandOutcome
+from mavlink_broker.protocol.command import CommandOutcome, long_command
 from mavlink_broker.protocol.command_sequence import CommandSequence, Ways
 from mavlink_broker.protocol.float_items import floats_only
 from mavlink_broker.protocol.mission_select import MissionSelect
@@ -87,6 +87,15 @@ def hold_on_ground(vehicle: Vehicle) -> Message:
     A vehicle of which only the mode is wrong is not ready to arm in it.
     """
     return vehicle.family.holding[0][0].message(vehicle.route, 0)
+
+
+def disarming(vehicle: Vehicle) -> list[Message]:
+    """Stop the propellers of a vehicle that stands and will not be flown; never in the air."""
+    snapshot = vehicle.snapshot
+    if not snapshot.armed or snapshot.landed_state != mavlink.MAV_LANDED_STATE_ON_GROUND:
+        return []
+    disarm = long_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM)
+    return [disarm.message(vehicle.route, 0)]
 
 
 def commands(ways: Ways, vehicle: Vehicle) -> CommandSequence:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Final, TypeAlias
 
 from afarcloud.enumerations import Status
+from mavlink_broker import activities
 from mavlink_broker.activities import Activity
 from mavlink_broker.effects import Effects
 from mavlink_broker.fencing import Fencing
@@ -31,6 +32,7 @@ from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.vehicle import Vehicle
 from mavlink_broker.work import MissionWork
 
+_ARMED_BY_US: Final = frozenset({State.ARMING, State.STARTING})
 LAST_WORDS_S: Final = 0.5
 """How long a vehicle that refused something may take to say why."""
 Handler: TypeAlias = Callable[[float, Effects], None]
@@ -66,6 +68,7 @@ class FlightCore:
         self._entered_at = 0.0
         self._accepted_at: float | None = None
         self._fault: tuple[str, int | None] = ("", None)
+        self._stops_propellers = False  # They turn because we armed it, and it does not take off
         self._is_alarming = False
         self._entries: Mapping[State, Handler] = {}  # What a state begins with
         self._steps: Mapping[State, Handler] = {}  # What it does as time passes
@@ -138,6 +141,9 @@ class FlightCore:
 
     def _fail(self, reason: str, now: float, effects: Effects, command: int | None = None) -> None:
         self._fault = reason, command
+        self._stops_propellers = self.state in _ARMED_BY_US and not self._hovering
+        if self._stops_propellers:
+            effects.messages += activities.disarming(self._vehicle)
         self._is_alarming = self._vehicle_cannot_go_on()
         self._follower = self._performer = None
         self._move(Event.FAULT, now, effects)
@@ -153,6 +159,8 @@ class FlightCore:
     def _step_failing(self, now: float, effects: Effects) -> None:
         if now - self._entered_at < LAST_WORDS_S:
             return
+        if self._stops_propellers:
+            effects.messages += activities.disarming(self._vehicle)  # The first may be lost
         reason, command = self._fault
         words = self._vehicle.words_since(self._began_at)
         text = f"{reason} ({words})" if words else reason

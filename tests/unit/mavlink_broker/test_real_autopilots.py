@@ -124,6 +124,17 @@ class TestPx4:
         assert "Mission rejected: takeoff altitude too low!" in reason(world)
         assert not world.only_vehicle.airborne
 
+    def test_that_was_armed_and_does_not_start_is_disarmed(self) -> None:
+        """Nobody stands beside a vehicle whose mission has failed with its propellers turning."""
+        world = flown(dataclasses.replace(PX4_1_14, is_infeasible=True))
+        world.run(2.0)
+        vehicle = world.only_vehicle
+        arming = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+        told = [values[0] for command, values in vehicle.parameters if command == arming]
+        assert told[0] == 1.0
+        assert told[-1] == 0.0
+        assert not vehicle.armed
+
     def test_that_tells_of_an_infeasible_mission_is_not_even_armed(self) -> None:
         world = flown(dataclasses.replace(PX4_1_17, is_infeasible=True))
         assert mavlink.MAV_CMD_COMPONENT_ARM_DISARM not in world.only_vehicle.commands
