@@ -16,7 +16,10 @@ from mavlink_broker.protocol.round_trip import RoundTrip
 from mavlink_broker.protocol.route import Route
 
 WINDOW: Final = 4
-ATTEMPTS: Final = 10
+ATTEMPTS: Final = 20
+FIRST_PAUSE_S: Final = 0.5
+LONGEST_PAUSE_S: Final = 10.0
+"""A camera announces a picture when it has stored it, which may take a while."""
 LARGEST_GAP: Final = 200
 """A camera whose numbers leap further has been exchanged, or emptied."""
 _STATUS: Final[int] = mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS
@@ -116,7 +119,8 @@ class PictureCount:
 
     def _request(self, wish: _Wish, now: float, message_id: int, number: int = 0) -> Message:
         wish.attempts += 1
-        wish.due_at = now + max(0.5, self._round_trip.timeout_s) * min(wish.attempts, 4)
+        pause_s = max(FIRST_PAUSE_S, self._round_trip.timeout_s) * 1.5**wish.attempts
+        wish.due_at = now + min(pause_s, LONGEST_PAUSE_S)
         command = long_command(
             mavlink.MAV_CMD_REQUEST_MESSAGE, message_id, number, component=self._component
         )

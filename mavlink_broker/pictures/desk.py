@@ -185,7 +185,7 @@ class PictureDesk:
         if now < span.check_at_s or any(camera.is_asking for camera in self._cameras.values()):
             return
         span.checks += 1
-        span.check_at_s = now + CHECK_AFTER_S
+        span.check_at_s = now + CHECK_AFTER_S * 2 ** (span.checks - 1)
         if span.checks > CHECKS or not self._cameras:
             span.checks = CHECKS + 1
             expected = 0 if span.taker is None else span.taker.expected

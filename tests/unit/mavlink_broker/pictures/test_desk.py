@@ -172,7 +172,7 @@ def test_pictures_that_never_come_are_told() -> None:
     flight = Flight(count=2)
     flight.until_pictures()
     flight.camera.shoot()
-    flight.vehicle.script = dataclasses.replace(SLOW, item_time_s=30.0)
+    flight.vehicle.script = dataclasses.replace(SLOW, item_time_s=60.0)
     flight.land()
     assert flight.message() == "1 of 2 pictures were not announced"
 
