@@ -292,6 +292,7 @@ class Autopilot:
             gimbal_status=topics.gimbal_status,
             tracking_state=topics.tracking_state,
             device=vehicle.camera if isinstance(vehicle, CameraCarrier) else None,
+            recorder=vehicle.recorder if isinstance(vehicle, CameraCarrier) else None,
             images_url=IMAGES_URL,
         )
         self.console = ConsoleModule(

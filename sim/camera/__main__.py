@@ -10,7 +10,8 @@ import sys
 from typing import Final
 
 from sim.camera.develop import Stored, develop
-from sim.camera.order import from_line
+from sim.camera.order import Frame, from_line
+from sim.camera.studio import Studio
 
 _NICENESS: Final = 5
 
@@ -19,15 +20,17 @@ def main() -> int:
     """Develop until there are no more orders."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # The vehicle decides when it ends
     os.nice(_NICENESS)
+    studio = Studio()
     for line in sys.stdin:
         order = from_line(line)
         stored, reason = Stored(0, 0), ""
         try:
-            stored = develop(order)
+            stored = studio.take(order) if isinstance(order, Frame) else develop(order)
         except OSError as error:
             reason = error.strerror or str(error)
         answer = {"number": order.number, **stored._asdict(), "error": reason}
         print(json.dumps(answer), flush=True)
+    studio.close()
     return 0
 
 

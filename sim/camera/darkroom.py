@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import IO, Final, NamedTuple
 
 import sim
-from sim.camera.order import Order, to_line
+from sim.camera.order import Frame, Order, to_line
 
 _COMMAND: Final = (sys.executable, "-m", "sim.camera")
 _ROOT: Final = Path(sim.__file__).resolve().parents[1]
@@ -55,8 +55,8 @@ class Darkroom:
         """Orders without an end."""
         return len(self._pending)
 
-    def begin(self, order: Order) -> None:
-        """Have a picture made.
+    def begin(self, order: Order | Frame) -> None:
+        """Have a picture or a frame made.
 
         Raises:
             OSError: if the process cannot be started or takes no orders.

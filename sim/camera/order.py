@@ -1,4 +1,4 @@
-"""What a picture is to be: everything that the darkroom needs, as one line of JSON.
+"""What a picture or a frame of a film is to be: all that the darkroom needs, as a line of JSON.
 
 Errors:
     OrderError(ValueError): a line is no order; the message names the reason.
@@ -37,8 +37,8 @@ class Belief:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Order:
-    """One picture: the world at its instant, the true pose, and where the files go."""
+class View:
+    """What the camera sees: the world at an instant and the true pose; and where that goes."""
 
     number: int  # [-] The answer bears it
     farm_seed: int
@@ -46,11 +46,7 @@ class Order:
     farm_time_s: float  # [s since 1970]
     pose: Pose
     lens: Lens
-    belief: Belief
-    path: str  # Absolute, of the picture
-    thumbnail_path: str
-    second: str  # One of `SECOND_PICTURES`
-    second_path: str  # Used when there is a second picture
+    path: str  # Absolute, of the picture or the film
 
     @property
     def shot(self) -> Shot:
@@ -59,12 +55,30 @@ class Order:
         return Shot(farm, self.pose, self.lens, self.farm_time_s)
 
 
-def to_line(order: Order) -> str:
-    """The order as a line without its end."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frame(View):
+    """One frame of a film; the first one of a path begins it."""
+
+    rate_hz: float  # Of the film
+    is_end: bool = False  # Nothing is to be seen: the film is over
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Order(View):
+    """One picture."""
+
+    belief: Belief
+    thumbnail_path: str
+    second: str  # One of `SECOND_PICTURES`
+    second_path: str  # Used when there is a second picture
+
+
+def to_line(order: Order | Frame) -> str:
+    """The order as a line without its end; a frame is told by its rate."""
     return json.dumps(asdict(order), allow_nan=False)
 
 
-def from_line(line: str) -> Order:
+def from_line(line: str) -> Order | Frame:
     """Read a line.
 
     Raises:
@@ -72,17 +86,15 @@ def from_line(line: str) -> Order:
     """
     try:
         fields = json.loads(line)
+        latitude, longitude, altitude, q = fields.pop("pose")
+        fields["pose"] = Pose(latitude, longitude, altitude, tuple(q))
+        fields["lens"] = Lens(*fields["lens"])
+        fields["farm_origin"] = tuple(fields["farm_origin"])
+        if "rate_hz" in fields:
+            return Frame(**fields)
         belief = fields.pop("belief")
         for name in ("q_ned_camera", "q_ned_frd"):
             belief[name] = tuple(belief[name])
-        latitude, longitude, altitude, q = fields.pop("pose")
-        lens, origin = Lens(*fields.pop("lens")), tuple(fields.pop("farm_origin"))
-        return Order(
-            **fields,
-            farm_origin=origin,
-            pose=Pose(latitude, longitude, altitude, tuple(q)),
-            lens=lens,
-            belief=Belief(**belief),
-        )
+        return Order(**fields, belief=Belief(**belief))
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise OrderError(f"no order for a picture: {error}") from error

@@ -89,6 +89,37 @@ class CameraDevice(Protocol):
         """
 
 
+class FilmGrowth(NamedTuple):
+    """What has been stored of films since it was last asked."""
+
+    size_bytes: int  # [B]
+    reason: str = ""  # Why the film that was being recorded goes no further; empty if it does
+
+
+class Recorder(Protocol):
+    """What records films."""
+
+    def begin_film(self, exposure: Exposure, rate_hz: float) -> Place:
+        """Begin a film with its first frame; gives where it lies in the card's pictures.
+
+        Raises:
+            OSError: if the camera fails; there is no film then.
+        """
+
+    def add_frame(self, exposure: Exposure) -> None:
+        """Add a frame, or leave it out while the storage is too slow.
+
+        Raises:
+            OSError: if the camera fails.
+        """
+
+    def end_film(self) -> None:
+        """End the film; it is whole soon afterwards."""
+
+    def film_growth(self) -> FilmGrowth:
+        """What has been stored since the last call."""
+
+
 @runtime_checkable
 class CameraCarrier(Protocol):
     """A vehicle with a camera; a driver may implement it beside `Vehicle`."""
@@ -96,3 +127,7 @@ class CameraCarrier(Protocol):
     @property
     def camera(self) -> CameraDevice | None:
         """The camera; None if this one has none."""
+
+    @property
+    def recorder(self) -> Recorder | None:
+        """What records its films; None if nothing does."""

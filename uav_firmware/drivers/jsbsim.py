@@ -1,7 +1,7 @@
 """The simulated F450 as a vehicle of the component abstraction layer.
 
-With `jsbsim_camera.py` the only file of the firmware that knows the simulator. Frames and units are
-the same on both sides (NED, FRD, SI); what changes here is the type.
+With its camera and recorder beside it the only file of the firmware that knows the simulator.
+Frames and units are the same on both sides (NED, FRD, SI); what changes here is the type.
 """
 
 from dataclasses import replace
@@ -19,6 +19,7 @@ from sim.simulation import Simulation
 from sim.worlds import world as world_named
 from uav_firmware.drivers.file_room import Room
 from uav_firmware.drivers.jsbsim_camera import JsbsimCamera
+from uav_firmware.drivers.jsbsim_recorder import JsbsimRecorder
 from uav_firmware.msg.sensors import (
     SensorBaro,
     SensorBattery,
@@ -57,10 +58,13 @@ class JsbsimVehicle:
         simulation: Simulation,
         console: FaultConsole | None = None,
         camera: JsbsimCamera | None = None,
+        recorder: JsbsimRecorder | None = None,
     ) -> None:
         self._simulation = simulation
         self.camera = camera
         """The camera; None on a vehicle without one."""
+        self.recorder = recorder
+        """What records the camera's films; None where nothing does."""
         self._console = console
         self._console_us = 0
         self._motors = _STOPPED
@@ -237,8 +241,9 @@ class JsbsimVehicle:
         self._simulation.close()
         if self._console is not None:
             self._console.close()
-        if self.camera is not None:
-            self.camera.close()
+        for part in (self.camera, self.recorder):
+            if part is not None:
+                part.close()
 
 
 def simulated_vehicle(
@@ -298,12 +303,13 @@ def simulated_vehicle(
             heading_deg=heading,
         )
     console = None if console_folder is None else FaultConsole(console_folder)
-    simulation, camera = Simulation(config), None
+    simulation, camera, recorder = Simulation(config), None, None
     if pictures is not None:
         serial = f"F450-{number:04}"
         folder, room, in_step = pictures
         camera = JsbsimCamera(simulation, folder, room, serial=serial, in_step=in_step)
-    return JsbsimVehicle(simulation, console, camera)
+        recorder = JsbsimRecorder(simulation, folder, room, in_step=in_step)
+    return JsbsimVehicle(simulation, console, camera, recorder)
 
 
 def _on_the_farm(yard: tuple[float, float, float], home: tuple[float, float, float, float]) -> bool:

@@ -15,7 +15,7 @@ from collections import deque
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypedDict
 
 from sim.camera.darkroom import Darkroom, Developed
 from sim.camera.lens import Lens, Pose, multiplied
@@ -29,6 +29,8 @@ MEMORY: Final = 8
 STORING_US: Final = 1_000_000
 """[us] After its exposure a picture is stored, where vehicle time waits for it."""
 THUMBNAILS: Final = "thumbnail"
+STORED: Final = frozenset({".jpg", ".avi"})
+"""What a format of the storage removes."""
 
 
 class _Pending(NamedTuple):
@@ -92,7 +94,7 @@ class JsbsimCamera:
             raise OSError(errno.EIO, "the camera does not answer")
         if not self.is_ready:
             raise OSError(errno.EBUSY, "the camera's memory is full")
-        name = _name(exposure, self._folder)
+        name = file_name(exposure, self._folder, ".jpg")
         self._darkroom.begin(self._order(exposure, name))
         due_us = exposure.time_us + STORING_US
         self._pending.append(_Pending(exposure.image_index, name, due_us))
@@ -112,7 +114,7 @@ class JsbsimCamera:
         Raises:
             OSError: if one cannot be removed; those before it are gone.
         """
-        for path in sorted(self._folder.rglob("*.jpg")):
+        for path in sorted(each for each in self._folder.rglob("*") if each.suffix in STORED):
             size = path.stat().st_size
             path.unlink()
             self._room.take(-size, -1)
@@ -140,29 +142,45 @@ class JsbsimCamera:
         return Outcome(pending.image_index, Picture((pending.name,), ended.size_bytes))
 
     def _order(self, exposure: Exposure, name: str) -> Order:
-        simulation = self._simulation
-        truth, farm, plane = simulation.truth, simulation.farm, simulation.farm.plane
-        w, x, y, z = exposure.q_ned_frd
-        q_frd_camera = multiplied((w, -x, -y, -z), exposure.q_ned_camera)
         second = SECOND_PICTURES[exposure.second]
         return Order(
             number=exposure.image_index,
-            farm_seed=farm.seed,
-            farm_origin=(plane.latitude_deg, plane.longitude_deg, plane.altitude_amsl_m),
-            farm_time_s=simulation.farm_time_s,
-            pose=Pose(
-                truth.latitude_deg,
-                truth.longitude_deg,
-                truth.altitude_amsl_m,
-                multiplied(truth.q_ned_frd, q_frd_camera),
-            ),
-            lens=Lens(*exposure.lens),
+            **sight(self._simulation, exposure),
             belief=_belief(exposure, self._serial),
             path=str(self._folder / name),
             thumbnail_path=str(self._folder / THUMBNAILS / name),
             second=second,
             second_path=str(self._folder / second / name),
         )
+
+
+class Sight(TypedDict):
+    """What the camera sees: fields of an order."""
+
+    farm_seed: int
+    farm_origin: tuple[float, float, float]
+    farm_time_s: float
+    pose: Pose
+    lens: Lens
+
+
+def sight(simulation: Simulation, exposure: Exposure) -> Sight:
+    """The world and the camera's true pose at this instant."""
+    truth, farm, plane = simulation.truth, simulation.farm, simulation.farm.plane
+    w, x, y, z = exposure.q_ned_frd
+    q_frd_camera = multiplied((w, -x, -y, -z), exposure.q_ned_camera)
+    return Sight(
+        farm_seed=farm.seed,
+        farm_origin=(plane.latitude_deg, plane.longitude_deg, plane.altitude_amsl_m),
+        farm_time_s=simulation.farm_time_s,
+        pose=Pose(
+            truth.latitude_deg,
+            truth.longitude_deg,
+            truth.altitude_amsl_m,
+            multiplied(truth.q_ned_frd, q_frd_camera),
+        ),
+        lens=Lens(*exposure.lens),
+    )
 
 
 def _belief(exposure: Exposure, serial: str) -> Belief:
@@ -182,11 +200,11 @@ def _known(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _name(exposure: Exposure, folder: Path) -> str:
-    """Name after time and index; a picture of an earlier flight is never overwritten."""
+def file_name(exposure: Exposure, folder: Path, suffix: str) -> str:
+    """Name after time and index; nothing of an earlier flight is ever overwritten."""
     moment = datetime.fromtimestamp(exposure.time_utc_us // 1_000_000, UTC)
     stem = f"{moment:%Y%m%d_%H%M%S}_{exposure.image_index:04}"
-    name, number = f"{stem}.jpg", 2
+    name, number = f"{stem}{suffix}", 2
     while (folder / name).exists():
-        name, number = f"{stem}_{number}.jpg", number + 1
+        name, number = f"{stem}_{number}{suffix}", number + 1
     return name

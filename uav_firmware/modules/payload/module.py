@@ -4,10 +4,11 @@ import math
 from typing import Final
 
 from uav_firmware.bus import Queue, Topic
-from uav_firmware.cal.camera import CameraDevice
+from uav_firmware.cal.camera import CameraDevice, Recorder
 from uav_firmware.lib.geo import LocalFrame
 from uav_firmware.lib.rotation import yaw_of
 from uav_firmware.modules.payload import gimbal_orders, panorama_work
+from uav_firmware.modules.payload.films import Films
 from uav_firmware.modules.payload.flight_end import FlightEnd
 from uav_firmware.modules.payload.lens import lens
 from uav_firmware.modules.payload.orders import MissionOrders, carry_out
@@ -75,6 +76,7 @@ class PayloadModule:
         gimbal_status: Topic[GimbalStatus],
         tracking_state: Topic[TrackingState],
         device: CameraDevice | None = None,
+        recorder: Recorder | None = None,
         images_url: str = "",
     ) -> None:
         registry.add(PayloadParams)
@@ -100,6 +102,7 @@ class PayloadModule:
         params = registry.read(PayloadParams)
         self._parts = Parts(params, Storage(params.storage_mib), images_url=images_url)
         self._pictures = Pictures(self._parts, device, boot_time_utc_us, self._warn)
+        self._films = Films(self._parts, recorder, boot_time_utc_us, self._inform)
         self._mission_orders = MissionOrders()
         self._flight_end = FlightEnd()
         self._last_us: int | None = None
@@ -199,12 +202,17 @@ class PayloadModule:
             self._pictures.erase(situation.now_us)
         self._pictures.collect(situation.now_us)
         step = panorama_work.step(parts, situation)
+        attitude = self._attitude.value
+        q_ned_frd = _LEVEL if attitude is None else attitude.q_ned_frd
         if step.exposed or parts.camera.update(
             situation.now_us, situation.position_ned, mission_flown=situation.mission_flown
         ):
-            attitude = self._attitude.value
-            self._pictures.expose(situation, _LEVEL if attitude is None else attitude.q_ned_frd)
+            self._pictures.expose(situation, q_ned_frd)
+        self._films.update(situation, q_ned_frd)
         self._report(step.report, situation.now_us)
+
+    def _inform(self, now_us: int, text: str) -> None:
+        self._say(now_us, _INFO, text)
 
     def _warn(self, now_us: int, text: str) -> None:
         self._say(now_us, _WARNING, text)

@@ -1,13 +1,12 @@
 """From the shutter to the report: what is exposed is told once, when it is stored or lost."""
 
-import math
 from collections.abc import Callable
 from typing import Final
 
-from uav_firmware.cal.camera import CameraDevice, Exposure, Outcome, SecondPicture
-from uav_firmware.modules.payload.lens import lens
+from uav_firmware.cal.camera import CameraDevice, Exposure, Outcome
+from uav_firmware.modules.payload.exposure import exposure_of
 from uav_firmware.modules.payload.parts import Parts
-from uav_firmware.modules.payload.situation import NOWHERE, Situation
+from uav_firmware.modules.payload.situation import Situation
 from uav_firmware.modules.payload.storage import MIB
 from uav_firmware.msg.payload import ImageCaptured
 from uav_firmware.msg.vectors import Quaternion
@@ -39,32 +38,31 @@ class Pictures:
     def expose(self, situation: Situation, q_ned_frd: Quaternion) -> None:
         """Take a picture, whether it succeeds or not."""
         parts, now_us = self._parts, situation.now_us
-        position = situation.position_ned
-        place = NOWHERE if position is None else situation.to_geodetic(position)
-        home = situation.home
-        relative = math.nan if home is None else place[2] - home.altitude_amsl_m
-        index, q = parts.ledger.next_index(), parts.gimbal.q_ned_camera
+        exposure = exposure_of(
+            parts,
+            situation,
+            q_ned_frd,
+            boot_time_utc_us=self._boot_time_utc_us,
+            image_index=parts.ledger.next_index(),
+            width_px=parts.params.image_width_px,
+        )
+        index = exposure.image_index
         self._told[index] = ImageCaptured(
-            now_us, index, *place, relative, q, succeeded=False, file_url=""
+            now_us,
+            index,
+            exposure.latitude_deg,
+            exposure.longitude_deg,
+            exposure.altitude_amsl_m,
+            exposure.relative_altitude_m,
+            exposure.q_ned_camera,
+            succeeded=False,
+            file_url="",
         )
         if self._device is None:
             parts.storage.add(parts.picture_bytes)
             self._end(index, url="", succeeded=True)
         else:
-            self._begin(
-                self._device,
-                Exposure(
-                    now_us,
-                    self._boot_time_utc_us + now_us if self._boot_time_utc_us else 0,
-                    index,
-                    lens(parts.params.image_width_px),
-                    *place,
-                    relative,
-                    q,
-                    q_ned_frd,
-                    SecondPicture(parts.params.second_picture),
-                ),
-            )
+            self._begin(self._device, exposure)
         self._stop_when_full(now_us)
 
     def collect(self, now_us: int) -> None:
@@ -85,14 +83,14 @@ class Pictures:
         try:
             self._device.erase()
         except OSError as error:
-            self._say(now_us, f"Camera storage cannot be formatted: {_reason(error)}")
+            self._say(now_us, f"Camera storage cannot be formatted: {reason_of(error)}")
         self._look_at_storage(now_us)
 
     def _begin(self, device: CameraDevice, exposure: Exposure) -> None:
         try:
             device.expose(exposure)
         except OSError as error:
-            self._say(exposure.time_us, f"Camera failed: {_reason(error)}")
+            self._say(exposure.time_us, f"Camera failed: {reason_of(error)}")
             self._end(exposure.image_index, url="", succeeded=False)
         else:
             self._parts.storing = len(self._told) - len(self._ended)
@@ -133,8 +131,9 @@ class Pictures:
         try:
             self._parts.storage.used_mib = self._device.used_bytes / MIB
         except OSError as error:
-            self._say(now_us, f"Camera storage cannot be read: {_reason(error)}")
+            self._say(now_us, f"Camera storage cannot be read: {reason_of(error)}")
 
 
-def _reason(error: OSError) -> str:
+def reason_of(error: OSError) -> str:
+    """A sentence for the operator."""
     return error.strerror or str(error)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from sim.camera.darkroom import Darkroom, Developed
-from sim.camera.order import Order
+from sim.camera.order import Frame, Order
 from sim.config import SimulationConfig
 from sim.faults import Fault, Kind
 from sim.simulation import Simulation
@@ -47,7 +47,8 @@ class Notebook(Darkroom):
         self.ends: list[Developed] = []
         self.waited = 0
 
-    def begin(self, order: Order) -> None:
+    def begin(self, order: Order | Frame) -> None:
+        assert isinstance(order, Order)
         self.orders.append(order)
 
     def finished(self, *, wait: bool = False) -> list[Developed]:

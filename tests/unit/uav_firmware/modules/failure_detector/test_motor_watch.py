@@ -51,10 +51,10 @@ def test_a_stopping_motor_is_named_within_a_tenth_of_a_second(motor: int) -> Non
 def test_rotors_that_are_all_somewhat_slow_are_a_weak_propulsion_and_no_failed_motor() -> None:
     rotors = Rotors()
     rotors.run(1.0, HOVER)
-    assert not rotors.watch.weak
+    before = rotors.watch.weak
     rotors.grip = 0.8
     rotors.run(2.0, HOVER)
-    assert rotors.watch.weak
+    assert (before, rotors.watch.weak) == (False, True)
     assert rotors.watch.failed == 0
 
 

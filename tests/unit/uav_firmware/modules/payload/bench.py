@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 from uav_firmware.bus import Queue, Topic
-from uav_firmware.cal.camera import CameraDevice
+from uav_firmware.cal.camera import CameraDevice, Recorder
 from uav_firmware.lib.rotation import from_euler
 from uav_firmware.modules.payload.module import PERIOD_US, PayloadModule
 from uav_firmware.msg.estimate import VehicleAttitude, VehicleLocalPosition
@@ -42,7 +42,13 @@ IMAGES_URL = "mftp://[;comp=1]/card/image"
 class Bench:
     """Ten metres above home, heading north, in hold, unless told otherwise."""
 
-    def __init__(self, *, device: CameraDevice | None = None, **params: float) -> None:
+    def __init__(
+        self,
+        *,
+        device: CameraDevice | None = None,
+        recorder: Recorder | None = None,
+        **params: float,
+    ) -> None:
         self.registry = Registry()
         self.orders: Queue[PayloadOrder] = Queue(2000)
         self.region: Topic[RegionOfInterest] = Topic()
@@ -75,6 +81,7 @@ class Bench:
             gimbal_status=self.gimbal,
             tracking_state=self.tracking,
             device=device,
+            recorder=recorder,
             images_url=IMAGES_URL,
         )
         for name, value in params.items():
