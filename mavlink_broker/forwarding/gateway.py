@@ -76,13 +76,13 @@ class Gateway:
         if source.system in vehicles or source.system in {0, self._own_system}:
             return crossing  # Nobody speaks for a vehicle but itself
         self._heard_at = now
+        self.refusals.tell(now)
         if message.get_type() == "HEARTBEAT" and not self._may_command:
             return crossing
         target = target_of(message)
         for system in vehicles:
             if target in {0, system}:
                 self._cross(message, system, crossing, now)
-        self.refusals.tell(now)
         return crossing
 
     def _cross(self, message: Message, system: int, crossing: Crossing, now: float) -> None:

@@ -11,9 +11,11 @@ TELL_EVERY_S: Final = 10.0
 
 TEXT_LENGTH: Final = 50
 """Of a STATUSTEXT."""
+KINDS_TOLD: Final = 8
 KINDS_KEPT: Final = 500
 """More kinds than that are one: an endless series of unknown messages must not fill memory."""
 OTHERS: Final = "other messages"
+UNKNOWN: Final = "unknown message"
 
 _LOG = logging.getLogger(__name__)
 
@@ -45,13 +47,16 @@ class Refusals:
             return
         self._tell_at = now + TELL_EVERY_S
         self._told = self.count.copy()
-        what = ", ".join(f"{number} {name}" for name, number in new.most_common())
+        what = ", ".join(f"{number} {name}" for name, number in new.most_common(KINDS_TOLD))
+        what += f", and {len(new) - KINDS_TOLD} kinds more" if len(new) > KINDS_TOLD else ""
         _LOG.warning("refused to ground stations: %s", what)
 
 
 def name_of(message: Message) -> str:
     """What a message is called when it is refused; a command by its own name."""
     kind: str = message.get_type()
+    if isinstance(message, mavlink.MAVLink_unknown):
+        return UNKNOWN
     if kind not in {"COMMAND_LONG", "COMMAND_INT"}:
         return kind
     entry = mavlink.enums["MAV_CMD"].get(message.command)

@@ -146,6 +146,19 @@ def test_endless_kinds_of_refused_messages_do_not_fill_memory() -> None:
     assert passage.gateway.refusals.count.total() == 2 * KINDS_KEPT
 
 
+def test_the_log_names_the_most_frequent_refusals_only(caplog: pytest.LogCaptureFixture) -> None:
+    passage = Passage()
+    passage.tenures[1] = Tenure.MISSION
+    for number in [LAND] * 3 + list(range(40_000, 40_050)):
+        passage.say(command(number))
+    (first, second) = passage.say(HEARTBEAT, 60.0), passage.say(HEARTBEAT, 120.0)
+    assert first == second == Crossing()
+    (_, line) = [record.getMessage() for record in caplog.records]
+    assert "2 NAV_LAND" in line
+    assert "kinds more" in line
+    assert len(line) < 300
+
+
 @given(st.sampled_from(sorted(mavlink.mavlink_map)), st.binary(min_size=1, max_size=255))
 def test_no_message_whatever_is_in_it_breaks_anything(number: int, payload: bytes) -> None:
     kind = mavlink.mavlink_map[number]
