@@ -58,6 +58,9 @@ def test_a_mission_inside_flies_within_the_fence_and_leaves_none_behind(tmp_path
         assert not (5 < north < 9 and 5 < east < 9)
     assert world.edge.statuses(FLIGHT) == [Status.FINISHED] * 5
     world.run_until(lambda: fence_of(world) == 0, within_s=30.0)
+    world.run(5.0)
+    set_m = [f.message.param_value for f in world.air.sent if f.kind == "PARAM_SET"]
+    assert list(dict.fromkeys(set_m)) == [30.0, 0.0]  # GF_MAX_VER_DIST
 
 
 def test_a_mission_that_crosses_is_refused_before_anything_moves(tmp_path: Path) -> None:
