@@ -15,9 +15,12 @@ UNKNOWN_AGAIN_S: Final = 2.0
 class HostName:
     """A host, numeric or by name."""
 
-    def __init__(self, host: str, on_found: Callable[[], None]) -> None:
+    def __init__(
+        self, host: str, on_found: Callable[[], None], family: int = socket.AF_UNSPEC
+    ) -> None:
         """Know a host; `on_found` is called from a thread when a look-up has ended."""
         self._host = host
+        self._family = family
         self._on_found = on_found
         self._thread: threading.Thread | None = None
         self._next_at = 0.0
@@ -37,7 +40,7 @@ class HostName:
 
     def _look_up(self) -> None:
         try:
-            found = socket.getaddrinfo(self._host, None, type=socket.SOCK_DGRAM)
+            found = socket.getaddrinfo(self._host, None, self._family, socket.SOCK_DGRAM)
         except OSError:
             return
         self._numeric = str(found[0][4][0])

@@ -33,7 +33,8 @@ class UdpLink:
         self._target: HostName | None = None
         here = (url.host, url.port)
         if url.kind is LinkKind.UDP_OUT:
-            self._target = HostName(url.host, on_found)
+            family = socket.AF_INET6 if ":" in url.host else socket.AF_INET
+            self._target = HostName(url.host, on_found, family)
             here = ("::" if ":" in url.host else EVERYBODY, 0)
         family = socket.AF_INET6 if ":" in here[0] else socket.AF_INET
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
