@@ -175,6 +175,15 @@ def test_a_cut_link_is_told() -> None:
     assert not made.link_lost
 
 
+def test_a_camera_fails_and_is_mended() -> None:
+    made = simulation("camera_failure start_s=1 duration_s=1")
+    assert not made.camera_failed
+    run(made, 1.5)
+    assert made.camera_failed
+    run(made, 1.0)
+    assert not made.camera_failed
+
+
 def test_a_cleared_fault_is_gone() -> None:
     made = simulation("baro_loss", "motor_loss motor=1")
     made.clear_faults(Kind.MOTOR_LOSS, 1)
