@@ -15,6 +15,10 @@ from uav_firmware.modules.payload.gimbal import PITCH_MAX, PITCH_MIN, Angles
 
 STEP_DEG: Final = 45.0
 ROW_STEP_DEG: Final = 30.0
+STEEPEST_DEG: Final = -45.0
+"""[deg] Steeper than that a picture shows the ground that its neighbours show."""
+ALL_ROUND_DEG: Final = -10.0
+"""[deg] Pitch in its stead: the land all round with a strip of sky."""
 SETTLE_US: Final = 200_000
 """[us] For the picture to stand still once the gimbal has arrived."""
 _FULL_DEG: Final = 360.0
@@ -33,6 +37,8 @@ def directions(
 ) -> tuple[tuple[float, float], ...]:
     """Pitch and yaw from north [rad] of each picture, about the present ones.
 
+    One row of a gimbal that looks steeply down is raised to `ALL_ROUND_DEG`.
+
     Raises:
         ValueError: if rows would lie beyond the range of the gimbal.
     """
@@ -40,6 +46,8 @@ def directions(
         offsets = [math.radians(STEP_DEG * i) for i in range(round(_FULL_DEG / STEP_DEG))]
     else:
         offsets = _spread(horizontal_deg, STEP_DEG)
+    if vertical_deg <= 0.0 and pitch < math.radians(STEEPEST_DEG):
+        pitch = math.radians(ALL_ROUND_DEG)
     pitches = [pitch + offset for offset in _spread(vertical_deg, ROW_STEP_DEG)]
     if min(pitches) < PITCH_MIN - 1e-6 or max(pitches) > PITCH_MAX + 1e-6:
         raise ValueError("its rows lie beyond the gimbal's range of pitch")

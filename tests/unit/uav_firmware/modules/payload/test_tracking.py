@@ -138,6 +138,12 @@ def test_half_a_circle_reaches_from_left_to_right() -> None:
     assert yaws == pytest.approx([-90.0, -45.0, 0.0, 45.0, 90.0])
 
 
+def test_after_pictures_straight_down_a_panorama_looks_round() -> None:
+    for before_deg, seen_deg in ((-90.0, -10.0), (-30.0, -30.0), (15.0, 15.0)):
+        found = directions(360.0, 0.0, math.radians(before_deg), 0.0)
+        assert {round(math.degrees(pitch)) for pitch, _ in found} == {seen_deg}
+
+
 def test_rows_beyond_the_range_are_refused() -> None:
     assert len(directions(90.0, 60.0, math.radians(-30.0), 0.0)) == 9
     with pytest.raises(ValueError, match="range"):
