@@ -257,7 +257,8 @@ class Session:
         flight = self._flight
         ledger = None if flight is None else flight.ledger
         self.pictures.watch(None if flight is None else flight.work, ledger, now)
-        if self.vehicle.is_heard(now):
+        self.pictures.is_reachable = self.vehicle.is_heard(now)
+        if self.pictures.is_reachable:
             self.pictures.step(now, effects, is_busy=self.state in PREPARATION)
 
     def _watch_link(self, now: float) -> None:

@@ -33,6 +33,7 @@ from mavlink_broker.config import Config
 from mavlink_broker.protocol.heartbeat import LinkState
 from mavlink_broker.session_states import State
 from mavlink_broker.traffic import Clock
+from mavlink_broker.workshop import Workshop
 
 HEARD_WITHIN_S: Final = 30.0
 LEAVE: Final = "leave"
@@ -90,8 +91,12 @@ class Sortie:
 
     @property
     def _is_quiet(self) -> bool:
-        """Whether no vehicle is told anything any more; one that was aborted is, for a while."""
-        return all(session.state is State.IDLE for session in self._app.sessions.values())
+        """Whether no vehicle is told anything any more, nor has pictures that can be fetched.
+
+        One that was aborted is told where to go, for a while.
+        """
+        sessions = self._app.sessions.values()
+        return all(one.state is State.IDLE and not one.pictures.is_fetching for one in sessions)
 
     def _absence(self, now: float, within_s: float) -> str:
         absent = ", ".join(
@@ -135,13 +140,16 @@ def _fly(
         folder=options.out,
     )
     link = open_link(settings)
-    app = App(settings, link, edge, clock, lambda: str(ULID()))
+    workshop = Workshop(link.wake)
+    workshop.start()
+    app = App(settings, link, edge, clock, lambda: str(ULID()), workshop)
     sortie = Sortie(app, edge, missions, settings)
     try:
         sortie.gather(clock, signals, options.wait)
         if not signals.stop:
             sortie.fly(signals, _ON_INTERRUPT[options.on_interrupt])
     finally:
+        workshop.stop()
         app.close()
         link.close()
     if signals.stop:

@@ -61,11 +61,17 @@ class PictureDesk:
         self._flight: tuple[MissionWork, Ledger] | None = None
         self._told: list[tuple[Taker, str]] = []
         self.has_room = True  # The edge server takes pictures as fast as they come
+        self.is_reachable = False  # The vehicle is heard
 
     @property
     def unfinished(self) -> int:
         """How many announced pictures have not been told yet."""
         return len(self._fetching) + len(self._developing)
+
+    @property
+    def is_fetching(self) -> bool:
+        """Whether pictures are still to come from a vehicle that is heard."""
+        return self.is_reachable and self.unfinished > 0
 
     def watch(self, work: MissionWork | None, ledger: Ledger | None, now: float) -> None:
         """Take which mission is flown, if any, and how far it is."""
