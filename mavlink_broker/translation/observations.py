@@ -10,8 +10,9 @@ from typing import Final, NamedTuple
 
 from afarcloud.state import Observation, ObservationList
 from mavlink_broker.dialect import Message, source_of
-from mavlink_broker.translation.observables import Quantity, readings
+from mavlink_broker.translation.observables import Quantity, Reading, readings
 from mavlink_broker.translation.telemetry import Position, Snapshot
+from mavlink_broker.translation.worded import worded
 
 FRESH_S: Final = 5.0
 """By the vehicle's clock."""
@@ -29,6 +30,7 @@ class ResourceKey(NamedTuple):
     component: int
     sensor: str
     observed_property: str
+    own_name: str = ""  # Where it has told its resource id by itself
 
 
 class _Measured(NamedTuple):
@@ -40,7 +42,9 @@ class _Measured(NamedTuple):
 
 
 def resource_id(vehicle_id: int, key: ResourceKey) -> str:
-    """Name a sensor as AFarCloud does: a URN of five parts."""
+    """Name a sensor as AFarCloud does: a URN of five parts, unless it has a name of its own."""
+    if key.own_name:
+        return key.own_name
     return f"urn:afc:uav:{vehicle_id}:{key.component}:{key.sensor}:{key.observed_property}"
 
 
@@ -52,9 +56,10 @@ class Observations:
 
     def take(self, message: Message, snapshot: Snapshot, now: float) -> None:
         """Remember what a message tells of the environment at the vehicle's present place."""
-        for reading in readings(message):
+        for reading, own_name in _told(message):
+            observed_property = reading.quantity.observed_property
             component = source_of(message).component
-            key = ResourceKey(component, reading.sensor, reading.quantity.observed_property)
+            key = ResourceKey(component, reading.sensor, observed_property, own_name)
             if reading.value is None or snapshot.position is None:
                 self._newest.pop(key, None)
             elif key in self._newest or len(self._newest) < SOURCES_KEPT:
@@ -91,6 +96,15 @@ class Observations:
                     _observation(vehicle_id, key, measured, snapshot) for key, measured in batch
                 ),
             )
+
+
+def _told(message: Message) -> Iterator[tuple[Reading, str]]:
+    """Give the readings of a message, each with the resource id that came with it, if any."""
+    for reading in readings(message):
+        yield reading, ""
+    own = worded(message)
+    if own is not None:
+        yield Reading("", Quantity(own.observed_property, own.unit), own.value), own.resource_id
 
 
 def _is_fresh(measured: _Measured, snapshot: Snapshot, now: float) -> bool:

@@ -117,4 +117,21 @@ class Observe:
     """Send the observation."""
 
 
-Order: TypeAlias = Acknowledge | CompleteItems | ShowArming | Tell | Warn | Publish | Observe | Turn
+@dataclass(frozen=True, slots=True)
+class MeasureHumidity:
+    """Have the humidity sensor speak; it has failed where this cannot be."""
+
+    percent: float
+
+
+Order: TypeAlias = (
+    Acknowledge
+    | CompleteItems
+    | ShowArming
+    | Tell
+    | Warn
+    | Publish
+    | Observe
+    | MeasureHumidity
+    | Turn
+)

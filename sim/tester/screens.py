@@ -3,6 +3,7 @@
 Words and numbers are those of the seed (section 4.4.7 of its description).
 """
 
+import json
 import math
 from collections.abc import Callable, Mapping
 from enum import Enum, auto
@@ -166,7 +167,8 @@ def _capacity(text: str) -> Action:
 
 def _words(part: ObservationPart) -> Callable[[str], Action]:
     def read(text: str) -> Action:
-        if not text or not text.isprintable() or len(text) > MAXIMUM_WORDS:
+        spelled = json.dumps(text, ensure_ascii=False).encode()
+        if not text or not text.isprintable() or len(spelled) > LONGEST_WORDS_BYTES:
             raise ValueError(text)
         return SetObservation(part, text)
 
@@ -180,7 +182,8 @@ class Question(NamedTuple):
     read: Callable[[str], Action]
 
 
-MAXIMUM_WORDS: Final = 64
+LONGEST_WORDS_BYTES: Final = 32
+"""With its quotes: three of them and a number are to fit into one message."""
 QUESTIONS: Final[Mapping[Place, Question]] = {
     Place.CAPACITY: Question("------ Enter the new battery capacity (mAh): ", _capacity),
     Place.RESOURCE_ID: Question(

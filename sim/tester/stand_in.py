@@ -27,6 +27,7 @@ from sim.tester.happenings import (
     CompleteItems,
     Happening,
     ItemMadeCurrent,
+    MeasureHumidity,
     MissionCleared,
     MissionReceived,
     Observe,
@@ -38,11 +39,13 @@ from sim.tester.happenings import (
     Turn,
     Warn,
 )
+from sim.tester.hygrometer import Hygrometer
 from sim.tester.live import ORBIT, Live, circle, lasting_s, live, target
 from sim.tester.mission import Mission, MissionState
 from sim.tester.telemetry import Home
+from sim.tester.wording import alarm_text, mission_text, pose_text
 
-ORDER_WITHIN_S: Final = 8.0
+ORDER_WITHIN_S: Final = 12.0
 """How long '0' waits for the broker's order to come down: longer than an alarm takes there."""
 
 
@@ -75,6 +78,7 @@ class StandIn:
         self._live_since = booted_at
         self._is_called_down = False
         self._lands_at: float | None = None
+        self._hygrometer = Hygrometer()
 
     # What it says of itself.
 
@@ -100,7 +104,7 @@ class StandIn:
             case MissionReceived(items):
                 self.live = None
                 self.mission = Mission(items)
-                return [Tell(self._mission_text())]
+                return [Tell(mission_text(self.mission.steps))]
             case MissionCleared():
                 self.mission = Mission()
             case ItemMadeCurrent(seq):
@@ -111,10 +115,6 @@ class StandIn:
                 self.is_down |= not armed
                 return [ShowArming(armed)]
         return []
-
-    def _mission_text(self) -> str:
-        titles = [f"  {n}. {step.title}" for n, step in enumerate(self.mission.steps, start=1)]
-        return "\n".join(("Mission received:", *titles))
 
     def _obey(self, command: Command, now: float) -> list[Order]:
         if command.component == CAMERA and Alarm.CAMERA in self.alarms:
@@ -227,6 +227,7 @@ class StandIn:
                 return [Publish(pose), Tell(f"The vehicle is at {pose_text(pose)}")]
             case SetAlarm(alarm, parameters):
                 self.alarms.add(alarm)
+                self._hygrometer.begin(now)
                 return [Warn(alarm_text(alarm, parameters))]
             case SetBatteryCapacity(capacity_mah):
                 self.capacity_mah = capacity_mah
@@ -240,10 +241,12 @@ class StandIn:
         return []
 
     def tick(self, now: float) -> list[Order]:
-        """Let time pass: land once that is in order, and end what lasts."""
+        """Let time pass: land once that is in order; a humidity sensor that fails speaks."""
+        percent = self._hygrometer.measure(self.alarms, now)
+        orders: list[Order] = [] if percent is None else [MeasureHumidity(percent)]
         if self._lands_at is not None and (self._is_called_down or now >= self._lands_at):
-            return self._land()
-        return []
+            orders += self._land()
+        return orders
 
     def _finish(self, now: float) -> list[Order]:
         if self.live is not None:
@@ -279,17 +282,3 @@ class StandIn:
         self.alarms.clear()
         self.pose = self.pose._replace(relative_altitude_m=0.0)
         return [ShowArming(armed=False), Tell("The vehicle is down."), Publish(self.pose)]
-
-
-def pose_text(pose: Pose) -> str:
-    """Say where the vehicle is."""
-    return (
-        f"latitude {pose.latitude_deg:.7f}, longitude {pose.longitude_deg:.7f}, "
-        f"altitude {pose.relative_altitude_m:g} m, yaw {pose.yaw_deg:g}, "
-        f"pitch {pose.pitch_deg:g}, roll {pose.roll_deg:g}"
-    )
-
-
-def alarm_text(alarm: Alarm, parameters: tuple[float, float]) -> str:
-    """Say what has failed, in the fifty characters of a STATUSTEXT."""
-    return f"{alarm.label}: {parameters[0]:g}, {parameters[1]:g}"[:50]

@@ -1,5 +1,6 @@
 """What the vehicle says of itself, as messages of MAVLink's common set: name and fields."""
 
+import json
 import math
 from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
@@ -8,6 +9,9 @@ from sim.tester.actions import Pose
 from sim.tester.alarms import PRESENT
 
 _E7: Final = 1e7
+OBSERVATION_IN_WORDS: Final = 0xAFC1
+"""Payload type of a TUNNEL."""
+_TUNNEL_BYTES: Final = 128
 _ARMED: Final = 128
 """MAV_MODE_FLAG_SAFETY_ARMED."""
 
@@ -94,6 +98,33 @@ def system_status(ill: int, percentage: int) -> Say:
             "battery_remaining": percentage,
         },
     )
+
+
+def system_time(utc_s: float, time_ms: int) -> Say:
+    """SYSTEM_TIME."""
+    return Say("SYSTEM_TIME", {"time_unix_usec": round(utc_s * 1e6), "time_boot_ms": time_ms})
+
+
+def observation(resource_id: str, observed_property: str, value: float, unit: str) -> Say:
+    """TUNNEL with an observation in words, as the broker reads it."""
+    words = [resource_id, observed_property, value, unit]
+    payload = json.dumps(words, ensure_ascii=False, separators=(",", ":")).encode()
+    return Say(
+        "TUNNEL",
+        {
+            "target_system": 0,
+            "target_component": 0,
+            "payload_type": OBSERVATION_IN_WORDS,
+            "payload_length": len(payload),
+            "payload": list(payload.ljust(_TUNNEL_BYTES, b"\0")),
+        },
+    )
+
+
+def humidity(value_percent: float, time_ms: int) -> Say:
+    """NAMED_VALUE_FLOAT of the humidity sensor."""
+    fields = {"time_boot_ms": time_ms, "name": "hum_air", "value": value_percent}
+    return Say("NAMED_VALUE_FLOAT", fields)
 
 
 def mission_current(seq: int, total: int, state: int, *, in_mission: bool) -> Say:

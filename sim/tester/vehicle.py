@@ -6,6 +6,7 @@ to call from any thread. The only file that imports mavsdk.
 
 import json
 import math
+import time
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -38,6 +39,7 @@ from sim.tester.happenings import (
     CompleteItems,
     Happening,
     ItemMadeCurrent,
+    MeasureHumidity,
     MissionCleared,
     MissionReceived,
     Observe,
@@ -46,7 +48,7 @@ from sim.tester.happenings import (
     ShowArming,
     Warn,
 )
-from sim.tester.mission import MissionState
+from sim.tester.reports import observation, regular_reports
 from sim.tester.stand_in import StandIn
 from sim.tester.steps import Item
 from sim.tester.telemetry import Say
@@ -142,19 +144,7 @@ class MavsdkVehicle:
         self._telemetry.publish_extended_sys_state(VtolState.UNDEFINED, landed)
         left = vehicle.percentage / 100.0 + _HALF_A_PERCENT
         self._telemetry.publish_battery(Battery(voltage_v=_VOLTAGE_V, remaining_percent=left))
-        mission = vehicle.mission
-        for words in (
-            telemetry.home_position(vehicle.home),
-            telemetry.position(vehicle.pose, vehicle.home, vehicle.time_ms(now)),
-            telemetry.attitude(vehicle.pose, vehicle.time_ms(now)),
-            telemetry.system_status(vehicle.ill, vehicle.percentage),
-            telemetry.mission_current(
-                mission.current,
-                len(mission.items),
-                mission.state,
-                in_mission=mission.state is MissionState.ACTIVE,
-            ),
-        ):
+        for words in regular_reports(vehicle, now, time.time()):
             self._autopilot.say(words)
 
     def carry_out(self, order: Order, vehicle: StandIn, now: float) -> None:
@@ -175,6 +165,9 @@ class MavsdkVehicle:
                 self._autopilot.say(telemetry.position(pose, vehicle.home, time_ms))
             case Observe():
                 self.publish(vehicle, now)
+                self._autopilot.say(observation(vehicle))
+            case MeasureHumidity(percent):
+                self._autopilot.say(telemetry.humidity(percent, vehicle.time_ms(now)))
             case Warn(text):
                 self._telemetry.publish_status_text(StatusText(StatusTextType.CRITICAL, text))
 

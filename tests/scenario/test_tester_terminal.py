@@ -116,6 +116,36 @@ def test_position_and_battery_are_what_the_person_says(farm: Farm, person: Perso
     assert battery["percentage"] == pytest.approx(0.55)
 
 
+def test_the_observation_is_what_the_person_says(farm: Farm, person: Person) -> None:
+    farm.fly(takeoff(), waypoint(), go_home())
+    person.answers(ACTION, "1")
+    for number, prompt, line in (
+        ("1", "Enter the new resource id(string):", "probe 7"),
+        ("2", "Enter the new observed property(string):", "soil moisture"),
+        ("3", "Enter the new result value(float):", "wet"),
+        ("3", "Enter the new result value(float):", "12.5"),
+        ("4", "Enter the new result uom(string):", "% vol"),
+    ):
+        person.answers(ACTION, "5")
+        person.reads("Select the observation param to change:", "5. Back")
+        person.type(number)
+        person.answers(prompt, line)
+    person.answers(ACTION, "5")
+    person.reads("5. Back")
+    person.type("5")
+    for _ in range(2):
+        person.answers(ACTION, "1")
+    assert ended(farm, person) == [FINISHED] * 3
+    first, *_, last = farm.edge.bodies("/observation/")
+    seen = [
+        (one["resource_id"], one["observed_property"], one["result_value"], one["result_uom"])
+        for one in (first["observation_array"][0], *last["observation_array"])
+    ]
+    assert seen[0] == ("temp", "temperature", 20.0, "C")
+    assert ("probe 7", "soil moisture", 12.5, "% vol") in seen[1:]
+    assert all(one["result_time"] > 1.7e9 for one in last["observation_array"])
+
+
 def test_the_way_through_the_alarms_and_back_and_the_alarm_itself(
     farm: Farm, person: Person
 ) -> None:

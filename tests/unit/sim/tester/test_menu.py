@@ -276,7 +276,8 @@ def test_5_changes_one_part_of_the_observation(
 
 
 @pytest.mark.parametrize(
-    ("number", "bad"), [("1", ""), ("2", " "), ("3", "warm"), ("3", "nan"), ("4", "a" * 65)]
+    ("number", "bad"),
+    [("1", ""), ("2", " "), ("3", "warm"), ("3", "nan"), ("4", "a" * 31), ("1", "é" * 16)],
 )
 def test_a_bad_part_of_the_observation_changes_nothing(number: str, bad: str) -> None:
     assert running("5", number, bad).prompt == MAIN

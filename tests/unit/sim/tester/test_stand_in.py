@@ -5,7 +5,6 @@ from itertools import pairwise
 
 import pytest
 
-from mavlink_broker.translation import alarms
 from sim.tester.actions import (
     FinishCommand,
     Land,
@@ -17,7 +16,7 @@ from sim.tester.actions import (
     SetObservation,
     SetPose,
 )
-from sim.tester.alarms import PRESENT, Alarm
+from sim.tester.alarms import Alarm
 from sim.tester.happenings import (
     Acknowledge,
     Armed,
@@ -187,16 +186,6 @@ def test_0_does_not_wait_for_ever() -> None:
     vehicle.act(Land(), 2.0)
     assert vehicle.tick(1.9 + ORDER_WITHIN_S) == []
     assert vehicle.tick(2.0 + ORDER_WITHIN_S) != []
-
-
-@pytest.mark.parametrize("alarm", [a for a in Alarm if a.ill])
-def test_an_alarm_that_shows_in_bits_is_exactly_one_of_the_brokers(alarm: Alarm) -> None:
-    vehicle = flying()
-    vehicle.act(SetAlarm(alarm, (0.0, 0.0)), 2.0)
-    assert vehicle.ill & PRESENT == vehicle.ill
-    (row,) = [row for row in alarms._TABLE if row.bits & vehicle.ill]
-    words = alarm.label.upper().replace(" ", "_").replace("LOCALIZATION", "LOCALISATION")
-    assert row.failure.code.name == words
 
 
 def test_a_place_is_told_and_kept() -> None:
