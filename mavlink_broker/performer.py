@@ -14,6 +14,7 @@ import math
 from enum import Enum, auto
 from typing import Final
 
+from mavlink_broker.circle import CircleRunner
 from mavlink_broker.dialect import Message
 from mavlink_broker.protocol.command import Accepted, CommandOutcome, Refused
 from mavlink_broker.protocol.command_sequence import CommandSequence, Ways
@@ -21,6 +22,7 @@ from mavlink_broker.series import SeriesRunner
 from mavlink_broker.subject import SubjectTracker
 from mavlink_broker.translation.geo import distance_m
 from mavlink_broker.translation.live import (
+    Circled,
     Lasted,
     LiveAction,
     Series,
@@ -62,7 +64,7 @@ class Performer:
         self._vehicle = vehicle
         self._sequence: CommandSequence | None = None
         self._turning = Turning(action.end) if isinstance(action.end, Turned) else None
-        self._doing: SeriesRunner | SubjectTracker | None = None
+        self._doing: SeriesRunner | SubjectTracker | CircleRunner | None = None
         self._phase_at = 0.0
         self._began_at = 0.0
         self._target_due_at = -math.inf
@@ -168,6 +170,8 @@ class Performer:
                 self._doing = SeriesRunner(steps, self._vehicle)
             case Tracked() as end:
                 self._doing = SubjectTracker(end, self._vehicle)
+            case Circled() as circle:
+                self._doing = CircleRunner(circle, self._vehicle)
         self._enter(Phase.GOING, now)
 
     def _finish(self, now: float) -> list[Message]:
@@ -213,7 +217,7 @@ class Performer:
             case Turned():
                 complete = self._turning is not None and self._turning.is_complete
                 return complete or self._has_released()
-            case Series() | Tracked():
+            case Series() | Tracked() | Circled():
                 return self._doing is not None and self._doing.is_over
 
     def _has_released(self) -> bool:

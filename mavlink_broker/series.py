@@ -12,7 +12,7 @@ from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.protocol.command import Accepted, Command, Refused, long_command
 from mavlink_broker.protocol.command_sequence import CommandSequence, Ways
 from mavlink_broker.translation.geo import distance_m, shifted
-from mavlink_broker.translation.live import Face, Order, Shift, Step, reposition
+from mavlink_broker.translation.live import AS_IT_IS, Face, Order, Shift, Step, reposition
 from mavlink_broker.translation.situation import Spot
 from mavlink_broker.vehicle import Vehicle
 
@@ -31,12 +31,15 @@ def heading_order(vehicle: Vehicle, here: Spot | None, heading_deg: float) -> Co
     return way_order(vehicle, here, heading_deg)
 
 
-def way_order(vehicle: Vehicle, spot: Spot | None, heading_deg: float) -> Command | None:
+def way_order(
+    vehicle: Vehicle, spot: Spot | None, heading_deg: float, *, speed_m_s: float = AS_IT_IS
+) -> Command | None:
     """Go to a place with a heading; None while home, where altitudes begin, is not known."""
     home = vehicle.snapshot.home
     if home is None or spot is None:
         return None
-    return reposition(spot, home, math.remainder(math.radians(heading_deg), 2.0 * math.pi))
+    yaw_rad = math.remainder(math.radians(heading_deg), 2.0 * math.pi)
+    return reposition(spot, home, yaw_rad, speed_m_s=speed_m_s)
 
 
 class SeriesRunner:

@@ -10,7 +10,7 @@ from afarcloud.plan import Mission
 from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.protocol.command_sequence import Ways
 from mavlink_broker.protocol.route import Route
-from mavlink_broker.translation.live import End, Lasted, Series, Tracked, Turned
+from mavlink_broker.translation.live import Circled, End, Lasted, Series, Tracked, Turned
 from mavlink_broker.translation.mission import FlightPlan, Itinerary, LiveCommand
 from mavlink_broker.translation.situation import Spot
 
@@ -68,6 +68,8 @@ def end_sentence(end: End) -> str:
     match end:
         case Turned(radius_m=radius_m, angle_rad=angle_rad):
             return f"until {angle_rad / math.tau:g} turn at {radius_m:g} m is flown"
+        case Circled(turn=Turned(radius_m=radius_m), heading=heading):
+            return f"until 1 turn at {radius_m:g} m is flown from point to point, {heading.name}"
         case Series(steps):
             return f"until {len(steps)} steps are taken"
         case Tracked(mode=mode, duration_s=duration_s):

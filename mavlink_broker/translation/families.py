@@ -70,6 +70,11 @@ STANDARD_HEADINGS: Final[Mapping[OrbitType, float]] = {
     OrbitType.USING_INITIAL_HEADING: 1.0,
 }
 """ORBIT_YAW_BEHAVIOUR, the third parameter of DO_ORBIT."""
+ITEM_HEADINGS: Final = {
+    OrbitType.ALONG_CIRCLE_LOOKING_FORWARDS: 3.0,
+    OrbitType.TOWARDS_HOT_POINT: 0.0,
+}
+"""What a circle in a mission knows: along it by a parameter, inwards by a ROI."""
 OWN_HEADINGS: Final = {
     **STANDARD_HEADINGS,
     OrbitType.ALONG_CIRCLE_LOOKING_BACKWARDS: 6.0,
@@ -198,6 +203,7 @@ ARDUPILOT: Final = Family(
     landing=((_COPTER_LAND,), (_LAND,)),
     returning=((_COPTER_RETURN,), (_RETURN,)),
     orbiting=Orbiting.BY_ITEM,
+    orbit_headings=ITEM_HEADINGS,
     following=Following.BY_MODE,
     follow_modes=((_FOLLOW_OF_COPTER,),),
     follow_loans=borrowed.copter_follow,

@@ -11,7 +11,7 @@ from mavlink_broker.translation import mission_item
 from mavlink_broker.translation.borrowed import copter_circle
 from mavlink_broker.translation.families import Family, Orbiting
 from mavlink_broker.translation.geo import offset, shifted
-from mavlink_broker.translation.live import LiveAction, Turned
+from mavlink_broker.translation.live import Circled, LiveAction, Turned
 from mavlink_broker.translation.situation import Items, Situation, Spot
 
 FULL_TURN_RAD: Final = 2.0 * math.pi
@@ -25,14 +25,24 @@ _START_BEARING_DEG: Final = {
     StartPoint.SOUTH: 180.0,
     StartPoint.WEST: 270.0,
 }
+_ALWAYS_FLOWN: Final = frozenset(
+    {
+        OrbitType.ALONG_CIRCLE_LOOKING_BACKWARDS,
+        OrbitType.AWAY_FROM_HOT_POINT,
+        OrbitType.USING_INITIAL_HEADING,
+    }
+)
+"""Headings that are flown from point to point where a vehicle's own circle lacks them."""
 _FORWARDS: Final = 3.0  # ORBIT_YAW_BEHAVIOUR_HOLD_FRONT_TANGENT_TO_CIRCLE
 
 
 def hotpoint(command: NavHotpoint, situation: Situation) -> Items | LiveAction:
     """One full turn, begun at the start point if there is one."""
     p = command.parameters
+    if p.orbit_type in _ALWAYS_FLOWN and p.orbit_type not in situation.family.orbit_headings:
+        return _from_point_to_point(p, situation)
     if situation.family.orbiting is Orbiting.BY_ITEM:
-        return _as_items(p)
+        return _as_items(p, situation)
     return _live(p, situation)
 
 
@@ -88,7 +98,27 @@ def _live(p: NavHotpointParameters, situation: Situation) -> LiveAction:
     )
 
 
-def _as_items(p: NavHotpointParameters) -> Items:
+def _from_point_to_point(p: NavHotpointParameters, situation: Situation) -> LiveAction:
+    """Send it round by places, with a heading that its own circle does not know."""
+    speed_m_s = speed_on_circle_m_s(p.angular_velocity, p.radius)
+    name = situation.family.name
+    told = f"orbit_type: flown from point to point, for {name}'s own circle knows no such heading"
+    return LiveAction(
+        begin=situation.family.holding,
+        approach=_end_point(p, situation),
+        end=Circled(
+            turn=Turned(p.latitude, p.longitude, p.radius, FULL_TURN_RAD, p.is_clockwise),
+            height_m=p.orbit_altitude,
+            speed_m_s=speed_m_s,
+            heading=p.orbit_type,
+        ),
+        within_s=3.0 * FULL_TURN_RAD * p.radius / speed_m_s + SLACK_S,
+        notes=(*_limited(p, speed_m_s), told),
+        ends_at=_end_point(p, situation),
+    )
+
+
+def _as_items(p: NavHotpointParameters, situation: Situation) -> Items:
     """ArduPilot's circle, its rate a parameter; it looks ahead, or at the centre by a ROI."""
     speed_m_s = speed_on_circle_m_s(p.angular_velocity, p.radius)
     notes = [*_limited(p, speed_m_s), *_rounded(p)]
@@ -110,9 +140,14 @@ def _as_items(p: NavHotpointParameters) -> Items:
         behind.append(mission_item.look_ahead())
     elif p.orbit_type is not OrbitType.ALONG_CIRCLE_LOOKING_FORWARDS:
         notes.append(f"orbit_type {p.orbit_type.name} is not supported: it looks forwards")
-    spot = start or Spot(p.latitude, p.longitude, p.orbit_altitude)
+    spot = _end_point(p, situation) or _north_of(p)
     loans = copter_circle(math.degrees(speed_m_s / p.radius), along=not inwards)
     return Items((*before, circle, *behind), len(before), tuple(notes), spot, loans=loans)
+
+
+def _north_of(p: NavHotpointParameters) -> Spot:
+    """Somewhere on the circle: a vehicle is never sent to the middle of what it goes round."""
+    return Spot(*shifted(p.latitude, p.longitude, 0.0, p.radius), p.orbit_altitude)
 
 
 def _rounded(p: NavHotpointParameters) -> tuple[str, ...]:

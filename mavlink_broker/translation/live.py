@@ -3,13 +3,15 @@
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
-from afarcloud.enumerations import TrackMode
+from afarcloud.enumerations import OrbitType, TrackMode
 from mavlink_broker.dialect import mavlink
 from mavlink_broker.protocol.command import CommandInt
 from mavlink_broker.protocol.command_sequence import Ways
 from mavlink_broker.protocol.parameter_keeper import Loan
 from mavlink_broker.translation.situation import Home, Spot
 
+AS_IT_IS: Final = -1.0
+"""Speed of a reposition that changes none."""
 CHANGE_MODE: Final = float(mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE)
 
 
@@ -74,7 +76,17 @@ class Tracked:
     follow: Ways  # How a vehicle is told to follow
 
 
-End: TypeAlias = Turned | Lasted | Series | Tracked
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Circled:
+    """It ends when the broker has sent the vehicle round from point to point."""
+
+    turn: Turned
+    height_m: float  # Above home
+    speed_m_s: float
+    heading: OrbitType
+
+
+End: TypeAlias = Turned | Lasted | Series | Tracked | Circled
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,12 +106,14 @@ class LiveAction:
     ends_at: Spot | None = None  # Where the vehicle is afterwards, if that is known before
 
 
-def reposition(spot: Spot, home: Home, yaw_rad: float = float("nan")) -> CommandInt:
+def reposition(
+    spot: Spot, home: Home, yaw_rad: float = float("nan"), *, speed_m_s: float = AS_IT_IS
+) -> CommandInt:
     """DO_REPOSITION(192) in frame 0, the one that every family reads alike."""
     return CommandInt(
         command=mavlink.MAV_CMD_DO_REPOSITION,
         frame=mavlink.MAV_FRAME_GLOBAL,
-        parameters=(-1.0, CHANGE_MODE, 0.0, yaw_rad),
+        parameters=(speed_m_s, CHANGE_MODE, 0.0, yaw_rad),
         latitude_deg=spot.latitude_deg,
         longitude_deg=spot.longitude_deg,
         altitude_m=home.altitude_amsl_m + spot.relative_altitude_m,

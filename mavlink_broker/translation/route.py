@@ -15,7 +15,7 @@ from afarcloud.commands import Command, NavHotpoint
 from afarcloud.enumerations import CommandType
 from mavlink_broker.dialect import mavlink
 from mavlink_broker.translation.geo import offset, shifted
-from mavlink_broker.translation.live import Turned
+from mavlink_broker.translation.live import Circled, Turned
 from mavlink_broker.translation.mission import FlightPlan, Itinerary, LiveCommand
 from mavlink_broker.translation.mission_item import MissionItem
 from mavlink_broker.translation.situation import Home, Spot
@@ -151,8 +151,8 @@ class _Walk:
         if action.approach is not None:
             yield from self._go_to(index, action.approach)
         command = self._commands[index]
-        if isinstance(action.end, Turned) and isinstance(command, NavHotpoint):
-            end = action.end
+        end = action.end.turn if isinstance(action.end, Circled) else action.end
+        if isinstance(end, Turned) and isinstance(command, NavHotpoint):
             height_m = command.parameters.orbit_altitude
             centre = Spot(end.latitude_deg, end.longitude_deg, height_m)
             yield from self._round(index, centre, end.radius_m)

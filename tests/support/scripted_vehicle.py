@@ -465,7 +465,8 @@ class ScriptedVehicle:
                 self.height_m = message.z - HOME[2]
                 if not math.isnan(message.param4):
                     self.yaw_rad = message.param4
-                self.set_mode(PX4_HOLD)
+                copter = self.script.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+                self.set_mode(COPTER_GUIDED if copter else PX4_HOLD)
             case mavlink.MAV_CMD_CONDITION_YAW:
                 self.yaw_rad = math.remainder(math.radians(message.param1), 2.0 * math.pi)
             case mavlink.MAV_CMD_DO_ORBIT:

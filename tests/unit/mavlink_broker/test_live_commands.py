@@ -113,9 +113,12 @@ class TestAHotpoint:
         assert "angular_velocity was limited to" in str(messages(world)[1])
 
     @pytest.mark.parametrize("orbit_type", [1, 3])
-    def test_says_which_heading_a_vehicle_lacks(self, orbit_type: int) -> None:
+    def test_with_a_heading_that_a_vehicle_lacks_is_flown_from_point_to_point(
+        self, orbit_type: int
+    ) -> None:
         world = flown(takeoff(), hotpoint(orbit_type=orbit_type), go_home(3), script=PX4)
-        assert "is not supported: it looks forwards" in str(messages(world)[1])
+        assert "orbit_type: flown from point to point" in str(messages(world)[1])
+        assert mavlink.MAV_CMD_DO_ORBIT not in world.only_vehicle.commands
         world = flown(takeoff(), hotpoint(orbit_type=orbit_type), go_home(3), script=OWN)
         assert messages(world)[1] is None
 

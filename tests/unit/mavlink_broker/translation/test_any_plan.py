@@ -19,7 +19,7 @@ from mavlink_broker.codec import Decoder, Encoder
 from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.protocol.route import Route
 from mavlink_broker.translation.families import ARDUPILOT, GENERIC, OWN, PX4, Family
-from mavlink_broker.translation.live import Face, Order, Series
+from mavlink_broker.translation.live import Circled, Face, Order, Series
 from mavlink_broker.translation.mission import (
     FlightPlan,
     Home,
@@ -214,8 +214,18 @@ def check_live(sent: Command, live: LiveCommand) -> None:
         turned = faces[-2].turn_deg - faces[0].turn_deg
         assert (turned, faces[-1].turn_deg) == (315.0 if full else 180.0, 0.0)
         return
-    assert LIVE_KINDS[first.command] is sent.command_type_id
     p: Any = sent.parameters
+    if isinstance(live.action.end, Circled):
+        turn = live.action.end.turn
+        assert sent.command_type_id is CommandType.NAV_HOTPOINT
+        assert (turn.latitude_deg, turn.longitude_deg) == (p.latitude, p.longitude)
+        assert (turn.radius_m, turn.is_clockwise) == (p.radius, p.is_clockwise)
+        assert (live.action.end.height_m, live.action.end.heading) == (
+            p.orbit_altitude,
+            p.orbit_type,
+        )
+        return
+    assert LIVE_KINDS[first.command] is sent.command_type_id
     match sent.command_type_id:
         case CommandType.NAV_HOTPOINT:
             assert abs(first.x / 1e7 - p.latitude) <= 0.6e-7
