@@ -24,6 +24,18 @@ class GivingBack:
         self._vehicle = vehicle
         self._fencing: Fencing | None = None
         self._not_before = -math.inf
+        self._is_heard = False
+        self._has_failed = False
+
+    @property
+    def is_owed(self) -> bool:
+        """Whether the vehicle waits for something of its own, and can be given it now."""
+        return self._waits and not self._has_failed
+
+    @property
+    def _waits(self) -> bool:
+        vehicle = self._vehicle
+        return self._is_heard and vehicle.loan.is_open and vehicle.snapshot.is_on_ground
 
     def receive(self, message: Message, now: float) -> list[Message]:
         """Take a message of the vehicle."""
@@ -31,8 +43,9 @@ class GivingBack:
 
     def step(self, now: float, *, idle: bool) -> list[Message]:
         """Let time pass; a mission that begins takes everything over."""
-        wanted = idle and self._vehicle.loan.is_open and self._vehicle.snapshot.is_on_ground
-        if not wanted or now < self._not_before:
+        self._is_heard = self._vehicle.is_heard(now)
+        self._has_failed &= idle and self._is_heard
+        if not idle or not self._waits or now < self._not_before:
             self._fencing = None
             return []
         if self._fencing is None:
@@ -45,5 +58,6 @@ class GivingBack:
                 self._vehicle.vehicle_id,
                 self._fencing.outcome.reason,
             )
+            self._has_failed = True
             self._not_before = now + AGAIN_AFTER_S
         return messages

@@ -12,6 +12,7 @@ from typing import Any, Final
 
 from afarcloud.enumerations import EventType, Status
 from mavlink_broker import registry
+from mavlink_broker.attendance import Attendance
 from mavlink_broker.dialect import Message, mavlink, source_of
 from mavlink_broker.effects import Acknowledgement, Effects, VehicleUpdate
 from mavlink_broker.event_desk import EventDesk, is_abort
@@ -20,7 +21,7 @@ from mavlink_broker.giving_back import GivingBack
 from mavlink_broker.interruption import REASONS
 from mavlink_broker.pictures.desk import HEARD as PICTURED
 from mavlink_broker.pictures.desk import PictureDesk
-from mavlink_broker.protocol.heartbeat import LinkState, OwnHeartbeat
+from mavlink_broker.protocol.heartbeat import LinkState
 from mavlink_broker.protocol.parameter_read import ParameterRead
 from mavlink_broker.protocol.streams import StreamRequests
 from mavlink_broker.reporter import Reporter
@@ -70,7 +71,7 @@ class Session:
         self._battery_capacity_ah = battery_capacity_ah
         self._reporter = Reporter(vehicle, new_session_id())
         self.pictures = PictureDesk(vehicle, self._reporter)
-        self._heartbeat = OwnHeartbeat()
+        self._attendance = Attendance(vehicle)
         self._streams = StreamRequests(vehicle.route, vehicle.round_trip)
         self._capacity: ParameterRead | None = None
         self._alarms = AlarmWatch()
@@ -99,6 +100,11 @@ class Session:
         is_idle = self._flight is None and not self._waiting
         is_long_lost = self._lost_since is not None and now - self._lost_since > FORGOTTEN_AFTER_S
         return is_idle and is_long_lost and self.vehicle.snapshot.position is None
+
+    @property
+    def is_giving_back(self) -> bool:
+        """Whether the vehicle is still to get what was its own before its last plan."""
+        return self._giving_back.is_owed
 
     def take_mission(self, work: MissionWork, effects: Effects) -> None:
         """Accept a mission, or refuse one that cannot be flown.
@@ -179,6 +185,7 @@ class Session:
         if rebooted:
             self._restarted(now, effects)
         effects.messages += self._streams.receive(message, now)
+        self._attendance.receive(message)
         self._alarms.receive(message, now)
         if message.get_type() in PICTURED:
             self.pictures.receive(message, now, effects)
@@ -215,19 +222,19 @@ class Session:
         self._watch_link(now)
         self._update(now, effects)
         if self.vehicle.is_heard(now):
-            effects.messages += self._heartbeat.tick(now)
+            effects.messages += self._attendance.tick(now)
             effects.messages += self._streams.tick(now)
             self.vehicle.is_identified |= self._streams.is_version_settled
             self._read_capacity(now, effects)
             self._watch_hover()
             self._see_events_through(now, effects)
-            effects.messages += self._giving_back.step(now, idle=self.state is State.IDLE)
             effects.messages += self._keep_parameters(now)
             is_connected = self.vehicle.link_state(now) is LinkState.CONNECTED
             failures = self._alarms.tick(now, is_connected=is_connected)
             self._raise_alarms(failures, now, effects)
         else:
             self._alarms.forget()
+        effects.messages += self._giving_back.step(now, idle=self.state is State.IDLE)
         self._next_flight(now, effects)
         if self._flight is not None:
             self._flight.step(now, effects)
@@ -283,6 +290,7 @@ class Session:
         self._reporter.session_id = self._new_session_id()
         self._hovering = False
         self._streams.renew()
+        self._attendance.renew()
         self._alarms.forget()
         if self._flight is not None:
             self._flight.rebooted(now, effects)

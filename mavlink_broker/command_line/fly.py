@@ -93,10 +93,13 @@ class Sortie:
     def _is_quiet(self) -> bool:
         """Whether no vehicle is told anything any more, nor has pictures that can be fetched.
 
-        One that was aborted is told where to go, for a while.
+        One that was aborted is told where to go, for a while; one that has landed gets back the
+        fence that it had before.
         """
-        sessions = self._app.sessions.values()
-        return all(one.state is State.IDLE and not one.pictures.is_fetching for one in sessions)
+        return not any(
+            one.state is not State.IDLE or one.pictures.is_fetching or one.is_giving_back
+            for one in self._app.sessions.values()
+        )
 
     def _absence(self, now: float, within_s: float) -> str:
         absent = ", ".join(
@@ -137,6 +140,7 @@ def _fly(
         _page(missions, options).take,
         expires_at=plan.expires_at,
         geofence=plan.geofence,
+        rally_points=plan.rally_points,
         folder=options.out,
     )
     link = open_link(settings)

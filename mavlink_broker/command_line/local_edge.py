@@ -9,7 +9,7 @@ from typing import Any, Final
 from afarcloud import wire
 from afarcloud.enumerations import EventType, Status
 from afarcloud.numbers import format_time
-from afarcloud.plan import Geofence, Mission
+from afarcloud.plan import Geofence, Mission, RallyPoint
 from mavlink_broker.send_queue import Post
 
 _IMAGE: Final = wire.Kind.IMAGE.value
@@ -31,11 +31,13 @@ class LocalEdge:
         *,
         expires_at: datetime | None = None,
         geofence: Geofence | None = None,
+        rally_points: Sequence[RallyPoint] = (),
         folder: Path | None = None,
     ) -> None:
         self._told = told
         self._folder = folder
         self._expires_at = None if expires_at is None else format_time(expires_at)
+        self._rally_points = [wire.write(point) for point in rally_points]
         self._geofence = None if geofence is None else wire.write(geofence)
         self._missions = dict(enumerate(missions, 1))
         self._new: list[dict[str, Any]] = []
@@ -64,6 +66,7 @@ class LocalEdge:
                     "plan_id": "local",
                     "expires_at": self._expires_at,
                     "geofence": self._geofence,
+                    "rally_points": self._rally_points,
                     "mission": wire.write(mission),
                 }
             )

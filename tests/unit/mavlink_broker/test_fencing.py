@@ -324,6 +324,31 @@ class TestGivingBack:
         assert vehicle.log.count("stored 1") == 1
         assert vehicle.fence == []
 
+    def test_whoever_would_leave_can_see_that_something_is_still_to_be_given_back(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        flown(world, fence(max_altitude=40.0))
+        session = world.app.sessions[1]
+        world.run_until(lambda: session.state is State.IDLE)
+        assert session.is_giving_back
+        world.run_until(lambda: not session.is_giving_back, within_s=20.0)
+        assert vehicle.fence == []
+        assert vehicle.values == PX4_VALUES
+
+    def test_a_vehicle_that_refuses_to_take_it_back_is_not_waited_for(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        world.edge.plan(first_flight(), geofence={"max_altitude": 40.0})
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        vehicle.refused_values.add("GF_MAX_VER_DIST")
+        world.run_until_over(1201)
+        session = world.app.sessions[1]
+        world.run_until(lambda: not session.is_giving_back, within_s=60.0)
+        assert vehicle.values["GF_MAX_VER_DIST"] == 40.0
+        vehicle.refused_values.clear()
+        world.run(40.0)
+        assert vehicle.values == PX4_VALUES
+
     def test_a_vehicle_that_was_off_gets_it_back_when_it_is_heard_again(self) -> None:
         world = World()
         vehicle = fenced_vehicle(world)

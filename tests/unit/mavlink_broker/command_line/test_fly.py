@@ -173,13 +173,25 @@ class TestTheLocalEdge:
         assert (folder / "north_0001.png").read_bytes() == PNG
         assert (folder / "4.png").read_bytes() == PNG
 
-    def test_hands_out_the_fence_of_the_plan_with_every_mission(self) -> None:
+    def test_hands_out_fence_and_rally_points_of_the_plan_with_every_mission(self) -> None:
         fence = {"inclusion": [[[40.0, -4.0], [41.0, -4.0], [41.0, -3.0]]], "max_altitude": 60.0}
-        document = {"missions": [first_flight(), first_flight(1202, 2)], "geofence": fence}
+        point = {"latitude": 40.1, "longitude": -3.9, "altitude": 20.0}
+        document = {
+            "missions": [first_flight(), first_flight(1202, 2)],
+            "geofence": fence,
+            "rally_points": [point],
+        }
         plan = wire.read_plan(json.dumps(document).encode())
-        edge = LocalEdge(plan.missions, lambda *_: None, geofence=plan.geofence)
+        edge = LocalEdge(
+            plan.missions,
+            lambda *_: None,
+            geofence=plan.geofence,
+            rally_points=plan.rally_points,
+        )
         edge.dispatch()
-        assert [work["geofence"]["max_altitude"] for work in edge.take_work()] == [60.0, 60.0]
+        work = edge.take_work()
+        assert [each["geofence"]["max_altitude"] for each in work] == [60.0, 60.0]
+        assert [each["rally_points"] for each in work] == [[point], [point]]
 
     def test_tells_every_report_in_its_envelope(self) -> None:
         lines: list[str] = []
