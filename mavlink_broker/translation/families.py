@@ -118,6 +118,7 @@ class Family:
     takes_panoramas: bool = False  # Its camera does, by PANORAMA_CREATE
     busy_pause_s: float = 6.0  # After "busy": the vehicle's own idle timeout and a second
     battery_capacity_parameter: str | None = None  # In mAh
+    link_loss_parameter: str | None = None  # Above 0 it wants a ground station to attend to it
     guard: guarding.Guard = guarding.guard_nothing  # Keeps a vehicle within its fence
     guard_parameters: tuple[str, ...] = ()  # Which that has to know
     parameter_encoding: ParameterEncoding = ParameterEncoding.C_CAST  # Of one that tells none
@@ -151,6 +152,7 @@ PX4: Final = Family(
     follow_loans=borrowed.px4_follow,
     lowest_follow_m=borrowed.PX4_LOWEST_FOLLOW_M,
     battery_capacity_parameter="BAT1_CAPACITY",
+    link_loss_parameter="NAV_DLL_ACT",
     guard=guarding.guard_px4,
     guard_parameters=guarding.PX4_NAMES,
     parameter_encoding=ParameterEncoding.BYTEWISE,
@@ -219,7 +221,7 @@ ARDUPILOT: Final = Family(
     mode_role=modes.copter_role,
 )
 
-GENERIC: Final = Family(name="generic")
+GENERIC: Final = Family(name="generic", battery_capacity_parameter="BAT1_CAPACITY")
 
 ARDUPILOT_OTHER: Final = replace(
     ARDUPILOT,

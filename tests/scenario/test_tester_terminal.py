@@ -114,6 +114,7 @@ def test_position_and_battery_are_what_the_person_says(farm: Farm, person: Perso
     assert pose["yaw"] == pytest.approx(270.0)
     assert all(0.0 <= pose[drawn] <= 100.0 for drawn in ("pitch", "roll"))
     assert battery["percentage"] == pytest.approx(0.55)
+    assert battery["capacity"] == pytest.approx(4.1)
 
 
 def test_the_observation_is_what_the_person_says(farm: Farm, person: Person) -> None:
