@@ -120,8 +120,9 @@ def _from_point_to_point(p: NavHotpointParameters, situation: Situation) -> Live
 
 def _as_items(p: NavHotpointParameters, situation: Situation) -> Items:
     """ArduPilot's circle, its rate a parameter; it looks ahead, or at the centre by a ROI."""
+    p, rounded = _kept(p)
     speed_m_s = speed_on_circle_m_s(p.angular_velocity, p.radius)
-    notes = [*_limited(p, speed_m_s), *_rounded(p)]
+    notes = [*_limited(p, speed_m_s), *rounded]
     inwards = p.orbit_type is OrbitType.TOWARDS_HOT_POINT
     centre = {"latitude_deg": p.latitude, "longitude_deg": p.longitude}
     circle = mission_item.turns(
@@ -150,11 +151,14 @@ def _north_of(p: NavHotpointParameters) -> Spot:
     return Spot(*shifted(p.latitude, p.longitude, 0.0, p.radius), p.orbit_altitude)
 
 
-def _rounded(p: NavHotpointParameters) -> tuple[str, ...]:
-    """Say what ArduPilot's storage makes of the radius: whole metres, beyond 255 m whole tens."""
+def _kept(p: NavHotpointParameters) -> tuple[NavHotpointParameters, tuple[str, ...]]:
+    """Give the circle as ArduPilot keeps it: whole metres of radius, beyond 255 m whole tens."""
     step = 10.0 if p.radius > 255.0 else 1.0
-    kept = math.floor(p.radius / step) * step
-    return () if kept == p.radius else (f"radius: the vehicle keeps {kept:g} m",)
+    radius_m = math.floor(p.radius / step) * step
+    if radius_m == p.radius:
+        return p, ()
+    kept = p.model_copy(update={"radius": radius_m})
+    return kept, (f"radius: the vehicle keeps {radius_m:g} m",)
 
 
 def _heading(wanted: OrbitType, family: Family) -> tuple[float, tuple[str, ...]]:
