@@ -293,6 +293,7 @@ class Autopilot:
             tracking_state=topics.tracking_state,
             device=vehicle.camera if isinstance(vehicle, CameraCarrier) else None,
             recorder=vehicle.recorder if isinstance(vehicle, CameraCarrier) else None,
+            seeker=vehicle.seeker if isinstance(vehicle, CameraCarrier) else None,
             images_url=IMAGES_URL,
         )
         self.console = ConsoleModule(

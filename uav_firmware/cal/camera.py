@@ -9,7 +9,7 @@ from enum import IntEnum
 from typing import NamedTuple, Protocol, runtime_checkable
 
 from uav_firmware.cal.files import Place
-from uav_firmware.msg.payload import CameraLens
+from uav_firmware.msg.payload import Box, CameraLens
 from uav_firmware.msg.vectors import Quaternion
 
 
@@ -120,6 +120,24 @@ class Recorder(Protocol):
         """What has been stored since the last call."""
 
 
+class Gaze(NamedTuple):
+    """Where the camera points, as the vehicle believes."""
+
+    lens: CameraLens
+    q_ned_camera: Quaternion  # [-] Optical axis forward, right, down to NED
+    q_ned_frd: Quaternion  # [-] Attitude of the vehicle that the gimbal works against
+
+
+class Seeker(Protocol):
+    """A camera's own search for something in its picture."""
+
+    def lock(self, box: Box, gaze: Gaze) -> bool:
+        """Hold on to what is in a box; false if nothing there can be told from the ground."""
+
+    def seen(self, gaze: Gaze) -> Box | None:
+        """Where what is held on to is seen; None when it is not in the picture."""
+
+
 @runtime_checkable
 class CameraCarrier(Protocol):
     """A vehicle with a camera; a driver may implement it beside `Vehicle`."""
@@ -131,3 +149,7 @@ class CameraCarrier(Protocol):
     @property
     def recorder(self) -> Recorder | None:
         """What records its films; None if nothing does."""
+
+    @property
+    def seeker(self) -> Seeker | None:
+        """What finds moving things in its picture; None if nothing does."""

@@ -1,6 +1,6 @@
 """The simulated F450 as a vehicle of the component abstraction layer.
 
-With its camera and recorder beside it the only file of the firmware that knows the simulator.
+With its camera, recorder and seeker the only file of the firmware that knows the simulator.
 Frames and units are the same on both sides (NED, FRD, SI); what changes here is the type.
 """
 
@@ -20,6 +20,7 @@ from sim.worlds import world as world_named
 from uav_firmware.drivers.file_room import Room
 from uav_firmware.drivers.jsbsim_camera import JsbsimCamera
 from uav_firmware.drivers.jsbsim_recorder import JsbsimRecorder
+from uav_firmware.drivers.jsbsim_seeker import JsbsimSeeker
 from uav_firmware.msg.sensors import (
     SensorBaro,
     SensorBattery,
@@ -65,6 +66,8 @@ class JsbsimVehicle:
         """The camera; None on a vehicle without one."""
         self.recorder = recorder
         """What records the camera's films; None where nothing does."""
+        self.seeker = JsbsimSeeker(simulation)
+        """What finds moving things in the camera's picture."""
         self._console = console
         self._console_us = 0
         self._motors = _STOPPED

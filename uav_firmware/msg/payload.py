@@ -156,6 +156,15 @@ class CaptureLogReset(NamedTuple):
 CameraEvent: TypeAlias = ImageCaptured | CaptureLogReset
 
 
+class Box(NamedTuple):
+    """A box in the picture, as shares of its width and height from its top left corner."""
+
+    left: float
+    top: float
+    right: float
+    bottom: float
+
+
 class TrackingState(NamedTuple):
     """What the camera tracks. Written by payload while it changes; read by mavlink.
 

@@ -21,6 +21,7 @@ from uav_firmware.modules.payload.situation import (
     not_now,
 )
 from uav_firmware.msg.payload import (
+    Box,
     CameraMode,
     CaptureLogReset,
     Controller,
@@ -163,6 +164,8 @@ def _track(
     if parts.panorama is not None:
         return not_now("a panorama is being taken")
     parts.point(tracking.aim_at(target))
+    if parts.seeker is not None and parts.seeker.lock(Box(*rectangle), parts.gaze):
+        target = target._replace(is_subject=True)
     parts.tracker.start(target, situation.now_us)
     return ACCEPTED
 

@@ -4,7 +4,7 @@ import math
 from typing import Final
 
 from uav_firmware.bus import Queue, Topic
-from uav_firmware.cal.camera import CameraDevice, Recorder
+from uav_firmware.cal.camera import CameraDevice, Recorder, Seeker
 from uav_firmware.lib.geo import LocalFrame
 from uav_firmware.lib.rotation import yaw_of
 from uav_firmware.modules.payload import gimbal_orders, panorama_work
@@ -19,7 +19,7 @@ from uav_firmware.modules.payload.pictures import Pictures
 from uav_firmware.modules.payload.reports import camera_status, gimbal_status, tracking_state
 from uav_firmware.modules.payload.situation import NOWHERE, Situation
 from uav_firmware.modules.payload.storage import Storage
-from uav_firmware.modules.payload.tracking import View
+from uav_firmware.modules.payload.tracking import View, aim_at
 from uav_firmware.msg.estimate import VehicleAttitude, VehicleLocalPosition
 from uav_firmware.msg.guidance import RegionOfInterest
 from uav_firmware.msg.payload import (
@@ -77,6 +77,7 @@ class PayloadModule:
         tracking_state: Topic[TrackingState],
         device: CameraDevice | None = None,
         recorder: Recorder | None = None,
+        seeker: Seeker | None = None,
         images_url: str = "",
     ) -> None:
         registry.add(PayloadParams)
@@ -100,7 +101,9 @@ class PayloadModule:
         self._frame: LocalFrame | None = None
         self._origin = NOWHERE
         params = registry.read(PayloadParams)
-        self._parts = Parts(params, Storage(params.storage_mib), images_url=images_url)
+        self._parts = Parts(
+            params, Storage(params.storage_mib), seeker=seeker, images_url=images_url
+        )
         self._pictures = Pictures(self._parts, device, boot_time_utc_us, self._warn)
         self._films = Films(self._parts, recorder, boot_time_utc_us, self._inform)
         self._mission_orders = MissionOrders()
@@ -115,6 +118,8 @@ class PayloadModule:
         self._last_us = now_us
         self._read_params()
         situation = self._look(now_us)
+        attitude = self._attitude.value
+        self._parts.q_ned_frd = _LEVEL if attitude is None else attitude.q_ned_frd
         self._take_orders(situation)
         self._move(situation, elapsed_us * 1e-6)
         self._take_pictures(situation)
@@ -192,6 +197,10 @@ class PayloadModule:
         parts.gimbal.update(situation.heading, situation.position_ned, rate, dt)
         if parts.tracker.target is not None and situation.position_ned is not None:
             view = View(situation.position_ned, parts.gimbal.q_ned_camera)
+            box = None if parts.seeker is None else parts.seeker.seen(parts.gaze)
+            subject = parts.tracker.follow(view, box, dt)
+            if subject is not None:
+                parts.gimbal.follow(aim_at(subject))
             if parts.tracker.update(view, situation.now_us):
                 parts.gimbal.hold()
                 self._say(situation.now_us, _WARNING, "Target lost")
@@ -202,8 +211,7 @@ class PayloadModule:
             self._pictures.erase(situation.now_us)
         self._pictures.collect(situation.now_us)
         step = panorama_work.step(parts, situation)
-        attitude = self._attitude.value
-        q_ned_frd = _LEVEL if attitude is None else attitude.q_ned_frd
+        q_ned_frd = parts.q_ned_frd
         if step.exposed or parts.camera.update(
             situation.now_us, situation.position_ned, mission_flown=situation.mission_flown
         ):

@@ -3,16 +3,19 @@
 from collections import deque
 from dataclasses import dataclass, field
 
+from uav_firmware.cal.camera import Gaze, Seeker
 from uav_firmware.modules.payload.camera import Camera
 from uav_firmware.modules.payload.gimbal import Aim, Gimbal
 from uav_firmware.modules.payload.gimbal_control import GimbalControl
 from uav_firmware.modules.payload.ledger import CaptureLedger
+from uav_firmware.modules.payload.lens import lens
 from uav_firmware.modules.payload.panorama import Panorama
 from uav_firmware.modules.payload.params import PayloadParams
 from uav_firmware.modules.payload.storage import JPEG_BYTES_PER_PIXEL, Storage
 from uav_firmware.modules.payload.tracking import Tracker
 from uav_firmware.msg.payload import CameraEvent
 from uav_firmware.msg.status import VehicleCommand
+from uav_firmware.msg.vectors import Quaternion
 
 
 @dataclass(slots=True)
@@ -31,6 +34,8 @@ class Parts:
 
     params: PayloadParams
     storage: Storage
+    seeker: Seeker | None = None  # Finds moving things in the picture
+    q_ned_frd: Quaternion = (1.0, 0.0, 0.0, 0.0)  # Attitude that the gimbal works against
     images_url: str = ""  # Of the folder that the device's pictures lie in
     camera: Camera = field(default_factory=Camera)
     gimbal: Gimbal = field(default_factory=Gimbal)
@@ -49,6 +54,12 @@ class Parts:
         """Size of a picture [B] that no device has stored yet."""
         width = self.params.image_width_px
         return width * (width * 3 // 4) * JPEG_BYTES_PER_PIXEL
+
+    @property
+    def gaze(self) -> Gaze:
+        """Where the camera points."""
+        params = self.params
+        return Gaze(lens(params.image_width_px), self.gimbal.q_ned_camera, self.q_ned_frd)
 
     @property
     def has_room(self) -> bool:

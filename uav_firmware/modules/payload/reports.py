@@ -1,14 +1,17 @@
 """What the payload tells: pure, from its parts."""
 
 import math
+from typing import Final
 
 from uav_firmware.modules.payload.gimbal import PITCH_MAX, PITCH_MIN
 from uav_firmware.modules.payload.parts import Parts
 from uav_firmware.modules.payload.situation import Situation
 from uav_firmware.msg.payload import CameraStatus, GimbalStatus, TrackingMode, TrackingState
+from uav_firmware.msg.vectors import Vector3
 
 _ZERO = (0.0, 0.0, 0.0)
 _UNSEEN = (math.nan, math.nan)
+_STANDS_M_S: Final = 0.2  # What is slower has no course
 
 
 def camera_status(parts: Parts, now_us: int) -> CameraStatus:
@@ -46,6 +49,12 @@ def gimbal_status(parts: Parts, now_us: int) -> GimbalStatus:
     )
 
 
+def _course(velocity_ned: Vector3) -> float:
+    """Where a target moves to [rad]; NaN when it stands."""
+    north, east, _ = velocity_ned
+    return math.atan2(east, north) if math.hypot(north, east) > _STANDS_M_S else math.nan
+
+
 def tracking_state(parts: Parts, situation: Situation) -> TrackingState:
     """What is tracked."""
     tracker = parts.tracker
@@ -71,7 +80,7 @@ def tracking_state(parts: Parts, situation: Situation) -> TrackingState:
         sighting.centre,
         sighting.extent,
         *situation.to_geodetic(target.position_ned),
-        _ZERO,
+        target.velocity_ned,
         sighting.distance_m,
-        math.nan,
+        _course(target.velocity_ned),
     )

@@ -1,8 +1,10 @@
-"""Tracking: keeps a place on the ground in the picture. Pure.
+"""Tracking: keeps a subject, or a place on the ground, in the picture. Pure.
 
-Until a picture can be searched, the target is the place that lies under the point, or under the
-middle of the rectangle, on a level ground at home's height; it does not move. Where it appears
-in the picture is computed from the attitude, and it is lost when the gimbal cannot follow it.
+Where the camera has found a subject, the boxes in which it sees it give its place on a level ground
+at home's height, and an alpha-beta filter its way (Bar-Shalom, Li, Kirubarajan 2001, "Estimation
+with Applications to Tracking and Navigation", section 6.5.3). Without a subject the target is the
+place under the point, or under the middle of the rectangle; it does not move, and where it appears
+is computed from the attitude. Either is lost when it has been out of the picture for a while.
 """
 
 import math
@@ -10,11 +12,16 @@ from typing import Final, NamedTuple
 
 from uav_firmware.modules.payload.gimbal import Place
 from uav_firmware.modules.payload.lens import PICTURE, in_picture, on_ground, ray_ned
-from uav_firmware.msg.payload import TrackingMode, TrackingStatus
+from uav_firmware.msg.payload import Box, TrackingMode, TrackingStatus
 from uav_firmware.msg.vectors import Quaternion, Vector3
 
 LOST_AFTER_US: Final = 3_000_000
 """[us] Out of the picture for so long, a target is lost."""
+
+
+ALPHA: Final = 0.2
+BETA: Final = 0.02
+"""Gains of the filter at 25 Hz: it follows a turning tractor, and smooths a box's jitter."""
 
 
 class View(NamedTuple):
@@ -31,6 +38,8 @@ class Target(NamedTuple):
     position_ned: Vector3  # [m]
     extent: tuple[float, float]  # [-] Half width and height in the picture when chosen
     range_m: float  # [m] Slant range when chosen
+    velocity_ned: Vector3 = (0.0, 0.0, 0.0)  # [m/s]
+    is_subject: bool = False  # Something that the camera has found; else a place on the ground
 
 
 def choose(
@@ -55,6 +64,27 @@ def around(x: float, y: float, radius: float) -> tuple[float, float, float, floa
 def aim_at(target: Target) -> Place:
     """The order that keeps a target in the middle of the picture."""
     return Place(target.position_ned)
+
+
+def middle(box: Box) -> tuple[float, float]:
+    """Middle of a box in the picture."""
+    return 0.5 * (box.left + box.right), 0.5 * (box.top + box.bottom)
+
+
+def predicted(target: Target, dt: float) -> Target:
+    """Where a target is after `dt` seconds on its way."""
+    moved = tuple(p + v * dt for p, v in zip(target.position_ned, target.velocity_ned, strict=True))
+    return target._replace(position_ned=(moved[0], moved[1], moved[2]))
+
+
+def corrected(target: Target, seen_ned: Vector3, dt: float) -> Target:
+    """A prediction after it has been seen at a place."""
+    errors = [seen - p for seen, p in zip(seen_ned, target.position_ned, strict=True)]
+    place = [p + ALPHA * error for p, error in zip(target.position_ned, errors, strict=True)]
+    speed = [v + BETA / dt * error for v, error in zip(target.velocity_ned, errors, strict=True)]
+    return target._replace(
+        position_ned=(place[0], place[1], place[2]), velocity_ned=(speed[0], speed[1], 0.0)
+    )
 
 
 class Sighting(NamedTuple):
@@ -84,6 +114,7 @@ class Tracker:
         self.target: Target | None = None
         self.sighting: Sighting | None = None
         self._seen_us = 0
+        self._is_seen = True  # The subject is in the picture
 
     def start(self, target: Target, now_us: int) -> None:
         """Track a target instead of any former one."""
@@ -93,11 +124,26 @@ class Tracker:
         """Track nothing."""
         self.status, self.target, self.sighting = TrackingStatus.IDLE, None, None
 
+    def follow(self, view: View, box: Box | None, dt: float) -> Target | None:
+        """Learn from a box where the subject is; None for what does not move."""
+        target = self.target
+        if target is None or not target.is_subject:
+            return None
+        target = predicted(target, dt)
+        ray = None if box is None else ray_ned(view.q_ned_camera, *middle(box))
+        ground_down = target.position_ned[2]
+        place = None if ray is None else on_ground(view.position_ned, ray, ground_down)
+        self._is_seen = place is not None
+        self.target = target if place is None else corrected(target, place, dt)
+        return self.target
+
     def update(self, view: View, now_us: int) -> bool:
         """Look for the target; whether it is lost, out of the picture for `LOST_AFTER_US`."""
         if self.target is None:
             return False
         self.sighting = sight(view, self.target)
+        if self.target.is_subject:
+            self.sighting = self.sighting._replace(inside=self._is_seen)
         if self.sighting.inside:
             self._seen_us = now_us
         lost = now_us - self._seen_us > LOST_AFTER_US

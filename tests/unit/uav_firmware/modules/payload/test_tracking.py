@@ -13,10 +13,11 @@ from tests.unit.uav_firmware.modules.payload.bench import (
     NAN,
     Bench,
 )
+from uav_firmware.cal.camera import Gaze, Seeker
 from uav_firmware.lib.rotation import from_euler, yaw_of
 from uav_firmware.modules.payload.lens import in_picture, on_ground, ray_ned
 from uav_firmware.modules.payload.panorama import directions
-from uav_firmware.msg.payload import CancelOrder, PayloadCommand, TrackingMode, TrackingStatus
+from uav_firmware.msg.payload import Box, CancelOrder, PayloadCommand, TrackingMode, TrackingStatus
 from uav_firmware.msg.status import CommandResult, NavigationState
 
 POINT, RECTANGLE = PayloadCommand.CAMERA_TRACK_POINT, PayloadCommand.CAMERA_TRACK_RECTANGLE
@@ -56,12 +57,76 @@ def test_what_is_seen_at_a_point_appears_at_that_point(
     assert seen == pytest.approx((x, y), abs=1e-9)
 
 
-def looking_down(pitch_deg: float = -45.0) -> Bench:
-    bench = Bench()
+def looking_down(pitch_deg: float = -45.0, seeker: Seeker | None = None) -> Bench:
+    bench = Bench(seeker=seeker)
     bench.ask(PayloadCommand.DO_GIMBAL_MANAGER_CONFIGURE, -2, -2, -1, -1)
     bench.ask(PayloadCommand.DO_GIMBAL_MANAGER_PITCHYAW, pitch_deg, 0, NAN, NAN)
     bench.run(2.0)
     return bench
+
+
+class Eye:
+    """Sees a subject that walks north at 1.5 m/s, in the picture that the bench's camera takes."""
+
+    def __init__(self) -> None:
+        self.bench: Bench
+        self.is_hidden = False
+        self.start_us = 0
+        self.locks = 0
+
+    def place(self) -> tuple[float, float, float]:
+        return (12.0 + 1.5e-6 * (self.bench.now_us - self.start_us), 0.0, 0.0)
+
+    def lock(self, box: Box, gaze: Gaze) -> bool:
+        del box, gaze
+        self.locks += 1
+        self.start_us = self.bench.now_us
+        return True
+
+    def seen(self, gaze: Gaze) -> Box | None:
+        at = in_picture(self.bench.position, gaze.q_ned_camera, self.place())
+        if at is None or self.is_hidden:
+            return None
+        return Box(at[0] - 0.05, at[1] - 0.05, at[0] + 0.05, at[1] + 0.05)
+
+
+def watching() -> tuple[Bench, Eye]:
+    eye = Eye()
+    eye.bench = bench = looking_down(seeker=eye)
+    assert bench.ask(RECTANGLE, 0.3, 0.3, 0.7, 0.7) == ACCEPTED
+    return bench, eye
+
+
+def test_a_subject_is_followed_on_its_way_and_its_speed_is_told() -> None:
+    bench, eye = watching()
+    bench.run(12.0)
+    state = bench.tracked
+    assert state.status is TrackingStatus.ACTIVE
+    assert state.centre == pytest.approx((0.5, 0.5), abs=0.03)
+    assert state.velocity_ned[0] == pytest.approx(1.5, abs=0.1)
+    assert math.degrees(state.heading) == pytest.approx(0.0, abs=5.0)
+    north_m = (state.latitude_deg - LATITUDE_DEG) * 111_040.0
+    assert north_m == pytest.approx(eye.place()[0], abs=0.5)
+
+
+def test_a_subject_that_hides_for_a_moment_is_found_again_where_it_went() -> None:
+    bench, eye = watching()
+    bench.run(8.0)
+    eye.is_hidden = True
+    bench.run(2.0)
+    eye.is_hidden = False
+    bench.run(2.0)
+    assert bench.tracked.status is TrackingStatus.ACTIVE
+    assert bench.tracked.centre == pytest.approx((0.5, 0.5), abs=0.05)
+
+
+def test_a_subject_that_stays_away_is_lost() -> None:
+    bench, eye = watching()
+    bench.run(4.0)
+    eye.is_hidden = True
+    bench.run(4.0)
+    assert bench.tracked.status is TrackingStatus.ERROR
+    assert "Target lost" in bench.said()
 
 
 def test_the_place_in_the_rectangle_comes_to_the_middle_and_stays_there() -> None:
