@@ -1,7 +1,7 @@
 """When our own heartbeat is due, and whether a vehicle's is still heard.
 
-Type 18, onboard controller, rather than 6, ground station: a vehicle that loses its last ground
-station may be told to return home, but a mission must survive a broker that dies.
+Type 18, onboard controller, unless a vehicle asks for a ground station, 6: one that loses its last
+ground station may be told to return home, but a mission must survive a broker that dies.
 """
 
 from enum import StrEnum
@@ -49,10 +49,10 @@ def is_vehicle(message: Message) -> bool:
     return message.autopilot != mavlink.MAV_AUTOPILOT_INVALID and message.type not in NOT_VEHICLES
 
 
-def own_heartbeat() -> Message:
-    """HEARTBEAT(0) of the broker."""
+def own_heartbeat(kind: int = mavlink.MAV_TYPE_ONBOARD_CONTROLLER) -> Message:
+    """HEARTBEAT(0) of the broker, as a MAV_TYPE."""
     return mavlink.MAVLink_heartbeat_message(
-        mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
+        kind,
         mavlink.MAV_AUTOPILOT_INVALID,
         0,
         0,
@@ -67,12 +67,12 @@ class OwnHeartbeat:
     def __init__(self) -> None:
         self._due_at: float | None = None
 
-    def tick(self, now: float) -> list[Message]:
+    def tick(self, now: float, kind: int = mavlink.MAV_TYPE_ONBOARD_CONTROLLER) -> list[Message]:
         """Send it if it is time."""
         if self._due_at is not None and now < self._due_at:
             return []
         self._due_at = now + INTERVAL_S
-        return [own_heartbeat()]
+        return [own_heartbeat(kind)]
 
 
 class LinkWatch:
