@@ -36,6 +36,8 @@ from mavlink_broker.traffic import Clock
 from mavlink_broker.workshop import Workshop
 
 HEARD_WITHIN_S: Final = 30.0
+QUIET_WITHIN_S: Final = 300.0
+"""For a landing, pictures and whatever else comes behind the last report of the last mission."""
 LEAVE: Final = "leave"
 _ON_INTERRUPT: Final[Mapping[str, EventType | None]] = {
     LEAVE: None,
@@ -77,27 +79,37 @@ class Sortie:
                 raise UsageError(self._absence(clock.monotonic(), within_s), FAILED)
             self._app.step()
 
-    def fly(self, signals: Signals, on_interrupt: EventType | None) -> None:
+    def fly(self, clock: Clock, signals: Signals, on_interrupt: EventType | None) -> None:
         """Fly until all missions have ended; the first signal interrupts, the second quits."""
         self._edge.dispatch()
         interrupted = False
-        while signals.count < 2 and not (self._edge.is_over and self._is_quiet):
+        over_at: float | None = None
+        while signals.count < 2 and not self._is_over(over_at, clock.monotonic()):
             self._app.step()
+            if self._edge.is_over and over_at is None:
+                over_at = clock.monotonic()
             if signals.stop and not interrupted:
                 interrupted = True
                 if on_interrupt is None:
                     return
                 self._edge.abort(on_interrupt)
 
+    def _is_over(self, over_at: float | None, now: float) -> bool:
+        """Whether everything has ended, and what comes after it too, or has had its time."""
+        return over_at is not None and (self._is_quiet or now - over_at > QUIET_WITHIN_S)
+
     @property
     def _is_quiet(self) -> bool:
         """Whether no vehicle is told anything any more, nor has pictures that can be fetched.
 
         One that was aborted is told where to go, for a while; one that has landed gets back the
-        fence that it had before.
+        fence and the parameters that it had before.
         """
         return not any(
-            one.state is not State.IDLE or one.pictures.is_fetching or one.is_giving_back
+            one.state is not State.IDLE
+            or one.pictures.is_fetching
+            or one.is_giving_back
+            or not one.vehicle.parameters.is_idle
             for one in self._app.sessions.values()
         )
 
@@ -151,7 +163,7 @@ def _fly(
     try:
         sortie.gather(clock, signals, options.wait)
         if not signals.stop:
-            sortie.fly(signals, _ON_INTERRUPT[options.on_interrupt])
+            sortie.fly(clock, signals, _ON_INTERRUPT[options.on_interrupt])
     finally:
         workshop.stop()
         app.close()

@@ -13,11 +13,18 @@ from mavlink_broker.command_line.itinerary_record import mission_record
 from mavlink_broker.command_line.itinerary_table import mission_page
 from mavlink_broker.command_line.plan_file import chosen, read_plan
 from mavlink_broker.command_line.program import FAILED, SUCCEEDED
-from mavlink_broker.translation.families import ARDUPILOT, GENERIC, OWN, PX4, Family
+from mavlink_broker.translation.families import (
+    ARDUPILOT,
+    ARDUPILOT_OTHER,
+    GENERIC,
+    OWN,
+    PX4,
+    Family,
+)
 from mavlink_broker.translation.mission import Home, Itinerary, RefusedError, translate
 
 FAMILIES: Final[Mapping[str, Family]] = {
-    family.name: family for family in (OWN, PX4, ARDUPILOT, GENERIC)
+    family.name: family for family in (OWN, PX4, ARDUPILOT, ARDUPILOT_OTHER, GENERIC)
 }
 
 

@@ -77,7 +77,7 @@ class Field:
         self.sortie.gather(self.world.clock, self.signals, within_s)
 
     def fly(self, on_interrupt: EventType | None = None) -> None:
-        self.sortie.fly(self.signals, on_interrupt)
+        self.sortie.fly(self.world.clock, self.signals, on_interrupt)
 
 
 def test_a_plan_is_flown_to_its_end_and_told_step_by_step() -> None:
