@@ -16,8 +16,8 @@ from typing import Any
 from mavlink_broker.command_line.roster import COLUMNS, page, row
 from mavlink_broker.protocol.route import Route
 from mavlink_broker.vehicle import Vehicle, version
-from tests.support.broker_world import ARDUPILOT, World
-from tests.support.scripted_vehicle import PX4, ScriptedVehicle
+from tests.support.broker_world import World
+from tests.support.scripted_vehicle import ARDUPILOT, PX4, ScriptedVehicle
 from tests.unit.mavlink_broker.test_main import fly as live
 
 ROOT = Path(__file__).parents[4]
