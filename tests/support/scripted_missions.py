@@ -55,6 +55,7 @@ class Script:
     arms_in: frozenset[int] | None = None  # Custom modes; None: in any
     arming_refusal: int = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
     arming_complaint: str = ""
+    link_loss_action: int = 0  # NAV_DLL_ACT: above 0 it flies only attended by a ground station
     readiness_by_mode: bool = False  # "Ready to arm" means: in the mode that it is in
     wants_takeoff_first: bool = False  # Refuses to begin on the ground with anything else
     in_progress: frozenset[int] = frozenset()  # Commands that it works on for 2 s first

@@ -5,6 +5,7 @@ knows nothing of the broker but its frames. Time is simulated; bytes in, bytes o
 """
 
 import math
+import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -100,6 +101,7 @@ class ScriptedVehicle:
         )
         self._later: list[tuple[float, Message]] = []
         self._disarm_at = math.inf
+        self._attended_at = -math.inf  # By a ground station
         self._item_began_at = 0.0
         self._mode_began_at = 0.0
         self._next = {"heartbeat": booted_at, "telemetry": booted_at}
@@ -146,6 +148,8 @@ class ScriptedVehicle:
         """Let time pass; gives the frames to send."""
         self._now = now
         self._fly()
+        if self.armed and self.airborne and not self._attended and self.in_mission:
+            self.set_mode(PX4_RETURN)
         self.missions.tick(now)
         if now >= self._next["heartbeat"]:
             self._next["heartbeat"] = now + 1.0
@@ -316,6 +320,8 @@ class ScriptedVehicle:
                 self._parameter(message)
             case "MISSION_SET_CURRENT":
                 self._set_current(message.seq)
+            case "HEARTBEAT" if message.type == mavlink.MAV_TYPE_GCS:
+                self._attended_at = self._now
 
     def _mission_stored(self) -> None:
         self.current = 0
@@ -330,12 +336,22 @@ class ScriptedVehicle:
         self._send(self._mission_current())
 
     def _parameter(self, message: Message) -> None:
-        """Tell a parameter; one that is not known is the battery's size."""
-        value = self.settings.get(message.param_id, self.script.battery_capacity_mah)
+        """Tell a parameter: a setting, the battery's size, what is done without a station."""
+        name = message.param_id
+        value = self.settings.get(name)
+        if name.startswith("BAT"):
+            value = self.script.battery_capacity_mah
+        elif name == "NAV_DLL_ACT":
+            self._tell_integer(name, self.script.link_loss_action)
         if value is not None:
             kind = mavlink.MAV_PARAM_TYPE_REAL32
-            name = message.param_id.encode()
-            self._send(mavlink.MAVLink_param_value_message(name, value, kind, 1, 0))
+            self._send(mavlink.MAVLink_param_value_message(name.encode(), value, kind, 1, 0))
+
+    def _tell_integer(self, name: str, value: int) -> None:
+        """Tell a whole number as PX4 does, by its bits."""
+        (bits,) = struct.unpack("<f", struct.pack("<i", value))
+        kind = mavlink.MAV_PARAM_TYPE_INT32
+        self._send(mavlink.MAVLink_param_value_message(name.encode(), bits, kind, 1, 0))
 
     def _set_parameter(self, message: Message) -> None:
         if message.param_id in self.settings:
@@ -427,7 +443,12 @@ class ScriptedVehicle:
 
     @property
     def _ready(self) -> bool:
-        return self._now - self._booted_at >= self.script.ready_to_arm_after_s
+        return self._now - self._booted_at >= self.script.ready_to_arm_after_s and self._attended
+
+    @property
+    def _attended(self) -> bool:
+        """Whether it has a ground station, or wants none."""
+        return self.script.link_loss_action == 0 or self._now - self._attended_at < 10.0
 
     def _obey(self, message: Message) -> None:
         match message.command:

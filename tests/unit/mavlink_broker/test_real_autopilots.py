@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from afarcloud.enumerations import Status
+from mavlink_broker.codec import Decoder
 from mavlink_broker.dialect import mavlink
 from tests.support.broker_world import (
     FINISHED,
@@ -138,6 +139,40 @@ class TestPx4:
     def test_that_tells_of_an_infeasible_mission_is_not_even_armed(self) -> None:
         world = flown(dataclasses.replace(PX4_1_17, is_infeasible=True))
         assert mavlink.MAV_CMD_COMPONENT_ARM_DISARM not in world.only_vehicle.commands
+
+    @PX4S
+    def test_that_flies_only_attended_by_a_ground_station_has_one(self, script: Script) -> None:
+        """PX4's simulated quadrotor has NAV_DLL_ACT = 2 and does not arm without one."""
+        world = flown(dataclasses.replace(script, link_loss_action=2))
+        assert world.edge.statuses(1201) == FINISHED
+
+    def test_that_flies_only_attended_flies_on_when_the_broker_is_restarted(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle(
+            script=dataclasses.replace(PX4_1_17, link_loss_action=2, item_time_s=8.0)
+        )
+        world.edge.plan(first_flight())
+        world.run_until(lambda: vehicle.airborne)
+        world.restart_broker()
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+
+    def test_that_wants_no_ground_station_has_a_companion(self) -> None:
+        """Its mission survives a broker that dies, whatever it does without a station."""
+        world = flown(PX4_1_17)
+        sent = Decoder().decode(b"".join(frame for _, frame in world.air.sent))
+        kinds = {m.type for m in sent if m.get_type() == "HEARTBEAT"}
+        assert kinds == {mavlink.MAV_TYPE_ONBOARD_CONTROLLER}
+
+    def test_that_misses_a_ground_station_and_does_not_tell_why_has_one_too(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=PX4_1_17)
+        world.run(3.0)
+        vehicle.say("Preflight Fail: No connection to the ground control station\t", 4)
+        before = len(world.air.sent)
+        world.run(3.0)
+        sent = Decoder().decode(b"".join(frame for _, frame in world.air.sent[before:]))
+        assert mavlink.MAV_TYPE_GCS in {m.type for m in sent if m.get_type() == "HEARTBEAT"}
 
     @PX4S
     def test_whose_checks_still_run_is_armed_when_they_are_done(self, script: Script) -> None:
