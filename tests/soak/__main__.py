@@ -3,6 +3,7 @@
 `SOAK` chooses, separated by commas: `kill` (the edge server killed again and again under load),
 `outage` (72 simulated hours without a cloud; `BURST_S` (3600) seconds of each the vehicles report).
 `contract` (EXAMPLES requests per operation, 100, that fit its OpenAPI document and that do not).
+`radio` (a mission in real time over a telemetry radio that is pulled out again and again).
 Without it, all. `CYCLES` (200) says how often it is killed; `SEED` chooses order and requests.
 """
 
@@ -14,7 +15,7 @@ from pathlib import Path
 from typing import Final
 
 from edge_server.config import Config
-from tests.soak import kill_nine, outage
+from tests.soak import kill_nine, outage, radio
 from tests.support import contract_fuzz
 
 
@@ -49,10 +50,17 @@ def _outage() -> None:
     print(f"at most {outcome.largest_share:.1%} of the budget in use")
 
 
+def _radio() -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        _, counts = radio.run(Path(folder))
+    print("FINISHED over a radio: " + ", ".join(f"{n} {what}" for what, n in counts.items()))
+
+
 PARTS: Final[Mapping[str, Callable[[], None]]] = {
     "kill": _kill,
     "contract": _contract,
     "outage": _outage,
+    "radio": _radio,
 }
 
 
