@@ -1,21 +1,32 @@
 """`make fly`: the report's figures are those of the simulator's truth and of pyulog."""
 
 import json
+import math
 import os
 import re
 import subprocess
 import sys
+from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import pytest
+from PIL import Image
 from pyulog import ULog  # type: ignore[import-untyped]  # pyulog tells no types
 
+from sim.camera.lens import Lens, Pose
+from sim.camera.render import Shot, render
+from sim.mosaic.georeference import georeference
+from sim.truth import quaternion_from_euler
+from sim.world.daylight import day_shift_s
+from sim.world.farm import Farm
 from tests.support.system import ROOT, short_plan
 from tests.support.truth import closest_approach_m, horizontal_distance_m, read_track
 
 pytestmark = pytest.mark.scenario
 
+SEED = 3
 WAYPOINT = (40.44349, -3.73820, 4.0)
 
 
@@ -25,17 +36,25 @@ class Run(NamedTuple):
     html: str
 
 
+def photographed(plan: dict[str, Any]) -> dict[str, Any]:
+    """The plan with a picture at its waypoint, straight down, north up."""
+    commands = plan["missions"][0]["command_array"]
+    picture = {"pitch_angle": -90, "yaw_angle": 0, "photo_count": 1}
+    commands.insert(2, {"command_id": 4, "command_type_id": 4, "parameters": picture})
+    return plan
+
+
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Run:
     folder = tmp_path_factory.mktemp("fly")
     plan = folder / "plan.json"
-    plan.write_text(json.dumps(short_plan()))
+    plan.write_text(json.dumps(photographed(short_plan())))
     environment = {
         **os.environ,
         "PLAN": str(plan),
         "OUT": str(folder / "out"),
         "SPEED": "0",
-        "SEED": "3",
+        "SEED": str(SEED),
         "WIND": "0",
         "VEHICLES": "1",
         "STATE_DIR": str(folder / "not-used"),
@@ -91,6 +110,45 @@ def test_the_landing_error_is_the_true_one(flown: Run) -> None:
     told = float(cells(flown.html, "Landing point error")[1].removesuffix(" m"))
     assert told == pytest.approx(error_m, abs=0.02)
     assert told < 1.0
+
+
+def test_the_picture_shows_the_world_as_it_is_there(flown: Run) -> None:
+    """What the farm's maps and the true track say that the camera must have seen."""
+    (path,) = (flown.out / "vehicle-1" / "image").glob("*.jpg")
+    told = georeference(path)
+    north, east = told.offset_m(WAYPOINT[0], WAYPOINT[1])
+    assert math.hypot(north, east) < 1.5
+    assert told.height_m == pytest.approx(WAYPOINT[2], abs=1.0)
+    gps = log_of(flown).get_dataset("vehicle_gps_position").data
+    boot_utc_s = (
+        float((gps["time_utc_usec"] - gps["timestamp"])[gps["time_utc_usec"] > 0][0]) * 1e-6
+    )
+    with Image.open(path) as picture:
+        details = picture.getexif().get_ifd(0x8769)
+        small = np.asarray(picture.convert("L").resize((128, 96), Image.Resampling.BOX))
+    taken = datetime.strptime(details[0x9003] + "+0000", "%Y:%m:%d %H:%M:%S%z")
+    time_s = taken.timestamp() + int(details[0x9291]) * 1e-3 - boot_utc_s
+    track = read_track(flown.out / "vehicle-1" / "truth.csv")
+    true = min(track, key=lambda row: abs(row.time_s - time_s))
+    farm = Farm(SEED)
+    place = (farm.plane.latitude_deg, farm.plane.longitude_deg)
+    seen = render(
+        Shot(
+            farm,
+            Pose(
+                true.latitude_deg,
+                true.longitude_deg,
+                650.0 + true.height_above_home_m,
+                quaternion_from_euler(0.0, math.radians(-90.0), 0.0),
+            ),
+            Lens(4.5, 6.3, 4.725, 512, 384),
+            boot_utc_s + time_s + day_shift_s(*place, boot_utc_s),
+        )
+    )
+    expected = Image.fromarray(seen.colour).convert("L").resize((128, 96), Image.Resampling.BOX)
+    assert np.corrcoef(small.ravel(), np.asarray(expected).ravel())[0, 1] > 0.9
+    assert "1 picture, " in flown.html
+    assert "of the North field" in flown.html
 
 
 def test_the_log_spans_the_armed_time_and_a_moment_on_each_side(flown: Run) -> None:
