@@ -18,7 +18,6 @@ RATES_HZ: Final = {
     mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 2.0,
     mavlink.MAVLINK_MSG_ID_RC_CHANNELS: 1.0,
     mavlink.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT: 1.0,
-    mavlink.MAVLINK_MSG_ID_WIND_COV: 0.5,
 }
 """By message id, the most missed first: some 700 bytes a second together."""
 
