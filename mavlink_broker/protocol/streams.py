@@ -94,6 +94,8 @@ UNREAD: Final = {
     )
 }
 """What is turned off when it is heard, the most frequent first, by name."""
+OFTEN_S: Final = 0.22
+"""What comes more rarely is let be: a ground station on the same radio may have asked for it."""
 _OFF_US: Final = -1.0
 
 _GROUPS: Final = (
@@ -125,6 +127,7 @@ class StreamRequests:
         self._round_trip = round_trip
         self._turns_off = turns_off
         self._heard_at: dict[str, float] = {}
+        self._interval_s: dict[str, float] = {}
         self._watched = Watched()
         self.renew()
 
@@ -165,6 +168,7 @@ class StreamRequests:
         """Take a message or an answer."""
         name = message.get_type()
         if name in _FOLLOWED:
+            self._interval_s[name] = now - self._heard_at.get(name, -math.inf)
             self._heard_at[name] = now
             self._pause_s.pop(name, None)
         if self._running is None:
@@ -232,9 +236,10 @@ class StreamRequests:
         return now - last > stream.patience_s
 
     def _is_to_stop(self, name: str, now: float) -> bool:
-        """Whether an unread message has come, and no request to stop it is under way."""
+        """Whether an unread message comes often, and no request to stop it is under way."""
         asked_at = self._asked_at.get(name, -math.inf)
-        return self._heard_at.get(name, -math.inf) > asked_at and now - asked_at > ASK_AGAIN_S
+        is_news = self._heard_at.get(name, -math.inf) > asked_at and now - asked_at > ASK_AGAIN_S
+        return is_news and self._interval_s[name] < OFTEN_S
 
     def _by_groups(self, now: float) -> list[Message]:
         """Ask an autopilot of the older kind, as long as something is missing."""

@@ -115,8 +115,7 @@ def test_one_refusal_is_no_reason_to_ask_by_groups() -> None:
 def test_nothing_is_turned_off_where_others_listen() -> None:
     requests = StreamRequests(ROUTE, RoundTrip(), turns_off=False)
     asked_for_all(requests)
-    imu = mavlink.MAVLink_highres_imu_message(1, *[0.0] * 13, 0)
-    requests.receive(received(imu), 1.0)
+    hear_twice(requests, 1.0, 0.02)
     assert intervals(requests.tick(1.0)) == []
 
 
@@ -127,19 +126,33 @@ def test_a_restart_of_the_vehicle_renews_everything() -> None:
     assert asked_for_all(requests) == [stream.message_id for stream in STREAMS]
 
 
+def hear_twice(requests: StreamRequests, now: float, apart_s: float) -> None:
+    """A vehicle's inertial data, which nobody here reads."""
+    imu = received(mavlink.MAVLink_highres_imu_message(1, *[0.0] * 13, 0))
+    requests.receive(imu, now - apart_s)
+    requests.receive(imu, now)
+
+
 def test_what_nobody_reads_is_turned_off_when_it_comes() -> None:
     requests = StreamRequests(ROUTE, RoundTrip())
     asked_for_all(requests)
-    imu = mavlink.MAVLink_highres_imu_message(1, *[0.0] * 13, 0)
-    requests.receive(received(imu), 1.0)
+    hear_twice(requests, 1.0, 0.02)
     stop = [m for m in requests.tick(1.0) if m.command == SET]
     assert [(m.param1, m.param2) for m in stop] == [(105, -1)]
     requests.receive(acknowledgement(SET, 0), 1.1)
-    requests.receive(received(imu), 1.2)
+    hear_twice(requests, 1.2, 0.02)
     assert intervals(requests.tick(1.2)) == [], "one more may have been on its way"
     later_s = 1.0 + ASK_AGAIN_S + 0.1
-    requests.receive(received(imu), later_s)
+    hear_twice(requests, later_s, 0.02)
     assert mavlink.MAVLINK_MSG_ID_HIGHRES_IMU in tick_until_all(requests, later_s)
+
+
+def test_what_comes_rarely_is_let_be_for_a_ground_station_on_the_same_radio() -> None:
+    """MAVProxy asks for everything four times a second, and would ask again."""
+    requests = StreamRequests(ROUTE, RoundTrip())
+    asked_for_all(requests)
+    hear_twice(requests, 1.0, 0.25)
+    assert mavlink.MAVLINK_MSG_ID_HIGHRES_IMU not in tick_until_all(requests, 1.0)
 
 
 def tick_until_all(requests: StreamRequests, now: float) -> list[int]:
