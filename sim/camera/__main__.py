@@ -29,9 +29,20 @@ def main() -> int:
         except OSError as error:
             reason = error.strerror or str(error)
         answer = {"number": order.number, **stored._asdict(), "error": reason}
-        print(json.dumps(answer), flush=True)
+        if not _told(json.dumps(answer)):
+            break
     studio.close()
     return 0
+
+
+def _told(line: str) -> bool:
+    """Whether somebody still listens; the vehicle may have been killed."""
+    try:
+        print(line, flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # For the last flush
+        return False
+    return True
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from sim.camera.darkroom import Darkroom, Developed
-from tests.support.system import wait_for
+from sim.camera.order import to_line
+from tests.support.system import ROOT, wait_for
 from tests.unit.sim.camera.shots import order, pose
 
 DOWN = pose(5.0, 30.0, 20.0, -90.0, 0.0)
@@ -77,6 +79,27 @@ def test_a_process_that_dies_loses_its_pictures_and_is_started_again(tmp_path: P
         assert len(pids.read_text().split()) == 2
     finally:
         darkroom.close()
+
+
+def test_the_process_ends_in_peace_when_its_vehicle_is_killed(tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "sim.camera"],
+        cwd=ROOT,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    assert process.stdin is not None
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.stdout.close()
+    lines = [to_line(order(tmp_path, number, DOWN, width_px=64)) for number in range(2)]
+    process.stdin.write("".join(f"{line}\n" for line in lines).encode())
+    process.stdin.close()
+    with process.stderr:
+        assert process.stderr.read() == b""
+    assert process.wait(60) == 0
+    assert not (tmp_path / "1.jpg").exists()
 
 
 def test_it_ends_with_its_vehicle(darkroom: Darkroom, tmp_path: Path) -> None:
