@@ -4,7 +4,7 @@ import itertools
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 
 from afarcloud.plan import Mission
 from mavlink_broker.translation.families import GENERIC
@@ -32,6 +32,7 @@ def items(*commands: int, place: int = 1) -> list[Item]:
     return [Item(command=command, x=place, y=place, z=5.0) for command in commands]
 
 
+@settings(max_examples=40)
 @given(missions())
 def test_a_person_finishes_what_the_plan_calls_a_command(mission: Mission) -> None:
     for plan in stretches_of(mission, GENERIC):
@@ -39,6 +40,7 @@ def test_a_person_finishes_what_the_plan_calls_a_command(mission: Mission) -> No
         assert [step.last for step in found] == list(plan.done_item)
 
 
+@settings(max_examples=40)
 @given(missions())
 def test_every_item_but_the_hold_at_the_end_belongs_to_one_step(mission: Mission) -> None:
     for plan in stretches_of(mission, GENERIC):
