@@ -157,9 +157,12 @@ class VehicleSteps:
 
     def difference(self, meant: Items, held: Items) -> str | None:
         """Name the first difference that the vehicle's way to store does not explain, or None."""
-        if self._floats:
-            return fence.difference(meant, held, POSITION_STEP_DEG)
-        return fence.difference(meant, held)
+        return fence.difference(
+            meant,
+            held,
+            tolerance_deg=POSITION_STEP_DEG if self._floats else fence.TOLERANCE_DEG,
+            altitude_step_m=self.vehicle.family.rally_altitude_step_m,
+        )
 
     def _prove(self, kind: int, items: Items, opaque_id: int) -> Step:
         verify = MissionVerify(

@@ -121,6 +121,7 @@ class Family:
     link_loss_parameter: str | None = None  # Above 0 it wants a ground station to attend to it
     guard: guarding.Guard = guarding.guard_nothing  # Keeps a vehicle within its fence
     guard_parameters: tuple[str, ...] = ()  # Which that has to know
+    rally_altitude_step_m: float = 0.0  # To which a rally point's altitude is cut in storage
     parameter_encoding: ParameterEncoding = ParameterEncoding.C_CAST  # Of one that tells none
     mode_name: Callable[[int, int], str] = modes.generic_name
     mode_role: Callable[[str], ModeRole] = modes.generic_role
@@ -217,6 +218,7 @@ ARDUPILOT: Final = Family(
     battery_capacity_parameter="BATT_CAPACITY",
     guard=guarding.guard_ardupilot,
     guard_parameters=guarding.ARDUPILOT_NAMES,
+    rally_altitude_step_m=1.0,
     mode_name=modes.copter_name,
     mode_role=modes.copter_role,
 )

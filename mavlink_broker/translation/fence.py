@@ -18,7 +18,7 @@ CAPABILITIES: Final = {
 }
 """Bits of AUTOPILOT_VERSION by which a vehicle says that it keeps such items."""
 
-_TOLERANCE_DEG: Final = 1.5e-7
+TOLERANCE_DEG: Final = 1.5e-7
 _ALTITUDE_TOLERANCE_M: Final = 0.011
 _HAS_RADIUS: Final = frozenset(
     {mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION, mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION}
@@ -66,15 +66,20 @@ def items_of(messages: Sequence[Message]) -> tuple[MissionItem, ...]:
 
 
 def difference(
-    meant: Sequence[MissionItem], held: Sequence[MissionItem], tolerance_deg: float = _TOLERANCE_DEG
+    meant: Sequence[MissionItem],
+    held: Sequence[MissionItem],
+    *,
+    tolerance_deg: float = TOLERANCE_DEG,
+    altitude_step_m: float = 0.0,
 ) -> str | None:
     """Name the first difference that matters, or None.
 
     Frame and altitude of an area mean nothing and come back as the vehicle likes; its first
-    parameter is a number of corners or a radius.
+    parameter is a number of corners or a radius. A rally point's altitude may be cut to steps.
     """
     if len(meant) != len(held):
         return f"the vehicle holds {len(held)} items instead of {len(meant)}"
+    altitude_m = max(_ALTITUDE_TOLERANCE_M, altitude_step_m)
     for number, (one, other) in enumerate(zip(meant, held, strict=True)):
         is_rally = one.command == mavlink.MAV_CMD_NAV_RALLY_POINT
         tolerance_m = 0.01 if one.command in _HAS_RADIUS else 0.0
@@ -83,8 +88,7 @@ def difference(
             "parameter 1": abs(one.parameters[0] - other.parameters[0]) <= tolerance_m,
             "latitude": abs(one.latitude_deg - other.latitude_deg) <= tolerance_deg,
             "longitude": abs(one.longitude_deg - other.longitude_deg) <= tolerance_deg,
-            "altitude": not is_rally
-            or abs(one.altitude_m - other.altitude_m) <= _ALTITUDE_TOLERANCE_M,
+            "altitude": not is_rally or abs(one.altitude_m - other.altitude_m) <= altitude_m,
         }
         name = next((name for name, is_same in same.items() if not is_same), None)
         if name is not None:

@@ -84,6 +84,8 @@ class FencedVehicle(ScriptedVehicle):
             float_requests=script.float_requests,
             lost_acknowledgements=script.lost_acknowledgements,
         )
+        if kind == RALLY and script.autopilot == ARDUPILOT.autopilot:
+            plain = replace(plain, keeps=_whole_metres)
         return ScriptedMissions(plain, send, lambda: self.log.append(f"stored {kind}"))
 
     def _mission_stored(self) -> None:
@@ -129,6 +131,12 @@ class FencedVehicle(ScriptedVehicle):
         kind = mavlink.MAV_PARAM_TYPE_INT16 if is_integer else mavlink.MAV_PARAM_TYPE_REAL32
         value = float(self.values[name])
         self._send(mavlink.MAVLink_param_value_message(name.encode(), value, kind, 1, 0))
+
+
+def _whole_metres(item: Message) -> Message:
+    """Keep a rally point as ArduPilot does, its altitude in an integer."""
+    item.z = float(int(item.z))
+    return item
 
 
 def fenced_vehicle(

@@ -31,7 +31,7 @@ from tests.support.scripted_missions import ARDUPILOT, PX4, Script
 from tests.support.scripted_vehicle import HOME, PX4_LAND, PX4_RETURN
 
 INCLUSION, EXCLUSION = 5001, 5002
-POINT = {"latitude": HOME[0] + 1e-4, "longitude": HOME[1], "altitude": 12.0}
+POINT = {"latitude": HOME[0] + 1e-4, "longitude": HOME[1], "altitude": 12.5}
 BOTH = pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
 
 
@@ -514,7 +514,7 @@ class TestRallyPoints:
         world.edge.plan(first_flight(), geofence=fence(), rally_points=[POINT])
         world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
         (point,) = vehicle.plans[RALLY].items
-        assert (point.command, point.z) == (5100, 12.0)
+        assert (point.command, point.z) == (5100, 12.5 if script is PX4 else 12.0)
         assert point.x == round(POINT["latitude"] * 1e7)
         assert vehicle.log.index("stored 2") < vehicle.log.index("stored 0")
         world.run_until_over(1201)
