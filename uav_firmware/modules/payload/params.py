@@ -30,11 +30,11 @@ class PayloadParams:
         short="Stored beside each picture: 0 nothing, 1 near infrared, 2 vegetation index (NDVI)",
     )  # fmt: skip
     video_width_px: int = param(
-        "CAM_VIDEO_WIDTH", 640, unit="px", minimum=160, maximum=1280,
+        "CAM_VIDEO_WIDTH", 480, unit="px", minimum=160, maximum=1280,
         short="Width of video, which is three quarters as high",
     )  # fmt: skip
     video_rate_hz: float = param(
-        "CAM_VIDEO_RATE", 5.0, unit="Hz", minimum=0.2, maximum=12.5,
+        "CAM_VIDEO_RATE", 4.0, unit="Hz", minimum=0.2, maximum=12.5,
         short="Pictures a second of a video; read when it starts",
     )  # fmt: skip
     storage_mib: float = param(
