@@ -24,7 +24,7 @@ from mavlink_broker.protocol.command import (
 )
 from mavlink_broker.protocol.round_trip import RoundTrip
 from mavlink_broker.protocol.route import Route
-from mavlink_broker.protocol.watched import RATES_HZ, Watched
+from mavlink_broker.protocol.watched import Watched
 
 
 class Stream(NamedTuple):
@@ -195,8 +195,9 @@ class StreamRequests:
         if not self._accepted:
             return []
         if (shown := self._watched.take_next()) is not None:
-            name = mavlink.mavlink_map[shown].msgname
-            return self._ask(name, set_interval(shown, 1e6 / RATES_HZ[shown]), now)
+            message_id, interval_us = shown
+            name = mavlink.mavlink_map[message_id].msgname
+            return self._ask(name, set_interval(message_id, interval_us), now)
         for name, message_id in UNREAD.items() if self._turns_off else ():
             if self._is_to_stop(name, now) and not self._watched.keeps(message_id):
                 return self._ask(name, set_interval(message_id, _OFF_US), now)

@@ -2,7 +2,8 @@
 
 The link's rates are the broker's, which turns off what it does not read; a ground station would
 look at empty instruments. So while one is there it gets what its instruments show, at rates that
-a slow radio can carry, and what it has asked for itself is left alone.
+a slow radio can carry, and what it has asked for itself is left alone. When the last one has gone
+the vehicle is given its own rates back, and the broker turns off what is too much, as ever.
 """
 
 from collections.abc import Collection
@@ -20,6 +21,8 @@ RATES_HZ: Final = {
     mavlink.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT: 1.0,
 }
 """By message id, the most missed first: some 700 bytes a second together."""
+AS_BEFORE_US: Final = 0.0
+"""SET_MESSAGE_INTERVAL's word for the vehicle's own rate."""
 
 
 class Watched:
@@ -28,6 +31,7 @@ class Watched:
     def __init__(self) -> None:
         self._asked_elsewhere: Collection[int] | None = None
         self._waiting: list[int] = []
+        self._shown: set[int] = set()
 
     @property
     def by_somebody(self) -> bool:
@@ -38,20 +42,26 @@ class Watched:
         """Learn what ground stations have asked for, None: nobody is there; true on a change."""
         was_watched = self.by_somebody
         self._asked_elsewhere = asked_elsewhere
-        if self.by_somebody != was_watched:
+        if self.by_somebody and not was_watched:
             self.renew()
+        elif was_watched and not self.by_somebody:
+            self._waiting = sorted(self._shown)
         return self.by_somebody != was_watched
 
     def renew(self) -> None:
         """Ask for everything again: the vehicle has been restarted."""
         self._waiting = list(RATES_HZ) if self.by_somebody else []
+        self._shown = set()
 
-    def take_next(self) -> int | None:
-        """Give the next message that has to be asked for."""
+    def take_next(self) -> tuple[int, float] | None:
+        """Give the next message that has to be asked for, and its interval in microseconds."""
         while self._waiting:
             message_id = self._waiting.pop(0)
-            if message_id not in (self._asked_elsewhere or ()):
-                return message_id
+            if self._asked_elsewhere is None:
+                return message_id, AS_BEFORE_US
+            if message_id not in self._asked_elsewhere:
+                self._shown.add(message_id)
+                return message_id, 1e6 / RATES_HZ[message_id]
         return None
 
     def keeps(self, message_id: int) -> bool:

@@ -10,6 +10,8 @@ from mavlink_broker.protocol.watched import RATES_HZ
 
 VFR_HUD = mavlink.MAVLINK_MSG_ID_VFR_HUD
 IMU = mavlink.MAVLINK_MSG_ID_HIGHRES_IMU
+OWN_US = 1e5
+"""How often this vehicle sends what nobody has asked for."""
 NAMES = {number: name for name, number in UNREAD.items()}
 
 
@@ -18,7 +20,7 @@ class Vehicle:
 
     def __init__(self) -> None:
         self.requests = StreamRequests(Route(254, 191, 1, 1), RoundTrip())
-        self.intervals_us: dict[int, float] = dict.fromkeys(UNREAD.values(), 1e6)
+        self.intervals_us: dict[int, float] = dict.fromkeys(UNREAD.values(), OWN_US)
         self.now = 0.0
 
     def run(self, seconds: float, asked_elsewhere: Collection[int] | None) -> None:
@@ -35,7 +37,7 @@ class Vehicle:
     def _obey(self, messages: list) -> None:  # type: ignore[type-arg]  # of pymavlink's classes
         for message in messages:
             if getattr(message, "command", 0) == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
-                self.intervals_us[int(message.param1)] = message.param2
+                self.intervals_us[int(message.param1)] = message.param2 or OWN_US
                 accepted = mavlink.MAVLink_command_ack_message(message.command, 0, 0, 0, 254, 191)
                 self._obey(self.requests.receive(accepted, self.now))
 
