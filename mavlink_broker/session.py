@@ -281,7 +281,8 @@ class Session:
         """Tell what has failed; a mission that flies has failed with it."""
         for failure in failures:
             _LOG.warning("vehicle %d: %s", self.vehicle.vehicle_id, failure.text)
-            effects.for_edge.append(self._reporter.alarm(failure, self._mission_id))
+            parameters = self._alarms.take_parameters(now)
+            effects.for_edge.append(self._reporter.alarm(failure, self._mission_id, parameters))
             if self._flight is not None:
                 self._flight.alarm(failure.text, now, effects)
 
@@ -328,7 +329,10 @@ class Session:
             name = self.vehicle.family.battery_capacity_parameter
             if name is None:
                 return
-            self._capacity = ParameterRead(name, self.vehicle.route, self.vehicle.round_trip)
+            vehicle = self.vehicle
+            self._capacity = ParameterRead(
+                name, vehicle.route, vehicle.round_trip, encoding=vehicle.parameter_encoding
+            )
         effects.messages += self._capacity.tick(now)
         told_ah = (self._capacity.value or 0.0) / 1e3
         if 0.0 < told_ah <= 100.0:

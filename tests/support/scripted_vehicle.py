@@ -344,7 +344,8 @@ class ScriptedVehicle:
         elif name == "NAV_DLL_ACT":
             self._tell_integer(name, self.script.link_loss_action)
         if value is not None:
-            kind = mavlink.MAV_PARAM_TYPE_REAL32
+            is_whole = name == "BATT_CAPACITY"  # ArduPilot tells whole numbers as floats
+            kind = mavlink.MAV_PARAM_TYPE_INT32 if is_whole else mavlink.MAV_PARAM_TYPE_REAL32
             self._send(mavlink.MAVLink_param_value_message(name.encode(), value, kind, 1, 0))
 
     def _tell_integer(self, name: str, value: int) -> None:

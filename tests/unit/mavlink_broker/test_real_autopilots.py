@@ -75,6 +75,13 @@ class TestEveryAutopilot:
         assert flown(script, plan).edge.statuses(1201) == FINISHED
 
     @AUTOPILOTS
+    def test_tells_the_size_of_its_battery(self, script: Script) -> None:
+        world = World()
+        world.add_vehicle(script=script)
+        world.run(15.0)
+        assert world.edge.bodies("/state_vector/")[-1]["battery_capacity"] == 4.2
+
+    @AUTOPILOTS
     def test_flies_one_mission_after_another(self, script: Script) -> None:
         """The second begins at its first item, whatever the vehicle remembers of the first."""
         world = World()

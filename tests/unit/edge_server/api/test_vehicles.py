@@ -40,9 +40,24 @@ def test_what_is_not_said_stays_and_a_null_is_said(edge: Edge) -> None:
     assert shown["updated_at"] > shown["registered_at"]
 
 
+def test_what_is_known_of_a_vehicle_says_how_old_it_is(edge: Edge) -> None:
+    known = {
+        "family": "ardupilot",
+        "version": "4.6.2",
+        "position_age": 12.5,
+        "stale": ["position", "battery"],
+        "warning": "a second vehicle has this system id",
+    }
+    edge.ask("PUT", "/vehicles/1", "broker", json=STATE | known)
+    assert known.items() <= edge.get("/vehicles/1").items()
+
+
 @pytest.mark.parametrize(
     ("change", "field"),
     [
+        ({"position_age": -1}, "position_age"),
+        ({"stale": "position"}, "stale"),
+        ({"version": 4}, "version"),
         ({"link_state": "fine"}, "link_state"),
         ({"latitude": 91}, "latitude"),
         ({"armed": 1}, "armed"),
