@@ -63,6 +63,28 @@ def test_the_sky_is_above_the_horizon_and_blue() -> None:
     assert not image.vegetation_index[:100].any()
 
 
+@pytest.mark.parametrize("yaw", [0.0, 77.0, 200.0])
+def test_the_hills_stand_on_the_horizon_as_high_as_the_map_says(yaw: float) -> None:
+    """Their outline against the sky, found by walking over the farm's elevations."""
+    image = shot(30.0, -40.0, 10.0, 0.0, yaw, width=400)
+    focal_px = 400 * 4.5 / 6.3
+    for column in (20, 120, 199, 310, 380):
+        aside = (column + 0.5 - 200) / focal_px
+        bearing = math.radians(yaw) + math.atan(aside)
+        rises = [
+            (FARM.elevation_amsl_m(*FARM.plane.geodetic(_from_here(bearing, away))) - 660.0) / away
+            for away in np.geomspace(50.0, 8000.0, 160)
+        ]
+        expected = 149.5 - focal_px * max(rises) * math.hypot(1.0, aside)
+        ground = np.nonzero(image.near_infrared[:, column])[0]
+        assert ground[0] == pytest.approx(expected, abs=2.0)
+    assert image.near_infrared[:, 200].any()
+
+
+def _from_here(bearing: float, away_m: float) -> tuple[float, float]:
+    return 30.0 + away_m * math.sin(bearing), -40.0 + away_m * math.cos(bearing)
+
+
 def test_the_tractor_is_in_the_picture_where_it_is() -> None:
     tractor = FARM.subjects(MORNING_S)[0]
     image = shot(*tractor.place, 8.0, -90.0, 0.0)

@@ -173,7 +173,9 @@ def test_an_order_to_come_down_interrupts_and_0_lands_at_once(number: int) -> No
 
 def test_after_an_alarm_0_waits_for_the_broker_to_believe_it() -> None:
     vehicle = flying()
-    assert vehicle.act(SetAlarm(Alarm.GPS, (0.5, 2.0)), 2.0) == [Warn("Equipment GPS: 0.5, 2")]
+    assert vehicle.act(SetAlarm(Alarm.GPS, (0.5, 2.0)), 2.0) == [
+        Warn("Equipment GPS: 0.5, 2", (0.5, 2.0))
+    ]
     vehicle.act(Land(), 2.1)
     assert vehicle.tick(3.0) == []
     assert Turn.INTERRUPTED not in vehicle.hear(command(20), 4.0)
