@@ -62,12 +62,18 @@ class Reporter:
         """How far a mission is."""
         return self._signed(ledger.report(**self._next("mission_report")), "mission_report")
 
-    def alarm(self, failure: Failure, mission_id: int | None) -> effects.Report:
+    def alarm(
+        self,
+        failure: Failure,
+        mission_id: int | None,
+        parameters: tuple[float, float] = (0.0, 0.0),
+    ) -> effects.Report:
         """Something that has failed, and the mission that it ends."""
         alarm = Alarm(
             **self._next("alarm"),
             alarm_type_id=failure.type,
             alarm_code_id=failure.code,
+            param_array=parameters,
             mission_id=mission_id,
             message=failure.text,
         )

@@ -13,9 +13,12 @@ from afarcloud.enumerations import AlarmCode, AlarmType
 from mavlink_broker.dialect import Message, mavlink, source_of
 from mavlink_broker.protocol.silence import LinkLoss, Voice
 from mavlink_broker.translation.observables import HUMIDITY, OBSERVED, readings
+from mavlink_broker.translation.worded import alarm_parameters
 
 DEBOUNCE_S: Final = 2.0
 SOURCES_KEPT: Final = 16
+PARAMETERS_HOLD_S: Final = 30.0
+"""As long as the slowest alarm takes to be believed."""
 
 
 class Failure(NamedTuple):
@@ -156,11 +159,15 @@ class AlarmWatch:
     _signs: dict[tuple[str, AlarmCode], _Health] = field(default_factory=dict)
     _voices: dict[tuple[str, AlarmCode], Voice] = field(default_factory=dict)
     _told: set[AlarmCode] = field(default_factory=set)
+    _parameters: tuple[float, tuple[float, float]] | None = None  # And when they were told
     _loss: LinkLoss = field(default_factory=LinkLoss)
 
     def receive(self, message: Message, now: float) -> None:
         """Take a message of the autopilot."""
         self._loss.take(message)
+        parameters = alarm_parameters(message)
+        if parameters is not None:
+            self._parameters = now, parameters
         reader = _READERS.get(message.get_type())
         for source, failure, is_ill in reader(message) if reader is not None else ():
             self._take(source, failure, now, is_ill=is_ill)
@@ -190,8 +197,14 @@ class AlarmWatch:
             self._take_silence(source, failure, now, is_silent=is_silent)
         return [failure for failure in self._failed(now) if self._is_to_tell(failure)]
 
+    def take_parameters(self, now: float) -> tuple[float, float]:
+        """Give what the vehicle has told of its newest alarm, once."""
+        told, self._parameters = self._parameters, None
+        return told[1] if told is not None and now - told[0] <= PARAMETERS_HOLD_S else (0.0, 0.0)
+
     def forget(self) -> None:
         """Begin anew: the vehicle was restarted, or its link was lost."""
+        self._parameters = None
         self._signs.clear()
         self._voices.clear()
         self._told.clear()

@@ -100,9 +100,10 @@ class Tell:
 
 @dataclass(frozen=True, slots=True)
 class Warn:
-    """Tell the broker's operator."""
+    """Tell the broker's operator what has failed, and the broker the alarm's parameters."""
 
     text: str
+    parameters: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)

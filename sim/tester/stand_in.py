@@ -228,7 +228,7 @@ class StandIn:
             case SetAlarm(alarm, parameters):
                 self.alarms.add(alarm)
                 self._hygrometer.begin(now)
-                return [Warn(alarm_text(alarm, parameters))]
+                return [Warn(alarm_text(alarm, parameters), parameters)]
             case SetBatteryCapacity(capacity_mah):
                 self.capacity_mah = capacity_mah
             case SetBatteryPercentage(percentage):

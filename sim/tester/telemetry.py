@@ -10,7 +10,8 @@ from sim.tester.alarms import PRESENT
 
 _E7: Final = 1e7
 OBSERVATION_IN_WORDS: Final = 0xAFC1
-"""Payload type of a TUNNEL."""
+ALARM_PARAMETERS: Final = 0xAFC2
+"""Payload types of TUNNEL that the broker reads."""
 _TUNNEL_BYTES: Final = 128
 _ARMED: Final = 128
 """MAV_MODE_FLAG_SAFETY_ARMED."""
@@ -107,14 +108,22 @@ def system_time(utc_s: float, time_ms: int) -> Say:
 
 def observation(resource_id: str, observed_property: str, value: float, unit: str) -> Say:
     """TUNNEL with an observation in words, as the broker reads it."""
-    words = [resource_id, observed_property, value, unit]
+    return _tunnel(OBSERVATION_IN_WORDS, [resource_id, observed_property, value, unit])
+
+
+def alarm_parameters(parameters: tuple[float, float]) -> Say:
+    """TUNNEL with the two parameters of an alarm."""
+    return _tunnel(ALARM_PARAMETERS, list(parameters))
+
+
+def _tunnel(kind: int, words: list[Any]) -> Say:
     payload = json.dumps(words, ensure_ascii=False, separators=(",", ":")).encode()
     return Say(
         "TUNNEL",
         {
             "target_system": 0,
             "target_component": 0,
-            "payload_type": OBSERVATION_IN_WORDS,
+            "payload_type": kind,
             "payload_length": len(payload),
             "payload": list(payload.ljust(_TUNNEL_BYTES, b"\0")),
         },

@@ -168,7 +168,8 @@ class MavsdkVehicle:
                 self._autopilot.say(observation(vehicle))
             case MeasureHumidity(percent):
                 self._autopilot.say(telemetry.humidity(percent, vehicle.time_ms(now)))
-            case Warn(text):
+            case Warn(text, parameters):
+                self._autopilot.say(telemetry.alarm_parameters(parameters))
                 self._telemetry.publish_status_text(StatusText(StatusTextType.CRITICAL, text))
 
     def close(self) -> None:

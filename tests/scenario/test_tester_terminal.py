@@ -177,6 +177,7 @@ def test_the_way_through_the_alarms_and_back_and_the_alarm_itself(
     assert farm.edge.status(1201) == FAILED
     alarm = farm.newest("/alarm/")
     assert (alarm["alarm_type_id"], alarm["alarm_code_id"]) == (2, 51)
+    assert alarm["param_array"] == [0.5, 1.5]
     person.reads("The vehicle is down.")
     person.wait_for(lambda: farm.newest("/vehicles/1").get("armed") is False, "disarmed")
     assert len(farm.edge.bodies("/alarm/")) == 1

@@ -9,12 +9,19 @@ from hypothesis import strategies as st
 
 from mavlink_broker.codec import Decoder, Encoder
 from mavlink_broker.dialect import Message, mavlink
+from mavlink_broker.translation.alarms import PARAMETERS_HOLD_S, AlarmWatch
 from mavlink_broker.translation.observations import Observations
 from mavlink_broker.translation.telemetry import Position, Snapshot
-from mavlink_broker.translation.worded import PAYLOAD_TYPE, Worded, worded
+from mavlink_broker.translation.worded import (
+    ALARM_PARAMETERS,
+    OBSERVATION,
+    Worded,
+    alarm_parameters,
+    worded,
+)
 
 
-def tunnel(payload: bytes, kind: int = PAYLOAD_TYPE) -> Message:
+def tunnel(payload: bytes, kind: int = OBSERVATION) -> Message:
     """A message as it comes from the wire."""
     sent = mavlink.MAVLink_tunnel_message(
         0, 0, kind, min(len(payload), 255), list(payload[:128].ljust(128, b"\0"))
@@ -83,6 +90,8 @@ def test_no_bytes_do_harm(payload: bytes, length: int) -> None:
     message = tunnel(payload)
     message.payload_length = length
     worded(message)
+    message.payload_type = ALARM_PARAMETERS
+    alarm_parameters(message)
 
 
 def test_other_tunnels_are_not_meant() -> None:
@@ -98,3 +107,23 @@ def test_its_own_resource_id_and_unit_reach_the_list() -> None:
     assert observation.resource_id == "probe 7"
     assert observation.observed_property == "soil moisture"
     assert (observation.result_value, observation.result_uom) == (12.5, "% vol")
+
+
+def parameters(text: bytes) -> Message:
+    return tunnel(text, kind=ALARM_PARAMETERS)
+
+
+def test_parameters_of_an_alarm_are_two_numbers() -> None:
+    assert alarm_parameters(parameters(b"[0.5,-2]")) == (0.5, -2.0)
+    for text in (b"[1]", b"[1,2,3]", b'["1",2]', b"[true,2]", b"[NaN,1]", b"[1,1e999]", b"{}"):
+        assert alarm_parameters(parameters(text)) is None
+    assert alarm_parameters(words("a", "b", 1.0, "C")) is None
+
+
+def test_parameters_of_an_alarm_are_given_once_and_not_for_ever() -> None:
+    watch = AlarmWatch()
+    watch.receive(parameters(b"[0.5,-2]"), 10.0)
+    assert watch.take_parameters(12.0) == (0.5, -2.0)
+    assert watch.take_parameters(12.0) == (0.0, 0.0)
+    watch.receive(parameters(b"[0.5,-2]"), 20.0)
+    assert watch.take_parameters(21.0 + PARAMETERS_HOLD_S) == (0.0, 0.0)
