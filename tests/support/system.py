@@ -71,12 +71,21 @@ class FarmSystem:
     """Cloud, edge server, broker and vehicles; each can be started and killed by name."""
 
     def __init__(
-        self, state_dir: Path, *, vehicles: int = 1, speed: float = 5.0, mqtt: bool = False
+        self,
+        state_dir: Path,
+        *,
+        vehicles: int = 1,
+        speed: float = 5.0,
+        mqtt: bool = False,
+        tester_script: Path | None = None,
     ) -> None:
+        """With `tester_script` there is one tester more, for whom that file types."""
         ports = free_ports(6 + vehicles)
         self.environment = {
             **os.environ,
             "VEHICLES": str(vehicles),
+            "TESTERS": str(int(tester_script is not None)),
+            "TESTER_SCRIPT": str(tester_script or ""),
             "SPEED": str(speed),
             "SEED": "1",
             "WIND": "0",
@@ -175,7 +184,7 @@ class FarmSystem:
     def wait_until_connected(self) -> Self:
         """Wait until the edge server knows every vehicle as connected."""
         self.wait_until_edge_answers()
-        wanted = set(range(1, self.settings.vehicles + 1))
+        wanted = set(self.settings.started_ids)
 
         def connected() -> bool:
             states = {v["vehicle_id"]: v["link_state"] for v in rows(self.get("/vehicles/"))}
