@@ -1,25 +1,25 @@
 """A picture of the farm: every pixel's ray is followed to what it meets. Pure.
 
 Rows are drawn in bands, so that what is worked on fits into the processor's cache. The level
-ground is met first (the farm's floor, `Farm.elevation_amsl_m`), then what stands on it. The scale
-of the map is corrected to that of the ellipsoid at the camera: a surveyor with WGS-84 finds every
-point within a hundredth of a pixel.
+floor is met first, then the hills round it (`Farm.elevation_amsl_m`), then what stands there. The
+scale of the map is corrected to that of the ellipsoid at the camera: a surveyor with WGS-84 finds
+every point of the floor within a hundredth of a pixel.
 """
 
-import math
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.camera import ground
-from sim.camera.lens import Lens, Pixels, Pose, Rays, in_camera, rays
+from sim.camera.hills import Hills
+from sim.camera.lens import Lens, Pixels, Pose, Rays, rays
 from sim.camera.light import Light, developed, encoded, hazed, light, sky_colour
 from sim.camera.reflectance import Bands
 from sim.camera.scene import solids
 from sim.camera.solids import Solid
+from sim.camera.visible import Box, box_of
 from sim.earth import degrees_per_metre
-from sim.truth import Vector3
 from sim.world.farm import Farm
 
 _BAND_PX: Final = 65_536  # Pixels that are worked on at once
@@ -55,23 +55,8 @@ class _View(NamedTuple):
     height_m: float  # [m] Above the ground
     stretch: tuple[float, float]  # [-] Metres of the map in a metre east and north
     solids: tuple[Solid, ...]  # All of them: they may cast shadows into the picture
-    seen: tuple[tuple[Solid, "_Box"], ...]  # Those that the picture may show
-
-
-class _Box(NamedTuple):
-    """Rows and columns of a part of the picture, each from the first to before the last [px]."""
-
-    top: int
-    bottom: int
-    left: int
-    right: int
-
-    def within(self, band: slice) -> tuple[slice, slice] | None:
-        """The part of the box in a band of rows, counted from the band's first; None for none."""
-        top, bottom = max(band.start, self.top), min(band.stop, self.bottom)
-        if top >= bottom or self.left >= self.right:
-            return None
-        return slice(top - band.start, bottom - band.start), slice(self.left, self.right)
+    seen: tuple[tuple[Solid, Box], ...]  # Those that the picture may show
+    hills: Hills
 
 
 def render(shot: Shot) -> Image:
@@ -105,11 +90,12 @@ def _view(shot: Shot) -> _View:
             (solid.middle[0] - east) / stretch[0],
             height - solid.middle[2],
         )
-        box = _box_of(shot, solid, offset_ned)
+        box = box_of(shot.lens, shot.pose.q_ned_camera, solid, offset_ned)
         if box is not None:
             boxes.append((solid, box))
     instant = light(shot.farm, shot.time_utc_s)
-    return _View(shot, instant, east, north, height, stretch, standing, tuple(boxes))
+    hills = Hills(shot.farm, east, north, height)
+    return _View(shot, instant, east, north, height, stretch, standing, tuple(boxes), hills)
 
 
 def _band(view: _View, band: slice) -> Image:
@@ -119,7 +105,9 @@ def _band(view: _View, band: slice) -> Image:
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         depth = np.where(way.up < 0.0, np.float32(-view.height_m) / way.up, np.float32(np.inf))
     length = np.sqrt(way.east**2 + way.north**2 + way.up**2)
-    on_ground = depth * length < _FARTHEST_M
+    met = view.hills.meet(way, depth, view.light.sun.towards_enu)
+    depth[met.mask] = met.depth
+    on_ground = (depth * length < _FARTHEST_M) | met.mask
     if on_ground.all():
         colours = np.empty((*depth.shape, 3), dtype=np.float32)
     else:
@@ -128,6 +116,7 @@ def _band(view: _View, band: slice) -> Image:
     index = np.full(depth.shape, -1.0, dtype=np.float32)
     if on_ground.any():
         bands, lit = _ground(view, way, depth, on_ground)
+        lit[met.mask[on_ground]] = met.lit
         seen = developed(bands, lit * view.light.direct, view.light.sky)
         colours[on_ground] = hazed(seen, (depth * length)[on_ground])
         infrared[on_ground] = bands.near_infrared
@@ -246,31 +235,6 @@ def _add_solids(
         colours[window][shown] = developed(bands, direct[shown], sky[shown])
         infrared[window][shown] = bands.near_infrared
         index[window][shown] = _vegetation_index(bands.red, bands.near_infrared)
-
-
-def _box_of(shot: Shot, solid: Solid, offset_ned: Vector3) -> _Box | None:
-    """Pixels of the picture that may show a solid: the box about its sphere; None for none."""
-    lens, radius = shot.lens, solid.radius_m
-    forward, right, down = in_camera(shot.pose.q_ned_camera, offset_ned)
-    sides = (
-        abs(right) - forward * lens.half_right - radius * math.hypot(1.0, lens.half_right),
-        abs(down) - forward * lens.half_down - radius * math.hypot(1.0, lens.half_down),
-    )
-    if forward < -radius or max(sides) > 0.0:
-        return None
-    if forward <= 1.5 * radius:
-        return _Box(0, lens.height_px, 0, lens.width_px)
-    column = 0.5 * lens.width_px * (1.0 + right / (forward * lens.half_right))
-    row = 0.5 * lens.height_px * (1.0 + down / (forward * lens.half_down))
-    # A sphere's picture is an ellipse that grows toward the edges of the picture
-    slant = math.hypot(1.0, right / forward, down / forward) ** 2
-    reach = 1.2 * radius * slant / ((forward - radius) * lens.pixel) + 2.0
-    return _Box(
-        max(0, int(row - reach)),
-        min(lens.height_px, int(row + reach) + 1),
-        max(0, int(column - reach)),
-        min(lens.width_px, int(column + reach) + 1),
-    )
 
 
 def _vegetation_index(red: Pixels, near_infrared: Pixels) -> Pixels:

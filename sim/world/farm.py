@@ -9,11 +9,13 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
+import numpy as np
+
 from sim.world import climate
 from sim.world.climate import Ground, Hour
 from sim.world.geometry import edge_distance_m, smooth_step
 from sim.world.layout import FIELDS, Field
-from sim.world.plane import Place, Plane
+from sim.world.plane import Array, Place, Plane
 from sim.world.smooth_map import Layer, SmoothMap
 from sim.world.subjects import Subject, subjects_at
 from sim.world.sun import Sun, illuminance_lx, solar_hour, sun
@@ -27,7 +29,9 @@ WATER_SHARE, SOIL_SHARE = 0.6, 0.8
 VIGOUR_SPREAD: Final = 0.07
 """[-] Standard deviation of NDVI within a field."""
 _DRYING: Final = 0.06  # Share of the water that a day takes and the night gives back
-_FLOOR_M, _HILLS_M = 330.0, 900.0  # Where the valley's level floor ends, and the slopes
+FLOOR_M: Final = 330.0
+"""Where the valley's level floor ends [m from the origin]."""
+_HILLS_M: Final = 900.0  # Where the slopes end
 _HILL_HEIGHT_M: Final = 28.0
 
 DEFAULT_ORIGIN: Final = Plane(40.44340, -3.73820, 650.0)
@@ -75,10 +79,16 @@ class Farm:
         The farm lies on the level floor of a valley, on which JSBSim's ground agrees with it;
         farther than 330 m from home the map rises to hills, which are seen and measured only.
         """
-        place = self.plane.place(latitude_deg, longitude_deg)
-        slope = smooth_step((math.hypot(*place) - _FLOOR_M) / (_HILLS_M - _FLOOR_M))
-        relief = 1.0 + 0.25 * self._relief_map.at(0.2 * place.east_m, 0.2 * place.north_m)
-        return self.plane.altitude_amsl_m + _HILL_HEIGHT_M * slope * relief
+        east, north = self.plane.place(latitude_deg, longitude_deg)
+        height = self.hill_heights_m(np.array([east]), np.array([north]))
+        return self.plane.altitude_amsl_m + float(height[0])
+
+    def hill_heights_m(self, east_m: Array, north_m: Array) -> Array:
+        """Height of the land above the floor [m] at places of the map; 0 on the floor."""
+        share = np.clip((np.hypot(east_m, north_m) - FLOOR_M) / (_HILLS_M - FLOOR_M), 0.0, 1.0)
+        relief = 1.0 + 0.35 * self._relief_map.over(0.2 * east_m, 0.2 * north_m)
+        height: Array = _HILL_HEIGHT_M * share**2 * (3.0 - 2.0 * share) * np.maximum(relief, 0.1)
+        return height
 
     def soil_moisture(self, latitude_deg: float, longitude_deg: float, time_utc_s: float) -> float:
         """Water in the upper 10 cm of the soil [m^3/m^3]; wettest at dawn, after the irrigation."""

@@ -15,6 +15,7 @@ _DAY_S: Final = 86_400.0
 _DIRECT_LX: Final = 127_500.0
 _EXTINCTION: Final = 0.21
 _SKY_LX: Final = (800.0, 15_500.0)
+_LOWEST_SINE: Final = 1e-6  # No direct light comes through so much air
 _TWILIGHT_DEG: Final = -6.0
 _MOONLIGHT_LX: Final = 0.1
 
@@ -75,5 +76,5 @@ def illuminance_lx(elevation_deg: float) -> float:
         share = max(0.0, 1.0 - elevation_deg / _TWILIGHT_DEG)
         return _MOONLIGHT_LX + (_SKY_LX[0] - _MOONLIGHT_LX) * share**3
     sine = math.sin(math.radians(elevation_deg))
-    direct = _DIRECT_LX * math.exp(-_EXTINCTION / sine) * sine
+    direct = _DIRECT_LX * math.exp(-_EXTINCTION / max(sine, _LOWEST_SINE)) * sine
     return direct + _SKY_LX[0] + _SKY_LX[1] * math.sqrt(sine)

@@ -3,7 +3,7 @@
 from datetime import UTC, datetime
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from sim.world.daylight import ENOUGH_DEG, day_shift_s
@@ -47,6 +47,7 @@ def test_noon_of_solar_time_is_when_it_culminates() -> None:
 
 
 @given(st.floats(-90.0, 89.0), st.floats(0.01, 1.0))
+@example(1e-320, 1.0)
 def test_a_higher_sun_is_never_darker(elevation_deg: float, more_deg: float) -> None:
     assert illuminance_lx(elevation_deg + more_deg) >= illuminance_lx(elevation_deg)
 
