@@ -23,6 +23,7 @@ from mavlink_broker.session import Session
 from mavlink_broker.session_states import State
 from mavlink_broker.subject import TRACKED_WORDS as TRACKED
 from mavlink_broker.traffic import Clock, Link, Traffic
+from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.translation.observables import OBSERVED
 from mavlink_broker.vehicle import Vehicle
 from mavlink_broker.work import EventWork, MissionWork, StateVectorWork
@@ -40,6 +41,9 @@ PAYLOAD_WORDS: Final = frozenset({"COMMAND_ACK", "HEARTBEAT"}) | OBSERVED | PICT
 PICTURES_WAITING: Final = 8
 """With so many unanswered none is fetched: they are safer on the vehicle than in memory."""
 
+SETTLED_AFTER_S: Final = 30.0
+"""By then a restarted broker has its unfinished missions again."""
+FLYING: Final = frozenset({ModeRole.MISSION, ModeRole.GUIDED})
 TRANSFERS: Final = frozenset(
     {State.ATTACHING, State.FENCING, State.UPLOADING, State.VERIFYING, State.SELECTING}
 )
@@ -79,6 +83,7 @@ class App:
         self._peers: dict[int, _Peer] = {}
         self._sweep_at = 0.0
         self._step_all_at = 0.0
+        self._began_at = clock.monotonic()
 
     @property
     def sessions(self) -> dict[int, Session]:
@@ -136,10 +141,17 @@ class App:
     def _tenure(self, system: int) -> Tenure:
         """Whose a vehicle is, for ground stations."""
         peer = self._peers.get(system)
-        state = State.IDLE if peer is None else peer.session.state
-        if state is State.IDLE:
+        if peer is None:
             return Tenure.FREE
+        state = peer.session.state
+        if state is State.IDLE:
+            return Tenure.MISSION if self._may_be_ours(peer.session.vehicle) else Tenure.FREE
         return Tenure.TRANSFER if state in TRANSFERS else Tenure.MISSION
+
+    def _may_be_ours(self, vehicle: Vehicle) -> bool:
+        """Whether it flies what a broker before us has begun, and we are just about to hear of."""
+        is_settled = self._clock.monotonic() - self._began_at > SETTLED_AFTER_S
+        return not is_settled and vehicle.snapshot.armed is True and vehicle.mode_role in FLYING
 
     def _dispatch(self, message: Message, now: float) -> None:
         """Hand a message to the session of its vehicle; a heartbeat may introduce a new one."""

@@ -5,6 +5,7 @@ Elsewhere, where vehicles must sign, so must ground stations: with the key of sy
 number that they go by; and what they get is signed with it. Without that key nothing goes over.
 """
 
+import logging
 from collections.abc import Callable, Collection
 from datetime import datetime
 from typing import Final, Protocol
@@ -24,6 +25,8 @@ STATIONS_KEPT: Final = 16
 """At one listening port; more are not listened to until one has gone."""
 LIVED_ON_US: Final = {stream.message_id: 1e6 / stream.rate_hz for stream in STREAMS}
 """Intervals of the messages that the broker lives on, by message id."""
+
+_LOG = logging.getLogger(__name__)
 
 
 class Link(Protocol):
@@ -62,6 +65,7 @@ class Ground:
             config.system_id, tenure, LIVED_ON_US, may_command=config.traffic.forward_commands
         )
         self._guard = Guard(None if ring is None else _GroundKey(ring), (), clock.utc)
+        self._is_told = False
         self._stations: dict[Address, tuple[Decoder, float]] = {}
 
     def is_at(self, address: Address) -> bool:
@@ -104,6 +108,13 @@ class Ground:
                 self._link.send(address, frame)
             elif (key := self._guard.signing_for(GROUND_SYSTEM, now)) is not None:
                 self._link.send(address, key.mark(frame))
+            else:
+                self._tell_that_there_is_no_key(address)
+
+    def _tell_that_there_is_no_key(self, address: Address) -> None:
+        if not self._is_told:
+            _LOG.warning("%s gets nothing: there is no signing-%d.key", address, GROUND_SYSTEM)
+        self._is_told = True
 
     def _present(self, now: float) -> list[Address]:
         """Those that links were made for, and those that have called at a listening port."""

@@ -281,13 +281,16 @@ class TestGroundStationsElsewhere:
         judge = VehicleSigning(KEYS[255], roads.utc)
         assert judge.judge(bytearray(frame), source_of(message)) is None
 
-    def test_get_nothing_where_there_is_no_such_key(self, keys: Path) -> None:
+    def test_get_nothing_where_there_is_no_such_key(
+        self, keys: Path, caplog: pytest.LogCaptureFixture
+    ) -> None:
         (keys / "signing-255.key").unlink()
         roads = Crossroads(keys, forward="udpout://192.0.2.9:14550")
         roads.air.waiting = [STATION]
         roads.hear((STATION, roads.frame(GROUND_HEARTBEAT, 255, 190)))
         roads.hear((WIFI, roads.frame(HEARTBEAT, key=1)))
         assert roads.sent_to(STATION) == []
+        assert caplog.text.count("signing-255.key") == 1
 
     def test_need_no_key_on_a_trusted_cable(self, keys: Path) -> None:
         roads = Crossroads(keys, forward="serial:///dev/ttyGROUND?trusted")
