@@ -106,7 +106,7 @@ def _options(
         description="List the vehicles that are heard on the link.",
     )
     parser.set_defaults(log_level=environment.get("LOG_LEVEL") or "WARNING")
-    parser.add_argument("--connect", metavar="URL", help="listen here, as in udp://0.0.0.0:14540")
+    parser.add_argument("--connect", metavar="URL", help="the link: udp://0.0.0.0:14540")
     parser.add_argument(
         "--seconds", type=float, default=LISTEN_S, help="how long to listen: %(default)s"
     )

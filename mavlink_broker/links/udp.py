@@ -40,6 +40,7 @@ class UdpLink:
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._socket.settimeout(0.0)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)  # Modems wait for that
         bind(self._socket, here, url)
         self._now = 0.0
 
