@@ -33,6 +33,7 @@ class Pictures:
         self._told: dict[int, ImageCaptured] = {}  # By index: what will be reported
         self._ended: set[int] = set()
         self._full_told = False
+        self._seen_bytes = 0  # On the card when it was last looked at
         self._look_at_storage(0)
 
     def expose(self, situation: Situation, q_ned_frd: Quaternion) -> None:
@@ -73,6 +74,7 @@ class Pictures:
         for outcome in device.collect(now_us):
             self._take(outcome, now_us)
         self._parts.camera.memory_full = not device.is_ready
+        self._note_removals(device)
         self._parts.camera.answers = device.answers
 
     def erase(self, now_us: int) -> None:
@@ -124,12 +126,23 @@ class Pictures:
             self._full_told = True
             self._say(now_us, _FULL)
 
+    def _note_removals(self, device: CameraDevice) -> None:
+        """Give back the room of files that somebody has removed from the card."""
+        try:
+            used = device.used_bytes
+        except OSError:
+            return  # It was told when the card was first looked at
+        if used < self._seen_bytes:
+            self._parts.storage.remove(self._seen_bytes - used)
+        self._seen_bytes = used
+
     def _look_at_storage(self, now_us: int) -> None:
         """Begin with the room that is taken already."""
         if self._device is None:
             return
         try:
-            self._parts.storage.used_mib = self._device.used_bytes / MIB
+            self._seen_bytes = self._device.used_bytes
+            self._parts.storage.used_mib = self._seen_bytes / MIB
         except OSError as error:
             self._say(now_us, f"Camera storage cannot be read: {reason_of(error)}")
 

@@ -22,6 +22,10 @@ class Storage:
         """Take up room [B]."""
         self.used_mib += size_bytes / MIB
 
+    def remove(self, size_bytes: float) -> None:
+        """Give back room [B]."""
+        self.used_mib = max(0.0, self.used_mib - size_bytes / MIB)
+
     def format(self) -> None:
         """Give all room back."""
         self.used_mib = 0.0

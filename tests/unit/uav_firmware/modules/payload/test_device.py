@@ -40,6 +40,7 @@ class Device:
 
     def store(self) -> None:
         self.outcomes += [Outcome(i, Picture((f"{i}.jpg",), MIB)) for i in self.under_way]
+        self.used_bytes += MIB * len(self.under_way)
         self.under_way.clear()
 
     def lose(self) -> None:
@@ -142,6 +143,18 @@ def test_pictures_under_way_count_against_the_room() -> None:
     assert len(device.exposures) == 3
     assert bench.said().count("storage is full") == 1
     assert bench.ask(START, 0, 0, 1) == FAILED
+
+
+def test_a_picture_that_a_client_removes_gives_its_room_back() -> None:
+    device = Device(used_bytes=3 * MIB)
+    bench = Bench(device=device)
+    bench.ask(START, 0, 0, 1)
+    device.store()
+    bench.run(0.1)
+    assert bench.seen.used_mib == 4.0
+    device.used_bytes -= 2 * MIB  # By MAVFTP
+    bench.run(0.1)
+    assert bench.seen.used_mib == 2.0
 
 
 def test_a_format_waits_for_what_is_being_stored() -> None:
