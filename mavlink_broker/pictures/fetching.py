@@ -13,7 +13,8 @@ from mavlink_broker.dialect import Message
 from mavlink_broker.jobs import FetchUrl, Job
 from mavlink_broker.pictures.attribution import Taker
 from mavlink_broker.pictures.capture import Capture, FilePlace, Place, WebPlace
-from mavlink_broker.protocol.file_download import NO_ANSWER, Fetched, FileDownload
+from mavlink_broker.protocol.file_download import NO_ANSWER, FileDownload
+from mavlink_broker.protocol.partial_file import Fetched
 from mavlink_broker.protocol.route import Route
 
 LARGEST_FILE: Final = 32 * 1024 * 1024

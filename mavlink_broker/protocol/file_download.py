@@ -12,13 +12,14 @@ on. In the end the server's CRC32 must be that of what has come, where the serve
 
 import struct
 from enum import Enum, auto
-from typing import Final, NamedTuple, TypeAlias
+from typing import Final
 
 from mavlink_broker.dialect import Message, source_of
 from mavlink_broker.protocol import file_packets
 from mavlink_broker.protocol.file_asks import Ask, Asks
+from mavlink_broker.protocol.file_burst import Bursts
 from mavlink_broker.protocol.file_packets import DATA_MAX, FAULTS, Packet
-from mavlink_broker.protocol.partial_file import PartialFile
+from mavlink_broker.protocol.partial_file import Fetched, FetchOutcome, NotFetched, PartialFile
 from mavlink_broker.protocol.route import Route
 
 WINDOW: Final = 4
@@ -31,25 +32,8 @@ RESET_AT: Final = 10
 """Refusal for lack of sessions at which all of ours are closed: one may have been lost open."""
 FRUITLESS: Final = 20
 """Answers in a row that bring nothing."""
-BREATH: Final = 0.25
-LONGEST_BREATH_S: Final = 1.0
 NO_ANSWER: Final = "the vehicle does not answer"
 _WORD: Final = struct.Struct("<I")
-
-
-class Fetched(NamedTuple):
-    """The file, whole."""
-
-    data: bytes
-
-
-class NotFetched(NamedTuple):
-    """Why it could not be had."""
-
-    reason: str
-
-
-FetchOutcome: TypeAlias = Fetched | NotFetched
 
 
 class _Phase(Enum):
@@ -71,9 +55,7 @@ class FileDownload:
         self._phase = _Phase.OPENING
         self._session: int | None = None
         self._file = PartialFile(0)
-        self._burst_from = 0  # Where the next burst begins
-        self._burst: tuple[float, int] | None = None  # When it began, and where
-        self._burst_heard_at = 0.0
+        self._bursts = Bursts()
         self._not_before = 0.0
         self._wants_reset = False
         self._refusals = 0
@@ -118,8 +100,7 @@ class FileDownload:
                 self._unanswered(ask.packet.opcode)
             else:
                 messages.append(self._asks.repeat(ask, now))
-        silent_s = now - self._burst_heard_at
-        if self._burst is not None and silent_s >= self._asks.round_trip.timeout_s:
+        if self._bursts.is_silent(now, self._asks.round_trip.timeout_s):
             self._end_burst(now)
         return messages + self._go_on(now)
 
@@ -130,18 +111,16 @@ class FileDownload:
             and source_of(message).component == self._route.target_component
         )
 
-    # What is asked for next.
-
     def _go_on(self, now: float) -> list[Message]:
         if self.outcome is not None or now < self._not_before:
             return []
-        if self._phase is _Phase.BURSTING and self._burst_from >= self._file.size:
+        if self._phase is _Phase.BURSTING and self._bursts.begins_at >= self._file.size:
             self._enter(_Phase.FILLING)
         if self._phase is _Phase.FILLING and not self._file.missing:
             self._enter(_Phase.CHECKING)
         if self._phase is _Phase.FILLING:
             return self._fill(now)
-        return [] if self._asks or self._burst else self._ask_next(now)
+        return [] if self._asks or self._bursts.is_on else self._ask_next(now)
 
     def _ask_next(self, now: float) -> list[Message]:
         session = self._session or 0
@@ -151,7 +130,7 @@ class FileDownload:
             case _Phase.OPENING:
                 return [self._asks.new(file_packets.OPEN, now, data=self._path)]
             case _Phase.BURSTING if not self.is_held:
-                return [self._ask_for(file_packets.BURST, self._burst_from, DATA_MAX, now)]
+                return [self._ask_for(file_packets.BURST, self._bursts.begins_at, DATA_MAX, now)]
             case _Phase.CHECKING:
                 return [self._asks.new(file_packets.CHECKSUM, now, data=self._path)]
             case _Phase.CLOSING:
@@ -174,9 +153,7 @@ class FileDownload:
     def _enter(self, phase: _Phase) -> None:
         self._phase = phase
         self._asks.clear()
-        self._burst = None
-
-    # Bursts.
+        self._bursts.stop()
 
     def _take_burst(self, answer: Packet, now: float, *, is_first: bool) -> None:
         """Take a packet of a burst, a late one too: the bytes of the file are the same."""
@@ -187,17 +164,16 @@ class FileDownload:
             self._burst_refused(answer, now)
             return
         if is_first:
-            self._burst = now, self._burst_from
-        self._burst_heard_at = now
+            self._bursts.begin(now)
         self._file.keep(answer.offset, answer.data)
-        self._burst_from = max(self._burst_from, self._file.frontier)
-        if answer.is_complete and self._burst is not None:
+        self._bursts.heard(now, self._file.frontier)
+        if answer.is_complete and self._bursts.is_on:
             self._end_burst(now)
 
     def _burst_refused(self, answer: Packet, now: float) -> None:
-        self._burst = None
+        self._bursts.stop()
         if answer.fault == file_packets.END_OF_FILE:
-            self._burst_from = self._file.size  # What is missing is read, which shows a short file
+            self._enter(_Phase.FILLING)  # What is missing is read, which shows a short file
         elif answer.fault == file_packets.UNKNOWN:
             self._enter(_Phase.FILLING)
         else:
@@ -205,14 +181,10 @@ class FileDownload:
 
     def _end_burst(self, now: float) -> None:
         """Let others speak for a while; a burst that brought nothing is the last one."""
-        if self._burst is None:
-            return
-        (began_at, began_with), self._burst = self._burst, None
-        self._not_before = now + min(BREATH * (now - began_at), LONGEST_BREATH_S)
-        if self._burst_from <= began_with:
+        pause_s, has_brought = self._bursts.end(now)
+        self._not_before = now + pause_s
+        if not has_brought:
             self._enter(_Phase.FILLING)
-
-    # Answers.
 
     def _take_answer(self, answer: Packet, ask: Ask, now: float) -> None:
         if answer.opcode == file_packets.NAK:
@@ -240,8 +212,7 @@ class FileDownload:
         else:
             if size != self._file.size:
                 self._begun += 1
-                self._file = PartialFile(size)
-                self._burst_from = 0
+                self._file, self._bursts = PartialFile(size), Bursts()
             self._enter(_Phase.BURSTING)
 
     def _read(self, answer: Packet) -> None:
@@ -259,8 +230,6 @@ class FileDownload:
         else:  # Perhaps the file was still being written: it is opened anew
             self._file = PartialFile(0)
             self._enter(_Phase.CLOSING)
-
-    # Refusals and silence.
 
     def _refused(self, answer: Packet, now: float) -> None:
         fault, again = answer.fault, {file_packets.INVALID_SESSION, file_packets.END_OF_FILE}

@@ -1,11 +1,29 @@
-"""A file of which some bytes have come: what is missing are sorted ranges that shrink."""
+"""A file of which some bytes have come: what is missing are sorted ranges that shrink.
+
+And what becomes of it in the end.
+"""
 
 import zlib
 from bisect import bisect_right
 from collections.abc import Iterator
-from typing import Final
+from typing import Final, NamedTuple, TypeAlias
 
 _ALL_ONES: Final = 0xFFFFFFFF
+
+
+class Fetched(NamedTuple):
+    """The file, whole."""
+
+    data: bytes
+
+
+class NotFetched(NamedTuple):
+    """Why it could not be had."""
+
+    reason: str
+
+
+FetchOutcome: TypeAlias = Fetched | NotFetched
 
 
 class MissingRanges:

@@ -11,7 +11,8 @@ import pytest
 
 from mavlink_broker.codec import Decoder, Encoder
 from mavlink_broker.dialect import Message, mavlink
-from mavlink_broker.protocol.file_download import Fetched, FetchOutcome, FileDownload, NotFetched
+from mavlink_broker.protocol.file_download import FileDownload
+from mavlink_broker.protocol.partial_file import Fetched, FetchOutcome, NotFetched
 from mavlink_broker.protocol.route import Route
 from tests.support.lossy_link import VEHICLE_ADDRESS, Conditions, LossyLink
 from tests.unit.uav_firmware.modules.mavlink.harness import SYSTEM, empty_topics, judged_by

@@ -8,8 +8,13 @@ from hypothesis import strategies as st
 
 from mavlink_broker.codec import Decoder, Encoder
 from mavlink_broker.dialect import Message, mavlink
-from mavlink_broker.protocol.file_download import Fetched, FetchOutcome, FileDownload, NotFetched
-from mavlink_broker.protocol.partial_file import MissingRanges
+from mavlink_broker.protocol.file_download import FileDownload
+from mavlink_broker.protocol.partial_file import (
+    Fetched,
+    FetchOutcome,
+    MissingRanges,
+    NotFetched,
+)
 from tests.support.file_server import (
     BURST,
     CHECKSUM,
