@@ -86,8 +86,8 @@ class LinkUrl(NamedTuple):
             kind = LinkKind(_ALIASES.get(parts.scheme, parts.scheme))
             url = cls(kind, *_device(parts) if kind is LinkKind.SERIAL else _host(parts, kind))
         except ValueError as error:
-            kinds = ", ".join(kind.value for kind in LinkKind)
-            reason = error if isinstance(error, LinkUrlError) else f"it begins with {kinds} ://"
+            kinds = ", ".join(f"{kind.value}://" for kind in LinkKind)
+            reason = error if isinstance(error, LinkUrlError) else f"it must begin with {kinds}"
             raise LinkUrlError(f"{text!r} is no link: {reason}") from None
         if parts.fragment or parts.query not in {"", "trusted"}:
             raise LinkUrlError(f"{text!r} is no link: only ?trusted may follow")

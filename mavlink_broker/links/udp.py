@@ -121,4 +121,6 @@ def bind(one: socket.socket, here: tuple[Any, ...], url: LinkUrl) -> None:
         if error.errno == errno.EADDRINUSE:
             text = f"{protocol} port {url.port} is in use by another program"
             raise PortBusyError(text) from error
-        raise LinkError(f"{url}: cannot listen there: {error.strerror or error}") from error
+        hint = "; udpout:// and tcp:// speak to another machine"
+        reason = f"{error.strerror}{hint if error.errno == errno.EADDRNOTAVAIL else ''}"
+        raise LinkError(f"{url}: cannot listen there: {reason}") from error

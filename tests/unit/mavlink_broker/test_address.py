@@ -35,9 +35,9 @@ def test_every_kind_is_understood(text: str, kind: LinkKind, host: str | None, p
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("", "begins with"),
-        ("14540", "begins with"),
-        ("http://127.0.0.1:80", "begins with"),
+        ("", "must begin with udpin://"),
+        ("14540", "must begin with udpin://"),
+        ("http://127.0.0.1:80", "must begin with udpin://"),
         ("udpout://127.0.0.1", "port"),
         ("udpout://127.0.0.1:0", "port"),
         ("udpout://:14550", "host"),
@@ -48,7 +48,7 @@ def test_every_kind_is_understood(text: str, kind: LinkKind, host: str | None, p
         ("serial://ttyUSB0:57600", "serial:///dev"),
         ("serial:///dev/ttyUSB0:fast", "serial:///dev"),
         ("serial:///dev/ttyUSB0:0", "baud"),
-        ("udpin://[::1", "begins with"),
+        ("udpin://[::1", "must begin with udpin://"),
         ("udpin://0.0.0.0:14540?trusted", "cable"),
         ("udpin://0.0.0.0:14540?open", "trusted"),
         ("serial:///dev/ttyUSB0:57600#x", "trusted"),
