@@ -14,6 +14,7 @@ from types import FrameType
 from typing import Final
 
 from sim.config import SimulationConfig, start_east_m
+from sim.tester.departure import Departure
 from sim.tester.happenings import Happening
 from sim.tester.script import Script, ScriptError
 from sim.tester.seat import Seat
@@ -24,8 +25,6 @@ from sim.tester.vehicle import LinkError, MavsdkVehicle
 
 _SCRIPT_LOOK_S: Final = 0.05
 _METRES_PER_DEGREE: Final = 111_195.0
-LINGER_S: Final = 2.0
-"""Goes on speaking so long after the last line, so that the broker hears how it ended."""
 
 
 def main(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
@@ -82,18 +81,17 @@ def _home(system_id: int) -> Home:
 
 def _sit(seat: Seat, lines: Lines, script: Script | None, woken: Wakeable[Happening]) -> None:
     """Go round until there is nothing more to read and the broker has heard the last of it."""
-    ends_at: float | None = None
+    departure = Departure()
     while True:
         now = time.monotonic()
         for happening in woken.take():
             seat.hear(happening, now)
         _type(seat, lines, script, now)
-        over = script.is_over if script else lines.is_over
-        if not over:
-            ends_at = None
-        elif ends_at is None:
-            ends_at = now + (0.0 if seat.vehicle.mission.items == () else LINGER_S)
-        elif now >= ends_at:
+        has_ended = script.is_over if script else not lines.is_open
+        asked = seat.menu.is_asking
+        if has_ended and departure.is_due(
+            seat.vehicle, now, is_asked=asked, lines_left=lines.has_line
+        ):
             return
         due = seat.tick(now)
         wait(lines, woken, min(due, _SCRIPT_LOOK_S + now if script else due) - now)

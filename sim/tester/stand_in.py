@@ -94,6 +94,11 @@ class StandIn:
             bits |= alarm.ill
         return bits
 
+    @property
+    def is_landing(self) -> bool:
+        """Whether it has been set as landed, and waits for the broker's order."""
+        return self._lands_at is not None
+
     # What it hears.
 
     def hear(self, happening: Happening, now: float) -> list[Order]:
