@@ -67,7 +67,8 @@ class Span:
     ended_s: float = math.inf
     is_partial: bool = False  # Its beginning was not watched
     count: int = 0  # Pictures that are its
-    checks: int = 0  # How often what it lacks has been looked for
+    is_given_up: bool = False  # What it lacks has been looked for often enough
+    checks: int = 0  # How often it has been
     check_at_s: float = 0.0
 
     @property
@@ -81,6 +82,7 @@ class Attribution:
 
     def __init__(self) -> None:
         self._spans: deque[Span] = deque(maxlen=SPANS_KEPT)
+        self._lacking: list[Span] = []
 
     @property
     def current(self) -> Taker | None:
@@ -92,10 +94,15 @@ class Attribution:
         if self._spans and self._spans[-1].taker == taker:
             return False
         if self._spans:
-            self._spans[-1].ended_s = time_s
+            self._end(self._spans[-1], time_s)
         is_first = all(span.taker is None for span in self._spans)
         self._spans.append(Span(taker, time_s, is_partial=is_resumed and is_first))
         return True
+
+    def _end(self, span: Span, time_s: float) -> None:
+        span.ended_s = time_s
+        if span.lacks and not span.is_partial:
+            self._lacking.append(span)
 
     def attribute(self, time_s: float) -> Taker | None:
         """Give a picture to its command."""
@@ -116,8 +123,5 @@ class Attribution:
 
     def ended_and_lacking(self) -> Iterator[Span]:
         """Commands that have ended without all of their pictures."""
-        return (
-            span
-            for span in self._spans
-            if span.lacks and not span.is_partial and math.isfinite(span.ended_s)
-        )
+        self._lacking = [span for span in self._lacking if span.lacks and not span.is_given_up]
+        return iter(self._lacking)

@@ -57,6 +57,7 @@ class PictureDesk:
         first_seq = zlib.crc32(reporter.session_id.encode())
         self._fetching = Fetching(vehicle.route, first_seq)
         self._developing: dict[int, Errand] = {}
+        self._postponed: list[Errand] = []
         self._number = 0
         self._flight: tuple[MissionWork, Ledger] | None = None
         self._told: list[tuple[Taker, str]] = []
@@ -66,7 +67,7 @@ class PictureDesk:
     @property
     def unfinished(self) -> int:
         """How many announced pictures have not been told yet."""
-        return len(self._fetching) + len(self._developing)
+        return len(self._fetching) + len(self._developing) + len(self._postponed)
 
     @property
     def is_fetching(self) -> bool:
@@ -114,6 +115,7 @@ class PictureDesk:
             for number in lost:
                 _LOG.warning("vehicle %d: picture %d is lost", self._vehicle.vehicle_id, number)
         self._look_for_missing(now)
+        self._take_up_postponed()
         self._fetching.route = self._vehicle.route
         is_held = is_busy or not self.has_room or len(self._developing) >= DEVELOPING
         self._carry_out(self._fetching.step(now, is_held=is_held), effects)
@@ -183,9 +185,8 @@ class PictureDesk:
 
     def _look_for_missing(self, now: float) -> None:
         for span in self._attribution.ended_and_lacking():
-            if span.checks > CHECKS or self._time_s(now) < span.ended_s + CHECK_AFTER_S:
-                continue
-            self._look_for(span, now)
+            if self._time_s(now) >= span.ended_s + CHECK_AFTER_S:
+                self._look_for(span, now)
 
     def _look_for(self, span: Span, now: float) -> None:
         if now < span.check_at_s or any(camera.is_asking for camera in self._cameras.values()):
@@ -193,7 +194,7 @@ class PictureDesk:
         span.checks += 1
         span.check_at_s = now + CHECK_AFTER_S * 2 ** (span.checks - 1)
         if span.checks > CHECKS or not self._cameras:
-            span.checks = CHECKS + 1
+            span.is_given_up = True
             expected = 0 if span.taker is None else span.taker.expected
             self._say(span.taker, f"{span.lacks} of {expected} pictures were not announced")
             return
@@ -209,7 +210,23 @@ class PictureDesk:
             self._developing[errand.number] = errand
             effects.jobs.append(Develop(errand.number, data))
         for errand in progress.failed:
+            self._give_up(errand)
+
+    def _give_up(self, errand: Errand) -> None:
+        """Leave a picture, for good or until the vehicle has landed: some give files only then."""
+        if errand.is_second_chance or self._vehicle.snapshot.armed is False:
             self._fault(errand, errand.reason)
+            return
+        number = errand.capture.index
+        self._say(errand.taker, f"picture {number} cannot be had in flight: {errand.reason}")
+        self._postponed.append(errand)
+
+    def _take_up_postponed(self) -> None:
+        if self._vehicle.snapshot.armed is not False:
+            return
+        for errand in self._postponed:
+            self._fetching.add(errand.again())
+        self._postponed.clear()
 
     def _named(self, errand: Errand) -> tuple[str, str]:
         """Name a picture, and tell it from every other for good."""

@@ -37,6 +37,12 @@ class Errand:
     silent: set[int] = field(default_factory=set)  # The same, as of the round before
     not_before: float = 0.0
     reason: str = ""
+    is_second_chance: bool = False
+
+    def again(self) -> "Errand":
+        """Give the same errand from its beginning, for the last time."""
+        number, capture = self.number, self.capture
+        return Errand(number, capture, self.taker, self.place, is_second_chance=True)
 
 
 @dataclass(slots=True)

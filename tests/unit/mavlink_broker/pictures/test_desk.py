@@ -153,7 +153,20 @@ def test_a_picture_that_cannot_be_fetched_is_told() -> None:
     flight.camera.shoot()
     flight.vehicle.script = dataclasses.replace(SLOW, item_time_s=60.0)
     flight.world.run_until(lambda: flight.message() is not None)
-    assert flight.message() == "picture 0 cannot be had: the vehicle answers: file not found"
+    reason = "the vehicle answers: file not found"
+    assert flight.message() == f"picture 0 cannot be had in flight: {reason}"
+
+
+def test_what_is_not_given_in_flight_is_asked_for_after_the_landing() -> None:
+    flight = Flight(files=ScriptedFiles(unknown=frozenset({4})))
+    flight.until_pictures()
+    flight.camera.shoot()
+    flight.vehicle.script = dataclasses.replace(SLOW, item_time_s=60.0)
+    flight.world.run_until(lambda: flight.message() is not None)
+    flight.world.run_until(lambda: not flight.vehicle.armed, within_s=300.0)
+    flight.camera.files.unknown = frozenset()
+    flight.world.run_until(lambda: flight.images)
+    assert flight.names == ["m1201_c3_0000.jpeg"]
 
 
 @pytest.mark.parametrize(
