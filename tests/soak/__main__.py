@@ -2,7 +2,10 @@
 
 `SOAK` chooses, separated by commas: `kill` (the edge server killed again and again under load),
 `outage` (72 simulated hours without a cloud; `BURST_S` (3600) seconds of each the vehicles report).
-`contract` (EXAMPLES requests per operation, 100, that fit its OpenAPI document and that do not).
+`contract` (EXAMPLES requests per operation, 100, that fit its OpenAPI document and that do not),
+`broker` (killed once per flight, EVERY_S (1) of a mission with all eleven commands), `links`
+(MISSIONS (100) over each of nine links that lose and delay), `events` (every event in every state
+of a mission, over a good link and over a bad one).
 `radio` (a mission in real time over a telemetry radio that is pulled out again and again).
 Without it, all. `CYCLES` (200) says how often it is killed; `SEED` chooses order and requests.
 """
@@ -15,8 +18,9 @@ from pathlib import Path
 from typing import Final
 
 from edge_server.config import Config
-from tests.soak import kill_nine, outage, radio
+from tests.soak import broker_death, broker_events, broker_links, kill_nine, outage, radio
 from tests.support import contract_fuzz
+from tests.support.flying_world import PERFECT
 
 
 def _contract() -> None:
@@ -54,6 +58,27 @@ def _radio() -> None:
     with tempfile.TemporaryDirectory() as folder:
         _, counts = radio.run(Path(folder))
     print("FINISHED over a radio: " + ", ".join(f"{n} {what}" for what, n in counts.items()))
+
+
+def _tell(line: str) -> None:
+    print(line, flush=True)
+
+
+def _seed() -> int:
+    return int(os.environ.get("SEED") or 1)
+
+
+def _broker() -> None:
+    broker_death.run(float(os.environ.get("EVERY_S") or 1.0), _seed(), _tell)
+
+
+def _links() -> None:
+    broker_links.run(int(os.environ.get("MISSIONS") or 100), _seed(), _tell)
+
+
+def _events() -> None:
+    for conditions in (PERFECT, broker_links.conditions(0.2, 0.3)):
+        broker_events.run(conditions, _seed(), _tell)
 
 
 PARTS: Final[Mapping[str, Callable[[], None]]] = {

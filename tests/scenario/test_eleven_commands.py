@@ -1,0 +1,60 @@
+"""Every command once, from the example's plan to the results, on this project's own vehicle."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from afarcloud.enumerations import Status
+from mavlink_broker.dialect import mavlink
+from tests.soak.broker_death import PATIENCE_S, eleven_commands, judge_reports
+from tests.support.flying_world import FlyingWorld
+
+pytestmark = pytest.mark.scenario
+
+HOLD_AND_RADIUS_M = 2.0
+
+
+def test_all_eleven_commands_are_flown_and_told(tmp_path: Path) -> None:
+    flown = eleven_commands()
+    assert sorted(c["command_type_id"] for c in flown["command_array"]) == list(range(1, 12))
+    world = FlyingWorld(tmp_path)
+    work = world.edge.plan(flown)
+    bearings: list[float] = []
+    hotpoint = flown["command_array"][4]["parameters"]
+    centre = world.ground.north_east_m(hotpoint["latitude"], hotpoint["longitude"])
+    while not world.is_over(flown["mission_id"]):
+        assert world.clock.now_s < PATIENCE_S, world.outline()
+        world.run(0.5)
+        if world.mode == "ORBIT":
+            north, east = (a - b for a, b in zip(world.place, centre, strict=False))
+            if abs(math.hypot(north, east) - hotpoint["radius"]) < HOLD_AND_RADIUS_M:
+                bearings.append(math.degrees(math.atan2(east, north)) % 360.0)
+
+    judge_reports(world.edge, flown)
+    assert world.edge.statuses(flown["mission_id"]) == [Status.FINISHED] * 11
+    assert [a["status"] for a in world.edge.acknowledgements(work)] == ["accepted"]
+
+    # The results follow the commands: where each ended
+    poses = world.edge.bodies("/pose/")
+    assert len(poses) == len(world.edge.bodies("/battery/")) == 11
+    for index in (1, 2):
+        wanted = flown["command_array"][index]["parameters"]
+        assert poses[index]["altitude"] == pytest.approx(wanted["altitude"], abs=1.5)
+        away = math.dist(
+            world.ground.north_east_m(wanted["latitude"], wanted["longitude"]),
+            world.ground.north_east_m(poses[index]["latitude"], poses[index]["longitude"]),
+        )
+        assert away < HOLD_AND_RADIUS_M
+
+    # The truth: it went all the way round, took its pictures, and stands at home
+    assert {int(bearing // 45) for bearing in bearings} == set(range(8))
+    assert world.pictures == 3 + 8
+    assert math.hypot(*world.place[:2]) < 1.0
+    assert not world.is_armed
+    for command in (
+        mavlink.MAV_CMD_DO_ORBIT,
+        mavlink.MAV_CMD_PANORAMA_CREATE,
+        mavlink.MAV_CMD_CAMERA_TRACK_RECTANGLE,
+    ):
+        assert world.order_counts[command] == 1
