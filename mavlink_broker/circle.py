@@ -108,7 +108,10 @@ class CircleRunner:
         place = shifted(turn.latitude_deg, turn.longitude_deg, bearing_deg, turn.radius_m)
         spot = Spot(*place, self._end.height_m)
         nose_deg = NOSE_DEG.get(self._end.heading)
-        return spot, first_heading_deg if nose_deg is None else bearing_deg + sense * nose_deg
+        if nose_deg is None:
+            return spot, first_heading_deg
+        half_way_deg = bearing_deg - sense * 180.0 / self._count  # On its way there it turns less
+        return spot, half_way_deg + sense * nose_deg
 
     def _is_near(self) -> bool:
         place = self._vehicle.snapshot.position

@@ -36,6 +36,8 @@ from mavlink_broker.traffic import Clock
 from mavlink_broker.workshop import Workshop
 
 HEARD_WITHIN_S: Final = 30.0
+QUIET_FOR_S: Final = 2.0
+"""A camera is asked behind a mission whether all its pictures are known."""
 QUIET_WITHIN_S: Final = 300.0
 """For a landing, pictures and whatever else comes behind the last report of the last mission."""
 LEAVE: Final = "leave"
@@ -55,6 +57,8 @@ class Sortie:
         self._app = app
         self._edge = edge
         self._systems = {m.vehicle_id: settings.system_of(m.vehicle_id) for m in missions}
+        self._over_at: float | None = None
+        self._quiet_at: float | None = None
 
     def missing(self, now: float) -> list[int]:
         """Give the vehicles that are not heard yet, or have not told what they are."""
@@ -83,20 +87,36 @@ class Sortie:
         """Fly until all missions have ended; the first signal interrupts, the second quits."""
         self._edge.dispatch()
         interrupted = False
-        over_at: float | None = None
-        while signals.count < 2 and not self._is_over(over_at, clock.monotonic()):
+        while signals.count < 2 and not self._is_over(clock.monotonic()):
             self._app.step()
-            if self._edge.is_over and over_at is None:
-                over_at = clock.monotonic()
             if signals.stop and not interrupted:
                 interrupted = True
                 if on_interrupt is None:
                     return
                 self._edge.abort(on_interrupt)
 
-    def _is_over(self, over_at: float | None, now: float) -> bool:
+    @property
+    def hovering(self) -> tuple[str, ...]:
+        """Say of every vehicle that is armed still what it does."""
+        vehicles = (session.vehicle for session in self._app.sessions.values())
+        return tuple(
+            f"vehicle {vehicle.vehicle_id} is still armed, in mode {vehicle.mode}"
+            for vehicle in vehicles
+            if vehicle.snapshot.armed and vehicle.vehicle_id in self._systems
+        )
+
+    def _is_over(self, now: float) -> bool:
         """Whether everything has ended, and what comes after it too, or has had its time."""
-        return over_at is not None and (self._is_quiet or now - over_at > QUIET_WITHIN_S)
+        if not self._edge.is_over:
+            return False
+        if self._over_at is None:
+            self._over_at = now
+        if not self._is_quiet:
+            self._quiet_at = None
+        elif self._quiet_at is None:
+            self._quiet_at = now
+        is_late = now - self._over_at > QUIET_WITHIN_S
+        return is_late or (self._quiet_at is not None and now - self._quiet_at >= QUIET_FOR_S)
 
     @property
     def _is_quiet(self) -> bool:
@@ -162,6 +182,8 @@ def _fly(
     sortie = Sortie(app, edge, missions, settings)
     try:
         sortie.gather(clock, signals, options.wait)
+        for line in sortie.hovering:
+            print(f"{line}: its mission waits until it is down", file=sys.stderr)
         if not signals.stop:
             sortie.fly(clock, signals, _ON_INTERRUPT[options.on_interrupt])
     finally:
@@ -170,6 +192,9 @@ def _fly(
         link.close()
     if signals.stop:
         _say_what_is_left(edge, missions)
+    for line in sortie.hovering:
+        print(line, file=sys.stderr)
+    if signals.stop:
         return signals.status
     return SUCCEEDED if edge.all_finished else FAILED
 

@@ -84,9 +84,11 @@ def test_the_nose_is_where_it_belongs(
     beyond_bearing: float,
 ) -> None:
     _, orders = flown(heading, PX4, clockwise=clockwise)
+    half_a_step = (180.0 if clockwise else -180.0) / points(RADIUS_M)
     for order in orders:
         north, east = north_east(order)
-        nose = math.degrees(order[3]) - math.degrees(math.atan2(east, north))
+        half_way = math.degrees(math.atan2(east, north)) - half_a_step
+        nose = math.degrees(order[3]) - half_way
         assert abs(math.remainder(nose - beyond_bearing, 360.0)) < 0.5
 
 

@@ -26,7 +26,15 @@ from mavlink_broker.command_line.program import Signals, UsageError
 from mavlink_broker.command_line.progress_page import JsonPage, ProgressPage
 from mavlink_broker.config import Config
 from mavlink_broker.send_queue import Post, Urgency
-from tests.support.broker_world import TICK_S, World, first_flight, go_home, mission, takeoff
+from tests.support.broker_world import (
+    TICK_S,
+    World,
+    first_flight,
+    go_home,
+    mission,
+    takeoff,
+    waypoint,
+)
 from tests.support.scripted_vehicle import PX4, Script, ScriptedVehicle
 from tests.unit.mavlink_broker.test_main import fly as live
 
@@ -130,6 +138,16 @@ def test_what_cannot_be_flown_ends_before_take_off() -> None:
     assert field.edge.statuses == {1201: Status.FAILED}
     assert not vehicle.uploads
     assert any("command 3 NAV_FOLLOW_TARGET: FAILED" in line for line in field.lines)
+
+
+def test_a_vehicle_that_still_flies_is_told() -> None:
+    field = Field(mission(takeoff(), waypoint()))
+    field.world.add_vehicle()
+    field.gather()
+    assert list(field.sortie.hovering) == []
+    field.fly()
+    assert field.edge.all_finished
+    assert list(field.sortie.hovering) == ["vehicle 1 is still armed, in mode AUTO.MISSION"]
 
 
 class TestAnInterruption:
