@@ -3,7 +3,7 @@
 import json
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +40,7 @@ def run(settings: Settings) -> int:
                 missions = _fly(system, number)
                 _await_delivery(system, missions, arrived)
                 screen.say(f"plan {number}: flown, and the cloud holds every report and result")
-            _show_pictures(settings, former, screen)
+            show_pictures(settings, former, screen.say)
         except Stopped:
             screen.say("ERROR stopped before the plan had ended")
             return 1
@@ -59,17 +59,26 @@ def _image_folder(settings: Settings, vehicle_id: int) -> Path:
     return settings.state_dir / f"vehicle-{vehicle_id}" / "image"
 
 
-def _show_pictures(
-    settings: Settings, former: Mapping[int, frozenset[str]], screen: Screen
+def show_pictures(
+    settings: Settings, former: Mapping[int, frozenset[str]], say: Callable[[str], None]
 ) -> None:
-    """Lay what the flight has photographed on sheets, and say where they are."""
+    """Lay what the flight has photographed on sheets, and say where they are.
+
+    Args:
+        settings: of the system that has flown.
+        former: names of the pictures that each vehicle had before.
+        say: prints a line.
+
+    Raises:
+        OSError: if a picture cannot be read or a sheet not be written.
+    """
     for number, names in former.items():
         out = settings.state_dir / "album" / f"vehicle-{number}"
         place = os.environ.get("WORLD") or DEFAULT
         folder = _image_folder(settings, number)
         album = write_album(number, folder, out, place, without=names)
         if album is not None:
-            screen.say(f"vehicle {number}: {album.sentence}: {out}")
+            say(f"vehicle {number}: {album.sentence}: {out}")
 
 
 def read_plan(settings: Settings) -> dict[str, Any]:

@@ -22,7 +22,8 @@ def main() -> int:
     if sheet is None:
         print(f"no map: no picture in {arguments.folder} looks down", file=sys.stderr)
         return 1
-    print(f"{sheet.path}: {sheet.pictures} pictures, {sheet.shown_ha:.2f} ha")
+    many = "picture" if sheet.pictures == 1 else "pictures"
+    print(f"{sheet.path}: {sheet.pictures} {many}, {sheet.shown_ha:.2f} ha")
     for field, share in sheet.fields:
         print(f"{field}: {share:.1%}")
     return 0

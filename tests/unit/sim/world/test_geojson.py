@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import pytest
 
+import sim.world.__main__
 from sim.world.farm import Farm
 from sim.world.geojson import farm_geojson
 from sim.world.geometry import chord, edge_distance_m
@@ -59,3 +60,8 @@ def test_a_line_enters_and_leaves_a_ring() -> None:
 def test_the_distance_to_the_edge_tells_inside_from_outside() -> None:
     assert edge_distance_m(SQUARE, (2.0, 5.0)) == pytest.approx(2.0)
     assert edge_distance_m(SQUARE, (-1.5, 5.0)) == pytest.approx(-1.5)
+
+
+def test_the_farm_is_printed_as_geojson(capsys: pytest.CaptureFixture[str]) -> None:
+    assert sim.world.__main__.main() == 0
+    assert json.loads(capsys.readouterr().out)["type"] == "FeatureCollection"
