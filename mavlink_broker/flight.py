@@ -104,6 +104,7 @@ class Flight(FlightProgress):
         if self._follower is not None:
             self._follower.receive(message)
             effects.messages += self._foreign.receive(message, now)
+            self._skips.receive(message, now)
         if self._performer is not None:
             effects.messages += self._performer.receive(message, now)
         if self._ending is not None:

@@ -9,6 +9,7 @@ from mavlink_broker.follower import Follower
 from mavlink_broker.foreign_watch import ForeignWatch
 from mavlink_broker.performer import Performer, Phase
 from mavlink_broker.session_states import Event
+from mavlink_broker.skip_watch import SkipWatch
 from mavlink_broker.translation.modes import LIVE_MODES
 
 
@@ -16,6 +17,7 @@ class FlightProgress(FlightAttachment, ABC):
     """The states RUNNING and PERFORMING, and the way from stage to stage."""
 
     _foreign: ForeignWatch  # There whenever a follower is
+    _skips: SkipWatch
 
     @abstractmethod
     def _ends_here(self, now: float, effects: Effects) -> bool:
@@ -37,6 +39,7 @@ class FlightProgress(FlightAttachment, ABC):
 
     def _enter_running(self, now: float, effects: Effects) -> None:
         self._foreign = ForeignWatch(self._plan, self._vehicle)
+        self._skips = SkipWatch(self._plan, self._vehicle)
         self._follower = Follower(
             self._plan,
             self.ledger,
@@ -56,6 +59,9 @@ class FlightProgress(FlightAttachment, ABC):
     def _step_running(self, now: float, effects: Effects) -> None:
         if self._follower is None:
             return
+        for index, reason in self._skips.take_skipped():
+            if not self.ledger.commands[index].is_terminal:
+                self.ledger.set_command(index, Status.ABORTED, reason)
         effects.for_edge += self._follower.step(now)
         if self._follower.is_finished:
             self._next_stage(now, effects)

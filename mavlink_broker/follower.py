@@ -106,7 +106,7 @@ class Follower:
 
     def _run_next(self) -> bool:
         index = self._plan.first_command + self._progress.finished_commands
-        if index not in self._plan.commands:
+        if index not in self._plan.commands or self._ledger.commands[index].is_terminal:
             return False
         return self._ledger.set_command(index, Status.RUNNING)
 

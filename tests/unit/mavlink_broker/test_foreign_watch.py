@@ -104,3 +104,74 @@ class TestAnEarlierItem:
         world.run_until_over(1201)
         assert world.edge.status(1201) == Status.FINISHED
         assert world.edge.statuses(1201) == [*FINISHED, *[Status.FINISHED] * 5]
+
+
+def moves(world: World, vehicle: ScriptedVehicle, until: int) -> None:
+    """Let a vehicle be where its items are, until one of them is current."""
+
+    def is_there() -> bool:
+        item = vehicle.items[min(vehicle.current, len(vehicle.items) - 1)]
+        if item.command == mavlink.MAV_CMD_NAV_WAYPOINT:
+            vehicle.place = item.x / 1e7, item.y / 1e7
+        return vehicle.current >= until or not vehicle.armed
+
+    world.run_until(is_there)
+
+
+class TestALaterItem:
+    @AUTOPILOTS
+    @pytest.mark.parametrize("loss", [0.0, 0.2])
+    def test_set_by_somebody_else_leaves_commands_out(self, script: Script, loss: float) -> None:
+        world, vehicle = far_apart(script, loss)
+        moves(world, vehicle, 5)
+        world.run(3.0)
+        place = vehicle.place
+        vehicle.begin_at(8)
+        world.run(3.0)
+        assert vehicle.place == place
+        moves(world, vehicle, 99)
+        world.run_until_over(1201)
+        left_out = [
+            report["command_id"]
+            for report in world.edge.reports(1201)[-1]["command_report_array"]
+            if report["command_status_id"] == Status.ABORTED
+        ]
+        assert world.edge.status(1201) == Status.FINISHED
+        assert left_out in ([4, 5], [5, 6])  # Items 6 and 7; it was at item 5
+        assert "somebody else set the vehicle on from item" in str(world.edge.reports(1201)[-1])
+
+    @AUTOPILOTS
+    @pytest.mark.parametrize("loss", [0.0, 0.4])
+    def test_reached_in_flight_leaves_nothing_out(self, script: Script, loss: float) -> None:
+        world, vehicle = far_apart(script, loss)
+        moves(world, vehicle, 99)
+        world.run_until_over(1201)
+        assert set(world.edge.statuses(1201)) == {Status.FINISHED}
+
+    @AUTOPILOTS
+    def test_of_another_mission_fails_ours(self, script: Script) -> None:
+        world, vehicle = far_apart(script, 0.0)
+        moves(world, vehicle, 5)
+        world.run(3.0)
+        vehicle.take_from_another(vehicle.items[:-1], overheard_by=255)
+        vehicle.begin_at(8)
+        world.run_until_over(1201, within_s=30.0)
+        assert world.edge.status(1201) == Status.FAILED
+
+    @AUTOPILOTS
+    def test_of_a_vehicle_that_never_moves_proves_nothing(self, script: Script) -> None:
+        world, vehicle = far_apart(script, 0.0)
+        world.run_until(lambda: vehicle.airborne and vehicle.current >= 4)
+        vehicle.begin_at(8)
+        world.run_until_over(1201)
+        assert set(world.edge.statuses(1201)) == {Status.FINISHED}
+
+
+def far_apart(script: Script, loss: float) -> tuple[World, ScriptedVehicle]:
+    """A mission over waypoints that are hundreds of metres from one another."""
+    world = World(loss=loss)
+    vehicle = world.add_vehicle(script=dataclasses.replace(script, item_time_s=6.0))
+    ways = [waypoint(number, 200.0 * number) for number in range(2, 8)]
+    world.edge.plan(mission(takeoff(), *ways, go_home(8)))
+    world.run_until(lambda: vehicle.airborne)
+    return world, vehicle
