@@ -31,6 +31,9 @@ _NO_GIMBAL: Final = "the vehicle has no gimbal: pitch_angle and yaw_angle were l
 _GIMBAL_SLACK_S: Final = 5.0
 _SEQUENCES: Final = 2**23
 """Numbers that a float carries exactly."""
+_OURSELVES: Final = (-2.0, -2.0)
+"""Who is to be first in control of a gimbal: system and component that say so."""
+_AS_BEFORE: Final = (-1.0, -1.0)
 _EARTH: Final = float(
     mavlink.GIMBAL_MANAGER_FLAGS_YAW_IN_EARTH_FRAME | mavlink.GIMBAL_MANAGER_FLAGS_YAW_LOCK
 )
@@ -74,7 +77,9 @@ def panorama(command: CameraPanorama, situation: Situation) -> Items | LiveActio
     if situation.family.takes_panoramas:
         angles = (_SPAN_DEG[mode], math.nan, math.nan, math.nan)
         create = long_command(mavlink.MAV_CMD_PANORAMA_CREATE, *angles, component=CAMERA)
-        return LiveAction(begin=((create,),), end=Lasted(), within_s=PANORAMA_WITHIN_S, moves=False)
+        in_hold = tuple((*way, create) for way in situation.family.holding)
+        begin = (*in_hold, (create,))  # It is refused where the vehicle does not hold its place
+        return LiveAction(begin=begin, end=Lasted(), within_s=PANORAMA_WITHIN_S, moves=False)
     if situation.spot is None:
         return _turned_panorama(command, situation)
     middle_deg = situation.heading_deg or 0.0
@@ -164,11 +169,12 @@ def _live_image(
     point = long_command(
         mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW, pitch_deg, yaw, math.nan, math.nan, flags
     )
+    control = long_command(mavlink.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE, *_OURSELVES, *_AS_BEFORE)
     single = number if shots[1] == 1.0 else 0.0
     takes = _to_camera(family, mavlink.MAV_CMD_IMAGE_START_CAPTURE, 0.0, *shots, single)
     return LiveAction(
-        begin=((point, takes[0]), *((take,) for take in takes)),
-        way_notes=("", _NO_GIMBAL, _NO_GIMBAL),
+        begin=((control, point, takes[0]), (point, takes[0]), *((take,) for take in takes)),
+        way_notes=("", "", _NO_GIMBAL, _NO_GIMBAL),
         end=Lasted(duration_s),
         within_s=duration_s + PANORAMA_WITHIN_S,
         moves=False,

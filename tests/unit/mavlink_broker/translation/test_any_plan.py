@@ -204,7 +204,8 @@ def assert_same(name: str, asked: Any, told: Any, family: Family) -> None:
 
 def check_live(sent: Command, live: LiveCommand) -> None:
     """The orders of a live command mean the command, and where it is to be."""
-    first = live.action.begin[0][0].message(ROUTE, 0)
+    is_panorama = sent.command_type_id is CommandType.CAMERA_PANORAMA
+    first = live.action.begin[0][-1 if is_panorama else 0].message(ROUTE, 0)  # It holds before
     if isinstance(live.action.end, Series):
         assert sent.command_type_id is CommandType.CAMERA_PANORAMA
         faces = [step for step in live.action.end.steps if isinstance(step, Face)]
