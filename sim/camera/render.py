@@ -6,7 +6,8 @@ scale of the map is corrected to that of the ellipsoid at the camera: a surveyor
 every point of the floor within a hundredth of a pixel.
 """
 
-from typing import Final, NamedTuple
+from types import EllipsisType
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,10 @@ _BAND_PX: Final = 65_536  # Pixels that are worked on at once
 _COARSE: Final = 16  # The smooth maps are read at every so many pixels
 _FARTHEST_M: Final = 4000.0
 _LEAST_HEIGHT_M: Final = 0.05
+
+
+_Picked: TypeAlias = NDArray[np.bool_] | EllipsisType
+"""Pixels of a band: those of a mask, or all."""
 
 
 class Shot(NamedTuple):
@@ -115,24 +120,24 @@ def _band(view: _View, band: slice) -> Image:
     infrared = np.zeros(depth.shape, dtype=np.float32)
     index = np.full(depth.shape, -1.0, dtype=np.float32)
     if on_ground.any():
-        bands, lit = _ground(view, way, depth, on_ground)
-        lit[met.mask[on_ground]] = met.lit
+        # Most pictures look down: what is all ground needs no picking out
+        picked: _Picked = ... if on_ground.all() else on_ground
+        bands, lit = _ground(view, way, depth, picked)
+        lit[met.mask[picked]] = met.lit
         seen = developed(bands, lit * view.light.direct, view.light.sky)
-        colours[on_ground] = hazed(seen, (depth * length)[on_ground])
-        infrared[on_ground] = bands.near_infrared
-        index[on_ground] = _vegetation_index(bands.red, bands.near_infrared)
+        colours[picked] = hazed(seen, (depth * length)[picked])
+        infrared[picked] = bands.near_infrared
+        index[picked] = _vegetation_index(bands.red, bands.near_infrared)
     _add_solids(view, band, way, depth, colours, infrared, index)
     return Image(encoded(colours), _byte(infrared), _byte(0.5 + 0.5 * index))
 
 
-def _ground(
-    view: _View, way: Rays, depth: Pixels, on_ground: NDArray[np.bool_]
-) -> tuple[Bands, Pixels]:
+def _ground(view: _View, way: Rays, depth: Pixels, on_ground: _Picked) -> tuple[Bands, Pixels]:
     """What the ground reflects where it is met, and whether the sun shines on it."""
     met = depth[on_ground]
     east = np.float32(view.east_m) + met * way.east[on_ground]
     north = np.float32(view.north_m) + met * way.north[on_ground]
-    size = float(np.median(met[:: max(1, met.size // 512)])) * view.shot.lens.pixel
+    size = float(np.median(met.ravel()[:: max(1, met.size // 512)])) * view.shot.lens.pixel
     moisture, vigour = _maps(view, way, depth, on_ground)
     patch = ground.Patch(
         east, north, size, ground.quality(moisture, vigour), moisture, view.light.way_m
@@ -141,9 +146,7 @@ def _ground(
     return bands, _sunlit(view, east, north)
 
 
-def _maps(
-    view: _View, way: Rays, depth: Pixels, on_ground: NDArray[np.bool_]
-) -> tuple[Pixels, Pixels]:
+def _maps(view: _View, way: Rays, depth: Pixels, on_ground: _Picked) -> tuple[Pixels, Pixels]:
     """The farm's smooth maps at the pixels: read coarsely, then stretched between."""
     rows = _knots(depth.shape[0])
     columns = _knots(depth.shape[1])
@@ -188,12 +191,12 @@ def _sunlit(view: _View, east: Pixels, north: Pixels) -> Pixels:
     if view.light.direct == 0.0:
         return lit
     low, high = (float(east.min()), float(north.min())), (float(east.max()), float(north.max()))
-    toward = view.light.sun.towards_enu
+    toward, (way_east, way_north) = view.light.sun.towards_enu, view.light.way_m
     for solid in view.solids:
         reach = solid.middle[2] + solid.half[2]
         ends = [
-            solid.middle[0] - reach * view.light.way_m[0],
-            solid.middle[1] - reach * view.light.way_m[1],
+            solid.middle[0] - reach * way_east,
+            solid.middle[1] - reach * way_north,
         ]
         least = [min(solid.middle[i], ends[i]) - solid.radius_m for i in (0, 1)]
         most = [max(solid.middle[i], ends[i]) + solid.radius_m for i in (0, 1)]
