@@ -294,6 +294,7 @@ class Autopilot:
             device=vehicle.camera if isinstance(vehicle, CameraCarrier) else None,
             recorder=vehicle.recorder if isinstance(vehicle, CameraCarrier) else None,
             seeker=vehicle.seeker if isinstance(vehicle, CameraCarrier) else None,
+            streamer=vehicle.streamer if isinstance(vehicle, CameraCarrier) else None,
             images_url=IMAGES_URL,
         )
         self.console = ConsoleModule(

@@ -121,7 +121,12 @@ def build_vehicle(
             console_folder=config.folder,
             pictures=None
             if images is None
-            else Pictures(image_folder(config.folder), images, in_step=config.speed == 0.0),
+            else Pictures(
+                image_folder(config.folder),
+                images,
+                in_step=config.speed == 0.0,
+                live_port=config.port,
+            ),
             truth_path=config.folder / "truth.csv" if config.truth else None,
         )
     except ValueError as error:

@@ -120,6 +120,24 @@ class Recorder(Protocol):
         """What has been stored since the last call."""
 
 
+class Streamer(Protocol):
+    """What shows live what the camera sees."""
+
+    @property
+    def uri(self) -> str:
+        """Where it can be seen."""
+
+    def show(self, exposure: Exposure, rate_hz: float) -> str:
+        """Show what is seen now; gives why nothing can be shown, empty if it can.
+
+        Raises:
+            OSError: if it cannot be shown at all.
+        """
+
+    def close(self) -> None:
+        """Show nothing more, until something is shown again."""
+
+
 class Gaze(NamedTuple):
     """Where the camera points, as the vehicle believes."""
 
@@ -153,3 +171,7 @@ class CameraCarrier(Protocol):
     @property
     def seeker(self) -> Seeker | None:
         """What finds moving things in its picture; None if nothing does."""
+
+    @property
+    def streamer(self) -> Streamer | None:
+        """What shows live what it sees; None if nothing does."""

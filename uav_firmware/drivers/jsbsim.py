@@ -1,6 +1,6 @@
 """The simulated F450 as a vehicle of the component abstraction layer.
 
-With its camera, recorder and seeker the only file of the firmware that knows the simulator.
+With its camera and what belongs to it, the only file of the firmware that knows the simulator.
 Frames and units are the same on both sides (NED, FRD, SI); what changes here is the type.
 """
 
@@ -21,6 +21,7 @@ from uav_firmware.drivers.file_room import Room
 from uav_firmware.drivers.jsbsim_camera import JsbsimCamera
 from uav_firmware.drivers.jsbsim_recorder import JsbsimRecorder
 from uav_firmware.drivers.jsbsim_seeker import JsbsimSeeker
+from uav_firmware.drivers.jsbsim_streamer import JsbsimStreamer
 from uav_firmware.msg.sensors import (
     SensorBaro,
     SensorBattery,
@@ -46,6 +47,7 @@ class Pictures(NamedTuple):
     folder: Path
     room: Room  # Counts what lies in the folder
     in_step: bool  # Vehicle time waits for pictures, so that the same flight has the same reports
+    live_port: int = 0  # TCP port of the live view; 0 none
 
 
 class JsbsimVehicle:
@@ -60,12 +62,15 @@ class JsbsimVehicle:
         console: FaultConsole | None = None,
         camera: JsbsimCamera | None = None,
         recorder: JsbsimRecorder | None = None,
+        streamer: JsbsimStreamer | None = None,
     ) -> None:
         self._simulation = simulation
         self.camera = camera
         """The camera; None on a vehicle without one."""
         self.recorder = recorder
         """What records the camera's films; None where nothing does."""
+        self.streamer = streamer
+        """What shows live what the camera sees; None where nothing does."""
         self.seeker = JsbsimSeeker(simulation)
         """What finds moving things in the camera's picture."""
         self._console = console
@@ -244,7 +249,7 @@ class JsbsimVehicle:
         self._simulation.close()
         if self._console is not None:
             self._console.close()
-        for part in (self.camera, self.recorder):
+        for part in (self.camera, self.recorder, self.streamer):
             if part is not None:
                 part.close()
 
@@ -306,13 +311,14 @@ def simulated_vehicle(
             heading_deg=heading,
         )
     console = None if console_folder is None else FaultConsole(console_folder)
-    simulation, camera, recorder = Simulation(config), None, None
+    simulation, camera, recorder, streamer = Simulation(config), None, None, None
     if pictures is not None:
         serial = f"F450-{number:04}"
-        folder, room, in_step = pictures
+        folder, room, in_step = pictures.folder, pictures.room, pictures.in_step
         camera = JsbsimCamera(simulation, folder, room, serial=serial, in_step=in_step)
         recorder = JsbsimRecorder(simulation, folder, room, in_step=in_step)
-    return JsbsimVehicle(simulation, console, camera, recorder)
+        streamer = JsbsimStreamer(simulation, pictures.live_port) if pictures.live_port else None
+    return JsbsimVehicle(simulation, console, camera, recorder, streamer)
 
 
 def _on_the_farm(yard: tuple[float, float, float], home: tuple[float, float, float, float]) -> bool:

@@ -52,6 +52,8 @@ _HONOURED: Final[Mapping[int, frozenset[int]]] = {
     PayloadCommand.CAMERA_STOP_TRACKING: frozenset({1}),
     PayloadCommand.VIDEO_START_CAPTURE: frozenset({1, 2, 3}),
     PayloadCommand.VIDEO_STOP_CAPTURE: frozenset({1, 2}),
+    PayloadCommand.VIDEO_START_STREAMING: frozenset({1, 2}),
+    PayloadCommand.VIDEO_STOP_STREAMING: frozenset({1, 2}),
     PayloadCommand.PANORAMA_CREATE: frozenset({1, 2, 3, 4}),
 }
 
@@ -210,6 +212,8 @@ def _shutter(parameters: Parameters) -> Fault | None:
     return Fault(2, "sets a shutter time, and the camera exposes by itself")
 
 
+_STREAM: Final = (_one_of(1, 0.0, 1.0, what=", and no stream has this id"), _camera(2))
+
 _RULES: Final[Mapping[int, tuple[_Rule, ...]]] = {
     PayloadCommand.DO_DIGICAM_CONTROL: (_one_of(5, 0.0, 1.0),),
     PayloadCommand.DO_MOUNT_CONFIGURE: (
@@ -261,10 +265,9 @@ _RULES: Final[Mapping[int, tuple[_Rule, ...]]] = {
         _within(2, 0.0, STATUS_RATE_MAX_HZ, "Hz"),
         _camera(3),
     ),
-    PayloadCommand.VIDEO_STOP_CAPTURE: (
-        _one_of(1, 0.0, 1.0, what=", and no stream has this id"),
-        _camera(2),
-    ),
+    PayloadCommand.VIDEO_STOP_CAPTURE: _STREAM,
+    PayloadCommand.VIDEO_START_STREAMING: _STREAM,
+    PayloadCommand.VIDEO_STOP_STREAMING: _STREAM,
     PayloadCommand.PANORAMA_CREATE: (
         _given(1, "angle"),
         _within(1, 1.0, 360.0, "degrees"),

@@ -26,6 +26,8 @@ class PayloadCommand(IntEnum):
     CAMERA_STOP_TRACKING = 2010
     VIDEO_START_CAPTURE = 2500
     VIDEO_STOP_CAPTURE = 2501
+    VIDEO_START_STREAMING = 2502
+    VIDEO_STOP_STREAMING = 2503
     PANORAMA_CREATE = 2800
 
 
@@ -108,6 +110,16 @@ PayloadOrder: TypeAlias = VehicleCommand | GimbalOrder | CancelOrder
 """What payload's queue of orders carries; a command with token 0 is the mission's."""
 
 
+class VideoStream(NamedTuple):
+    """The live view."""
+
+    uri: str
+    running: bool
+    rate_hz: float  # [Hz]
+    width_px: int
+    height_px: int
+
+
 class CameraStatus(NamedTuple):
     """What the camera does. Written by payload on change; read by mavlink."""
 
@@ -121,6 +133,7 @@ class CameraStatus(NamedTuple):
     total_mib: float  # [MiB] Size of the storage
     used_mib: float  # [MiB]
     answers: bool = True  # Else the camera is dead
+    stream: "VideoStream | None" = None  # None: there is none
 
 
 class CameraLens(NamedTuple):

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from uav_firmware.modules.mavlink.addressing import CAMERA_COMPONENT, Sender
+from uav_firmware.modules.mavlink.builders.camera import STREAM_ID
 from uav_firmware.modules.mavlink.camera_reports import CameraReports
 from uav_firmware.modules.mavlink.commands import Command
 from uav_firmware.modules.mavlink.dialect import mavlink
@@ -27,8 +28,15 @@ _OLDER: Final[Mapping[int, int]] = {
     mavlink.MAV_CMD_REQUEST_CAMERA_CAPTURE_STATUS: mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS,
 }
 """Older commands, each for one message if its parameter 1 is 1."""
+_STREAMS: Final[Mapping[int, int]] = {
+    mavlink.MAV_CMD_REQUEST_VIDEO_STREAM_INFORMATION: (
+        mavlink.MAVLINK_MSG_ID_VIDEO_STREAM_INFORMATION
+    ),
+    mavlink.MAV_CMD_REQUEST_VIDEO_STREAM_STATUS: mavlink.MAVLINK_MSG_ID_VIDEO_STREAM_STATUS,
+}
+"""Older commands, each for one message of the stream of parameter 1; 0 is all."""
 
-OWN: Final = frozenset({*_OLDER, mavlink.MAV_CMD_REQUEST_STORAGE_INFORMATION})
+OWN: Final = frozenset({*_OLDER, *_STREAMS, mavlink.MAV_CMD_REQUEST_STORAGE_INFORMATION})
 """Requests that only a camera knows."""
 SHARED: Final = frozenset(
     {
@@ -56,6 +64,7 @@ class CameraRequests:
         self._reports = reports
         self._answers: dict[int, Callable[[Command, Sender, int], Answer]] = {
             **dict.fromkeys(_OLDER, self._older),
+            **dict.fromkeys(_STREAMS, self._video_stream),
             mavlink.MAV_CMD_REQUEST_STORAGE_INFORMATION: self._storage,
             **dict.fromkeys(SHARED, self._shared),
         }
@@ -94,6 +103,11 @@ class CameraRequests:
 
     def _older(self, command: Command, sender: Sender, now_us: int) -> Answer:
         return self._one(_OLDER[command.number], command.parameter(1), sender, now_us)
+
+    def _video_stream(self, command: Command, sender: Sender, now_us: int) -> Answer:
+        if command.parameter(1) not in {0.0, float(STREAM_ID)}:
+            return Answer(_DENIED)
+        return self._one(_STREAMS[command.number], 1.0, sender, now_us)
 
     def _storage(self, command: Command, sender: Sender, now_us: int) -> Answer:
         if not _is_storage(command.parameter(1)):

@@ -164,6 +164,8 @@ CAMERA_STREAMS: Final[tuple[Stream, ...]] = tuple(
             camera.camera_tracking_image_status,
         ),
         (mavlink.MAVLINK_MSG_ID_CAMERA_TRACKING_GEO_STATUS, 0, camera.camera_tracking_geo_status),
+        (mavlink.MAVLINK_MSG_ID_VIDEO_STREAM_INFORMATION, 0, camera.video_stream_information),
+        (mavlink.MAVLINK_MSG_ID_VIDEO_STREAM_STATUS, 0, camera.video_stream_status),
     )
 )
 """What the camera component sends, at the same rates on both links."""

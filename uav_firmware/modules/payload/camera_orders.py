@@ -108,6 +108,19 @@ def _stop_video(_command: VehicleCommand, parts: Parts, _situation: Situation) -
     return ACCEPTED
 
 
+def _start_streaming(_command: VehicleCommand, parts: Parts, _situation: Situation) -> Outcome:
+    """VIDEO_START_STREAMING; who asks again is served already."""
+    if not parts.stream_uri:
+        return failed("there is no live view")
+    parts.is_streaming = True
+    return ACCEPTED
+
+
+def _stop_streaming(_command: VehicleCommand, parts: Parts, _situation: Situation) -> Outcome:
+    parts.is_streaming = False
+    return ACCEPTED
+
+
 def _set_mode(command: VehicleCommand, parts: Parts, _situation: Situation) -> Outcome:
     parts.camera.mode = CameraMode(int(command.param2))
     return ACCEPTED
@@ -216,5 +229,7 @@ HANDLERS: Final[Mapping[int, Handler]] = {
     PayloadCommand.CAMERA_STOP_TRACKING: _stop_tracking,
     PayloadCommand.VIDEO_START_CAPTURE: _start_video,
     PayloadCommand.VIDEO_STOP_CAPTURE: _stop_video,
+    PayloadCommand.VIDEO_START_STREAMING: _start_streaming,
+    PayloadCommand.VIDEO_STOP_STREAMING: _stop_streaming,
     PayloadCommand.PANORAMA_CREATE: _panorama,
 }

@@ -4,13 +4,14 @@ import math
 from typing import Final
 
 from uav_firmware.bus import Queue, Topic
-from uav_firmware.cal.camera import CameraDevice, Recorder, Seeker
+from uav_firmware.cal.camera import CameraDevice, Recorder, Seeker, Streamer
 from uav_firmware.lib.geo import LocalFrame
 from uav_firmware.lib.rotation import yaw_of
 from uav_firmware.modules.payload import gimbal_orders, panorama_work
 from uav_firmware.modules.payload.films import Films
 from uav_firmware.modules.payload.flight_end import FlightEnd
 from uav_firmware.modules.payload.lens import lens
+from uav_firmware.modules.payload.live_view import LiveView
 from uav_firmware.modules.payload.orders import MissionOrders, carry_out
 from uav_firmware.modules.payload.panorama_work import Report
 from uav_firmware.modules.payload.params import PayloadParams
@@ -78,6 +79,7 @@ class PayloadModule:
         device: CameraDevice | None = None,
         recorder: Recorder | None = None,
         seeker: Seeker | None = None,
+        streamer: Streamer | None = None,
         images_url: str = "",
     ) -> None:
         registry.add(PayloadParams)
@@ -106,6 +108,7 @@ class PayloadModule:
         )
         self._pictures = Pictures(self._parts, device, boot_time_utc_us, self._warn)
         self._films = Films(self._parts, recorder, boot_time_utc_us, self._inform)
+        self._live_view = LiveView(self._parts, streamer, boot_time_utc_us, self._warn)
         self._mission_orders = MissionOrders()
         self._flight_end = FlightEnd()
         self._last_us: int | None = None
@@ -217,6 +220,7 @@ class PayloadModule:
         ):
             self._pictures.expose(situation, q_ned_frd)
         self._films.update(situation, q_ned_frd)
+        self._live_view.update(situation, q_ned_frd)
         self._report(step.report, situation.now_us)
 
     def _inform(self, now_us: int, text: str) -> None:

@@ -35,6 +35,8 @@ class Parts:
     params: PayloadParams
     storage: Storage
     seeker: Seeker | None = None  # Finds moving things in the picture
+    stream_uri: str = ""  # Of the live view; empty when there is none
+    is_streaming: bool = False
     q_ned_frd: Quaternion = (1.0, 0.0, 0.0, 0.0)  # Attitude that the gimbal works against
     images_url: str = ""  # Of the folder that the device's pictures lie in
     camera: Camera = field(default_factory=Camera)

@@ -4,9 +4,16 @@ import math
 from typing import Final
 
 from uav_firmware.modules.payload.gimbal import PITCH_MAX, PITCH_MIN
+from uav_firmware.modules.payload.lens import lens
 from uav_firmware.modules.payload.parts import Parts
 from uav_firmware.modules.payload.situation import Situation
-from uav_firmware.msg.payload import CameraStatus, GimbalStatus, TrackingMode, TrackingState
+from uav_firmware.msg.payload import (
+    CameraStatus,
+    GimbalStatus,
+    TrackingMode,
+    TrackingState,
+    VideoStream,
+)
 from uav_firmware.msg.vectors import Vector3
 
 _ZERO = (0.0, 0.0, 0.0)
@@ -28,6 +35,21 @@ def camera_status(parts: Parts, now_us: int) -> CameraStatus:
         parts.storage.total_mib,
         parts.storage.used_mib,
         camera.answers,
+        _stream(parts),
+    )
+
+
+def _stream(parts: Parts) -> VideoStream | None:
+    if not parts.stream_uri:
+        return None
+    params = parts.params
+    picture = lens(params.video_width_px)
+    return VideoStream(
+        parts.stream_uri,
+        parts.is_streaming,
+        params.video_rate_hz,
+        picture.width_px,
+        picture.height_px,
     )
 
 

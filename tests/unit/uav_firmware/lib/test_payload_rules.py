@@ -60,6 +60,8 @@ def test_every_command_can_be_given_and_nothing_more_than_it_honours(
         PayloadCommand.CAMERA_STOP_TRACKING: (0, 0, 0, 0, 0, 0, 0),
         PayloadCommand.VIDEO_START_CAPTURE: (0, 1, 0, 0, 0, 0, 0),
         PayloadCommand.VIDEO_STOP_CAPTURE: (1, 0, 0, 0, 0, 0, 0),
+        PayloadCommand.VIDEO_START_STREAMING: (1, 0, 0, 0, 0, 0, 0),
+        PayloadCommand.VIDEO_STOP_STREAMING: (1, 0, 0, 0, 0, 0, 0),
         PayloadCommand.PANORAMA_CREATE: (360, 0, 30, 0, 0, 0, 0),
     }[command]
     parameters = [float(value) for value in good]

@@ -13,7 +13,7 @@ from uav_firmware.modules.mavlink.builders.conversion import (
     uint32,
 )
 from uav_firmware.modules.mavlink.dialect import Message, mavlink
-from uav_firmware.msg.payload import ImageCaptured, TrackingMode
+from uav_firmware.msg.payload import ImageCaptured, TrackingMode, VideoStream
 
 FLAGS: Final[int] = (
     mavlink.CAMERA_CAP_FLAGS_CAPTURE_VIDEO
@@ -26,9 +26,11 @@ FLAGS: Final[int] = (
     | mavlink.CAMERA_CAP_FLAGS_HAS_TRACKING_RECTANGLE
     | mavlink.CAMERA_CAP_FLAGS_HAS_TRACKING_GEO_STATUS
 )
-"""Only what is true: no zoom, no focus, no stream."""
+"""Only what is true: no zoom, no focus; HAS_VIDEO_STREAM where there is one."""
 
 STORAGE_ID: Final = 1
+STREAM_ID: Final = 1
+_HORIZONTAL_VIEW_DEG: Final = 70
 _GIMBAL_DEVICE: Final = 1
 _VENDOR: Final = b"Farm Flight Bridge"
 _MODEL: Final = b"Simulated camera"
@@ -61,6 +63,7 @@ def camera_information(context: Context) -> Message | None:
     lens = context.topics.camera_lens.value
     if lens is None:
         return None
+    streams = mavlink.CAMERA_CAP_FLAGS_HAS_VIDEO_STREAM if _stream(context) is not None else 0
     return mavlink.MAVLink_camera_information_message(
         time_boot_ms=boot_ms(context.now_us),
         vendor_name=_name(_VENDOR),
@@ -72,7 +75,7 @@ def camera_information(context: Context) -> Message | None:
         resolution_h=lens.width_px,
         resolution_v=lens.height_px,
         lens_id=0,
-        flags=FLAGS,
+        flags=FLAGS | streams,
         cam_definition_version=0,
         cam_definition_uri=b"",
         gimbal_device_id=_GIMBAL_DEVICE,
@@ -135,6 +138,58 @@ def camera_capture_status(context: Context) -> Message | None:
         available_capacity=max(status.total_mib - status.used_mib, 0.0),
         image_count=status.image_count,
     )
+
+
+def _stream(context: Context) -> VideoStream | None:
+    status = context.topics.camera_status.value
+    return None if status is None else status.stream
+
+
+def video_stream_information(context: Context) -> Message | None:
+    """VIDEO_STREAM_INFORMATION of the live view.
+
+    MAVLink has no type for Motion JPEG over HTTP; what is nearest is a stream over TCP. The URI
+    tells what it is.
+    """
+    stream = _stream(context)
+    if stream is None:
+        return None
+    return mavlink.MAVLink_video_stream_information_message(
+        stream_id=STREAM_ID,
+        count=1,
+        type=mavlink.VIDEO_STREAM_TYPE_TCP_MPEG,
+        flags=_stream_flags(stream),
+        framerate=stream.rate_hz,
+        resolution_h=stream.width_px,
+        resolution_v=stream.height_px,
+        bitrate=0,
+        rotation=0,
+        hfov=_HORIZONTAL_VIEW_DEG,
+        name=b"live view",
+        uri=stream.uri.encode(),
+        encoding=mavlink.VIDEO_STREAM_ENCODING_UNKNOWN,
+    )
+
+
+def video_stream_status(context: Context) -> Message | None:
+    """VIDEO_STREAM_STATUS of the live view."""
+    stream = _stream(context)
+    if stream is None:
+        return None
+    return mavlink.MAVLink_video_stream_status_message(
+        stream_id=STREAM_ID,
+        flags=_stream_flags(stream),
+        framerate=stream.rate_hz,
+        resolution_h=stream.width_px,
+        resolution_v=stream.height_px,
+        bitrate=0,
+        rotation=0,
+        hfov=_HORIZONTAL_VIEW_DEG,
+    )
+
+
+def _stream_flags(stream: VideoStream) -> int:
+    return int(mavlink.VIDEO_STREAM_STATUS_FLAGS_RUNNING) if stream.running else 0
 
 
 def camera_image_captured(image: ImageCaptured, boot_time_utc_us: int) -> Message:

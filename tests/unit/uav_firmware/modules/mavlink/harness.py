@@ -38,6 +38,7 @@ from uav_firmware.msg.payload import (
     TrackingMode,
     TrackingState,
     TrackingStatus,
+    VideoStream,
 )
 from uav_firmware.msg.sensors import (
     SensorBaro,
@@ -166,6 +167,9 @@ CAMERA = CameraStatus(
     report_interval_us=0,
     total_mib=1000.0,
     used_mib=250.0,
+    stream=VideoStream(
+        "http://127.0.0.1:14581/stream", running=True, rate_hz=4.0, width_px=480, height_px=360
+    ),
 )
 TRACKING = TrackingState(
     time_us=0,

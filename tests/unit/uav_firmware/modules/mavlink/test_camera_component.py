@@ -131,15 +131,13 @@ def test_what_is_asked_for_comes_with_one_answer(
 @pytest.mark.parametrize(
     ("command", "expected"),
     [
-        ((REQUEST, 269), UNSUPPORTED),
         ((REQUEST, 148), UNSUPPORTED),
         ((REQUEST, 30), UNSUPPORTED),
         ((REQUEST, -5), DENIED),
         ((REQUEST, 261, 4), DENIED),
         ((525, 3, 1), DENIED),
         ((521, 0), ACCEPTED),
-        ((2504, 0), UNSUPPORTED),
-        ((2502, 0), UNSUPPORTED),
+        ((2504, 7), DENIED),
         ((531, 1, 1), UNSUPPORTED),
         ((532, 1, 1), UNSUPPORTED),
         ((400, 1), UNSUPPORTED),
@@ -154,6 +152,17 @@ def test_what_the_camera_has_not_is_refused_at_once(
     assert result(messages) == expected
     assert orders(bench) == []
     assert bench.commands() == []
+
+
+@pytest.mark.parametrize("command", [(REQUEST, 269), (2504, 0), (2504, 1)])
+def test_the_live_view_is_told_to_who_asks(command: tuple[float, ...]) -> None:
+    messages = ask(Bench(), int(command[0]), *command[1:])
+    assert result(messages) == ACCEPTED
+    (told,) = [m for m in messages if m.get_type() == "VIDEO_STREAM_INFORMATION"]
+    assert told.uri == "http://127.0.0.1:14581/stream"
+    assert (told.stream_id, told.count) == (1, 1)
+    assert (told.resolution_h, told.resolution_v) == (480, 360)
+    assert told.flags & mavlink.VIDEO_STREAM_STATUS_FLAGS_RUNNING
 
 
 def test_the_cameras_messages_are_not_the_autopilots() -> None:

@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 from uav_firmware.bus import Queue, Topic
-from uav_firmware.cal.camera import CameraDevice, Recorder, Seeker
+from uav_firmware.cal.camera import CameraDevice, Recorder, Seeker, Streamer
 from uav_firmware.lib.rotation import from_euler
 from uav_firmware.modules.payload.module import PERIOD_US, PayloadModule
 from uav_firmware.msg.estimate import VehicleAttitude, VehicleLocalPosition
@@ -48,6 +48,7 @@ class Bench:
         device: CameraDevice | None = None,
         recorder: Recorder | None = None,
         seeker: Seeker | None = None,
+        streamer: Streamer | None = None,
         **params: float,
     ) -> None:
         self.registry = Registry()
@@ -84,6 +85,7 @@ class Bench:
             device=device,
             recorder=recorder,
             seeker=seeker,
+            streamer=streamer,
             images_url=IMAGES_URL,
         )
         for name, value in params.items():

@@ -1,0 +1,169 @@
+"""`python -m sim.camera.live PORT`: what the camera sees now, for whoever looks.
+
+A process beside the vehicle. Frames are ordered on its standard input, a line each, and answered a
+line each; they are made only while somebody looks. On 127.0.0.1:PORT it serves
+
+    /stream         Motion JPEG, `multipart/x-mixed-replace`: browsers, VLC and OpenCV play it
+    /snapshot.jpg   the newest frame
+"""
+
+import io
+import json
+import os
+import signal
+import sys
+import threading
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Final
+
+from PIL import Image as PillowImage
+
+from sim.camera.order import Frame, from_line
+from sim.camera.render import render
+
+QUALITY: Final = 70
+PATIENCE_S: Final = 10.0
+"""A viewer whom no frame reaches for so long is let go."""
+_NICENESS: Final = 5
+_BOUNDARY: Final = "frame"
+
+
+class Screen:
+    """The newest frame, and how many wait for the next."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._jpeg = b""
+        self._number = 0
+        self._viewers = 0
+
+    @property
+    def is_watched(self) -> bool:
+        """Whether somebody looks."""
+        return self._viewers > 0
+
+    def show(self, jpeg: bytes) -> None:
+        """Give a frame to everybody who waits."""
+        with self._changed:
+            self._jpeg, self._number = jpeg, self._number + 1
+            self._changed.notify_all()
+
+    def enter(self) -> None:
+        """Begin to look."""
+        with self._changed:
+            self._viewers += 1
+
+    def leave(self) -> None:
+        """Look no more."""
+        with self._changed:
+            self._viewers -= 1
+
+    def next(self, after: int) -> tuple[int, bytes] | None:
+        """The first frame newer than a number, with its own; None if none comes in time."""
+        with self._changed:
+            if not self._changed.wait_for(lambda: self._number > after, PATIENCE_S):
+                return None
+            return self._number, self._jpeg
+
+    @property
+    def number(self) -> int:
+        """Of the newest frame."""
+        return self._number
+
+
+class _Handler(BaseHTTPRequestHandler):
+    screen: Screen
+    protocol_version = "HTTP/1.1"
+
+    def do_GET(self) -> None:
+        """Serve the two addresses; nothing else is there."""
+        if self.path not in {"/stream", "/snapshot.jpg"}:
+            self.send_error(HTTPStatus.NOT_FOUND)
+            return
+        self.close_connection = True
+        self.screen.enter()
+        try:
+            if self.path == "/stream":
+                self._stream()
+            else:
+                self._snapshot()
+        except ConnectionError:
+            return  # The viewer has gone
+        finally:
+            self.screen.leave()
+
+    def _snapshot(self) -> None:
+        frame = self.screen.next(self.screen.number)
+        if frame is None:
+            self.send_error(HTTPStatus.SERVICE_UNAVAILABLE)
+            return
+        self._begin("image/jpeg", len(frame[1]))
+        self.wfile.write(frame[1])
+
+    def _stream(self) -> None:
+        self._begin(f"multipart/x-mixed-replace; boundary={_BOUNDARY}")
+        frame = self.screen.next(self.screen.number)
+        while frame is not None:
+            number, jpeg = frame
+            head = (
+                f"--{_BOUNDARY}\r\nContent-Type: image/jpeg\r\nContent-Length: {len(jpeg)}\r\n\r\n"
+            )
+            self.wfile.write(head.encode() + jpeg + b"\r\n")
+            frame = self.screen.next(number)
+
+    def _begin(self, content_type: str, size: int | None = None) -> None:
+        self.send_response(HTTPStatus.OK)
+        self.send_header("Content-Type", content_type)
+        self.send_header("Cache-Control", "no-store")
+        self.send_header("Connection", "close")
+        if size is not None:
+            self.send_header("Content-Length", str(size))
+        self.end_headers()
+
+    def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - the base class's name
+        """Say nothing: the vehicle's console is for the flight."""
+
+
+def serve(screen: Screen, port: int) -> ThreadingHTTPServer:
+    """Begin to serve; port 0 lets the system choose.
+
+    Raises:
+        OSError: if the port cannot be had.
+    """
+    handler = type("Handler", (_Handler,), {"screen": screen})
+    server = ThreadingHTTPServer(("127.0.0.1", port), handler)
+    server.daemon_threads = True
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    return server
+
+
+def jpeg_of(frame: Frame) -> bytes:
+    """What a frame shows."""
+    stream = io.BytesIO()
+    PillowImage.fromarray(render(frame.shot).colour).save(stream, "JPEG", quality=QUALITY)
+    return stream.getvalue()
+
+
+def main() -> int:
+    """Show frames until there are no more orders."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # The vehicle decides when it ends
+    os.nice(_NICENESS)
+    screen = Screen()
+    reason = ""
+    try:
+        serve(screen, int(sys.argv[1]))
+    except OSError as error:
+        reason = error.strerror or str(error)
+    for line in sys.stdin:
+        frame = from_line(line)
+        if screen.is_watched and isinstance(frame, Frame):
+            screen.show(jpeg_of(frame))
+        answer = {"number": frame.number, "size_bytes": 0, "files": 0, "error": reason}
+        sys.stdout.write(json.dumps(answer) + "\n")
+        sys.stdout.flush()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
