@@ -27,6 +27,8 @@ from mavlink_broker.ways import Ways
 PEERS_KEPT: Final = 1024
 COMPONENTS_KEPT: Final = 32
 """Per system; what else speaks in its name is not listened to."""
+SILENT_COMPONENT_S: Final = 5.0
+"""A camera that was heard by wifi, which is gone, may still be reached where its autopilot is."""
 GREETED_AFTER_S: Final = 3.0
 """Who has been silent for so long is spoken to where a link has to speak first."""
 
@@ -102,7 +104,7 @@ class Traffic:
         """Send to a vehicle; before it has been heard nobody knows where it is."""
         now = self._clock.monotonic()
         for message in messages:
-            address = self._way_to(system, getattr(message, "target_component", 0))
+            address = self._way_to(system, getattr(message, "target_component", 0), now)
             if address is None:
                 return
             signing = self._guard.signing_for(system, now)
@@ -182,15 +184,18 @@ class Traffic:
         is_named = self._config.vehicle_id(source.system) is not None
         return is_named and message.get_type() == "HEARTBEAT" and is_vehicle(message)
 
-    def _way_to(self, system: int, component: int) -> Address | None:
+    def _way_to(self, system: int, component: int, now: float) -> Address | None:
+        """Where a component was heard lately; else where its autopilot was."""
         components = self._ways.get(system)
         if components is None:
             return None
-        return components.get(component, components[self._autopilots[system]]).active
+        autopilot = components[self._autopilots[system]]
+        ways = components.get(component, autopilot)
+        return autopilot.active if ways.is_silent(now, SILENT_COMPONENT_S) else ways.active
 
     def _pass_on(self, target: Source, frame: bytes, now: float) -> None:
         """Send a ground station's frame to a vehicle, with the vehicle's signature."""
-        address = self._way_to(*target)
+        address = self._way_to(*target, now)
         if address is not None:
             signing = self._guard.signing_for(target.system, now)
             self._send(address, unsigned(frame) if signing is None else signing.mark(frame))
@@ -218,7 +223,7 @@ class Traffic:
     def _is_busy(self, address: Address, now: float) -> bool:
         """Whether somebody there is in conversation with us already."""
         return any(
-            self._is_heard(system, now) and self._way_to(system, 0) == address
+            self._is_heard(system, now) and self._way_to(system, 0, now) == address
             for system in self._ways
         )
 

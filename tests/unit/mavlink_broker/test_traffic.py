@@ -139,6 +139,9 @@ class TestSeveralLinks:
         roads.traffic.send(1, [capture, LAND])
         assert [m.command for m, _ in roads.sent_to(RADIO)] == [2000]
         assert [m.command for m, _ in roads.sent_to(WIFI)] == [mavlink.MAV_CMD_NAV_LAND]
+        roads.hear((WIFI, roads.frame(HEARTBEAT)), after_s=6.0)  # And the camera is silent
+        roads.traffic.send(1, [capture])
+        assert [m.command for m, _ in roads.sent_to(WIFI)] == [2000]
 
     def test_two_vehicles_on_one_radio_hear_one_series_of_numbers(self) -> None:
         roads = Crossroads()
