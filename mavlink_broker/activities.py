@@ -98,6 +98,11 @@ def disarming(vehicle: Vehicle) -> list[Message]:
     return [disarm.message(vehicle.route, 0)]
 
 
+def repetition(ways: Ways, vehicle: Vehicle) -> Message:
+    """Say the first command of the first way once more, marked as a repetition."""
+    return ways[0][0].message(vehicle.route, 1)
+
+
 def commands(ways: Ways, vehicle: Vehicle) -> CommandSequence:
     """Arm or start, in the family's ways."""
     return CommandSequence(ways, vehicle.route, vehicle.round_trip)

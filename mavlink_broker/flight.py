@@ -68,6 +68,7 @@ class Flight(FlightProgress):
         self._steps = {
             State.ATTACHING: self._step_attaching,
             State.WAITING: self._step_waiting,
+            State.ARMING: self._step_arming,
             State.STARTING: self._step_starting,
             State.RUNNING: self._step_running,
             State.PERFORMING: self._step_performing,

@@ -18,6 +18,7 @@ from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.translation.situation import Spot
 
 FLYING_WITHIN_S: Final = 5.0
+START_AGAIN_AFTER_S: Final = 1.0
 MODE_EVERY_S: Final = 2.0
 """Longer than a mode takes to show."""
 _AFTER_ACCEPTANCE: Final = {
@@ -162,6 +163,8 @@ class FlightPreparation(FlightCore):
         self.ledger.set_mission(Status.RUNNING)
         self.ledger.set_command(self._plan.first_command, Status.RUNNING)
         effects.for_edge.append(self._reporter.mission(self.ledger))
+        self._was_in_mission_mode = self._vehicle.mode_role is ModeRole.MISSION
+        self._start_again_at = now + START_AGAIN_AFTER_S
         ways = self._vehicle.family.starting
         self._start(activities.commands(ways, self._vehicle), now, effects)
 
@@ -196,12 +199,33 @@ class FlightPreparation(FlightCore):
         else:
             self._move(Event.READY, now, effects)
 
+    def _step_arming(self, now: float, effects: Effects) -> None:
+        """Believe a vehicle that shows itself armed, though its answer is lost.
+
+        It disarms again by itself, mostly after 10 s, if it is not started until then.
+        """
+        if self._vehicle.snapshot.armed and not self._hovering:
+            self._move(Event.ARMED, now, effects)
+
     def _step_starting(self, now: float, effects: Effects) -> None:
-        """Believe that it flies when it says so: armed, and in a mission mode."""
-        if self._accepted_at is None:
-            return
-        vehicle = self._vehicle
-        if vehicle.snapshot.armed and vehicle.mode_role is ModeRole.MISSION:
+        """Believe that it flies when it says so: armed, and in a mission mode.
+
+        A mode that it has taken since it was told to start tells as much as its answer.
+        """
+        vehicle, accepted_at = self._vehicle, self._accepted_at
+        flies = bool(vehicle.snapshot.armed) and vehicle.mode_role is ModeRole.MISSION
+        if flies and (accepted_at is not None or not self._was_in_mission_mode):
             self._move(Event.FLYING, now, effects)
-        elif now - self._accepted_at > FLYING_WITHIN_S:
+        elif accepted_at is None:
+            self._hurry(now, effects)
+        elif not vehicle.snapshot.armed and now - accepted_at > FLYING_WITHIN_S:
+            self._fail("start accepted, but the vehicle is disarmed", now, effects)
+        elif now - accepted_at > FLYING_WITHIN_S:
             self._fail(f"start accepted, but mode is {vehicle.mode}", now, effects)
+
+    def _hurry(self, now: float, effects: Effects) -> None:
+        """Over a slow link say it again before the answer can be there: the time is short."""
+        if now >= self._start_again_at and self._vehicle.round_trip.timeout_s > START_AGAIN_AFTER_S:
+            self._start_again_at = now + START_AGAIN_AFTER_S
+            starting = self._vehicle.family.starting
+            effects.messages.append(activities.repetition(starting, self._vehicle))

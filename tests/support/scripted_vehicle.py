@@ -80,6 +80,7 @@ class ScriptedVehicle:
         self.commands: list[int] = []
         self.parameters: list[tuple[int, tuple[float, ...]]] = []
         self.silent = False
+        self.mute_answers: set[int] = set()  # Commands that are obeyed, their answers lost
         self.deaf_to_intervals = False
         self.settings = dict(script.settings)
         self.written: list[tuple[str, float]] = []  # Parameters, as they were set
@@ -375,6 +376,8 @@ class ScriptedVehicle:
             mavlink.MAV_CMD_REQUEST_MESSAGE,
         }:
             self._complain()
+        if message.command in self.mute_answers:
+            return
         answer = mavlink.MAVLink_command_ack_message(message.command, result)
         if message.command in self.script.in_progress:
             working = mavlink.MAV_RESULT_IN_PROGRESS

@@ -297,3 +297,27 @@ class TestARestartedBroker:
         world.run(30.0)
         assert vehicle.uploads == 1
         assert len(world.edge.acknowledgements(work)) == 1
+
+
+class TestASlowLink:
+    """A vehicle disarms by itself when it is not started soon after it was armed."""
+
+    def test_a_vehicle_that_shows_itself_armed_is_started_though_its_answer_is_lost(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle()
+        vehicle.mute_answers.add(mavlink.MAV_CMD_COMPONENT_ARM_DISARM)
+        world.edge.plan(first_flight())
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+        assert vehicle.commands.count(mavlink.MAV_CMD_COMPONENT_ARM_DISARM) <= 2
+
+    def test_a_vehicle_that_shows_itself_in_the_mission_flies_it_though_its_answer_is_lost(
+        self,
+    ) -> None:
+        world = World()
+        vehicle = world.add_vehicle()
+        vehicle.mute_answers.add(mavlink.MAV_CMD_MISSION_START)
+        world.edge.plan(first_flight())
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+        assert vehicle.commands.count(mavlink.MAV_CMD_MISSION_START) <= 2
