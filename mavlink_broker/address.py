@@ -20,6 +20,7 @@ DEFAULT_MAVLINK_PORT: Final = 14540
 DEFAULT_BAUD: Final = 57_600
 """What telemetry radios are delivered with."""
 EVERYBODY: Final = "0.0.0.0"  # noqa: S104  # vehicles come from anywhere on the farm
+LOOPBACK: Final = "127.0.0.1"
 LARGEST_PORT: Final = 65_535
 FASTEST_BAUD: Final = 4_000_000
 
@@ -75,8 +76,8 @@ class LinkUrl(NamedTuple):
             return self.host == "localhost"
 
     @classmethod
-    def parse(cls, text: str) -> Self:
-        """Read a URL.
+    def parse(cls, text: str, here: str = EVERYBODY) -> Self:
+        """Read a URL; one that listens and names no host does so at `here`.
 
         Raises:
             LinkUrlError: if it names no link.
@@ -84,7 +85,9 @@ class LinkUrl(NamedTuple):
         try:
             parts = urlsplit(text.strip())
             kind = LinkKind(_ALIASES.get(parts.scheme, parts.scheme))
-            url = cls(kind, *_device(parts) if kind is LinkKind.SERIAL else _host(parts, kind))
+            url = cls(
+                kind, *_device(parts) if kind is LinkKind.SERIAL else _host(parts, kind, here)
+            )
         except ValueError as error:
             kinds = ", ".join(f"{kind.value}://" for kind in LinkKind)
             reason = error if isinstance(error, LinkUrlError) else f"it must begin with {kinds}"
@@ -96,20 +99,20 @@ class LinkUrl(NamedTuple):
         return url._replace(is_trusted=bool(parts.query))
 
 
-def parse_links(text: str) -> tuple[LinkUrl, ...]:
-    """Read URLs that commas or blanks part.
+def parse_links(text: str, here: str = EVERYBODY) -> tuple[LinkUrl, ...]:
+    """Read URLs that commas or blanks part; those that name no host listen at `here`.
 
     Raises:
         LinkUrlError: if one of them names no link, or one stands there twice.
     """
-    links = tuple(LinkUrl.parse(part) for part in re.split(r"[,\s]+", text) if part)
+    links = tuple(LinkUrl.parse(part, here) for part in re.split(r"[,\s]+", text) if part)
     for link in links:
         if sum(other[:3] == link[:3] for other in links) > 1:
             raise LinkUrlError(f"{link} is named twice")
     return links
 
 
-def _host(parts: SplitResult, kind: LinkKind) -> tuple[str, int]:
+def _host(parts: SplitResult, kind: LinkKind, here: str) -> tuple[str, int]:
     if parts.path not in {"", "/"} or parts.username is not None:
         raise LinkUrlError("it is more than a host and a port")
     try:
@@ -121,7 +124,7 @@ def _host(parts: SplitResult, kind: LinkKind) -> tuple[str, int]:
     listens = kind in {LinkKind.UDP_IN, LinkKind.TCP_IN}
     if not (0 if listens else 1) <= port <= LARGEST_PORT:
         raise LinkUrlError("its port must be 1 to 65535")
-    host = parts.hostname or (EVERYBODY if listens else "")
+    host = parts.hostname or (here if listens else "")
     if not host:
         raise LinkUrlError("it names no host")
     return host, port

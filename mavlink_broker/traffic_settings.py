@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from mavlink_broker.address import LinkUrl, LinkUrlError, parse_links
+from mavlink_broker.address import LOOPBACK, LinkUrl, LinkUrlError, parse_links
 
 DEFAULT_TLOG_MIB: Final = 32
 DEFAULT_TLOG_FILES: Final = 8
@@ -64,7 +64,7 @@ def add_options(parser: argparse.ArgumentParser, environment: Mapping[str, str])
 def read_options(parser: argparse.ArgumentParser, options: argparse.Namespace) -> TrafficSettings:
     """Judge what was read; a fault ends the program with a sentence and status 2."""
     try:
-        links, forward = parse_links(options.links), parse_links(options.forward)
+        links, forward = parse_links(options.links), parse_links(options.forward, LOOPBACK)
     except LinkUrlError as error:
         parser.error(str(error))
     both = next((url for url in forward if url[:3] in [link[:3] for link in links]), None)

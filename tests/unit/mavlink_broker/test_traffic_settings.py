@@ -47,6 +47,11 @@ def test_a_ground_station_may_watch_and_if_told_command() -> None:
     ).traffic.forward_commands
 
 
+def test_ground_stations_are_listened_to_on_the_loopback_unless_told_otherwise() -> None:
+    assert load(["--forward", "udpin://:14551"], {}).traffic.forward[0].is_loopback
+    assert not load(["--forward", "udpin://0.0.0.0:14551"], {}).traffic.forward[0].is_loopback
+
+
 def test_a_folder_of_the_frame_log_and_how_much_it_may_hold() -> None:
     traffic = load(["--tlog-files", "3"], {"TLOG_DIR": "var/tlog", "TLOG_MIB": "5"}).traffic
     assert (traffic.tlog_dir, traffic.tlog_mib, traffic.tlog_files) == (Path("var/tlog"), 5, 3)
