@@ -98,7 +98,7 @@ def build_vehicle(
     """
     if config.driver != "jsbsim":
         raise ConfigError(f"--driver: there is no driver {config.driver!r}")
-    from uav_firmware.drivers.jsbsim import (  # noqa: PLC0415  # only when named
+    from uav_firmware.drivers.jsbsim_build import (  # noqa: PLC0415  # only when named
         Pictures,
         simulated_vehicle,
     )
@@ -125,6 +125,7 @@ def build_vehicle(
                 image_folder(config.folder),
                 images,
                 in_step=config.speed == 0.0,
+                hurried=config.speed > 1.0,
                 live_port=config.port,
             ),
             truth_path=config.folder / "truth.csv" if config.truth else None,

@@ -52,19 +52,21 @@ class JsbsimCamera:
         *,
         serial: str,
         in_step: bool,
+        hurried: bool = False,
         darkroom: Darkroom | None = None,
     ) -> None:
         """Store pictures in a folder that `room` measures.
 
         With `in_step` a picture is stored exactly `STORING_US` after its exposure and time waits
         for it: the same flight has the same reports. Otherwise it is stored as soon as it is
-        made, and no flight in real time waits.
+        made, and no flight in real time waits. A `hurried` flight, faster than real time, waits
+        when the memory is full: else it would lose pictures that a real one takes.
         """
         self._simulation = simulation
         self._folder = folder.resolve()
         self._room = room
         self._serial = serial
-        self._in_step = in_step
+        self._in_step, self._hurried = in_step, hurried
         self._darkroom = Darkroom() if darkroom is None else darkroom
         self._pending: deque[_Pending] = deque()
         self._developed: deque[Developed] = deque()
@@ -105,7 +107,7 @@ class JsbsimCamera:
             return ()
         if self._in_step:
             return self._collect_due(now_us)
-        self._developed.extend(self._darkroom.finished())
+        self._developed.extend(self._darkroom.finished(wait=self._hurried and not self.is_ready))
         return [self._outcome() for _ in range(len(self._developed))]
 
     def erase(self) -> None:

@@ -9,7 +9,8 @@ from sim.config import SimulationConfig
 from sim.fault_console import FaultConsole
 from sim.simulation import Simulation
 from uav_firmware.cal.faults import FaultInjector
-from uav_firmware.drivers.jsbsim import JsbsimVehicle, simulated_vehicle
+from uav_firmware.drivers.jsbsim import JsbsimVehicle
+from uav_firmware.drivers.jsbsim_build import simulated_vehicle
 
 GYRO, BARO, GPS, MOTOR, SERVO, MAVLINK = 0, 3, 4, 101, 102, 105
 OK, OFF, STUCK = 0, 1, 2

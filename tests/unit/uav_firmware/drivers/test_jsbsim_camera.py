@@ -66,8 +66,16 @@ class Notebook(Darkroom):
 class Rig:
     """A camera on a simulation, with a notebook for a darkroom or a real one."""
 
-    def __init__(self, folder: Path, darkroom: Darkroom, *, in_step: bool, **fault: Kind) -> None:
-        faults = tuple(Fault(kind=kind) for kind in fault.values())
+    def __init__(
+        self,
+        folder: Path,
+        darkroom: Darkroom,
+        *,
+        in_step: bool,
+        hurried: bool = False,
+        broken: Kind | None = None,
+    ) -> None:
+        faults = () if broken is None else (Fault(kind=broken),)
         self.simulation = Simulation(SimulationConfig(faults=faults))
         self.images = image_tree(folder)
         self.camera = JsbsimCamera(
@@ -76,6 +84,7 @@ class Rig:
             self.images.room,
             serial="F450-0007",
             in_step=in_step,
+            hurried=hurried,
             darkroom=darkroom,
         )
 
@@ -161,6 +170,17 @@ def test_in_real_time_nobody_waits_and_a_full_memory_says_so(tmp_path: Path) -> 
     assert indices(camera.collect(10**9)) == list(range(MEMORY))
     assert notebook.waited == 0
     assert camera.is_ready
+
+
+def test_a_hurried_flight_waits_when_the_memory_is_full_and_only_then(tmp_path: Path) -> None:
+    notebook = Notebook()
+    camera = Rig(tmp_path, notebook, in_step=False, hurried=True).camera
+    for index in range(MEMORY):
+        assert not camera.collect(0)
+        camera.expose(exposure(index))
+    assert notebook.waited == 0
+    assert indices(camera.collect(0)) == list(range(MEMORY))
+    assert notebook.waited == 1
 
 
 def test_a_picture_that_is_lost_is_told_with_its_reason(tmp_path: Path) -> None:
