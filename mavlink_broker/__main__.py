@@ -5,27 +5,36 @@ import sys
 from datetime import UTC, datetime
 
 from mavlink_broker.command_line import fly, run, translate, vehicles
-from mavlink_broker.command_line.program import UsageError
+from mavlink_broker.command_line.program import MISUSED, UsageError
+from mavlink_broker.leads import LeadError
 
 
 def main() -> int:
-    """Do what the first word asks for; gives the exit status."""
+    """Do what was asked for; gives the exit status."""
     word, *rest = sys.argv[1:] or ["run"]
     try:
-        match word:
-            case "translate":
-                return translate.run(rest, datetime.now(UTC))
-            case "vehicles":
-                return vehicles.run(rest, os.environ)
-            case "fly":
-                return fly.run(rest, os.environ)
-            case "run":
-                return run.run(rest, os.environ)
-            case _:
-                return run.run([word, *rest], os.environ)
+        return _do(word, rest)
     except UsageError as error:
         print(f"mavlink_broker: {error}", file=sys.stderr)
         return error.status
+    except LeadError as error:
+        print(f"mavlink_broker: {error}", file=sys.stderr)
+        return MISUSED
+
+
+def _do(word: str, rest: list[str]) -> int:
+    """Do what the first word asks for; without one of ours, serve the edge server."""
+    match word:
+        case "translate":
+            return translate.run(rest, datetime.now(UTC))
+        case "vehicles":
+            return vehicles.run(rest, os.environ)
+        case "fly":
+            return fly.run(rest, os.environ)
+        case "run":
+            return run.run(rest, os.environ)
+        case _:
+            return run.run([word, *rest], os.environ)
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ from mavlink_broker.dialect import Message, Source, source_of
 from mavlink_broker.effects import Acknowledgement, Effects, ForEdge
 from mavlink_broker.forwarding.verdict import Tenure
 from mavlink_broker.inbox import Inbox, WorkError
+from mavlink_broker.leads import read_leads
 from mavlink_broker.neighbours import Edge, Jobs, NoJobs
 from mavlink_broker.pictures.desk import HEARD as PICTURED
 from mavlink_broker.posts import post_for
@@ -81,6 +82,7 @@ class App:
         self._inbox = Inbox()
         self._traffic = Traffic(config, link, clock, self._tenure)
         self._peers: dict[int, _Peer] = {}
+        self._leads = read_leads(config.follow_targets, self._vehicle)
         self._sweep_at = 0.0
         self._step_all_at = 0.0
         self._began_at = clock.monotonic()
@@ -179,6 +181,12 @@ class App:
             route = peer.session.vehicle.route
             peer.session.vehicle.route = route._replace(target_component=source.component)
 
+    def _vehicle(self, vehicle_id: int) -> Vehicle | None:
+        """Give a vehicle that has been heard, by its own number."""
+        system = self._config.system_of(vehicle_id)
+        peer = None if system is None else self._peers.get(system)
+        return None if peer is None else peer.session.vehicle
+
     def _peer(self, system: int, vehicle_id: int) -> _Peer:
         """Give the peer of a system, a new one if need be."""
         if system not in self._peers:
@@ -193,6 +201,7 @@ class App:
                 state_vector_every_s=config.state_vector_every_s,
                 battery_capacity_ah=config.battery_capacity_ah,
             )
+            vehicle.lead = self._leads.get(vehicle_id)
             self._peers[system] = _Peer(session)
         return self._peers[system]
 

@@ -36,6 +36,8 @@ class Config:
     unsigned_systems: frozenset[int] = frozenset()  # Those that cannot sign
     state_vector_every_s: float = DEFAULT_STATE_VECTOR_INTERVAL_S
     battery_capacity_ah: float = DEFAULT_BATTERY_CAPACITY_AH
+    follow_targets: Mapping[int, int | Path] = field(default_factory=dict)
+    """Per vehicle whom it follows: another vehicle, or the way in a file."""
     log_level: str = "INFO"
     traffic: TrafficSettings = field(default_factory=TrafficSettings)
 
@@ -91,6 +93,23 @@ def parse_systems(text: str) -> frozenset[int]:
     return systems
 
 
+def parse_targets(text: str) -> dict[int, int | Path]:
+    """Read `1:2,3:tractor.csv`: vehicle 1 follows vehicle 2, vehicle 3 the way in a file.
+
+    Raises:
+        ValueError: if it is written otherwise, or a vehicle comes twice or follows itself.
+    """
+    targets: dict[int, int | Path] = {}
+    for part in filter(None, (part.strip() for part in text.split(","))):
+        follower, _, target = part.partition(":")
+        if not (follower.isdecimal() and target) or int(follower) in targets:
+            raise ValueError(f"targets must look like 1:2,3:tractor.csv, not {text!r}")
+        if target == follower:
+            raise ValueError(f"vehicle {follower} cannot follow itself")
+        targets[int(follower)] = int(target) if target.isdecimal() else Path(target)
+    return targets
+
+
 def load(arguments: Sequence[str], environment: Mapping[str, str]) -> Config:
     """Read the configuration; a fault ends the program with a sentence and status 2."""
     parser = settings_parser(
@@ -124,6 +143,7 @@ def settings(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Co
         unsigned_systems=options.unsigned_systems,
         state_vector_every_s=options.state_vector_interval,
         battery_capacity_ah=options.battery_capacity,
+        follow_targets=options.follow_targets,
         log_level=options.log_level.upper(),
         traffic=traffic_settings.read_options(parser, options),
     )
@@ -146,6 +166,7 @@ def settings_parser(environment: Mapping[str, str], **about: str) -> argparse.Ar
         ("UNSIGNED_SYSTEMS", parse_systems, "", "systems that cannot sign, as in 3,7"),
         ("STATE_VECTOR_INTERVAL", float, DEFAULT_STATE_VECTOR_INTERVAL_S, "seconds"),
         ("BATTERY_CAPACITY", float, DEFAULT_BATTERY_CAPACITY_AH, "Ah, if a vehicle is silent"),
+        ("FOLLOW_TARGETS", parse_targets, "", "vehicle:vehicle or vehicle:file.csv, ... to follow"),
         ("LOG_LEVEL", str, "INFO", "DEBUG, INFO, WARNING or ERROR"),
     )
     for name, kind, default, text in options:

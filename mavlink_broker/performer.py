@@ -235,7 +235,14 @@ class Performer:
         if spot is None or home is None or not wanted or time_s < self._target_due_at:
             return []
         self._target_due_at = time_s + TARGET_EVERY_S - TARGET_SLACK_S
-        return [target_message(spot, home, now)]
+        lead = self._vehicle.lead
+        if lead is None:
+            return [target_message(spot, home, now)]
+        seen = lead.at(time_s - self._phase_at if self.phase is Phase.GOING else 0.0, now)
+        if seen is None:
+            return []  # The vehicle holds by itself until somebody is seen again
+        there = spot._replace(latitude_deg=seen.latitude_deg, longitude_deg=seen.longitude_deg)
+        return [target_message(there, home, now, velocity_ned_m_s=seen.velocity_ned_m_s)]
 
     def _watch(self, now: float) -> None:
         """Fail what another hand has ended, and what takes too long."""

@@ -16,6 +16,7 @@ from mavlink_broker.translation.loan import Loan
 from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.translation.observations import Observations
 from mavlink_broker.translation.situation import Home
+from mavlink_broker.translation.target_track import Lead
 from mavlink_broker.translation.telemetry import Snapshot
 
 AGED: Final = frozenset({"GLOBAL_POSITION_INT", "ATTITUDE", "BATTERY_STATUS", "MISSION_CURRENT"})
@@ -48,6 +49,7 @@ class Vehicle:
     warning: str | None = None  # What somebody should know about its link
     loan: Loan = field(default_factory=Loan)  # What a plan's fence has changed on it
     parameters: ParameterKeeper = field(default_factory=ParameterKeeper)  # What is borrowed of it
+    lead: Lead | None = None  # Whom it follows, if somebody that moves
     refused_items: set[int] = field(default_factory=set)  # MAV_CMD that no mission of it may hold
     _heard_at: dict[str, float] = field(default_factory=dict)
     _reboots: RebootWatch = field(default_factory=RebootWatch)
@@ -85,6 +87,10 @@ class Vehicle:
     def link_state(self, now: float) -> LinkState:
         """Judge its link."""
         return self.link.state(now)
+
+    def is_connected(self, now: float) -> bool:
+        """Whether what it tells is fresh."""
+        return self.link.state(now) is LinkState.CONNECTED
 
     def is_heard(self, now: float) -> bool:
         """Whether it can be spoken to; a stale link may still come back."""

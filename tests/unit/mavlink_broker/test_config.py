@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from mavlink_broker.config import Config, load, parse_vehicle_ids
+from mavlink_broker.config import Config, load, parse_targets, parse_vehicle_ids
 
 
 def test_without_anything_said_the_system_of_the_readme_is_meant() -> None:
@@ -34,6 +34,17 @@ def test_a_number_that_was_given_away_means_nobody_else() -> None:
     settings = load(["--vehicle-ids", "7:1"], {})
     assert settings.system_of(1) is None
     assert settings.vehicle_id(7) is None
+
+
+def test_a_target_to_follow_is_a_vehicle_or_a_file() -> None:
+    settings = load(["--follow-targets", "1:2, 3:fields/tractor.csv"], {})
+    assert settings.follow_targets == {1: 2, 3: Path("fields/tractor.csv")}
+
+
+@pytest.mark.parametrize("text", ["1", "x:2", "1:", "1:1", "1:2,1:3"])
+def test_targets_that_make_no_sense_are_refused(text: str) -> None:
+    with pytest.raises(ValueError, match=r"vehicle|targets"):
+        parse_targets(text)
 
 
 @pytest.mark.parametrize("text", ["7", "7:x", "7:1,7:2", "7:1,8:1"])
