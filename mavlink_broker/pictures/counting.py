@@ -50,10 +50,6 @@ class PictureCount:
         """Whether something is still being asked for."""
         return self._status is not None or bool(self._images)
 
-    def is_wanted(self, number: int) -> bool:
-        """Whether an announcement has been asked for again."""
-        return number in self._images
-
     def ask_count(self, *, go_back: bool = False) -> None:
         """Ask the camera how many it has taken; `go_back` to pictures that were not heard of."""
         self._goes_back |= go_back

@@ -7,7 +7,6 @@ the mission is over.
 """
 
 import logging
-import math
 import zlib
 from collections import OrderedDict
 from typing import Final
@@ -31,7 +30,7 @@ HEARD: Final = frozenset(
 """What a vehicle's components say about pictures."""
 RECENT_S: Final = 900.0
 """Older pictures, taken before this run of the broker, are not looked for."""
-OWN_CLOCK_S: Final = 10.0
+OWN_CLOCK_S: Final = 3.0
 """A camera whose clock is further from the autopilot's than that has one of its own."""
 CHECK_AFTER_S: Final = 2.0
 CHECKS: Final = 5
@@ -101,9 +100,7 @@ class PictureDesk:
             case "CAMERA_IMAGE_CAPTURED":
                 self._captured(read_capture(message), now)
             case "CAMERA_CAPTURE_STATUS":
-                component = source_of(message).component
-                if component in self._cameras:
-                    self._cameras[component].told(message.image_count)
+                self._counted(message, now)
             case "FILE_TRANSFER_PROTOCOL":
                 self._carry_out(self._fetching.receive(message, now), effects)
 
@@ -137,12 +134,19 @@ class PictureDesk:
 
     # Announcements.
 
+    def _counted(self, message: Message, now: float) -> None:
+        component = source_of(message).component
+        if component in self._cameras:
+            self._cameras[component].told(message.image_count)
+            if message.time_boot_ms:
+                self._clock_s[component] = self._time_s(now) - message.time_boot_ms / 1e3
+
     def _captured(self, capture: Capture, now: float) -> None:
         self.camera_heard(capture.component)
         camera = self._cameras.get(capture.component)
         if camera is None:
             return
-        taken_s = self._taken_s(capture, now, is_live=not camera.is_wanted(capture.index))
+        taken_s = self._taken_s(capture, now)
         is_recent = self._time_s(now) - taken_s <= RECENT_S
         is_of_earlier_run = is_recent and not self._attribution.began_before(taken_s)
         is_news = camera.take(capture, goes_back=is_of_earlier_run)
@@ -155,20 +159,18 @@ class PictureDesk:
         if taker is not None or is_of_earlier_run:
             self._fetch(capture, taker)
 
-    def _taken_s(self, capture: Capture, now: float, *, is_live: bool) -> float:
+    def _taken_s(self, capture: Capture, now: float) -> float:
         """When it was taken, by the autopilot's clock; a camera may have its own.
 
-        What is announced as it is taken shows how far the two are apart.
+        How far the two are apart is known from what the camera answers at once. An announcement
+        does not tell: a camera may take its time to store a picture.
         """
         time_s = self._time_s(now)
         if capture.taken_s is None:
             return time_s
-        behind_s = self._clock_s.get(capture.component, math.inf)
-        if is_live:
-            behind_s = min(time_s - capture.taken_s, behind_s)
-            self._clock_s[capture.component] = behind_s
-        has_own_clock = math.isfinite(behind_s) and abs(behind_s) > OWN_CLOCK_S
-        return capture.taken_s + (behind_s if has_own_clock else 0.0)
+        behind_s = self._clock_s.get(capture.component, 0.0)
+        taken_s = capture.taken_s + (behind_s if abs(behind_s) > OWN_CLOCK_S else 0.0)
+        return min(taken_s, time_s)
 
     def _fetch(self, capture: Capture, taker: Taker | None) -> None:
         self._number += 1
@@ -231,7 +233,9 @@ class PictureDesk:
     def _named(self, errand: Errand) -> tuple[str, str]:
         """Name a picture, and tell it from every other for good."""
         taker, capture = errand.taker, errand.capture
-        whose = f"m{taker.mission_id}_c{taker.command_id}" if taker is not None else "found"
+        whose = "found" if taker is None else f"m{taker.mission_id}_c{taker.command_id}"
+        if taker is None and self._flight is not None:
+            whose = f"m{self._flight[1].mission_id}_found"
         camera = "" if capture.component == mavlink.MAV_COMP_ID_CAMERA else f"_k{capture.component}"
         mark = f"{self._vehicle.vehicle_id}/{capture.identity}"
         return f"{whose}{camera}_{capture.index:04d}", mark

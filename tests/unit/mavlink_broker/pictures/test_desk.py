@@ -269,6 +269,21 @@ def test_a_camera_with_a_clock_of_its_own_is_understood() -> None:
     assert flight.names == ["m1201_c3_0000.jpeg"]
 
 
+def test_a_camera_that_announces_late_is_no_camera_with_another_clock() -> None:
+    flight = Flight(count=2)
+    flight.until_pictures()
+    for _ in range(2):
+        flight.camera.shoot(announced=False)
+    flight.world.run_until(lambda: flight.item == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
+    flight.camera.taken, late = [], flight.camera.taken
+    flight.world.run(15.0)
+    flight.camera.taken = late
+    for message in late:
+        flight.world.hear(flight.vehicle, message, mavlink.MAV_COMP_ID_CAMERA)
+    flight.land()
+    assert sorted(flight.names) == ["m1201_c3_0000.jpeg", "m1201_c3_0001.jpeg"]
+
+
 def test_no_picture_is_fetched_while_the_edge_server_takes_none() -> None:
     flight = Flight()
     flight.world.edge.waiting_pictures = 8
