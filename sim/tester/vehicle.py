@@ -8,6 +8,7 @@ import json
 import math
 import time
 from collections.abc import Callable
+from functools import cache
 from typing import Any, Final
 
 from mavsdk import ComponentType, Configuration, Mavsdk
@@ -97,7 +98,7 @@ class MavsdkVehicle:
     """An autopilot and its camera."""
 
     def __init__(self, system_id: int, url: str, happened: Callable[[Happening], None]) -> None:
-        log_subscribe(lambda *_: True)  # MAVSDK's own log would stand between the menus
+        _keep_quiet()
         self._system_id = system_id
         self._url = url
         self._happened = happened
@@ -203,6 +204,12 @@ class MavsdkVehicle:
         elif not on and self._camera is not None:
             self._camera.close()
             self._camera = None
+
+
+@cache
+def _keep_quiet() -> None:
+    """Drop MAVSDK's own log, which would stand between the menus; once, it is the process's."""
+    log_subscribe(lambda *_: True)
 
 
 def _items(held: list[Any]) -> tuple[Item, ...]:
