@@ -82,6 +82,7 @@ class Traffic:
         self._decoders: dict[Address, Decoder] = {}
         self._encoders: dict[Address, Encoder] = {}
         self._twins = Twins()
+        self._is_trusted = [url.is_trusted for url in config.vehicle_links]
         self._greet_at = 0.0
 
     def receive(self, wait_s: float) -> list[Message]:
@@ -132,7 +133,7 @@ class Traffic:
 
     def _from_vehicles(self, address: Address, data: bytes, now: float) -> list[Message]:
         heard: list[Message] = []
-        is_trusted = self._config.vehicle_links[address.link].is_trusted
+        is_trusted = self._is_trusted[address.link]
         for message in self._decoder(address).decode(data):
             if not self._guard.admits(message, now, is_trusted=is_trusted):
                 continue
@@ -206,7 +207,7 @@ class Traffic:
             if self._ground.is_at(address):
                 continue
             signings = self._guard.greetings(lambda system: self._is_heard(system, now), now)
-            if self._config.vehicle_links[address.link].is_trusted and None not in signings:
+            if self._is_trusted[address.link] and None not in signings:
                 signings.append(None)
             for signing in signings:
                 if signing is None and self._is_busy(address, now):

@@ -19,8 +19,10 @@ RATES_HZ: Final = {
     mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 2.0,
     mavlink.MAVLINK_MSG_ID_RC_CHANNELS: 1.0,
     mavlink.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT: 1.0,
+    mavlink.MAVLINK_MSG_ID_GIMBAL_DEVICE_ATTITUDE_STATUS: 2.0,
+    mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR: 1.0,
 }
-"""By message id, the most missed first: some 700 bytes a second together."""
+"""By message id, the most missed first: some 800 bytes a second together."""
 AS_BEFORE_US: Final = 0.0
 """SET_MESSAGE_INTERVAL's word for the vehicle's own rate."""
 
