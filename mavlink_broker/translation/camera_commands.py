@@ -7,6 +7,7 @@ one, as ground stations do.
 import math
 import zlib
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 from afarcloud.commands import CameraImage, CameraPanorama, VideoStartCapture, VideoStopCapture
@@ -53,6 +54,9 @@ def image(command: CameraImage, situation: Situation) -> Items | LiveAction:
         aim = p.pitch_angle, p.yaw_angle
         return _live_image(situation.family, aim, shots, number, duration_s)
     pointing, notes = _pointing(p.pitch_angle, p.yaw_angle, situation)
+    wholes = situation.family.whole_parameters.get(mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW)
+    if wholes and (p.pitch_angle % 1.0 or (p.yaw_angle or 0.0) % 1.0):
+        notes = (*notes, f"{situation.family.name} points its gimbal in whole degrees")
     capture, more = _capture(shots, number, situation.refused)
     items = (*pointing, capture, mission_item.delay(duration_s))
     return Items(items, len(items) - 1, (*notes, *more))
@@ -61,8 +65,12 @@ def image(command: CameraImage, situation: Situation) -> Items | LiveAction:
 def video_start(command: VideoStartCapture, situation: Situation) -> Items | LiveAction:
     """Start recording."""
     p = command.parameters
+    family = situation.family
     values = (float(p.video_stream_id), p.freq)
-    return _video(mavlink.MAV_CMD_VIDEO_START_CAPTURE, values, situation)
+    part = _video(mavlink.MAV_CMD_VIDEO_START_CAPTURE, values, situation)
+    if p.freq == 0.0 or family.honours_video_frequency:
+        return part
+    return replace(part, notes=(f"freq: {family.name} tells nothing while it records",))
 
 
 def video_stop(command: VideoStopCapture, situation: Situation) -> Items | LiveAction:

@@ -94,7 +94,8 @@ class Family:
     honours_acceptance_radius: bool = True
     honours_abort_altitude: bool = False
     honours_precision_landing: bool = True
-    honours_minimum_pitch: bool = True
+    honours_landing_altitude: bool = True
+    honours_video_frequency: bool = True
     kept_parameters: Mapping[int, frozenset[int]] = field(default_factory=dict)
     """Which of the first four parameters survive storage, per command; all where none is named."""
     whole_parameters: Mapping[int, frozenset[int]] = field(default_factory=dict)
@@ -182,6 +183,8 @@ ARDUPILOT: Final = Family(
     honours_acceptance_radius=False,
     honours_abort_altitude=True,
     honours_precision_landing=False,
+    honours_landing_altitude=False,
+    honours_video_frequency=False,
     kept_parameters={
         mavlink.MAV_CMD_NAV_WAYPOINT: frozenset({0}),
         mavlink.MAV_CMD_NAV_TAKEOFF: frozenset(),  # A pitch below 0 comes back as 65536 and less

@@ -5,6 +5,7 @@ What a family does not honour is left out and said in a note, which becomes the 
 """
 
 from dataclasses import replace
+from typing import Final
 
 from afarcloud.commands import NavHome, NavLand, NavTakeoff, NavWaypoint
 from afarcloud.enumerations import PrecisionLandMode
@@ -13,6 +14,8 @@ from mavlink_broker.translation.borrowed import COPTER_RADIUS_M, Loans, copter_r
 from mavlink_broker.translation.families import Family
 from mavlink_broker.translation.mission_item import MissionItem
 from mavlink_broker.translation.situation import Items, Situation, Spot
+
+_CLIMBS_UPRIGHT: Final = "minimum_pitch: a vehicle with rotors climbs upright"
 
 
 def takeoff(command: NavTakeoff, situation: Situation) -> Items:
@@ -35,7 +38,8 @@ def takeoff(command: NavTakeoff, situation: Situation) -> Items:
         go = mission_item.waypoint(**place, yaw_deg=_item_yaw(p.yaw_angle, family))
         items += [*_yaw_before(p.yaw_angle, family), go]
     spot = Spot(p.latitude, p.longitude, p.altitude)
-    return Items(tuple(items), len(items) - 1, spot=spot, heading_deg=p.yaw_angle)
+    notes = (_CLIMBS_UPRIGHT,) if p.minimum_pitch != 0 else ()
+    return Items(tuple(items), len(items) - 1, notes, spot, p.yaw_angle)
 
 
 def waypoint(command: NavWaypoint, situation: Situation) -> Items:
@@ -71,6 +75,10 @@ def land(command: NavLand, situation: Situation) -> Items:
     if precision != PrecisionLandMode.DISABLED and not family.honours_precision_landing:
         notes.append(f"precision_land_mode is not supported by {family.name} and was left out")
         precision = PrecisionLandMode.DISABLED
+    if p.landing_altitude != 0 and not family.honours_landing_altitude:
+        notes.append(f"landing_altitude: {family.name} lands on the ground, however high it is")
+    if p.minimum_target_altitude % 1.0 and family.honours_abort_altitude:
+        notes.append(f"minimum_target_altitude: {family.name} keeps whole metres")
     down = mission_item.land(
         latitude_deg=p.latitude,
         longitude_deg=p.longitude,
