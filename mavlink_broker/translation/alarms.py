@@ -16,6 +16,7 @@ from mavlink_broker.translation.observables import HUMIDITY, OBSERVED, readings
 from mavlink_broker.translation.worded import alarm_parameters
 
 DEBOUNCE_S: Final = 2.0
+JUDGE_EVERY_S: Final = 0.1
 SOURCES_KEPT: Final = 16
 PARAMETERS_HOLD_S: Final = 30.0
 """As long as the slowest alarm takes to be believed."""
@@ -161,6 +162,7 @@ class AlarmWatch:
     _told: set[AlarmCode] = field(default_factory=set)
     _parameters: tuple[float, tuple[float, float]] | None = None  # And when they were told
     _loss: LinkLoss = field(default_factory=LinkLoss)
+    _judge_at: float = 0.0
 
     def receive(self, message: Message, now: float) -> None:
         """Take a message of the autopilot."""
@@ -189,6 +191,9 @@ class AlarmWatch:
 
     def tick(self, now: float, *, is_connected: bool) -> list[Failure]:
         """Judge; gives what has failed and was not told. While nobody is heard nothing is ill."""
+        if now < self._judge_at:
+            return []
+        self._judge_at = now + JUDGE_EVERY_S
         for (source, _), voice in self._voices.items():
             failure = CAMERA if source == "camera" else HUMIDITY_SENSOR
             is_silent = voice.is_silent(now, self._loss.share)
