@@ -15,7 +15,7 @@ from enum import Enum, auto
 from typing import Final
 
 from mavlink_broker.circle import CircleRunner
-from mavlink_broker.dialect import Message
+from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.protocol.command import Accepted, CommandOutcome, Refused
 from mavlink_broker.protocol.command_sequence import CommandSequence, Ways
 from mavlink_broker.series import SeriesRunner
@@ -70,6 +70,7 @@ class Performer:
         self._target_due_at = -math.inf
         self._departed_at: float | None = None
         self._was_guided = False
+        self._works_s = 0.0  # Longer that it lasts: the answer was lost with an earlier broker
         self.phase = Phase.BORROWING
         self.reason = ""
         self._note: str | None = None
@@ -83,7 +84,9 @@ class Performer:
     @property
     def has_begun(self) -> bool:
         """Whether the vehicle has agreed to it."""
-        return self.phase in {Phase.GOING, Phase.ENDING, Phase.DONE}
+        works = self._sequence is not None and self._sequence.is_in_progress
+        begun = self.phase is Phase.BEGINNING and works
+        return begun or self.phase in {Phase.GOING, Phase.ENDING, Phase.DONE}
 
     def start(self, now: float, *, resumed: bool = False) -> list[Message]:
         """Begin; `resumed` if the vehicle agreed to it in an earlier run of the broker.
@@ -95,6 +98,7 @@ class Performer:
         self._vehicle.parameters.want(self._action.loans)
         if resumed:
             self._was_guided = True
+            self._works_s = self._action.works_s
             self._go(now)
             return []
         return self._set_out(now)
@@ -119,7 +123,15 @@ class Performer:
         if message.get_type() == "GLOBAL_POSITION_INT":
             self._count_turn()
             messages += self._tell_target(now)
+        if self._works_s and self._is_answer(message):
+            self._works_s = 0.0
         return [*messages, *self._advance(now)]
+
+    def _is_answer(self, message: Message) -> bool:
+        """Whether the vehicle has done what it was told by an earlier run of the broker."""
+        if message.get_type() != "COMMAND_ACK" or message.command != self._action.order:
+            return False
+        return bool(message.result != mavlink.MAV_RESULT_IN_PROGRESS)
 
     def tick(self, now: float) -> list[Message]:
         """Let time pass."""
@@ -213,7 +225,7 @@ class Performer:
         self._was_guided |= self._vehicle.mode_role is ModeRole.GUIDED
         match self._action.end:
             case Lasted(duration_s):
-                return self._time_s(now) - self._phase_at >= duration_s
+                return self._time_s(now) - self._phase_at >= duration_s + self._works_s
             case Turned():
                 complete = self._turning is not None and self._turning.is_complete
                 return complete or self._has_released()

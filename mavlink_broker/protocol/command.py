@@ -105,6 +105,7 @@ class CommandTransaction:
         self._first_sent_at = self._sent_at = 0.0
         self._deadline = 0.0
         self._asking = False
+        self.is_in_progress = False  # The vehicle has said that it works on it
         self.outcome: CommandOutcome | None = None
 
     def start(self, now: float) -> list[Message]:
@@ -156,6 +157,7 @@ class CommandTransaction:
         if result == mavlink.MAV_RESULT_ACCEPTED:
             self.outcome = Accepted()
         elif result == mavlink.MAV_RESULT_IN_PROGRESS:
+            self.is_in_progress = True
             self._deadline = now + max(PROGRESS_TIMEOUT_S, self._round_trip.timeout_s)
         elif result == mavlink.MAV_RESULT_TEMPORARILY_REJECTED and self._asking:
             self._reject(result, now)

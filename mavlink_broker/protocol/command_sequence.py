@@ -34,6 +34,11 @@ class CommandSequence:
         self.way = 0  # That is being gone, or was gone
         self.outcome: CommandOutcome | None = None
 
+    @property
+    def is_in_progress(self) -> bool:
+        """Whether the vehicle works on the command that it was told last."""
+        return self._running is not None and self._running.is_in_progress
+
     def start(self, now: float) -> list[Message]:
         """Send the first command of the first way."""
         return self._next(now)

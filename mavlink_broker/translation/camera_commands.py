@@ -22,6 +22,8 @@ from mavlink_broker.translation.situation import Items, Refusal, Situation
 
 CAMERA: Final[int] = mavlink.MAV_COMP_ID_CAMERA
 PANORAMA_WITHIN_S: Final = 180.0
+PANORAMA_WORKS_S: Final = 20.0
+"""Eight pictures take this project's camera some six seconds."""
 _STEP_DEG: Final = 45.0
 _SHOTS: Final = {PanoramaMode.FULL_CIRCLE: 8, PanoramaMode.HALF_CIRCLE: 5}
 _SPAN_DEG: Final = {PanoramaMode.FULL_CIRCLE: 360.0, PanoramaMode.HALF_CIRCLE: 180.0}
@@ -87,7 +89,13 @@ def panorama(command: CameraPanorama, situation: Situation) -> Items | LiveActio
         create = long_command(mavlink.MAV_CMD_PANORAMA_CREATE, *angles, component=CAMERA)
         in_hold = tuple((*way, create) for way in situation.family.holding)
         begin = (*in_hold, (create,))  # It is refused where the vehicle does not hold its place
-        return LiveAction(begin=begin, end=Lasted(), within_s=PANORAMA_WITHIN_S, moves=False)
+        return LiveAction(
+            begin=begin,
+            end=Lasted(),
+            within_s=PANORAMA_WITHIN_S,
+            works_s=PANORAMA_WORKS_S,
+            moves=False,
+        )
     if situation.spot is None:
         return _turned_panorama(command, situation)
     middle_deg = situation.heading_deg or 0.0

@@ -102,7 +102,13 @@ class LiveAction:
     finish: Ways = ()  # What ends it, when its time has come
     notes: tuple[str, ...] = ()
     way_notes: tuple[str, ...] = ()  # What is lost by each way, "" for nothing
+    works_s: float = 0.0  # What the vehicle takes from being told to its answer, at most
     moves: bool = True  # It takes the vehicle out of its mission
+
+    @property
+    def order(self) -> int:
+        """MAV_CMD that it begins with, where nothing has to be done otherwise."""
+        return self.begin[0][-1].command
     ends_at: Spot | None = None  # Where the vehicle is afterwards, if that is known before
 
 
