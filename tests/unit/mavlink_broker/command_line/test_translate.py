@@ -36,10 +36,13 @@ def printed(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, An
 
 
 @pytest.mark.parametrize("family", sorted(FAMILIES))
-def test_the_first_flight_is_flown_by_every_family(
-    family: str, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("name", ["first_flight.json", "eleven_commands.json"])
+def test_the_examples_are_flown_by_every_family(
+    name: str, family: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run([str(EXAMPLES / "first_flight.json"), "--family", family], NOW) == 0
+    assert run([str(EXAMPLES / name), "--family", family, "--json"], NOW) == 0
+    capsys.readouterr()
+    assert run([str(EXAMPLES / name), "--family", family], NOW) == 0
     assert "NAV_TAKEOFF (22)" in capsys.readouterr().out
 
 

@@ -281,6 +281,27 @@ def test_what_is_left_out_is_said() -> None:
     assert plan.notes == (("trajectory_control is not supported and was left out",),)
 
 
+@pytest.mark.parametrize(
+    ("kind", "parameters", "family", "told"),
+    [
+        (1, {"altitude": 5, "minimum_pitch": 10}, PX4, "minimum_pitch"),
+        (2, {"landing_altitude": 2.0}, ARDUPILOT, "landing_altitude"),
+        (2, {"minimum_target_altitude": 2.5}, ARDUPILOT, "minimum_target_altitude"),
+        (2, {"minimum_target_altitude": 2.0}, PX4, "minimum_target_altitude"),
+        (2, {"precision_land_mode": 1}, ARDUPILOT, "precision_land_mode"),
+        (3, {"altitude": 5, "hold_time": 1.5}, ARDUPILOT, "hold_time"),
+        (3, {"altitude": 5, "acceptance_radius": 20.0}, ARDUPILOT, "acceptance_radius"),
+    ],
+)
+def test_a_parameter_that_is_not_honoured_is_named(
+    kind: int, parameters: dict[str, Any], family: Family, told: str
+) -> None:
+    place = {"latitude": 40.1, "longitude": -3.1}
+    command = {"command_type_id": kind, "parameters": place | parameters}
+    (notes,) = translate(mission_with(command), family, HOME).notes
+    assert [note.split(":")[0].split(" ")[0] for note in notes] == [told]
+
+
 def test_what_flies_behind_a_landing_is_refused_before_take_off() -> None:
     place = {"latitude": 40, "longitude": -3}
     land = {"command_type_id": 2, "parameters": place}
