@@ -31,6 +31,14 @@ class MissionReceived:
 
 
 @dataclass(frozen=True, slots=True)
+class AreaReceived:
+    """A geofence or rally points have been stored."""
+
+    what: str
+    count: int  # Of items
+
+
+@dataclass(frozen=True, slots=True)
 class MissionCleared:
     """The mission has been taken away."""
 
@@ -49,7 +57,9 @@ class Armed:
     armed: bool
 
 
-Happening: TypeAlias = Command | MissionReceived | MissionCleared | ItemMadeCurrent | Armed
+Happening: TypeAlias = (
+    Command | MissionReceived | AreaReceived | MissionCleared | ItemMadeCurrent | Armed
+)
 
 
 class Result(Enum):

@@ -22,6 +22,7 @@ from sim.tester.alarms import Alarm
 from sim.tester.answers import ANSWERS, CAMERA, Answer
 from sim.tester.happenings import (
     Acknowledge,
+    AreaReceived,
     Armed,
     Command,
     CompleteItems,
@@ -110,6 +111,8 @@ class StandIn:
                 self.live = None
                 self.mission = Mission(items)
                 return [Tell(mission_text(self.mission.steps))]
+            case AreaReceived(what, count):
+                return [Tell(f"Received: {what}, {count} items")]
             case MissionCleared():
                 self.mission = Mission()
             case ItemMadeCurrent(seq):

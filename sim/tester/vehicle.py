@@ -7,7 +7,7 @@ to call from any thread. The only file that imports mavsdk.
 import json
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any, Final
 
@@ -35,6 +35,7 @@ from sim.tester.alarms import Alarm
 from sim.tester.answers import CAMERA, MAVSDKS
 from sim.tester.happenings import (
     Acknowledge,
+    AreaReceived,
     Armed,
     Command,
     CompleteItems,
@@ -55,6 +56,9 @@ from sim.tester.steps import Item
 from sim.tester.telemetry import Say
 
 CAPACITY_PARAMETER: Final = "BAT1_CAPACITY"
+_AREAS: Final[Mapping[int, str]] = {1: "geofence", 2: "rally points"}
+_OF_MISSIONS: Final = frozenset({0, 255})
+"""MAV_MISSION_TYPE of a mission, and of everything."""
 _VOLTAGE_V: Final = 12.0
 _UNKNOWN_PROGRESS: Final = 255
 _HALF_A_PERCENT: Final = 0.005
@@ -121,13 +125,17 @@ class MavsdkVehicle:
         tell = self._happened
         self._action.subscribe_arm_disarm(lambda _result, order, _: tell(Armed(order.arm)))
         self._mission.subscribe_incoming_mission(
-            lambda _result, plan, _: tell(MissionReceived(_items(plan.mission_items)))
+            lambda _result, plan, _: tell(_received(plan.mission_items))
         )
         self._mission.subscribe_current_item_changed(
             lambda item, _: tell(ItemMadeCurrent(item.seq))
         )
-        self._mission.subscribe_clear_all(lambda _kind, _: tell(MissionCleared()))
+        self._mission.subscribe_clear_all(self._cleared)
         self._autopilot.listen(self._hear)
+
+    def _cleared(self, kind: int, _: object) -> None:
+        if kind in _OF_MISSIONS:
+            self._happened(MissionCleared())
 
     def _hear(self, message: Any) -> None:
         fields = json.loads(message.fields_json)
@@ -210,6 +218,12 @@ class MavsdkVehicle:
 def _keep_quiet() -> None:
     """Drop MAVSDK's own log, which would stand between the menus; once, it is the process's."""
     log_subscribe(lambda *_: True)
+
+
+def _received(held: list[Any]) -> MissionReceived | AreaReceived:
+    """Tell missions from what else comes by the same way: MAVSDK does not."""
+    what = _AREAS.get(held[0].mission_type) if held else None
+    return MissionReceived(_items(held)) if what is None else AreaReceived(what, len(held))
 
 
 def _items(held: list[Any]) -> tuple[Item, ...]:

@@ -202,6 +202,17 @@ def test_an_abort_leaves_only_the_landing_and_the_next_mission_flies(
     assert ended(farm, person, 1202) == [FINISHED] * 2
 
 
+def test_a_geofence_is_shown_and_is_no_mission(farm: Farm, person: Person) -> None:
+    south, west = 40.4434 - 6e-4, -3.7382 - 8e-4
+    north, east = 40.4434 + 6e-4, -3.7382 + 8e-4
+    ring = [[south, west], [south, east], [north, east], [north, west]]
+    farm.edge.plan(mission(takeoff(), go_home()), geofence={"inclusion": [ring]})
+    person.reads("Received: geofence, 4 items", "Mission received:", "1. take off to")
+    for _ in range(2):
+        person.answers(ACTION, "1")
+    assert ended(farm, person) == [FINISHED] * 2
+
+
 def test_what_comes_in_flight_is_shown_and_finished_by_1(farm: Farm, person: Person) -> None:
     place = {"latitude": 40.4434, "longitude": -3.7382}
     circle = {**place, "orbit_altitude": 8.0, "radius": 10.0, "start_point": 0}

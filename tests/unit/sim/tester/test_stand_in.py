@@ -19,6 +19,7 @@ from sim.tester.actions import (
 from sim.tester.alarms import Alarm
 from sim.tester.happenings import (
     Acknowledge,
+    AreaReceived,
     Armed,
     Command,
     CompleteItems,
@@ -146,6 +147,14 @@ def test_a_mission_that_was_taken_away_is_gone() -> None:
     vehicle.hear(MissionReceived(FLIGHT), 1.0)
     vehicle.hear(MissionCleared(), 1.0)
     assert (vehicle.mission.items, vehicle.mission.state) == ((), MissionState.NO_MISSION)
+
+
+def test_a_geofence_leaves_the_mission_as_it_is() -> None:
+    vehicle = StandIn(HOME, 0.0)
+    vehicle.hear(MissionReceived(FLIGHT), 1.0)
+    (told,) = vehicle.hear(AreaReceived("geofence", 4), 2.0)
+    assert told == Tell("Received: geofence, 4 items")
+    assert vehicle.mission.items == FLIGHT
 
 
 def test_a_mission_can_be_paused_and_go_on() -> None:
