@@ -13,6 +13,7 @@ from mavlink_broker.command_line.itinerary_record import mission_record
 from mavlink_broker.command_line.itinerary_table import mission_page
 from mavlink_broker.command_line.plan_file import chosen, read_plan
 from mavlink_broker.command_line.program import FAILED, SUCCEEDED
+from mavlink_broker.translation.area_check import AreaCheck
 from mavlink_broker.translation.families import (
     ARDUPILOT,
     ARDUPILOT_OTHER,
@@ -62,6 +63,9 @@ def run(arguments: Sequence[str], now: datetime) -> int:
         head = {"family": family.name, "home": home._asdict()}
         try:
             itinerary = translate(mission, family, home)
+            if plan.geofence is not None:
+                area = AreaCheck(plan.geofence)
+                area.check(mission, itinerary, start=None, home=options.home)
         except RefusedError as error:
             status = FAILED
             print(_refusal(mission, error), file=sys.stderr)

@@ -12,6 +12,7 @@ import pytest
 from mavlink_broker.command_line.program import UsageError
 from mavlink_broker.command_line.translate import FAMILIES, run
 from tests.support.broker_world import first_flight, go_home, mission, takeoff, waypoint
+from tests.support.scripted_vehicle import HOME
 
 NOW = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
 EXAMPLES = Path(__file__).parents[4] / "examples" / "plans"
@@ -103,6 +104,18 @@ def test_what_cannot_be_flown_is_named_with_its_parameter(
     assert refused["refused"]["parameter"] == "command_type_id"
     assert "landing" in refused["refused"]["reason"]
     assert flown["segments"]
+
+
+def test_a_leg_across_a_forbidden_area_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Both ends may be flown to; the way between them may not."""
+    west, east = HOME[1] - 1e-4, HOME[1] + 1e-4
+    pond = [[HOME[0] + m * 9e-6, east_or_west] for m in (4, 6) for east_or_west in (west, east)]
+    fence = {"exclusion": [[pond[0], pond[1], pond[3], pond[2]]]}
+    plan = {"missions": [first_flight()], "geofence": fence}
+    assert run([str(saved(tmp_path, plan))], NOW) == 1
+    assert "mission 1201, command 2 (NAV_WAYPOINT) cannot be flown" in capsys.readouterr().err
 
 
 def test_downgrades_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
