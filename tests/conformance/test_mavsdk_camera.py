@@ -122,14 +122,18 @@ def test_the_mode_is_set_and_told(client: Client) -> None:
     [
         lambda camera: camera.zoom_in_start(CAMERA),
         lambda camera: camera.focus_in_start(CAMERA),
-        lambda camera: camera.start_video_streaming(CAMERA, 1),
     ],
-    ids=["zoom", "focus", "streaming"],
+    ids=["zoom", "focus"],
 )
 def test_what_the_camera_has_not_is_unsupported(client: Client, call: Any) -> None:
     with pytest.raises(CameraError) as refused:
         call(client.camera)
     assert refused.value.args[0] == CameraResult.ACTION_UNSUPPORTED
+
+
+def from_above(captures: list[Any]) -> list[Any]:
+    """Those that were not taken on the ground."""
+    return [each for each in captures if each.position.relative_altitude_m > 5.0]
 
 
 def test_a_flying_camera_tracks_the_ground_but_not_the_sky(client: Client) -> None:
@@ -155,7 +159,9 @@ def test_a_flying_camera_tracks_the_ground_but_not_the_sky(client: Client) -> No
     )
     before = len(client.captures)
     client.camera.take_photo(CAMERA)
-    capture = more_captures(client, before, 1)[0]
+    # Pictures that were taken on the ground may still be on their way to the card
+    wait_for(lambda: from_above(client.captures[before:]), "the picture from above")
+    capture = from_above(client.captures[before:])[0]
     assert capture.position.relative_altitude_m == pytest.approx(10.0, abs=1.5)
     q = capture.attitude_quaternion
     down = 2.0 * (q.x * q.z - q.w * q.y)  # Third component of the optical axis in NED
@@ -164,9 +170,18 @@ def test_a_flying_camera_tracks_the_ground_but_not_the_sky(client: Client) -> No
     wait_for(lambda: not telemetry.armed(), "disarmed")
 
 
+def formatted(camera: Any) -> bool:
+    """Whether the storage is formatted; while a picture is being stored it is not."""
+    try:
+        camera.format_storage(CAMERA, 1)
+    except CameraError:
+        return False
+    return True
+
+
 def test_the_storage_is_formatted_and_the_numbers_begin_again(client: Client) -> None:
     camera = client.camera
-    camera.format_storage(CAMERA, 1)
+    wait_for(lambda: formatted(camera), "a format, once every picture is stored")
     before = len(client.captures)
     camera.take_photo(CAMERA)
     assert more_captures(client, before, 1)[0].index == 0
