@@ -18,6 +18,8 @@ STAGES = stages()
 BROUGHT_BY_OTHERS = {"werkzeug": "flask", "pydantic-core": "pydantic"}
 BY_NAME_ONLY = {"psycopg", "mavsdk", "schemathesis"}
 """Loaded for a URL, or tools that a person starts."""
+STARTED_BY = {"vehicle": ("sim.camera.__main__", "sim.camera.live")}
+"""What a program starts as programs of their own."""
 EDGE_FILES = STAGES["edge-server-files"]
 programs = pytest.mark.parametrize("target", TARGETS)
 
@@ -69,7 +71,8 @@ def reached_from(*modules: str) -> tuple[set[Path], set[str]]:
 
 def started_in(target: str) -> list[str]:
     module = STAGES[target].module
-    return [module if file_of(f"{module}.__main__") is None else f"{module}.__main__"]
+    main = module if file_of(f"{module}.__main__") is None else f"{module}.__main__"
+    return [main, *STARTED_BY.get(target, ())]
 
 
 @programs
