@@ -85,7 +85,7 @@ def test_every_attempt_to_find_the_camera_is_answered(station: GroundStation) ->
         result, information = answered(station, request, "CAMERA_INFORMATION")
         assert result == ACCEPTED
         assert information.flags & mavlink.CAMERA_CAP_FLAGS_CAPTURE_IMAGE
-        assert not information.flags & mavlink.CAMERA_CAP_FLAGS_HAS_VIDEO_STREAM
+        assert information.flags & mavlink.CAMERA_CAP_FLAGS_HAS_VIDEO_STREAM
         assert not information.flags & mavlink.CAMERA_CAP_FLAGS_HAS_BASIC_ZOOM
 
 
@@ -121,9 +121,12 @@ def test_settings_storage_and_status_are_told(
     assert message is not None
 
 
-def test_a_stream_of_video_is_refused_at_once(station: GroundStation) -> None:
-    assert answered(station, order(512, 269.0), None)[0] == UNSUPPORTED
-    assert answered(station, order(2504, 0.0), None)[0] == UNSUPPORTED
+@pytest.mark.parametrize("request_of", [order(512, 269.0), order(2504, 0.0)])
+def test_the_live_view_is_told_with_its_address(station: GroundStation, request_of: Any) -> None:
+    result, stream = answered(station, request_of, "VIDEO_STREAM_INFORMATION")
+    assert result == ACCEPTED
+    assert (stream.stream_id, stream.count) == (1, 1)
+    assert stream.uri.startswith(("http://", "rtsp://"))
 
 
 def test_the_shutter_of_the_fly_view_gives_a_marker_on_the_map(station: GroundStation) -> None:
