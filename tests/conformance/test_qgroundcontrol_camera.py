@@ -18,7 +18,7 @@ from tests.support.system import free_ports
 pytestmark = pytest.mark.scenario
 
 VEHICLE, AUTOPILOT, CAMERA = 9, 1, 100
-ACCEPTED, UNSUPPORTED = 0, 3
+ACCEPTED = 0
 ASKING_TIMES_S = (0.0, 2.0, 6.0, 14.0, 30.0)
 SPEED = 10
 
