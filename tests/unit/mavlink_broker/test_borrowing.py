@@ -77,8 +77,9 @@ def test_a_follower_is_told_height_distance_and_angle_and_forgets_them(script: S
 
 
 def test_px4_follows_no_lower_than_it_can_and_says_so() -> None:
-    world, vehicle = fly(takeoff(), follow(altitude=3.0), go_home(3), script=PX4)
-    assert ("FLW_TGT_HT", 8.0) in vehicle.written
+    world, vehicle = setting_out(takeoff(), follow(altitude=3.0), go_home(3), script=PX4)
+    world.run_until(lambda: vehicle.custom_mode == PX4_FOLLOW)
+    assert vehicle.settings["FLW_TGT_HT"] == 8.0
     assert "altitude: px4 follows no lower than 8 m" in message(world, 1)
 
 
@@ -131,8 +132,7 @@ def test_a_vehicle_that_lacks_a_parameter_flies_and_says_what_it_keeps() -> None
     assert "parameter CIRCLE_OPTIONS: no answer" in message(world, 1)
 
 
-@FAMILIES
-@pytest.mark.parametrize(("mode", "pictures"), [(0, 8), (1, 5)])
+@pytest.mark.parametrize(("script", "mode", "pictures"), [(PX4, 0, 8), (ARDUPILOT, 1, 5)])
 def test_a_panorama_behind_a_follow_is_turned_on_the_spot(
     script: Script, mode: int, pictures: int
 ) -> None:

@@ -50,7 +50,7 @@ YAW_MAY_BE_OPEN = {16, 17, 21, 22}
 families = pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.name)
 profiles = pytest.mark.parametrize("profile", PROFILES, ids=lambda profile: profile.value)
 any_data = settings(
-    max_examples=20,
+    max_examples=12,
     suppress_health_check=[HealthCheck.too_slow],
     deadline=None,
     phases=[Phase.explicit, Phase.reuse, Phase.generate, Phase.shrink],
