@@ -26,6 +26,18 @@ _NOTHING_DONE: Final = frozenset(
     }
 )
 
+_GIMBAL: Final[int] = mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW
+_MOUNT: Final[int] = mavlink.MAV_CMD_DO_MOUNT_CONTROL
+_CAPTURE: Final[int] = mavlink.MAV_CMD_IMAGE_START_CAPTURE
+_REFUSED_PERHAPS: Final = (
+    {_GIMBAL},
+    {_GIMBAL, _MOUNT},
+    {_CAPTURE},
+    {_GIMBAL, _CAPTURE},
+    {_GIMBAL, _MOUNT, _CAPTURE},
+)
+"""What a vehicle may have refused as items, so that an earlier run said it otherwise."""
+
 
 class FlightAttachment(FlightPreparation):
     """The state ATTACHING."""
@@ -88,10 +100,25 @@ class FlightAttachment(FlightPreparation):
             self._move(Event.FLYING, now, effects)
         elif not first and (same or not self._is_begun):
             self._go_on_with_stage(now, effects)
+        elif isinstance(outcome, Different) and self._has_flown and self._guess_refusals():
+            self._activity = None  # Compared once more
         elif isinstance(outcome, Different) and self._has_flown:
             self._fail(outcome.reason, now, effects)
         else:
             self._begin_or_wait(now, effects)
+
+    def _guess_refusals(self) -> bool:
+        """Think of other items that the mission may have become; false when all are thought of."""
+        while self._guesses < len(_REFUSED_PERHAPS):
+            guess = _REFUSED_PERHAPS[self._guesses]
+            self._guesses += 1
+            before = self._plan.items
+            self._vehicle.refused_items = set(guess)
+            self._stages.translate()
+            if self._plan.items != before:
+                return True
+        self._vehicle.refused_items = set()
+        return False
 
     def _was_restarted(self, now: float) -> bool:
         """Whether the vehicle, which stands, was switched on since the mission was last reported.

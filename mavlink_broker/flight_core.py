@@ -59,6 +59,7 @@ class FlightCore:
         self._stages = Stages(work.mission, vehicle)
         self._follower: Follower | None = None
         self._performer: Performer | None = None
+        self._guesses = 0  # At what the vehicle refused in an earlier run of the broker
         self._was_running = False  # An earlier run of the broker has seen it fly
         self._area = None if work.geofence is None else AreaCheck(work.geofence)
         self._fencing: Fencing | None = None

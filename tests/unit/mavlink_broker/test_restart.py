@@ -2,6 +2,8 @@
 
 import dataclasses
 
+import pytest
+
 from afarcloud.enumerations import Status
 from mavlink_broker.codec import Decoder
 from mavlink_broker.dialect import mavlink
@@ -136,3 +138,20 @@ def test_a_link_that_is_away_while_the_mission_is_looked_for_is_waited_out() -> 
     assert session.state is State.ATTACHING
     world.only_vehicle.silent = False
     world.run_until(lambda: session.state is State.RUNNING)
+
+
+@pytest.mark.parametrize("unknown", [{1000}, {1000, 205}, {2000}, {1000, 2000}])
+def test_a_mission_is_known_again_that_had_to_be_said_otherwise(unknown: set[int]) -> None:
+    """The vehicle's refusals are forgotten with the broker that heard them."""
+    burst = {"photo_count": 2, "pitch_angle": -90, "time_interval": 2}
+    pictures = {"command_id": 2, "command_type_id": 4, "parameters": burst}
+    world = World()
+    script = dataclasses.replace(PX4, item_time_s=6.0, unknown_items=frozenset(unknown))
+    vehicle = world.add_vehicle(script=script)
+    world.edge.plan(mission(takeoff(), pictures, waypoint(3), go_home(4)))
+    world.run_until(lambda: any(s.state is State.RUNNING for s in world.app.sessions.values()))
+    world.run(2.0)
+    world.restart_broker()
+    world.run_until_over(1201)
+    assert world.edge.statuses(1201) == [Status.FINISHED] * 4
+    assert vehicle.uploads == 1
