@@ -199,6 +199,7 @@ class App:
                 vehicle,
                 new_session_id=self._new_ulid,
                 state_vector_every_s=config.state_vector_every_s,
+                observations_every_s=config.observations_every_s,
                 battery_capacity_ah=config.battery_capacity_ah,
             )
             vehicle.lead = self._leads.get(vehicle_id)

@@ -17,6 +17,7 @@ ONBOARD_COMPUTER: Final = 191
 DEFAULT_STATE_VECTOR_INTERVAL_S: Final = 1.0
 DEFAULT_BATTERY_CAPACITY_AH: Final = 5.2
 """Of the vehicle that this system was first built for; used where a vehicle does not tell."""
+MOST_S: Final = 86_400.0
 LOG_LEVELS: Final = ("DEBUG", "INFO", "WARNING", "ERROR")
 
 
@@ -35,6 +36,7 @@ class Config:
     signing_keys: Path | None = None  # Folder of signing-N.key; None: nothing is signed
     unsigned_systems: frozenset[int] = frozenset()  # Those that cannot sign
     state_vector_every_s: float = DEFAULT_STATE_VECTOR_INTERVAL_S
+    observations_every_s: float = 0.0  # In flight; 0: with finished commands alone
     battery_capacity_ah: float = DEFAULT_BATTERY_CAPACITY_AH
     follow_targets: Mapping[int, int | Path] = field(default_factory=dict)
     """Per vehicle whom it follows: another vehicle, or the way in a file."""
@@ -131,6 +133,8 @@ def settings(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Co
         parser.error(f"--log-level must be one of {', '.join(LOG_LEVELS)}")
     if not options.state_vector_interval > 0 or not 0 < options.battery_capacity <= 100:
         parser.error("--state-vector-interval must be above 0, --battery-capacity 0 to 100 Ah")
+    if not 0.0 <= options.observation_interval <= MOST_S:
+        parser.error(f"--observation-interval must be 0 to {MOST_S:g} s")
     return Config(
         edge_url=options.edge_url,
         edge_ca_file=options.edge_ca_file,
@@ -142,6 +146,7 @@ def settings(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Co
         signing_keys=options.signing_keys,
         unsigned_systems=options.unsigned_systems,
         state_vector_every_s=options.state_vector_interval,
+        observations_every_s=options.observation_interval,
         battery_capacity_ah=options.battery_capacity,
         follow_targets=options.follow_targets,
         log_level=options.log_level.upper(),
@@ -165,6 +170,7 @@ def settings_parser(environment: Mapping[str, str], **about: str) -> argparse.Ar
         ("SIGNING_KEYS", Path, None, "folder of signing-N.key, one per system; else unsigned"),
         ("UNSIGNED_SYSTEMS", parse_systems, "", "systems that cannot sign, as in 3,7"),
         ("STATE_VECTOR_INTERVAL", float, DEFAULT_STATE_VECTOR_INTERVAL_S, "seconds"),
+        ("OBSERVATION_INTERVAL", float, 0.0, "seconds in flight; 0: with finished commands alone"),
         ("BATTERY_CAPACITY", float, DEFAULT_BATTERY_CAPACITY_AH, "Ah, if a vehicle is silent"),
         ("FOLLOW_TARGETS", parse_targets, "", "vehicle:vehicle or vehicle:file.csv, ... to follow"),
         ("LOG_LEVEL", str, "INFO", "DEBUG, INFO, WARNING or ERROR"),

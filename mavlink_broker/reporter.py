@@ -41,6 +41,12 @@ class Reporter:
             reports.append((of, self._signed(battery, "battery")))
         return [effects.Result(report, name) for name, report in reports]
 
+    def observations(self, now: float) -> list[effects.Report]:
+        """What has been measured lately, on the way."""
+        snapshot = self._vehicle.snapshot
+        lists = self._vehicle.observations.lists(snapshot, now, **self._next("observation"))
+        return [self._signed(measured, "observation") for measured in lists]
+
     def image(self, picture: Developed, name: str, of: str) -> effects.Told:
         """Give a picture; `of` tells it from every other for good, its name is for people."""
         image = Image.model_construct(  # Its maker has seen to it that the frame is what it says

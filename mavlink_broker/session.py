@@ -63,11 +63,13 @@ class Session:
         *,
         new_session_id: Callable[[], str],
         state_vector_every_s: float,
+        observations_every_s: float,
         battery_capacity_ah: float,
     ) -> None:
         self.vehicle = vehicle
         self._new_session_id = new_session_id
         self._state_vector_every_s = state_vector_every_s
+        self._observations_every_s = observations_every_s  # 0: with finished commands alone
         self._battery_capacity_ah = battery_capacity_ah
         self._reporter = Reporter(vehicle, new_session_id())
         self.pictures = PictureDesk(vehicle, self._reporter)
@@ -85,6 +87,7 @@ class Session:
         self._lost_since: float | None = None
         self._homeless_since: float | None = None
         self._state_vector_at = 0.0
+        self._observed_at = 0.0
         self._updated_at: float | None = None
         self._last_update: tuple[Any, ...] = ()
 
@@ -243,6 +246,14 @@ class Session:
         connected = self.vehicle.link_state(now) is LinkState.CONNECTED
         if connected and now - self._state_vector_at >= self._state_vector_every_s:
             self._post_state_vector(now, effects)
+        if connected and self.vehicle.snapshot.armed:
+            self._observe_on_the_way(now, effects)
+
+    def _observe_on_the_way(self, now: float, effects: Effects) -> None:
+        every_s = self._observations_every_s
+        if every_s > 0 and now - self._observed_at >= every_s:
+            self._observed_at = now
+            effects.for_edge += self._reporter.observations(now)
 
     def _see_events_through(self, now: float, effects: Effects) -> None:
         self._carry_out_events(now, effects)

@@ -251,9 +251,9 @@ def first_flight(mission_id: int = 1201, vehicle_id: int = 1) -> Any:
     return mission(takeoff(), waypoint(), go_home(), mission_id=mission_id, vehicle_id=vehicle_id)
 
 
-def flying_world(script: Script = PX4) -> World:
+def flying_world(script: Script = PX4, config: Config | None = None) -> World:
     """A world whose one vehicle has just been seen to fly."""
-    world = World()
+    world = World(config=config)
     world.add_vehicle(script=script)
     world.edge.plan(first_flight())
     world.run_until(lambda: any(s.state is State.RUNNING for s in world.app.sessions.values()))

@@ -9,6 +9,7 @@ import pytest
 
 from afarcloud.enumerations import ImageFormat, Status
 from afarcloud.state import Image, Observation, ObservationList, Pose
+from mavlink_broker.config import Config
 from mavlink_broker.dialect import mavlink
 from mavlink_broker.effects import Result
 from mavlink_broker.posts import post_for
@@ -61,6 +62,22 @@ def test_the_report_behind_a_set_is_the_first_that_calls_its_command_finished() 
             finished += 1
             statuses = [c["command_status_id"] for c in following.body["command_report_array"]]
             assert statuses.count(Status.FINISHED) == finished
+
+
+def test_on_request_it_measures_along_the_way_while_it_flies() -> None:
+    counts = []
+    for every_s in (0.0, 2.0):
+        world = flying_world(SLOW, config=Config(observations_every_s=every_s))
+        fly(world)
+        on_the_way = len(world.edge.bodies("/observation/"))
+        world.only_vehicle.armed = False
+        for _ in range(10):
+            air(world)
+        assert len(world.edge.bodies("/observation/")) <= on_the_way + 1
+        counts.append(on_the_way)
+    at_commands, often = counts
+    assert at_commands == 3
+    assert often > at_commands + 3
 
 
 def test_a_result_is_of_the_place_where_its_command_ended() -> None:
