@@ -109,6 +109,7 @@ class LiveAction:
     def order(self) -> int:
         """MAV_CMD that it begins with, where nothing has to be done otherwise."""
         return self.begin[0][-1].command
+
     ends_at: Spot | None = None  # Where the vehicle is afterwards, if that is known before
 
 
