@@ -85,6 +85,9 @@ PARTS: Final[Mapping[str, Callable[[], None]]] = {
     "kill": _kill,
     "contract": _contract,
     "outage": _outage,
+    "broker": _broker,
+    "links": _links,
+    "events": _events,
     "radio": _radio,
 }
 
