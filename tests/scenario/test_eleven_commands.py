@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,6 +14,18 @@ from tests.support.flying_world import FlyingWorld
 pytestmark = pytest.mark.scenario
 
 HOLD_AND_RADIUS_M = 2.0
+
+
+def judge_measurements(world: FlyingWorld, measured: dict[str, Any]) -> None:
+    """Hold a list of observations against the farm's maps at its place."""
+    farm, time_s = world.simulation.farm, world.simulation.farm_time_s
+    place = (measured["latitude"], measured["longitude"], time_s)
+    values = {o["observed_property"]: o["result_value"] for o in measured["observation_array"]}
+    assert values["soil_moisture"] == pytest.approx(100.0 * farm.soil_moisture(*place), abs=5.0)
+    assert values["soil_temperature"] == pytest.approx(farm.soil_temperature(*place), abs=2.6)
+    air = (*place, measured["altitude"])
+    assert values["air_temperature"] == pytest.approx(farm.air_temperature(*air), abs=0.8)
+    assert values["relative_humidity"] == pytest.approx(farm.relative_humidity(*air), abs=6.0)
 
 
 def test_all_eleven_commands_are_flown_and_told(tmp_path: Path) -> None:
@@ -46,6 +59,12 @@ def test_all_eleven_commands_are_flown_and_told(tmp_path: Path) -> None:
             world.ground.north_east_m(poses[index]["latitude"], poses[index]["longitude"]),
         )
         assert away < HOLD_AND_RADIUS_M
+
+    # What was measured is true to the farm, within the instruments' noise
+    observations = world.edge.bodies("/observation/")
+    assert len(observations) >= 11
+    for measured in observations:
+        judge_measurements(world, measured)
 
     # The truth: it went all the way round, took its pictures, and stands at home
     assert {int(bearing // 45) for bearing in bearings} == set(range(8))
