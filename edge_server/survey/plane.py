@@ -73,9 +73,15 @@ class Area:
         """Whether a point lies in the area."""
         return any(low <= point[0] <= high for low, high in self.row(point[1]))
 
-    def is_free(self, start: Point, end: Point) -> bool:
-        """Whether the straight way between two points of the area stays in it."""
+    def is_free(self, start: Point, end: Point, clearance_m: float = 0.0) -> bool:
+        """Whether the straight way between two points of the area stays in it.
+
+        It is not free either if it passes a corner within the clearance.
+        """
         if any(_cross(start, end, *edge) for edge in self.edges):
+            return False
+        corners = (edge[0] for edge in self.edges)
+        if clearance_m and any(_passes(start, end, corner, clearance_m) for corner in corners):
             return False
         return self.holds(((start[0] + end[0]) / 2.0, (start[1] + end[1]) / 2.0))
 
@@ -120,6 +126,18 @@ def _without(intervals: Sequence[Interval], removed: Sequence[Interval]) -> list
 def _cross(a: Point, b: Point, c: Point, d: Point) -> bool:
     """Whether the segments ab and cd cross in their insides."""
     return _side(a, b, c) * _side(a, b, d) < 0.0 and _side(c, d, a) * _side(c, d, b) < 0.0
+
+
+def _passes(start: Point, end: Point, corner: Point, clearance_m: float) -> bool:
+    """Whether a corner lies beside a way, between its ends, within a distance."""
+    length = math.dist(start, end)
+    if length == 0.0:
+        return False
+    along = (corner[0] - start[0]) * (end[0] - start[0]) + (corner[1] - start[1]) * (
+        end[1] - start[1]
+    )
+    beside = abs(_side(start, end, corner)) / length
+    return 0.0 < along < length * length and beside < clearance_m
 
 
 def _side(a: Point, b: Point, c: Point) -> float:

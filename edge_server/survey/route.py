@@ -4,9 +4,13 @@ import heapq
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from edge_server.survey.lines import Line
 from edge_server.survey.plane import Area, Point
+
+ROUNDING_M: Final = 0.005
+"""A way that passes a corner more closely might cut it once a plan has rounded its places."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +90,7 @@ class Navigator:
         Raises:
             NoWayError: if there is none.
         """
-        if self._area.is_free(start, end):
+        if self._area.is_free(start, end, ROUNDING_M):
             return []
         queue: list[tuple[float, float, Point, tuple[Point, ...]]] = [(0.0, 0.0, start, ())]
         done: set[Point] = set()
@@ -109,9 +113,13 @@ class Navigator:
             self._seen[here] = [
                 corner
                 for corner in self._corners
-                if corner != here and self._area.is_free(here, corner)
+                if corner != here and self._area.is_free(here, corner, ROUNDING_M)
             ]
-        return [*self._seen[here], end] if self._area.is_free(here, end) else self._seen[here]
+        return (
+            [*self._seen[here], end]
+            if self._area.is_free(here, end, ROUNDING_M)
+            else self._seen[here]
+        )
 
 
 def route(area: Area, lines: Sequence[tuple[Point, ...]], clearance_m: float) -> list[Stop]:

@@ -9,6 +9,7 @@ from hypothesis import assume, given, settings
 
 from afarcloud.enumerations import CommandType
 from edge_server.survey import lines
+from edge_server.survey.plane import Area
 from edge_server.survey.planner import MARGIN_M, NoSurveyError, Survey, survey
 from edge_server.survey.request import SurveyRequest
 from tests.unit.edge_server.survey.fields import CAMERA, HOME, coverage, fly, place, requests
@@ -174,3 +175,12 @@ def test_what_cannot_be_flown_is_refused_by_field(changes: dict[str, Any], field
     with pytest.raises(NoSurveyError) as caught:
         planned(**changes)
     assert caught.value.field == field
+
+
+def test_a_way_that_only_just_misses_a_corner_is_not_free() -> None:
+    pond = [(40.0, 50.0), (50.0, 60.0), (60.0, 50.0), (50.0, 40.0)]
+    area = Area(outer=[(0.0, 0.0), (100.0, 0.0), (100.0, 100.0), (0.0, 100.0)], holes=[pond])
+    beside = ((30.0, 39.999), (70.0, 39.999))
+    assert area.is_free(*beside)
+    assert not area.is_free(*beside, clearance_m=0.005)
+    assert area.is_free((30.0, 39.99), (70.0, 39.99), clearance_m=0.005)
