@@ -132,7 +132,8 @@ class Flight(FlightProgress):
         if work.event.maximum_speed is not None:
             self._stages.set_speed(work.event.maximum_speed)
             if self.state in _IN_FLIGHT:
-                self._speeds.give(work, work.event.maximum_speed, now, effects)
+                is_live = self.state is State.PERFORMING
+                self._speeds.give(work, work.event.maximum_speed, now, effects, is_live=is_live)
             else:
                 effects.for_edge.append(Acknowledgement(work.work_id, "done"))
         elif work.event.event_type_id is EventType.ABORT_MISSION:

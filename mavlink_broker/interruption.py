@@ -61,9 +61,17 @@ class SpeedOrders:
 
     vehicle: Vehicle
     _running: tuple[EventWork, CommandSequence] | None = field(default=None)
+    _may_refuse: bool = False
 
-    def give(self, work: EventWork, speed_m_s: float, now: float, effects: Effects) -> None:
-        """Tell the vehicle."""
+    def give(
+        self, work: EventWork, speed_m_s: float, now: float, effects: Effects, *, is_live: bool
+    ) -> None:
+        """Tell the vehicle.
+
+        One that flies a live command may refuse: an orbit has its own speed, and everything behind
+        it is flown at the new one anyway.
+        """
+        self._may_refuse = is_live
         if self._running is not None:
             reason = "a later event gives another speed"
             effects.for_edge.append(Acknowledgement(self._running[0].work_id, "refused", reason))
@@ -93,6 +101,9 @@ class SpeedOrders:
         match sequence.outcome:
             case Accepted():
                 effects.for_edge.append(Acknowledgement(work.work_id, "done"))
+            case Refused(reason) if self._may_refuse:
+                later = f"from the next command on: {reason}"
+                effects.for_edge.append(Acknowledgement(work.work_id, "done", later))
             case Refused(reason):
                 effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
             case _:

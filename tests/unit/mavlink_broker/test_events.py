@@ -134,6 +134,20 @@ class TestInFlight:
         assert told == [2.5 if command < 4 else 4.0]
 
 
+def test_a_speed_that_a_circle_does_not_take_holds_from_the_next_command_on() -> None:
+    refusing = {mavlink.MAV_CMD_DO_CHANGE_SPEED: mavlink.MAV_RESULT_DENIED}
+    world = world_at(2, dataclasses.replace(OWN, results=refusing))
+    event = world.edge.event(SPEED, maximum_speed=2.5)
+    world.run(2.0)
+    answer = world.edge.acknowledgements(event)[-1]
+    assert answer["status"] == "done"
+    assert answer["message"].startswith("from the next command on: ")
+    world.run_until_over(1201)
+    vehicle = world.only_vehicle
+    told = [i.param2 for i in vehicle.items if i.command == mavlink.MAV_CMD_DO_CHANGE_SPEED]
+    assert told == [2.5]
+
+
 class TestAnIdleVehicle:
     @pytest.mark.parametrize("kind", [ABORT, SOFT_ABORT])
     def test_has_nothing_to_abort(self, kind: int) -> None:
