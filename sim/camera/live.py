@@ -49,10 +49,11 @@ class Screen:
             self._jpeg, self._number = jpeg, self._number + 1
             self._changed.notify_all()
 
-    def enter(self) -> None:
-        """Begin to look."""
+    def enter(self) -> int:
+        """Begin to look; gives the number of the newest frame."""
         with self._changed:
             self._viewers += 1
+            return self._number
 
     def leave(self) -> None:
         """Look no more."""
@@ -66,11 +67,6 @@ class Screen:
                 return None
             return self._number, self._jpeg
 
-    @property
-    def number(self) -> int:
-        """Of the newest frame."""
-        return self._number
-
 
 class _Handler(BaseHTTPRequestHandler):
     screen: Screen
@@ -82,28 +78,28 @@ class _Handler(BaseHTTPRequestHandler):
             self.send_error(HTTPStatus.NOT_FOUND)
             return
         self.close_connection = True
-        self.screen.enter()
+        seen = self.screen.enter()
         try:
             if self.path == "/stream":
-                self._stream()
+                self._stream(seen)
             else:
-                self._snapshot()
+                self._snapshot(seen)
         except ConnectionError:
             return  # The viewer has gone
         finally:
             self.screen.leave()
 
-    def _snapshot(self) -> None:
-        frame = self.screen.next(self.screen.number)
+    def _snapshot(self, seen: int) -> None:
+        frame = self.screen.next(seen)
         if frame is None:
             self.send_error(HTTPStatus.SERVICE_UNAVAILABLE)
             return
         self._begin("image/jpeg", len(frame[1]))
         self.wfile.write(frame[1])
 
-    def _stream(self) -> None:
+    def _stream(self, seen: int) -> None:
         self._begin(f"multipart/x-mixed-replace; boundary={_BOUNDARY}")
-        frame = self.screen.next(self.screen.number)
+        frame = self.screen.next(seen)
         while frame is not None:
             number, jpeg = frame
             head = (
