@@ -94,7 +94,7 @@ cloud: $(RUNTIME) ## run the mock cloud alone
 .PHONY: test
 test: $(DEV) ## run all tests
 	@.ci/servers
-	$(RUN) -m pytest -n 2 --dist worksteal
+	$(RUN) -m pytest -n 3 --dist worksteal
 
 .PHONY: golden
 golden: $(DEV) ## write the golden records anew; read the difference before you commit it
