@@ -111,7 +111,8 @@ def test_a_dead_relays_streams_are_taken_at_the_next_look(engine: Engine, relay:
     assert look(second).news == set()
     session = first._session.execute(text("SELECT pg_backend_pid()")).scalar_one()
     with engine.connect() as connection:
-        connection.execute(text("SELECT pg_terminate_backend(:session)"), {"session": session})
+        ended = text("SELECT pg_terminate_backend(:session, 30000)")  # Waits until it is gone
+        assert connection.execute(ended, {"session": session}).scalar_one()
     assert look(second).news == set(POSES)
 
 
