@@ -10,17 +10,18 @@ import os
 import termios
 from typing import Final
 
-from mavlink_broker.address import Address, LinkUrl
+from mavlink_broker.address import LinkUrl
 from mavlink_broker.links.link import Arrival, LinkError, Retry
+from mavlink_broker.links.one_peer import OnePeerLink
 from mavlink_broker.links.pace import Pace
-from mavlink_broker.links.stream import QUEUE_BYTES, Stream, StreamEndedError
+from mavlink_broker.links.stream import QUEUE_BYTES, Stream
 
 LOOK_AGAIN_S: Final = 1.0
 _CHARACTERS: Final = 6
 """Place in what tcgetattr gives; before them the four modes, input and output speed."""
 
 
-class SerialLink:
+class SerialLink(OnePeerLink):
     """Implements `mavlink_broker.links.link.Link` on a device."""
 
     def __init__(self, url: LinkUrl, number: int) -> None:
@@ -31,21 +32,8 @@ class SerialLink:
         """
         if not hasattr(termios, f"B{url.port}"):
             raise LinkError(f"{url}: {url.port} baud is no speed of a serial line")
-        self.url = url
-        self._address = Address(url.host, url.port, number)
-        self._retry = Retry(url, LOOK_AGAIN_S)
+        super().__init__(url, number, Retry(url, LOOK_AGAIN_S))
         self._pace = Pace(url.port)
-        self._stream: Stream | None = None
-        self._dropped = 0
-
-    @property
-    def dropped(self) -> int:
-        """Frames that the line did not take in time."""
-        return self._dropped + (self._stream.dropped if self._stream else 0)
-
-    def readers(self) -> list[int]:
-        """The open device."""
-        return [self._stream.descriptor] if self._stream else []
 
     def writers(self) -> list[int]:
         """The open device while something waits for it."""
@@ -59,43 +47,17 @@ class SerialLink:
         """Write slower while the radio's buffer is full."""
         self._pace.report(free_percent)
 
-    def greeted(self) -> list[Address]:
-        """Whoever is at the other end."""
-        return [self._address] if self._stream else []
-
     def step(self, ready: frozenset[int], now: float) -> list[Arrival]:
         """Open the device when it is time, else read and write."""
         if self._stream is None:
             if now >= self._retry.at:
                 self._open(now)
             return []
-        try:
-            self._stream.flush()
-            is_readable = self._stream.descriptor in ready
-            frames = self._stream.read(now, is_readable=is_readable)
-        except StreamEndedError as error:
-            self._lose(str(error), now)
-            return []
-        if frames:
-            self._retry.proven()
-        return [(self._address, frame) for frame in frames]
+        return self._exchange(self._stream, ready, now)
 
-    def send(self, address: Address, frame: bytes) -> None:
-        """Send a frame, now or when the line has room."""
-        del address
-        if self._stream is None:
-            return
-        try:
-            self._stream.send(frame)
-        except StreamEndedError:
-            return  # The next step reads the same, and closes the device
-
-    def close(self) -> None:
-        """Close the device."""
+    def _release(self) -> None:
         if self._stream is not None:
-            self._dropped += self._stream.dropped
             os.close(self._stream.descriptor)
-            self._stream = None
 
     def _open(self, now: float) -> None:
         try:
@@ -105,10 +67,6 @@ class SerialLink:
             return
         self._stream = Stream(descriptor, QUEUE_BYTES, self._pace)
         self._retry.opened()
-
-    def _lose(self, reason: str, now: float) -> None:
-        self.close()
-        self._retry.failed(now, reason)
 
 
 def _take_for_us(descriptor: int) -> None:

@@ -14,6 +14,7 @@ from typing import Final
 from mavlink_broker.address import Address, LinkUrl
 from mavlink_broker.links.link import Arrival, Retry
 from mavlink_broker.links.names import HostName
+from mavlink_broker.links.one_peer import OnePeerLink
 from mavlink_broker.links.stream import Stream, StreamEndedError
 from mavlink_broker.links.udp import bind
 
@@ -27,27 +28,14 @@ _UNDER_WAY: Final = frozenset({0, errno.EINPROGRESS, errno.EWOULDBLOCK, errno.EI
 _LOG = logging.getLogger(__name__)
 
 
-class TcpClient:
+class TcpClient(OnePeerLink):
     """Implements `mavlink_broker.links.link.Link` with a connection of our own."""
 
     def __init__(self, url: LinkUrl, number: int, on_found: Callable[[], None]) -> None:
-        self.url = url
+        super().__init__(url, number, Retry(url))
         self._host = HostName(url.host, on_found)
-        self._address = Address(url.host, url.port, number)
-        self._retry = Retry(url)
         self._socket: socket.socket | None = None
-        self._stream: Stream | None = None
         self._give_up_at = 0.0
-        self._dropped = 0
-
-    @property
-    def dropped(self) -> int:
-        """Frames that the other side did not take in time."""
-        return self._dropped + (self._stream.dropped if self._stream else 0)
-
-    def readers(self) -> list[int]:
-        """The open connection."""
-        return [self._stream.descriptor] if self._stream else []
 
     def writers(self) -> list[int]:
         """A connection that is being made, or to which something waits to be sent."""
@@ -64,10 +52,6 @@ class TcpClient:
     def radio(self, free_percent: int) -> None:
         """Networks keep a pace of their own."""
 
-    def greeted(self) -> list[Address]:
-        """Whoever is at the other end."""
-        return [self._address] if self._stream else []
-
     def step(self, ready: frozenset[int], now: float) -> list[Arrival]:
         """Connect when it is time, else read and write."""
         if self._socket is None:
@@ -75,35 +59,14 @@ class TcpClient:
                 self._connect(now)
             return []
         if self._stream is None:
-            self._watch_connecting(ready, now)
+            self._watch_connecting(self._socket, ready, now)
             return []
-        try:
-            self._stream.flush()
-            frames = self._stream.read(now, is_readable=self._stream.descriptor in ready)
-        except StreamEndedError as error:
-            self._lose(str(error), now)
-            return []
-        if frames:
-            self._retry.proven()
-        return [(self._address, frame) for frame in frames]
+        return self._exchange(self._stream, ready, now)
 
-    def send(self, address: Address, frame: bytes) -> None:
-        """Send a frame, now or when there is room."""
-        del address
-        if self._stream is None:
-            return
-        try:
-            self._stream.send(frame)
-        except StreamEndedError:
-            return  # The next step reads the same, and closes the connection
-
-    def close(self) -> None:
-        """End the connection."""
-        if self._stream is not None:
-            self._dropped += self._stream.dropped
+    def _release(self) -> None:
         if self._socket is not None:
             self._socket.close()
-        self._socket = self._stream = None
+        self._socket = None
 
     def _connect(self, now: float) -> None:
         host = self._host.numeric(now)
@@ -118,21 +81,18 @@ class TcpClient:
         if result not in _UNDER_WAY:
             self._lose(os.strerror(result), now)
 
-    def _watch_connecting(self, ready: frozenset[int], now: float) -> None:
-        assert self._socket is not None  # noqa: S101  # as its only caller has seen
-        if self._socket.fileno() in ready:
-            result = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+    def _watch_connecting(
+        self, connection: socket.socket, ready: frozenset[int], now: float
+    ) -> None:
+        if connection.fileno() in ready:
+            result = connection.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
             if result:
                 self._lose(os.strerror(result), now)
                 return
-            self._stream = Stream(self._socket.fileno(), QUEUE_BYTES)
+            self._stream = Stream(connection.fileno(), QUEUE_BYTES)
             self._retry.opened()
         elif now >= self._give_up_at:
             self._lose("no answer", now)
-
-    def _lose(self, reason: str, now: float) -> None:
-        self.close()
-        self._retry.failed(now, reason)
 
 
 class TcpListener:
