@@ -29,15 +29,15 @@ class FrameFiles:
         Raises:
             OSError: if the disk refuses; the file then ends as before.
         """
-        if self._descriptor is None or self._size >= self._file_bytes:
-            self._begin(time)
-        assert self._descriptor is not None  # noqa: S101  # as it has just been begun
+        descriptor = self._descriptor
+        if descriptor is None or self._size >= self._file_bytes:
+            descriptor = self._begin(time)
         written = 0
         try:
             while written < len(records):
-                written += os.write(self._descriptor, records[written:])
+                written += os.write(descriptor, records[written:])
         except OSError:
-            self._cut_back()
+            self._cut_back(descriptor)
             raise
         self._size += written
 
@@ -47,7 +47,7 @@ class FrameFiles:
             os.close(self._descriptor)
         self._descriptor = None
 
-    def _begin(self, time: datetime) -> None:
+    def _begin(self, time: datetime) -> int:
         self.close()
         self._folder.mkdir(parents=True, exist_ok=True)
         self._prune()
@@ -55,9 +55,9 @@ class FrameFiles:
         for number in range(1, 1000):
             name = time.strftime(_NAME) + (f"_{number}" if number > 1 else "") + SUFFIX
             with suppress(FileExistsError):
-                self._descriptor = os.open(self._folder / name, flags, 0o644)
+                self._descriptor = descriptor = os.open(self._folder / name, flags, 0o644)
                 self._size = 0
-                return
+                return descriptor
         raise FileExistsError(f"{self._folder} has a thousand files of one second")
 
     def _prune(self) -> None:
@@ -67,11 +67,10 @@ class FrameFiles:
             with suppress(FileNotFoundError):
                 path.unlink()
 
-    def _cut_back(self) -> None:
+    def _cut_back(self, descriptor: int) -> None:
         """End at the last whole record; a file that cannot be cut is left for a new one."""
-        assert self._descriptor is not None  # noqa: S101  # as its only caller has written to it
         try:
-            os.ftruncate(self._descriptor, self._size)
+            os.ftruncate(descriptor, self._size)
         except OSError as error:
             _LOG.warning("a frame log ends in half a record: %s", error.strerror)
             self.close()

@@ -81,7 +81,7 @@ class Crew:
                 replies = self._uplink.send(shipment.parcels)
                 self._answers.put(Answered(shipment, [judge(reply) for reply in replies]))
                 self.ring()
-        except Exception:
+        except Exception:  # Whatever it was, the relay has to end: `answers` raises for it
             LOG.exception("a thread that talks to the cloud has failed")
             self._one_left.set()
             self.ring()
