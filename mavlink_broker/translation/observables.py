@@ -17,6 +17,8 @@ DEGREE, HECTOPASCAL, ONE = "deg", "hPa", "1"
 HUMIDITY: Final = "relative_humidity"
 STILL_AIR_M_S: Final = 0.1
 """Wind below it comes from nowhere."""
+_SIGNIFICANT: Final = 2.0
+"""Times its accuracy, where a vehicle tells one, a wind must blow to be told."""
 _NOT_IN_NAMES: Final = re.compile(r"[^A-Za-z0-9_.-]")
 
 
@@ -88,6 +90,8 @@ def _named(message: Message) -> _Values:
 def _wind_cov(message: Message) -> _Values:
     """WIND_COV(231): where the air moves to, north and east, m/s."""
     speed_m_s = math.hypot(message.wind_x, message.wind_y)
+    if message.horiz_accuracy > 0.0 and speed_m_s <= _SIGNIFICANT * message.horiz_accuracy:
+        speed_m_s = math.nan  # As good as none
     yield from _wind(speed_m_s, math.degrees(math.atan2(-message.wind_y, -message.wind_x)))
 
 
@@ -98,7 +102,7 @@ def _ardupilot_wind(message: Message) -> _Values:
 
 def _wind(speed_m_s: float, from_deg: float) -> _Values:
     yield "wind", WIND_SPEED, speed_m_s
-    if not speed_m_s < STILL_AIR_M_S:
+    if speed_m_s >= STILL_AIR_M_S:
         yield "wind", WIND_DIRECTION, from_deg % 360.0
 
 

@@ -29,8 +29,8 @@ def hygrometer(temperature_deg: float = 21.5, humidity: float = 48.25, number: i
     )
 
 
-def wind_cov(north_m_s: float, east_m_s: float) -> Message:
-    return mavlink.MAVLink_wind_cov_message(0, north_m_s, east_m_s, 0, 0, 0, 0, 0, 0)
+def wind_cov(north_m_s: float, east_m_s: float, accuracy_m_s: float = 0.0) -> Message:
+    return mavlink.MAVLink_wind_cov_message(0, north_m_s, east_m_s, 0, 0, 0, 0, accuracy_m_s, 0)
 
 
 def at(time_s: float, latitude_deg: float = 40.0) -> Snapshot:
@@ -119,6 +119,15 @@ def test_wind_is_told_by_where_it_comes_from(
     speed_m_s, told_deg = sensors.wind()
     assert speed_m_s == pytest.approx(3.0)
     assert told_deg == pytest.approx(from_deg)
+
+
+@pytest.mark.parametrize(("wind_m_s", "is_told"), [(2.9, False), (6.9, False), (7.1, True)])
+def test_a_wind_that_the_vehicle_can_hardly_tell_from_calm_is_not_told(
+    wind_m_s: float, is_told: bool
+) -> None:
+    sensors = Sensors()
+    sensors.hear(wind_cov(wind_m_s, 0.0, accuracy_m_s=3.5))
+    assert ("wind_speed" in sensors.values()) == is_told
 
 
 def test_still_air_comes_from_nowhere() -> None:

@@ -102,7 +102,7 @@ def attitude_target(context: Context) -> Message | None:
 
 
 def wind_cov(context: Context) -> Message | None:
-    """WIND_COV: the wind that the tilt tells of; its variances are not known."""
+    """WIND_COV: the wind that the tilt tells of; and how well it can."""
     wind, local = context.topics.wind.value, context.topics.local_position.value
     if wind is None:
         return None
@@ -112,9 +112,9 @@ def wind_cov(context: Context) -> Message | None:
         wind_x=north,
         wind_y=east,
         wind_z=0.0,
-        var_horiz=NAN,
+        var_horiz=wind.accuracy_m_s**2,
         var_vert=NAN,
         wind_alt=NAN if local is None else local.origin_altitude_amsl_m - local.position_ned[2],
-        horiz_accuracy=NAN,
+        horiz_accuracy=wind.accuracy_m_s,
         vert_accuracy=NAN,
     )
