@@ -29,6 +29,7 @@ from mavlink_broker.session_states import State
 from mavlink_broker.translation.alarms import AlarmWatch, Failure
 from mavlink_broker.translation.families import MOST_ABLE
 from mavlink_broker.translation.mission import Home, RefusedError, translate
+from mavlink_broker.vector_pace import VectorPace
 from mavlink_broker.vehicle import Vehicle
 from mavlink_broker.work import EventWork, MissionWork, StateVectorWork
 
@@ -68,7 +69,7 @@ class Session:
     ) -> None:
         self.vehicle = vehicle
         self._new_session_id = new_session_id
-        self._state_vector_every_s = state_vector_every_s
+        self._vector_pace = VectorPace(state_vector_every_s)
         self._observations_every_s = observations_every_s  # 0: with finished commands alone
         self._battery_capacity_ah = battery_capacity_ah
         self._reporter = Reporter(vehicle, new_session_id())
@@ -86,7 +87,6 @@ class Session:
         self._was_lost = True
         self._lost_since: float | None = None
         self._homeless_since: float | None = None
-        self._state_vector_at = 0.0
         self._observed_at = 0.0
         self._updated_at: float | None = None
         self._last_update: tuple[Any, ...] = ()
@@ -244,7 +244,8 @@ class Session:
         self._step_pictures(now, effects)
         self._close_flight()
         connected = self.vehicle.link_state(now) is LinkState.CONNECTED
-        if connected and now - self._state_vector_at >= self._state_vector_every_s:
+        position_age_s = self.vehicle.age_s("GLOBAL_POSITION_INT", now)
+        if connected and self._vector_pace.is_due(now, position_age_s):
             self._post_state_vector(now, effects)
         if connected and self.vehicle.snapshot.armed:
             self._observe_on_the_way(now, effects)
@@ -354,7 +355,7 @@ class Session:
         if vector is None or {"position", "attitude"} & {*registry.stale(self.vehicle, now)}:
             return False
         effects.for_edge.append(vector)
-        self._state_vector_at = now
+        self._vector_pace.told(now)
         return True
 
     def _update(self, now: float, effects: Effects) -> None:

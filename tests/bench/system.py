@@ -1,5 +1,6 @@
 """Latencies, processor share and memory of the running system."""
 
+import struct
 import time
 from collections.abc import Iterator
 from datetime import datetime
@@ -8,7 +9,7 @@ from typing import Any
 
 from tests.bench.process import cpu_seconds, resident_mb
 from tests.bench.results import Result, at_least, at_most, percentile
-from tests.bench.wiretap import MISSION_ACK, Wiretap
+from tests.bench.wiretap import MISSION_ACK, POSITION, Wiretap
 from tests.support.system import FarmSystem, free_ports, wait_for
 
 PLANS = 20
@@ -44,7 +45,7 @@ def measure(state_dir: Path) -> Iterator[Result]:
             system.start("vehicle-1").wait_until_connected()
             yield from _upload_latency(system, tap)
             yield from _idle_share(system)
-            yield from _telemetry_latency(system)
+            yield from _telemetry_latency(system, tap)
             for name, bar in MEMORY_BARS_MB.items():
                 used = resident_mb(system.process_id(name))
                 yield at_most(f"resident memory of {name}", used, "MB", bar, [used])
@@ -84,14 +85,26 @@ def _idle_share(system: FarmSystem) -> Iterator[Result]:
         yield at_most(f"share of one core at SPEED=1, {name}", share, "%", bar, [share])
 
 
-def _telemetry_latency(system: FarmSystem) -> Iterator[Result]:
-    latencies = [
-        record["received_at"] - datetime.fromisoformat(record["body"]["recorded_at"]).timestamp()
-        for record in system.cloud("/state_vector")
-    ]
+def _telemetry_latency(system: FarmSystem, tap: Wiretap) -> Iterator[Result]:
+    """From the moment in which a position leaves the vehicle until the cloud has its vector."""
+    told = [(moment, place_of(body)) for moment, number, body in tap.passed if number == POSITION]
+    latencies = []
+    for record in system.cloud("/state_vector"):
+        vector = record["body"]
+        made_at = datetime.fromisoformat(vector["recorded_at"]).timestamp()
+        place = (vector["latitude"], vector["longitude"], vector["altitude"])
+        left_at = max(moment for moment, known in told if moment <= made_at and known == place)
+        latencies.append(record["received_at"] - left_at)
     for percent, bar in ((50, 50.0), (99, 250.0)):
         value = percentile(latencies, percent) * 1e3
-        name = f"state vector from broker to cloud, p{percent}"
+        name = f"state vector from vehicle to cloud, p{percent}"
         yield at_most(name, value, "ms", bar, [latency * 1e3 for latency in latencies])
     rate = len(latencies)
     yield at_least("state vectors that reached the cloud", rate, "records", 1, [rate])
+
+
+def place_of(global_position: bytes) -> tuple[float, float, float]:
+    """Read latitude and longitude [deg] and height above home [m] of GLOBAL_POSITION_INT."""
+    whole = global_position.ljust(28, b"\0")  # MAVLink 2 cuts trailing zeros off
+    _, latitude_e7, longitude_e7, _, relative_mm = struct.unpack_from("<Iiiii", whole)
+    return latitude_e7 / 1e7, longitude_e7 / 1e7, relative_mm / 1e3

@@ -13,6 +13,9 @@ from typing import Self
 MAVLINK_2 = 0xFD
 HEADER_BYTES = 10
 MISSION_ACK = 47
+POSITION = 33
+"""GLOBAL_POSITION_INT."""
+
 SIGNED_FLAG = 1
 
 
