@@ -139,10 +139,7 @@ class Flight(FlightProgress):
         elif work.event.event_type_id is EventType.ABORT_MISSION:
             self._abort_now(work, now, effects)
         else:
-            command = self.ledger.finished if self.state in _IN_FLIGHT else None
-            patience = self._vehicle_time_s(now) + PATIENCE_S
-            self._soft_abort = SoftAbort(work, command, patience)
-            self._abort_softly(self._soft_abort, now, effects)
+            self._abort_soon(work, now, effects)
 
     def alarm(self, reason: str, now: float, effects: Effects) -> None:
         """Fail a mission that flies; the vehicle comes home, or lands if it cannot."""
@@ -150,9 +147,7 @@ class Flight(FlightProgress):
             return
         self.ledger.fail(reason)
         effects.for_edge.append(self._reporter.mission(self.ledger))
-        if self._soft_abort is not None:
-            work_id, self._soft_abort = self._soft_abort.work.work_id, None
-            effects.for_edge.append(Acknowledgement(work_id, "done"))
+        self._give_up_soft_abort(effects)
         if self._vehicle.mode_role in _COMES_DOWN_BY_ITSELF:
             self._follower = self._performer = None
             self._move(Event.ENDED, now, effects)
@@ -169,6 +164,23 @@ class Flight(FlightProgress):
         self._move(Event.ABORTED, now, effects)
         effects.messages += self._ending.start(now)
 
+    def _abort_soon(self, work: EventWork, now: float, effects: Effects) -> None:
+        """Wait for the running command; another soft abort says where to go, not for how long."""
+        before = self._soft_abort
+        self._give_up_soft_abort(effects)
+        command = self.ledger.finished if self.state in _IN_FLIGHT else None
+        deadline_s = self._vehicle_time_s(now) + PATIENCE_S
+        if before is not None:
+            command, deadline_s = before.command, before.deadline_s
+        self._soft_abort = SoftAbort(work, command, deadline_s)
+        self._abort_softly(self._soft_abort, now, effects)
+
+    def _give_up_soft_abort(self, effects: Effects) -> None:
+        """Take one that waits as done: what replaces it ends the mission in its stead."""
+        if self._soft_abort is not None:
+            work_id, self._soft_abort = self._soft_abort.work.work_id, None
+            effects.for_edge.append(Acknowledgement(work_id, "done"))
+
     def _abort_softly(self, abort: SoftAbort, now: float, effects: Effects) -> None:
         statuses = self.ledger.commands
         ended = abort.command is not None and statuses[abort.command].is_terminal
@@ -176,11 +188,12 @@ class Flight(FlightProgress):
             self._soft_abort = None
             effects.for_edge.append(Acknowledgement(abort.work.work_id, "done"))
         elif abort.is_due(command_ended=ended, now_s=self._vehicle_time_s(now)):
+            self._soft_abort = None
             self._abort_now(abort.work, now, effects)
 
     def _abort_now(self, work: EventWork, now: float, effects: Effects) -> None:
         """End the mission; a vehicle that is armed is told where to go."""
-        self._soft_abort = None
+        self._give_up_soft_abort(effects)
         if self.state is State.UPLOADING:
             effects.messages.append(activities.cancellation(self._vehicle))
         if not self.ledger.status.is_terminal:
@@ -226,7 +239,8 @@ class Flight(FlightProgress):
             self._activity = None
 
     def _ends_here(self, now: float, effects: Effects) -> bool:
-        if self._soft_abort is None:
+        abort, self._soft_abort = self._soft_abort, None
+        if abort is None:
             return False
-        self._abort_now(self._soft_abort.work, now, effects)
+        self._abort_now(abort.work, now, effects)
         return True

@@ -249,6 +249,16 @@ class TestAnAbort:
         assert vehicle.custom_mode == PX4_LAND
         assert said(world, soft)[-1] == said(world, hard)[-1] == "done"
 
+    def test_ends_a_soft_one_that_still_waits(self) -> None:
+        world = world_at(1)
+        soft = world.edge.event(SOFT_ABORT)
+        world.run(0.5)
+        assert said(world, soft) == ["accepted"]
+        hard = world.edge.event(ABORT)
+        world.run(1.0)
+        assert world.only_vehicle.custom_mode == PX4_LAND
+        assert said(world, soft) == said(world, hard) == ["accepted", "done"]
+
     def test_lets_the_next_mission_begin_after_the_landing(self) -> None:
         world = world_at(1)
         world.edge.event(ABORT)
@@ -266,6 +276,20 @@ class TestAnAbort:
         world.edge.event(kind)
         world.run_until(lambda: vehicle.custom_mode == mode, within_s=30.0)
         world.run_until(lambda: not vehicle.armed)
+
+
+def test_a_second_soft_abort_says_where_to_go_but_not_for_how_long() -> None:
+    world = world_at(3)
+    first = world.edge.event(SOFT_ABORT)
+    world.run(20.0)
+    second = world.edge.event(SOFT_ABORT, abort=POINT)
+    world.run(1.0)
+    assert said(world, first) == ["accepted", "done"]
+    world.run(10.0)
+    assert world.edge.status(1201) == Status.ABORTED
+    world.run_until(is_idle(world))
+    assert said(world, second) == ["accepted", "done"]
+    assert world.only_vehicle.place == pytest.approx((POINT["latitude"], POINT["longitude"]))
 
 
 def test_a_restarted_broker_knows_a_mission_whose_speed_an_event_has_changed() -> None:
