@@ -27,6 +27,7 @@ from mavlink_broker.command_line.program import (
     begin_log,
     connected,
     open_link,
+    terminal_parser,
 )
 from mavlink_broker.command_line.progress_page import JsonPage, ProgressPage
 from mavlink_broker.config import Config
@@ -229,14 +230,12 @@ def _refuse_unknown(missions: Sequence[Mission], settings: Config) -> None:
 def _options(
     arguments: Sequence[str], environment: Mapping[str, str]
 ) -> tuple[Config, argparse.Namespace]:
-    parser = config.settings_parser(
+    parser = terminal_parser(
         environment,
-        prog="mavlink_broker fly",
+        word="fly",
         description="Fly a plan without an edge server: 0 if every mission was finished, else 1.",
     )
-    parser.set_defaults(log_level=environment.get("LOG_LEVEL") or "WARNING")
     parser.add_argument("plan", help="a plan as JSON, or - for the standard input")
-    parser.add_argument("--connect", metavar="URL", help="the vehicles' link: udp://0.0.0.0:14540")
     parser.add_argument("--mission-id", type=int, help="only this mission of the plan")
     parser.add_argument("--vehicle-id", type=int, help="only the mission of this vehicle")
     parser.add_argument(
@@ -252,7 +251,6 @@ def _options(
         help="what the first Ctrl-C does: leave the vehicles flying, land them, send them home",
     )
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="where pictures are saved")
-    parser.add_argument("--json", action="store_true", help="every report as a line of JSON")
     options = parser.parse_args(arguments)
     if not 0 < options.wait <= 3600:
         parser.error("--wait must be above 0, at most 3600")

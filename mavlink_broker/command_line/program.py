@@ -4,14 +4,17 @@ UsageError      what was asked for cannot be begun; one sentence, and the exit s
   +- BusyError  another program has the link
 """
 
+import argparse
 import logging
 import signal
 import time
+from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 from types import FrameType
 from typing import Final
 
+from mavlink_broker import config
 from mavlink_broker.address import LinkUrl, LinkUrlError
 from mavlink_broker.config import Config
 from mavlink_broker.links.hub import Hub, open_links
@@ -89,6 +92,19 @@ def open_link(settings: Config) -> Hub:
         raise BusyError(str(error)) from error
     except LinkError as error:
         raise UsageError(str(error)) from error
+
+
+def terminal_parser(
+    environment: Mapping[str, str], *, word: str, description: str
+) -> argparse.ArgumentParser:
+    """Begin the options of a word that needs no edge server: settings, `--connect`, `--json`."""
+    parser = config.settings_parser(
+        environment, prog=f"mavlink_broker {word}", description=description
+    )
+    parser.set_defaults(log_level=environment.get("LOG_LEVEL") or "WARNING")
+    parser.add_argument("--connect", metavar="URL", help="the vehicles' link: udp://0.0.0.0:14540")
+    parser.add_argument("--json", action="store_true", help="as lines of JSON")
+    return parser
 
 
 def connected(settings: Config, url: str | None) -> Config:

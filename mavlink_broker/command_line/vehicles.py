@@ -28,6 +28,7 @@ from mavlink_broker.command_line.program import (
     begin_log,
     connected,
     open_link,
+    terminal_parser,
 )
 from mavlink_broker.command_line.roster import page, row
 from mavlink_broker.config import Config
@@ -100,17 +101,14 @@ def _ignore(kind: str, body: dict[str, Any]) -> None:
 def _options(
     arguments: Sequence[str], environment: Mapping[str, str]
 ) -> tuple[Config, argparse.Namespace]:
-    parser = config.settings_parser(
+    parser = terminal_parser(
         environment,
-        prog="mavlink_broker vehicles",
+        word="vehicles",
         description="List the vehicles that are heard on the link.",
     )
-    parser.set_defaults(log_level=environment.get("LOG_LEVEL") or "WARNING")
-    parser.add_argument("--connect", metavar="URL", help="the link: udp://0.0.0.0:14540")
     parser.add_argument(
         "--seconds", type=float, default=LISTEN_S, help="how long to listen: %(default)s"
     )
-    parser.add_argument("--json", action="store_true", help="as JSON")
     options = parser.parse_args(arguments)
     if not 0 < options.seconds <= 3600:
         parser.error("--seconds must be above 0, at most 3600")

@@ -7,7 +7,7 @@ above home, as MAVLink's `relative_alt`; speed is the length of the whole veloci
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypedDict
 
 from afarcloud.state import Battery, Pose, StateVector
 from mavlink_broker.dialect import Message, mavlink
@@ -34,6 +34,17 @@ class Attitude(NamedTuple):
     yaw_deg: float  # [0, 360) clockwise from north
     pitch_deg: float
     roll_deg: float  # [-180, 180)
+
+
+class _Lies(TypedDict):
+    """What poses and state vectors have in common."""
+
+    latitude: float
+    longitude: float
+    altitude: float
+    yaw: float
+    pitch: float
+    roll: float
 
 
 class MissionNow(NamedTuple):
@@ -173,15 +184,19 @@ def pose(snapshot: Snapshot, *, vehicle_id: int, sequence_number: int) -> Pose |
     """Pose of the vehicle now; None while position or attitude is unknown."""
     if snapshot.position is None or snapshot.attitude is None:
         return None
-    return Pose(
-        sequence_number=sequence_number,
-        vehicle_id=vehicle_id,
-        latitude=snapshot.position.latitude_deg,
-        longitude=snapshot.position.longitude_deg,
-        altitude=snapshot.position.altitude_m,
-        yaw=snapshot.attitude.yaw_deg,
-        pitch=snapshot.attitude.pitch_deg,
-        roll=snapshot.attitude.roll_deg,
+    lies = _lies(snapshot.position, snapshot.attitude)
+    return Pose(sequence_number=sequence_number, vehicle_id=vehicle_id, **lies)
+
+
+def _lies(position: Position, attitude: Attitude) -> _Lies:
+    """Where a vehicle is, and how it lies there, under AFarCloud's names."""
+    return _Lies(
+        latitude=position.latitude_deg,
+        longitude=position.longitude_deg,
+        altitude=position.altitude_m,
+        yaw=attitude.yaw_deg,
+        pitch=attitude.pitch_deg,
+        roll=attitude.roll_deg,
     )
 
 
@@ -206,12 +221,7 @@ def state_vector(
     return StateVector(
         sequence_number=sequence_number,
         vehicle_id=vehicle_id,
-        latitude=snapshot.position.latitude_deg,
-        longitude=snapshot.position.longitude_deg,
-        altitude=snapshot.position.altitude_m,
-        yaw=snapshot.attitude.yaw_deg,
-        pitch=snapshot.attitude.pitch_deg,
-        roll=snapshot.attitude.roll_deg,
+        **_lies(snapshot.position, snapshot.attitude),
         battery_capacity=snapshot.battery_capacity_ah,
         battery_percentage=snapshot.battery_fraction,
         linear_speed=min(snapshot.position.speed_m_s, _MAXIMUM_SPEED_M_S),
