@@ -24,7 +24,9 @@ from sim.camera.render import render
 
 QUALITY: Final = 70
 PATIENCE_S: Final = 10.0
-"""A viewer whom no frame reaches for so long is let go."""
+"""A viewer whom no frame reaches, or who takes none, for so long is let go."""
+VIEWERS_MAX: Final = 16
+"""How many may look at once."""
 _NICENESS: Final = 5
 _BOUNDARY: Final = "frame"
 
@@ -49,9 +51,11 @@ class Screen:
             self._jpeg, self._number = jpeg, self._number + 1
             self._changed.notify_all()
 
-    def enter(self) -> int:
-        """Begin to look; gives the number of the newest frame."""
+    def enter(self) -> int | None:
+        """Begin to look; gives the number of the newest frame, None where too many look."""
         with self._changed:
+            if self._viewers >= VIEWERS_MAX:
+                return None
             self._viewers += 1
             return self._number
 
@@ -60,16 +64,17 @@ class Screen:
         with self._changed:
             self._viewers -= 1
 
-    def next(self, after: int) -> tuple[int, bytes] | None:
+    def next(self, after: int, patience_s: float = PATIENCE_S) -> tuple[int, bytes] | None:
         """The first frame newer than a number, with its own; None if none comes in time."""
         with self._changed:
-            if not self._changed.wait_for(lambda: self._number > after, PATIENCE_S):
+            if not self._changed.wait_for(lambda: self._number > after, patience_s):
                 return None
             return self._number, self._jpeg
 
 
 class _Handler(BaseHTTPRequestHandler):
     screen: Screen
+    patience_s: float
     protocol_version = "HTTP/1.1"
 
     def do_GET(self) -> None:
@@ -79,18 +84,21 @@ class _Handler(BaseHTTPRequestHandler):
             return
         self.close_connection = True
         seen = self.screen.enter()
+        if seen is None:
+            self.send_error(HTTPStatus.SERVICE_UNAVAILABLE, f"{VIEWERS_MAX} viewers look already")
+            return
         try:
             if self.path == "/stream":
                 self._stream(seen)
             else:
                 self._snapshot(seen)
-        except ConnectionError:
-            return  # The viewer has gone
+        except (ConnectionError, TimeoutError):
+            return  # The viewer has gone, or does not look
         finally:
             self.screen.leave()
 
     def _snapshot(self, seen: int) -> None:
-        frame = self.screen.next(seen)
+        frame = self.screen.next(seen, self.patience_s)
         if frame is None:
             self.send_error(HTTPStatus.SERVICE_UNAVAILABLE)
             return
@@ -99,14 +107,14 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _stream(self, seen: int) -> None:
         self._begin(f"multipart/x-mixed-replace; boundary={_BOUNDARY}")
-        frame = self.screen.next(seen)
+        frame = self.screen.next(seen, self.patience_s)
         while frame is not None:
             number, jpeg = frame
             head = (
                 f"--{_BOUNDARY}\r\nContent-Type: image/jpeg\r\nContent-Length: {len(jpeg)}\r\n\r\n"
             )
             self.wfile.write(head.encode() + jpeg + b"\r\n")
-            frame = self.screen.next(number)
+            frame = self.screen.next(number, self.patience_s)
 
     def _begin(self, content_type: str, size: int | None = None) -> None:
         self.send_response(HTTPStatus.OK)
@@ -121,13 +129,16 @@ class _Handler(BaseHTTPRequestHandler):
         """Say nothing: the vehicle's console is for the flight."""
 
 
-def serve(screen: Screen, port: int) -> ThreadingHTTPServer:
+def serve(screen: Screen, port: int, *, patience_s: float = PATIENCE_S) -> ThreadingHTTPServer:
     """Begin to serve; port 0 lets the system choose.
 
     Raises:
         OSError: if the port cannot be had.
     """
-    handler = type("Handler", (_Handler,), {"screen": screen})
+    # `timeout` is the base class's: of reading a question, and of writing what nobody takes
+    handler = type(
+        "Handler", (_Handler,), {"screen": screen, "patience_s": patience_s, "timeout": patience_s}
+    )
     server = ThreadingHTTPServer(("127.0.0.1", port), handler)
     server.daemon_threads = True
     threading.Thread(target=server.serve_forever, daemon=True).start()

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from sim.camera.darkroom import Darkroom
-from sim.camera.live import Screen, serve
+from sim.camera.live import VIEWERS_MAX, Screen, serve
 from tests.support.system import free_ports, wait_for
 from tests.unit.sim.camera.test_studio import frame
 
@@ -91,6 +91,36 @@ def test_a_port_that_is_taken_is_said(tmp_path: Path) -> None:
     darkroom.begin(frame(tmp_path, 0))
     assert "in use" in darkroom.finished(wait=True)[0].error
     darkroom.close()
+    server.shutdown()
+    server.server_close()
+
+
+def test_a_viewer_who_takes_no_frames_is_let_go() -> None:
+    screen = Screen()
+    server = serve(screen, 0, patience_s=0.2)
+    viewer = Viewer(server.server_port, "/stream")
+    wait_for_viewers(screen)
+
+    def nobody_looks() -> bool:
+        screen.show(b"x" * 1_000_000)
+        return not screen.is_watched
+
+    wait_for(nobody_looks, "the viewer to be let go")
+    viewer.close()
+    server.shutdown()
+    server.server_close()
+
+
+def test_more_viewers_than_are_served_are_told_so() -> None:
+    screen = Screen()
+    server = serve(screen, 0)
+    for _ in range(VIEWERS_MAX):
+        assert screen.enter() is not None
+    viewer = Viewer(server.server_port, "/stream")
+    assert viewer.open().status == 503
+    viewer.close()
+    screen.leave()
+    assert screen.enter() is not None
     server.shutdown()
     server.server_close()
 
