@@ -41,7 +41,7 @@ _HONOURED: Final[Mapping[int, frozenset[int]]] = {
     PayloadCommand.DO_MOUNT_CONTROL: frozenset({1, 2, 3, 4, 5, 6, 7}),
     PayloadCommand.DO_SET_CAM_TRIGG_DIST: frozenset({1, 2, 3, 4}),
     PayloadCommand.STORAGE_FORMAT: frozenset({1, 2, 3}),
-    PayloadCommand.RESET_CAMERA_SETTINGS: frozenset({1}),
+    PayloadCommand.RESET_CAMERA_SETTINGS: frozenset({1, 2}),
     PayloadCommand.SET_CAMERA_MODE: frozenset({1, 2}),
     PayloadCommand.DO_GIMBAL_MANAGER_PITCHYAW: frozenset({1, 2, 3, 4, 5, 7}),
     PayloadCommand.DO_GIMBAL_MANAGER_CONFIGURE: frozenset({1, 2, 3, 4, 7}),
@@ -233,7 +233,7 @@ _RULES: Final[Mapping[int, tuple[_Rule, ...]]] = {
         _one_of(2, 0.0, 1.0),
         _one_of(3, 0.0, 1.0),
     ),
-    PayloadCommand.RESET_CAMERA_SETTINGS: (_one_of(1, 0.0, 1.0),),
+    PayloadCommand.RESET_CAMERA_SETTINGS: (_one_of(1, 0.0, 1.0), _camera(2)),
     PayloadCommand.SET_CAMERA_MODE: (
         _camera(1),
         _given(2, "mode"),

@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from uav_firmware.modules.mavlink.addressing import CAMERA_COMPONENT, Sender
-from uav_firmware.modules.mavlink.builders.camera import STREAM_ID
 from uav_firmware.modules.mavlink.camera_reports import CameraReports
 from uav_firmware.modules.mavlink.commands import Command
 from uav_firmware.modules.mavlink.dialect import mavlink
@@ -35,6 +34,9 @@ _STREAMS: Final[Mapping[int, int]] = {
     mavlink.MAV_CMD_REQUEST_VIDEO_STREAM_STATUS: mavlink.MAVLINK_MSG_ID_VIDEO_STREAM_STATUS,
 }
 """Older commands, each for one message of the stream of parameter 1; 0 is all."""
+
+_NUMBERED: Final = frozenset({_STORAGE, *_STREAMS.values()})
+"""Messages of one of several, whose number is parameter 2 of the request."""
 
 OWN: Final = frozenset({*_OLDER, *_STREAMS, mavlink.MAV_CMD_REQUEST_STORAGE_INFORMATION})
 """Requests that only a camera knows."""
@@ -83,7 +85,7 @@ class CameraRequests:
         if message_id == _IMAGE:
             return self._images(command)
         asks = command.number == mavlink.MAV_CMD_REQUEST_MESSAGE
-        if asks and message_id == _STORAGE and not _is_storage(command.parameter(2)):
+        if asks and message_id in _NUMBERED and not _is_there(command.parameter(2)):
             return Answer(_DENIED)
         answer = self._requests.answer(command, sender, now_us)
         return Answer(_UNSUPPORTED) if answer is None else answer
@@ -105,12 +107,12 @@ class CameraRequests:
         return self._one(_OLDER[command.number], command.parameter(1), sender, now_us)
 
     def _video_stream(self, command: Command, sender: Sender, now_us: int) -> Answer:
-        if command.parameter(1) not in {0.0, float(STREAM_ID)}:
+        if not _is_there(command.parameter(1)):
             return Answer(_DENIED)
         return self._one(_STREAMS[command.number], 1.0, sender, now_us)
 
     def _storage(self, command: Command, sender: Sender, now_us: int) -> Answer:
-        if not _is_storage(command.parameter(1)):
+        if not _is_there(command.parameter(1)):
             return Answer(_DENIED)
         return self._one(_STORAGE, command.parameter(2), sender, now_us)
 
@@ -122,6 +124,6 @@ class CameraRequests:
         return self._shared(command, sender, now_us)
 
 
-def _is_storage(number: float) -> bool:
-    """All storages, or the one there is."""
+def _is_there(number: float) -> bool:
+    """All storages or video streams, or the one there is."""
     return math.isnan(number) or number in {0.0, 1.0}

@@ -49,7 +49,7 @@ def test_every_command_can_be_given_and_nothing_more_than_it_honours(
         PayloadCommand.DO_MOUNT_CONTROL: (-45, 0, 10, 0, 0, 0, 2),
         PayloadCommand.DO_SET_CAM_TRIGG_DIST: (25, 0, 1, 0, 0, 0, 0),
         PayloadCommand.STORAGE_FORMAT: (1, 1, 0, 0, 0, 0, 0),
-        PayloadCommand.RESET_CAMERA_SETTINGS: (1, 0, 0, 0, 0, 0, 0),
+        PayloadCommand.RESET_CAMERA_SETTINGS: (1, 100, 0, 0, 0, 0, 0),
         PayloadCommand.SET_CAMERA_MODE: (0, 2, 0, 0, 0, 0, 0),
         PayloadCommand.DO_GIMBAL_MANAGER_PITCHYAW: (-90, 0, math.nan, math.nan, 16, 0, 0),
         PayloadCommand.DO_GIMBAL_MANAGER_CONFIGURE: (-2, -2, -1, -1, 0, 0, 1),

@@ -135,6 +135,8 @@ def test_what_is_asked_for_comes_with_one_answer(
         ((REQUEST, 30), UNSUPPORTED),
         ((REQUEST, -5), DENIED),
         ((REQUEST, 261, 4), DENIED),
+        ((REQUEST, 269, 9), DENIED),
+        ((REQUEST, 270, 2), DENIED),
         ((525, 3, 1), DENIED),
         ((521, 0), ACCEPTED),
         ((2504, 7), DENIED),
