@@ -96,7 +96,8 @@ def _add_place(gps: dict[int, object], belief: Belief) -> None:
         seconds = IFDRational(moment.second * 1000 + belief.time_utc_us // 1000 % 1000, 1000)
         gps[0x0007] = (IFDRational(moment.hour), IFDRational(moment.minute), seconds)
         gps[0x001D] = f"{moment:%Y:%m:%d}"
-    gps[0x0010], gps[0x0011] = "T", _rational(angles(belief.q_ned_camera).yaw, 100)
+    hundredths = round(angles(belief.q_ned_camera).yaw * 100.0) % 36_000  # EXIF has no 360
+    gps[0x0010], gps[0x0011] = "T", IFDRational(hundredths, 100)
 
 
 def _degrees(value: float) -> tuple[IFDRational, IFDRational, IFDRational]:

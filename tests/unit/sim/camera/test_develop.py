@@ -50,6 +50,13 @@ def test_what_is_written_is_what_the_vehicle_believes(tmp_path: Path) -> None:
     assert pixels.shape == (480, 640, 3)
 
 
+@pytest.mark.parametrize(("yaw", "expected"), [(359.998, 0.0), (359.99, 359.99), (0.0, 0.0)])
+def test_a_direction_is_below_a_whole_turn(tmp_path: Path, yaw: float, expected: float) -> None:
+    content = taken(tmp_path, pose(5.0, 30.0, 20.0, -60.0, yaw))
+    with Image.open(io.BytesIO(content)) as picture:
+        assert float(picture.getexif().get_ifd(0x8825)[0x11]) == pytest.approx(expected, abs=1e-6)
+
+
 @pytest.mark.parametrize(
     ("latitude_deg", "longitude_deg"), [(-37.764, -58.296), (-16.855, 179.9999), (0.0001, 37.072)]
 )
