@@ -36,6 +36,7 @@ class Film:
         self._index: list[tuple[int, int]] = []  # Offset in the list, size
         self._movi_bytes = 4
         self._largest = 0
+        self._last = b""
         self._file.write(self._header(has_index=False))
 
     @property
@@ -59,8 +60,23 @@ class Film:
         self._index.append((self._movi_bytes, len(jpeg)))
         self._movi_bytes += len(chunk)
         self._largest = max(self._largest, len(jpeg))
+        self._last = jpeg
         self._write_header(has_index=False)
         return len(chunk)
+
+    def extend(self, frames: int) -> int:
+        """Show the last frame until there are so many; gives by how much the film has grown [B].
+
+        A film without a frame stays empty.
+
+        Raises:
+            FilmFullError: if no more fits; those that did are there.
+            OSError: if the storage refuses.
+        """
+        grown = 0
+        while self._last and self.frames < frames:
+            grown += self.add(self._last)
+        return grown
 
     def close(self) -> int:
         """Write the index and close the file; gives by how much the film has grown [B]."""

@@ -60,7 +60,8 @@ class Frame(View):
     """One frame of a film; the first one of a path begins it."""
 
     rate_hz: float  # Of the film
-    is_end: bool = False  # Nothing is to be seen: the film is over
+    place: int = 0  # [-] Which frame of the film it is, from 0
+    is_end: bool = False  # Nothing is to be seen: the film is over, `place` frames long
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

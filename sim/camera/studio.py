@@ -1,4 +1,8 @@
-"""Films that are being made: a frame is rendered and appended, and the last order ends the film."""
+"""Films that are being made: a frame is rendered and appended, and the last order ends the film.
+
+A frame that was left out shows what the one before it did, so that a film lasts as long as what it
+shows.
+"""
 
 import io
 from pathlib import Path
@@ -30,7 +34,7 @@ class Studio:
         """
         if frame.is_end:
             film = self._films.pop(frame.path, None)
-            return NOTHING if film is None else Stored(film.close(), 0)
+            return NOTHING if film is None else _ended(film, frame.place)
         film = self._films.get(frame.path)
         is_new = film is None
         if film is None:
@@ -39,13 +43,23 @@ class Studio:
             lens = frame.lens
             film = Film(path.open("xb"), lens.width_px, lens.height_px, frame.rate_hz)
             self._films[frame.path] = film
-        return Stored(film.add(_jpeg(frame)), int(is_new))
+        grown = film.extend(frame.place)
+        return Stored(grown + film.add(_jpeg(frame)), int(is_new))
 
     def close(self) -> None:
         """End what has been left open."""
         while self._films:
             _, film = self._films.popitem()
             film.close()
+
+
+def _ended(film: Film, frames: int) -> Stored:
+    """A film of so many frames, as far as the file has room for them."""
+    try:
+        grown = film.extend(frames)
+    finally:
+        index = film.close()
+    return Stored(grown + index, 0)
 
 
 def _jpeg(frame: Frame) -> bytes:

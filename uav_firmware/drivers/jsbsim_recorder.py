@@ -18,7 +18,9 @@ from uav_firmware.drivers.file_room import Room
 from uav_firmware.drivers.jsbsim_camera import file_name, sight
 
 UNDER_WAY: Final = 8
-"""Frames that may wait to be made; vehicle time waits then, or the next one is left out."""
+"""Frames that may wait to be made; vehicle time waits then, or the next one is left out.
+
+In the place of one that is left out the film shows the one before it."""
 SUFFIX: Final = ".avi"
 
 
@@ -43,6 +45,7 @@ class JsbsimRecorder:
         self._film: tuple[str, float] | None = None  # Path, rate [Hz]
         self._last: Frame | None = None
         self._number = 0
+        self._place = 0  # Which frame of the film is next
         self._growth = FilmGrowth(0)
 
     @property
@@ -58,7 +61,7 @@ class JsbsimRecorder:
         """
         self._check()
         name = file_name(exposure, self._folder, SUFFIX)
-        self._film = (str(self._folder / name), rate_hz)
+        self._film, self._place = (str(self._folder / name), rate_hz), 0
         self.add_frame(exposure)
         return (name,)
 
@@ -71,12 +74,19 @@ class JsbsimRecorder:
         self._check()
         while self._in_step and self._darkroom.pending >= UNDER_WAY:
             self._collect(wait=True)
-        if self._film is None or self._darkroom.pending >= UNDER_WAY:
+        if self._film is None:
+            return
+        place, self._place = self._place, self._place + 1
+        if self._darkroom.pending >= UNDER_WAY:
             return
         path, rate_hz = self._film
         self._number += 1
         self._last = Frame(
-            number=self._number, **sight(self._simulation, exposure), path=path, rate_hz=rate_hz
+            number=self._number,
+            **sight(self._simulation, exposure),
+            path=path,
+            rate_hz=rate_hz,
+            place=place,
         )
         self._darkroom.begin(self._last)
 
@@ -89,7 +99,7 @@ class JsbsimRecorder:
         last, self._film, self._last = self._last, None, None
         if last is not None:
             self._number += 1
-            self._darkroom.begin(replace(last, number=self._number, is_end=True))
+            self._darkroom.begin(replace(last, number=self._number, place=self._place, is_end=True))
 
     def film_growth(self) -> FilmGrowth:
         """What has been stored since the last call."""

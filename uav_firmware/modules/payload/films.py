@@ -25,6 +25,7 @@ class Films:
         self._since_us = _NOT_RECORDING  # Of the film that is open
         self._frame_us = 0  # When the next frame is due
         self._interval_us = 0
+        self._width_px = 0  # Of the film that is open, whatever the parameter says meanwhile
         self._number = 0
 
     def update(self, situation: Situation, q_ned_frd: Quaternion) -> None:
@@ -49,6 +50,7 @@ class Films:
             params = self._parts.params
             self._since_us = self._parts.camera.recording_since_us
             self._interval_us = round(1e6 / params.video_rate_hz)
+            self._width_px = params.video_width_px
             self._frame_us = now_us + self._interval_us
             self._number += 1
             place = recorder.begin_film(self._exposure(situation, q_ned_frd), params.video_rate_hz)
@@ -64,7 +66,7 @@ class Films:
             q_ned_frd,
             boot_time_utc_us=self._boot_time_utc_us,
             image_index=self._number,
-            width_px=self._parts.params.video_width_px,
+            width_px=self._width_px,
         )
 
     def _take_growth(self, recorder: Recorder, now_us: int) -> None:

@@ -40,6 +40,21 @@ def test_a_film_shows_what_moves_past_below(tmp_path: Path) -> None:
     assert np.abs(pictures[0] - pictures[1]).mean() > 3.0
 
 
+def test_where_a_frame_is_missing_the_one_before_it_stands(tmp_path: Path) -> None:
+    studio = Studio()
+    shown = [frame(tmp_path, number, 30.0 * number) for number in range(2)]
+    grown = [
+        studio.take(shown[0]),
+        studio.take(replace(shown[1], place=3)),
+        studio.take(replace(shown[1], place=6, is_end=True)),
+    ]
+    content = (tmp_path / "film.avi").read_bytes()
+    _, jpegs = played(content)
+    assert jpegs == [jpegs[0]] * 3 + [jpegs[3]] * 3
+    assert jpegs[0] != jpegs[3]
+    assert 0 <= len(content) - sum(each.size_bytes for each in grown) < 400
+
+
 def test_every_byte_is_counted(tmp_path: Path) -> None:
     studio = Studio()
     first, second, end = (

@@ -60,6 +60,21 @@ def test_a_recording_is_a_film_at_the_parameters_rate() -> None:
     assert not recorder.is_open
 
 
+def test_a_film_keeps_its_size_when_the_parameter_changes_meanwhile() -> None:
+    bench, recorder = recording(CAM_VIDEO_RATE=5.0, CAM_VIDEO_WIDTH=320)
+    bench.run(1.0)
+    bench.registry.set("CAM_VIDEO_RATE", 1.0)
+    bench.registry.set("CAM_VIDEO_WIDTH", 640)
+    bench.run(1.0)
+    assert {exposure.lens.width_px for exposure in recorder.films[0]} == {320}
+    assert 9 <= len(recorder.films[0]) <= 12
+    bench.ask(STOP, 0)
+    bench.ask(START, 0, 0, 0)
+    bench.run(0.1)
+    assert recorder.films[1][0].lens.width_px == 640
+    assert recorder.rates_hz == [5.0, 1.0]
+
+
 def test_every_recording_has_its_own_film() -> None:
     bench, recorder = recording()
     bench.run(1.0)
