@@ -85,7 +85,9 @@ class ForeignWatch:
                 self._suspected_at = now
             self._total = message.total
         self._highest = max(self._highest, message.seq)
-        flies = self._vehicle.mode_role is ModeRole.MISSION and self._vehicle.snapshot.armed
+        snapshot = self._vehicle.snapshot
+        stands = snapshot.landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND
+        flies = self._vehicle.mode_role is ModeRole.MISSION and snapshot.armed and not stands
         is_over = message.mission_state == mavlink.MISSION_STATE_COMPLETE
         if message.seq >= self._highest or not flies or is_over:
             self._back_since = None

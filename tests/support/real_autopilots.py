@@ -46,6 +46,8 @@ COPTER_4_6: Final = Script(
     wants_takeoff_first=True,
     results={mavlink.MAV_CMD_DO_ORBIT: mavlink.MAV_RESULT_UNSUPPORTED},
     disarms_after_s=0.5,
+    heartbeats_at_once=False,
+    begins_anew_when_disarmed=True,
 )
 COPTER_3_6: Final = replace(COPTER_4_6, knows_intervals=False, tells_mission_state=False)
 """Before SET_MESSAGE_INTERVAL: streams by groups."""

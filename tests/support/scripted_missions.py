@@ -60,9 +60,12 @@ class Script:
     wants_takeoff_first: bool = False  # Refuses to begin on the ground with anything else
     in_progress: frozenset[int] = frozenset()  # Commands that it works on for 2 s first
     disarms_after_s: float = 0.0  # Once it stands
+    heartbeats_at_once: bool = True  # Else a change shows with the next one, a second at most
+    begins_anew_when_disarmed: bool = False  # It stays in the mission mode, at its first item
     current_goes_to_0_at_the_end: bool = False
     return_changes_mode: bool = False  # The item of a return is done by leaving the mission
     product: tuple[int, int] = (0, 0)  # Vendor and product in AUTOPILOT_VERSION
+    is_bare: bool = False  # No camera and no gimbal, and answers in PX4's way for them
 
 
 PX4 = Script(

@@ -41,6 +41,19 @@ SENSORS = (
     | mavlink.MAV_SYS_STATUS_AHRS
     | mavlink.MAV_SYS_STATUS_SENSOR_PROPULSION
 )
+OF_A_CAMERA = frozenset(
+    {
+        mavlink.MAV_CMD_IMAGE_START_CAPTURE,
+        mavlink.MAV_CMD_VIDEO_START_CAPTURE,
+        mavlink.MAV_CMD_VIDEO_STOP_CAPTURE,
+        mavlink.MAV_CMD_CAMERA_TRACK_POINT,
+        mavlink.MAV_CMD_CAMERA_TRACK_RECTANGLE,
+        mavlink.MAV_CMD_CAMERA_STOP_TRACKING,
+    }
+)
+OF_A_GIMBAL = frozenset(
+    {mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW, mavlink.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE}
+)
 
 
 @dataclass
@@ -200,7 +213,7 @@ class ScriptedVehicle:
         """Change the mode as a pilot would."""
         self.custom_mode = custom_mode
         self._mode_began_at = self._now
-        self.heartbeat()
+        self._tell_change()
 
     def send(self, message: Message) -> None:
         """Send something that is not of its script."""
@@ -218,6 +231,10 @@ class ScriptedVehicle:
         )
 
     # Telemetry.
+
+    def _tell_change(self) -> None:
+        if self.script.heartbeats_at_once:
+            self.heartbeat()
 
     def heartbeat(self) -> None:
         """Send a HEARTBEAT."""
@@ -367,6 +384,8 @@ class ScriptedVehicle:
         values = tuple(getattr(message, name) for name in names)
         self.commands.append(message.command)
         self.parameters.append((message.command, values))
+        if self.script.is_bare and self._is_for_payload(message):
+            return
         result = self._judge(message)
         if result == mavlink.MAV_RESULT_ACCEPTED:
             self._obey(message)
@@ -385,6 +404,21 @@ class ScriptedVehicle:
             self._later.append((self._now + 2.0, answer))
         else:
             self._send(answer)
+
+    def _is_for_payload(self, message: Message) -> bool:
+        """Answer for a camera and a gimbal that are not there, as PX4 does.
+
+        What is said to another component has FAILED; a gimbal's commands are left to a manager that
+        does not run, and nobody answers.
+        """
+        if message.target_component not in {0, 1}:
+            failed = mavlink.MAV_RESULT_FAILED
+            self._send(mavlink.MAVLink_command_ack_message(message.command, failed))
+            return True
+        if message.command in OF_A_CAMERA:
+            unknown = mavlink.MAV_RESULT_UNSUPPORTED
+            self._send(mavlink.MAVLink_command_ack_message(message.command, unknown))
+        return message.command in OF_A_CAMERA | OF_A_GIMBAL
 
     def _judge(self, message: Message) -> int:
         """MAV_RESULT of a command, before it is obeyed."""
@@ -458,7 +492,7 @@ class ScriptedVehicle:
         match message.command:
             case mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
                 self.armed = message.param1 == 1.0
-                self.heartbeat()
+                self._tell_change()
             case mavlink.MAV_CMD_DO_SET_MODE:
                 main, sub = int(message.param2), int(message.param3)
                 is_px4 = self.script.autopilot == mavlink.MAV_AUTOPILOT_PX4
@@ -468,10 +502,10 @@ class ScriptedVehicle:
                 is_copter = self.script.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
                 self.custom_mode = COPTER_AUTO if is_copter else PX4_MISSION
                 self._begin_if_flying()
-                self.heartbeat()
+                self._tell_change()
             case mavlink.MAV_CMD_DO_PAUSE_CONTINUE if message.param1 == 0.0:
                 self.custom_mode = PX4_HOLD
-                self.heartbeat()
+                self._tell_change()
             case mavlink.MAV_CMD_DO_SET_MISSION_CURRENT:
                 self._set_current(int(message.param1))
             case mavlink.MAV_CMD_REQUEST_MESSAGE:
@@ -554,7 +588,14 @@ class ScriptedVehicle:
     def _disarm(self) -> None:
         self._disarm_at = math.inf
         self.armed = False
-        self.heartbeat()
+        if self.script.begins_anew_when_disarmed and self.in_mission:
+            self._begin_anew()
+        self._tell_change()
+
+    def _begin_anew(self) -> None:
+        """Forget how far it was; the mission runs on, and a take-off waits for the propellers."""
+        self.current = int(self.script.home_is_item_0)
+        self.mission_state = mavlink.MISSION_STATE_ACTIVE
 
     def _go_round(self) -> None:
         """Fly on along the circle, and hold when it has been flown as far as was asked for."""
@@ -579,6 +620,11 @@ class ScriptedVehicle:
         self._reached(item)
 
     def _reached(self, item: Message) -> None:
+        lands = item.command in {mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH}
+        if lands and self.script.begins_anew_when_disarmed:
+            if self.airborne:
+                self._land()  # It never tells that it has reached a landing: it is disarmed there
+            return
         if self.script.tells_reached:
             self._send(mavlink.MAVLink_mission_item_reached_message(self.current))
         if item.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH and self.script.return_changes_mode:

@@ -15,6 +15,7 @@ from tests.support.broker_world import (
     World,
     first_flight,
     go_home,
+    land,
     mission,
     takeoff,
     waypoint,
@@ -239,6 +240,20 @@ class TestArduPilot:
             assert snapshot.position is not None
             assert snapshot.battery_fraction == pytest.approx(0.8)
             assert world.edge.bodies("/state_vector/")
+
+    @COPTERS
+    def test_begins_its_mission_anew_behind_the_landing_and_has_finished(
+        self, script: Script
+    ) -> None:
+        """Disarmed it forgets how far it was and stays in AUTO; nobody has set it back."""
+        for seed in range(4):
+            world = World(loss=0.2, seed=seed)
+            vehicle = world.add_vehicle(script=script)
+            world.edge.plan(mission(takeoff(), waypoint(), land()))
+            world.run_until_over(1201)
+            assert world.edge.statuses(1201) == FINISHED
+            assert vehicle.current == 1
+            assert "set the vehicle back" not in str(world.edge.reports(1201)[-1].get("message"))
 
     def test_holds_a_mixture_after_a_broken_transfer_and_gets_a_whole_one(self) -> None:
         """Its store is not atomic: what was broken off lies over the mission before."""
