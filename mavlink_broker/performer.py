@@ -18,7 +18,7 @@ from mavlink_broker.circle import CircleRunner
 from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.protocol.command import Accepted, CommandOutcome, Refused
 from mavlink_broker.protocol.command_sequence import CommandSequence, Ways
-from mavlink_broker.series import SeriesRunner
+from mavlink_broker.series import SeriesRunner, missing_camera
 from mavlink_broker.subject import SubjectTracker
 from mavlink_broker.translation.geo import distance_m
 from mavlink_broker.translation.live import (
@@ -155,7 +155,7 @@ class Performer:
     def _advance(self, now: float) -> list[Message]:
         outcome = self._sequence.outcome if self._sequence else None
         if isinstance(outcome, Refused) and self.phase is not Phase.ENDING:
-            return self._fail(outcome.reason)
+            return self._refused(outcome, now)
         match self.phase:
             case Phase.BORROWING:
                 return self._set_out(now)
@@ -170,6 +170,16 @@ class Performer:
                 return self._finish(now)
             case Phase.ENDING if self._is_ended(outcome):
                 self._enter(Phase.DONE, now)
+        return []
+
+    def _refused(self, refusal: Refused, now: float) -> list[Message]:
+        """Fail, or leave out what only a camera could have done where there is none."""
+        is_for_camera = self._action.wants_camera and self.phase is Phase.BEGINNING
+        missing = missing_camera(self._vehicle, refusal) if is_for_camera else None
+        if missing is None:
+            return self._fail(refusal.reason)
+        self._note, self._sequence = missing, None
+        self._enter(Phase.DONE, now)
         return []
 
     def _begin(self, now: float) -> list[Message]:

@@ -42,6 +42,19 @@ def way_order(
     return reposition(spot, home, yaw_rad, speed_m_s=speed_m_s)
 
 
+def missing_camera(vehicle: Vehicle, refusal: Refused) -> str | None:
+    """Say that a refused order to the camera was for one that is not there, or lacks the function.
+
+    A vehicle that has no camera flies its way all the same, as it does where pictures are items;
+    None for a camera that is there and refuses.
+    """
+    if not vehicle.cameras:
+        return "left out: no camera is heard on the vehicle"
+    if refusal.result == mavlink.MAV_RESULT_UNSUPPORTED:
+        return f"left out: {refusal.reason}"
+    return None
+
+
 class SeriesRunner:
     """One series on its way."""
 
@@ -54,7 +67,7 @@ class SeriesRunner:
         self._accepted_at: float | None = None
         self._resting_since: float | None = None
         self.reason: str | None = None  # Why it cannot go on
-        self.note: str | None = None  # It is what it was meant to be
+        self.note: str | None = None  # What it is not, of what it was meant to be
 
     @property
     def is_over(self) -> bool:
@@ -78,11 +91,21 @@ class SeriesRunner:
         messages = self._sequence.tick(now)
         outcome = self._sequence.outcome
         if isinstance(outcome, Refused):
-            self.reason = outcome.reason
+            self._refused(outcome)
         elif isinstance(outcome, Accepted) and self._is_taken(now):
             self._steps.pop(0)
             self._sequence = self._accepted_at = self._resting_since = None
         return messages
+
+    def _refused(self, refusal: Refused) -> None:
+        """End, or go on without pictures where nobody takes any."""
+        missing = missing_camera(self._vehicle, refusal)
+        if missing is None or not isinstance(self._steps[0], Order):
+            self.reason = refusal.reason
+            return
+        self.note = f"pictures {missing}"
+        self._steps = [step for step in self._steps if not isinstance(step, Order)]
+        self._sequence = self._accepted_at = self._resting_since = None
 
     def _look_round(self) -> bool:
         """Note where it begins, once the vehicle has told."""

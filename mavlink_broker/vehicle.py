@@ -51,6 +51,7 @@ class Vehicle:
     parameters: ParameterKeeper = field(default_factory=ParameterKeeper)  # What is borrowed of it
     lead: Lead | None = None  # Whom it follows, if somebody that moves
     refused_items: set[int] = field(default_factory=set)  # MAV_CMD that no mission of it may hold
+    cameras: set[int] = field(default_factory=set)  # Components that are known to be cameras
     _heard_at: dict[str, float] = field(default_factory=dict)
     _reboots: RebootWatch = field(default_factory=RebootWatch)
     _words: StatusTexts = field(default_factory=StatusTexts)

@@ -93,6 +93,7 @@ class PictureDesk:
             camera = PictureCount(component, self._vehicle.route, self._vehicle.round_trip)
             camera.ask_count(go_back=True)
             self._cameras[component] = camera
+            self._vehicle.cameras.add(component)
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
         """Take what a component says about pictures."""

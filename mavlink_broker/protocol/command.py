@@ -4,7 +4,7 @@ Each repetition raises `confirmation`, so that the receiver does not act twice. 
 extends the wait; a temporary rejection is tried again after a while. Exactly one final outcome.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, TypeAlias
 
 from mavlink_broker.dialect import RESULT_NAMES, Message, mavlink
@@ -88,6 +88,7 @@ class Refused:
     """The vehicle does not, or never answered."""
 
     reason: str
+    result: int | None = field(default=None, compare=False)  # MAV_RESULT; None: no answer
 
 
 CommandOutcome: TypeAlias = Accepted | Refused
@@ -162,12 +163,12 @@ class CommandTransaction:
         elif result == mavlink.MAV_RESULT_TEMPORARILY_REJECTED and self._asking:
             self._reject(result, now)
         elif result != mavlink.MAV_RESULT_TEMPORARILY_REJECTED:
-            self.outcome = Refused(self._refusal(result))
+            self.outcome = Refused(self._refusal(result), result)
 
     def _reject(self, result: int, now: float) -> None:
         self._rejections += 1
         if self._rejections >= REJECTIONS:
-            self.outcome = Refused(self._refusal(result))
+            self.outcome = Refused(self._refusal(result), result)
         self._asking = False
         self._deadline = now + REJECTION_PAUSE_S
 

@@ -194,6 +194,7 @@ def _live_image(
         end=Lasted(duration_s),
         within_s=duration_s + PANORAMA_WITHIN_S,
         moves=False,
+        wants_camera=True,
     )
 
 
@@ -203,7 +204,9 @@ def _video(command: int, values: tuple[float, float], situation: Situation) -> I
         item = MissionItem(command=command, parameters=(stream, frequency_hz, 0.0, 0.0))
         return Items((item,), 0)
     ways = tuple((order,) for order in _to_camera(situation.family, command, *values))
-    return LiveAction(begin=ways, end=Lasted(), within_s=PANORAMA_WITHIN_S, moves=False)
+    return LiveAction(
+        begin=ways, end=Lasted(), within_s=PANORAMA_WITHIN_S, moves=False, wants_camera=True
+    )
 
 
 def _picture_number(mission_id: int, command_id: int, shot: int = 0) -> float:

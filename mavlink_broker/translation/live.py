@@ -104,6 +104,7 @@ class LiveAction:
     way_notes: tuple[str, ...] = ()  # What is lost by each way, "" for nothing
     works_s: float = 0.0  # What the vehicle takes from being told to its answer, at most
     moves: bool = True  # It takes the vehicle out of its mission
+    wants_camera: bool = False  # A vehicle without one leaves it out
 
     @property
     def order(self) -> int:

@@ -88,6 +88,7 @@ def track(command: NavTrackSubject, situation: Situation) -> LiveAction:
         else ((stop,),),
         within_s=TRACKED_FOR_S + SLACK_S,
         moves=moves,
+        wants_camera=True,
     )
 
 

@@ -29,6 +29,8 @@ PX4_1_17: Final = Script(
 )
 PX4_1_14: Final = replace(PX4_1_17, gives_ids=False, tells_mission_state=False)
 """Before it gave ids to missions and told their state."""
+PX4_BARE: Final = replace(PX4_1_17, is_bare=True)
+"""As its simulations `gz_x500` and `sihsim_quadx` are: nothing hangs below it."""
 
 COPTER_4_6: Final = Script(
     autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,

@@ -20,10 +20,11 @@ from tests.support.broker_world import (
     takeoff,
     waypoint,
 )
-from tests.support.real_autopilots import COPTER_3_6, COPTER_4_6, PX4_1_14, PX4_1_17
+from tests.support.real_autopilots import COPTER_3_6, COPTER_4_6, PX4_1_14, PX4_1_17, PX4_BARE
 from tests.support.scripted_vehicle import (
     COPTER_AUTO,
     COPTER_GUIDED,
+    HOME,
     PX4_MISSION,
     PX4_POSITION,
     Script,
@@ -46,6 +47,32 @@ def flown(script: Script, plan: Any = None, *, loss: float = 0.0) -> World:
     return world
 
 
+def example(name: str) -> Any:
+    """The mission of an example plan."""
+    document = json.loads((PLANS / f"{name}.json").read_text(encoding="utf-8"))
+    return document.get("plan", document)["missions"][0]
+
+
+def command(command_id: int, kind: int, **parameters: Any) -> dict[str, Any]:
+    return {"command_id": command_id, "command_type_id": kind, "parameters": parameters}
+
+
+def follow(command_id: int = 2) -> dict[str, Any]:
+    return command(command_id, 8, latitude=HOME[0], longitude=HOME[1], altitude=10.0)
+
+
+def picture(command_id: int) -> dict[str, Any]:
+    return command(command_id, 4, pitch_angle=-90.0)
+
+
+def panorama(command_id: int) -> dict[str, Any]:
+    return command(command_id, 10, panorama_mode=0)
+
+
+def track(command_id: int = 2) -> dict[str, Any]:
+    return command(command_id, 9, corners=[[0.2, 0.2], [0.8, 0.8]], track_mode=3)
+
+
 def reason(world: World) -> str:
     return str(world.edge.reports(1201)[-1]["message"])
 
@@ -54,8 +81,7 @@ class TestEveryAutopilot:
     @AUTOPILOTS
     @pytest.mark.parametrize("name", ["first_flight", "eleven_commands"])
     def test_flies_the_example_plans(self, script: Script, name: str) -> None:
-        document = json.loads((PLANS / f"{name}.json").read_text(encoding="utf-8"))
-        plan = document.get("plan", document)["missions"][0]
+        plan = example(name)
         world = flown(script, plan)
         report = world.edge.reports(plan["mission_id"])[-1]
         assert report["mission_status_id"] == Status.FINISHED, report
@@ -197,6 +223,32 @@ class TestPx4:
         assert world.edge.statuses(1201) == FINISHED
         assert not world.only_vehicle.armed
 
+    def test_that_carries_nothing_flies_all_and_says_what_it_left_out(self) -> None:
+        """Its simulation has no camera: what is said to one has FAILED, in the autopilot's name."""
+        plan = example("eleven_commands")
+        world = flown(PX4_BARE, plan)
+        report = world.edge.reports(plan["mission_id"])[-1]
+        assert report["mission_status_id"] == Status.FINISHED, report
+        told = {one["command_id"]: one.get("message") for one in report["command_report_array"]}
+        assert told[8] == told[9] == "left out: no camera is heard on the vehicle"
+
+    def test_that_carries_nothing_flies_on_behind_a_live_command(self) -> None:
+        """Nobody answers for a gimbal that is not there."""
+        world = flown(PX4_BARE, mission(takeoff(), follow(), picture(3), panorama(4), go_home(5)))
+        assert world.edge.status(1201) == Status.FINISHED
+        told = [one.get("message") for one in world.edge.reports(1201)[-1]["command_report_array"]]
+        assert all("no camera is heard on the vehicle" in str(text) for text in told[2:4])
+
+    def test_whose_camera_is_there_and_refuses_fails(self) -> None:
+        refusal = {mavlink.MAV_CMD_CAMERA_TRACK_RECTANGLE: mavlink.MAV_RESULT_DENIED}
+        point = {mavlink.MAV_CMD_CAMERA_TRACK_POINT: mavlink.MAV_RESULT_DENIED}
+        world = World()
+        script = dataclasses.replace(PX4_1_17, results={**PX4_1_17.results, **refusal, **point})
+        world.add_camera(world.add_vehicle(script=script))
+        world.edge.plan(mission(takeoff(), track(), go_home(3)))
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == [Status.FINISHED, Status.FAILED, Status.ABORTED]
+
     @PX4S
     def test_is_not_turned_to_north_by_a_hold(self, script: Script) -> None:
         world = flown(script, mission(takeoff(), waypoint()))
@@ -220,6 +272,47 @@ class TestArduPilot:
             if command == mavlink.MAV_CMD_DO_SET_MODE
         ]
         assert modes[0] == COPTER_GUIDED
+
+    @COPTERS
+    def test_is_waited_for_until_it_can_navigate(self, script: Script) -> None:
+        """In STABILIZE it calls itself ready to arm, and knows its home, before it has a place."""
+        world = flown(dataclasses.replace(script, navigates_after_s=35.0))
+        assert world.edge.statuses(1201) == FINISHED
+
+    @COPTERS
+    def test_that_finds_fault_for_a_while_is_armed_afterwards(self, script: Script) -> None:
+        """In GUIDED it checks what it does not in STABILIZE, such as GPS against estimate."""
+        world = World()
+        picky = dataclasses.replace(script, arms_in=frozenset())
+        vehicle = world.add_vehicle(script=picky)
+        world.edge.plan(first_flight())
+        world.run_until(lambda: mavlink.MAV_CMD_COMPONENT_ARM_DISARM in vehicle.commands)
+        world.run(8.0)
+        vehicle.script = script
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+
+    @COPTERS
+    def test_is_never_armed_in_a_mode_that_is_flown_by_hand(self, script: Script) -> None:
+        guided = {mavlink.MAV_CMD_DO_SET_MODE: mavlink.MAV_RESULT_FAILED}
+        world = flown(dataclasses.replace(script, results=guided))
+        assert world.edge.status(1201) == Status.FAILED
+        assert mavlink.MAV_CMD_COMPONENT_ARM_DISARM not in world.only_vehicle.commands
+
+    @COPTERS
+    def test_whose_checks_are_switched_off_is_flown(self, script: Script) -> None:
+        """ARMING_CHECK = 0: the check is there, not enabled, and never well."""
+        world = flown(dataclasses.replace(script, checks_are_off=True))
+        assert world.edge.statuses(1201) == FINISHED
+
+    def test_is_taken_out_of_auto_before_it_gets_a_mission(self) -> None:
+        """Disarmed in AUTO it goes through a new mission at once, as far as the take-off."""
+        world = World()
+        vehicle = world.add_vehicle(script=COPTER_4_6)
+        vehicle.set_mode(COPTER_AUTO)
+        world.edge.plan(first_flight())
+        world.run_until(lambda: len(vehicle.items) > 1)
+        assert vehicle.custom_mode == COPTER_GUIDED
 
     @COPTERS
     def test_whose_checks_fail_says_which(self, script: Script) -> None:
