@@ -44,8 +44,10 @@ class _Running(NamedTuple):
 class Darkroom:
     """Takes orders and gives their ends, in the same sequence."""
 
-    def __init__(self, command: Sequence[str] = _COMMAND) -> None:
+    def __init__(self, command: Sequence[str] = _COMMAND, *, inherits: Sequence[int] = ()) -> None:
+        """Start processes with a command, which inherit file descriptors."""
         self._command = command
+        self._inherits = inherits
         self._running: _Running | None = None
         self._pending: deque[int] = deque()
         self._rest = b""
@@ -62,7 +64,7 @@ class Darkroom:
             OSError: if the process cannot be started or takes no orders.
         """
         if self._running is None:
-            self._running = _start(self._command)
+            self._running = _start(self._command, self._inherits)
         self._running.orders.write(to_line(order).encode() + b"\n")
         self._pending.append(order.number)
 
@@ -101,13 +103,14 @@ class Darkroom:
         return lost
 
 
-def _start(command: Sequence[str]) -> _Running:
+def _start(command: Sequence[str], inherits: Sequence[int]) -> _Running:
     process = subprocess.Popen(  # noqa: S603 - our own module
         command,
         bufsize=0,
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         cwd=_ROOT,
+        pass_fds=inherits,
         env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
     )
     if process.stdin is None or process.stdout is None:

@@ -1,7 +1,8 @@
-"""`python -m sim.camera.live PORT`: what the camera sees now, for whoever looks.
+"""`python -m sim.camera.live SOCKET`: what the camera sees now, for whoever looks.
 
 A process beside the vehicle. Frames are ordered on its standard input, a line each, and answered a
-line each; they are made only while somebody looks. On 127.0.0.1:PORT it serves
+line each; they are made only while somebody looks. On a listening socket, whose file descriptor it
+is told and inherits, it serves
 
     /stream         Motion JPEG, `multipart/x-mixed-replace`: browsers, VLC and OpenCV play it
     /snapshot.jpg   the newest frame
@@ -11,6 +12,7 @@ import io
 import json
 import os
 import signal
+import socket
 import sys
 import threading
 from http import HTTPStatus
@@ -129,17 +131,18 @@ class _Handler(BaseHTTPRequestHandler):
         """Say nothing: the vehicle's console is for the flight."""
 
 
-def serve(screen: Screen, port: int, *, patience_s: float = PATIENCE_S) -> ThreadingHTTPServer:
-    """Begin to serve; port 0 lets the system choose.
-
-    Raises:
-        OSError: if the port cannot be had.
-    """
+def serve(
+    screen: Screen, listening: socket.socket, *, patience_s: float = PATIENCE_S
+) -> ThreadingHTTPServer:
+    """Begin to serve whoever comes to a socket."""
     # `timeout` is the base class's: of reading a question, and of writing what nobody takes
     handler = type(
         "Handler", (_Handler,), {"screen": screen, "patience_s": patience_s, "timeout": patience_s}
     )
-    server = ThreadingHTTPServer(("127.0.0.1", port), handler)
+    address = listening.getsockname()
+    server = ThreadingHTTPServer(address, handler, bind_and_activate=False)
+    server.socket.close()
+    server.socket, server.server_address, server.server_port = listening, address, address[1]
     server.daemon_threads = True
     threading.Thread(target=server.serve_forever, daemon=True).start()
     return server
@@ -157,16 +160,12 @@ def main() -> int:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # The vehicle decides when it ends
     os.nice(_NICENESS)
     screen = Screen()
-    reason = ""
-    try:
-        serve(screen, int(sys.argv[1]))
-    except OSError as error:
-        reason = error.strerror or str(error)
+    serve(screen, socket.socket(fileno=int(sys.argv[1])))
     for line in sys.stdin:
         frame = from_line(line)
         if screen.is_watched and isinstance(frame, Frame):
             screen.show(jpeg_of(frame))
-        answer = {"number": frame.number, "size_bytes": 0, "files": 0, "error": reason}
+        answer = {"number": frame.number, "size_bytes": 0, "files": 0, "error": ""}
         sys.stdout.write(json.dumps(answer) + "\n")
         sys.stdout.flush()
     return 0

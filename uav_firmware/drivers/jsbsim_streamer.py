@@ -1,9 +1,11 @@
 """The live view of the simulated vehicle's camera: Motion JPEG over HTTP, on this machine alone.
 
 With the other `jsbsim` drivers the only files of the firmware that know the simulator. Nobody who
-looks has shown who he is, so the view is not served to other machines.
+looks has shown who he is, so the view is not served to other machines. The vehicle listens, and a
+process beside it serves: who comes while that starts is kept waiting, not turned away.
 """
 
+import socket
 import sys
 from typing import Final
 
@@ -20,11 +22,12 @@ UNDER_WAY: Final = 2
 class JsbsimStreamer:
     """Implements `uav_firmware.cal.camera.Streamer`."""
 
-    def __init__(self, simulation: Simulation, port: int, darkroom: Darkroom | None = None) -> None:
+    def __init__(self, simulation: Simulation, port: int) -> None:
         """Serve on a TCP port of the loopback interface once there is something to show."""
         self._simulation = simulation
-        command = (sys.executable, "-m", "sim.camera.live", str(port))
-        self._darkroom = Darkroom(command) if darkroom is None else darkroom
+        self._address = ("127.0.0.1", port)
+        self._listening: socket.socket | None = None
+        self._darkroom: Darkroom | None = None
         self._number = 0
         self.uri = f"http://127.0.0.1:{port}/stream"
         """Where it can be seen."""
@@ -33,16 +36,30 @@ class JsbsimStreamer:
         """Show what is seen now; gives why nothing can be shown, empty if it can.
 
         Raises:
-            OSError: if the process that shows it cannot be started.
+            OSError: if the port cannot be had, or the process that shows it not be started.
         """
-        reason = next((end.error for end in self._darkroom.finished() if end.error), "")
-        if not self._simulation.camera_failed and self._darkroom.pending < UNDER_WAY:
+        darkroom = self._open()
+        reason = next((end.error for end in darkroom.finished() if end.error), "")
+        if not self._simulation.camera_failed and darkroom.pending < UNDER_WAY:
             self._number += 1
             view = sight(self._simulation, exposure)
             frame = Frame(number=self._number, **view, path="", rate_hz=rate_hz)
-            self._darkroom.begin(frame)
+            darkroom.begin(frame)
         return reason
 
     def close(self) -> None:
         """Show nothing more."""
-        self._darkroom.close()
+        darkroom, self._darkroom = self._darkroom, None
+        listening, self._listening = self._listening, None
+        if darkroom is not None:
+            darkroom.close()
+        if listening is not None:
+            listening.close()
+
+    def _open(self) -> Darkroom:
+        if self._darkroom is None:
+            self._listening = socket.create_server(self._address)
+            number = self._listening.fileno()
+            command = (sys.executable, "-m", "sim.camera.live", str(number))
+            self._darkroom = Darkroom(command, inherits=(number,))
+        return self._darkroom

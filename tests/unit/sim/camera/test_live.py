@@ -2,8 +2,12 @@
 
 import http.client
 import io
+import queue
+import socket
 import sys
+import threading
 from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
 
 import pytest
@@ -11,7 +15,7 @@ from PIL import Image
 
 from sim.camera.darkroom import Darkroom
 from sim.camera.live import VIEWERS_MAX, Screen, serve
-from tests.support.system import free_ports, wait_for
+from tests.support.system import wait_for
 from tests.unit.sim.camera.test_studio import frame
 
 
@@ -29,9 +33,9 @@ class Viewer:
         self._connection.close()
 
 
-def parts(response: http.client.HTTPResponse, count: int) -> Iterator[bytes]:
+def parts(response: http.client.HTTPResponse, number: int) -> Iterator[bytes]:
     """Frames of a stream."""
-    for _ in range(count):
+    for _ in range(number):
         assert response.readline().strip() == b"--frame"
         headers = {}
         while line := response.readline().strip():
@@ -42,13 +46,18 @@ def parts(response: http.client.HTTPResponse, count: int) -> Iterator[bytes]:
         assert response.readline() == b"\r\n"
 
 
+def listening() -> socket.socket:
+    """On a port that the system chooses."""
+    return socket.create_server(("127.0.0.1", 0))
+
+
 def wait_for_viewers(screen: Screen) -> None:
     wait_for(lambda: screen.is_watched, "a viewer")
 
 
 def test_everybody_sees_the_frames_in_their_order() -> None:
     screen = Screen()
-    server = serve(screen, 0)
+    server = serve(screen, listening())
     viewer = Viewer(server.server_port, "/stream")
     wait_for_viewers(screen)
     screen.show(b"one")
@@ -62,7 +71,7 @@ def test_everybody_sees_the_frames_in_their_order() -> None:
 
 
 def test_what_is_not_there_is_not_found() -> None:
-    server = serve(Screen(), 0)
+    server = serve(Screen(), listening())
     viewer = Viewer(server.server_port, "/../../etc/passwd")
     assert viewer.open().status == 404
     viewer.close()
@@ -70,34 +79,31 @@ def test_what_is_not_there_is_not_found() -> None:
     server.server_close()
 
 
-def test_the_process_shows_the_farm_to_a_viewer(tmp_path: Path) -> None:
-    (port,) = free_ports(1)
-    darkroom = Darkroom((sys.executable, "-m", "sim.camera.live", str(port)))
-    darkroom.begin(frame(tmp_path, 0))
-    assert darkroom.finished(wait=True)[0].error == ""
-    viewer = Viewer(port, "/snapshot.jpg")
-    for number in range(1, 400):
-        darkroom.begin(frame(tmp_path, number))
-        darkroom.finished(wait=True)
-    picture = Image.open(io.BytesIO(viewer.open().read()))
+def test_who_comes_while_the_process_starts_is_kept_waiting(tmp_path: Path) -> None:
+    port = listening()
+    viewer = Viewer(port.getsockname()[1], "/snapshot.jpg")
+    command = (sys.executable, "-m", "sim.camera.live", str(port.fileno()))
+    darkroom = Darkroom(command, inherits=(port.fileno(),))
+    answered = queue.Queue[bytes]()
+    threading.Thread(target=lambda: answered.put(viewer.open().read()), daemon=True).start()
+    numbers = count()
+
+    def is_answered() -> bool:
+        darkroom.begin(frame(tmp_path, next(numbers)))
+        assert darkroom.finished(wait=True)[0].error == ""
+        return not answered.empty()
+
+    wait_for(is_answered, "a frame")
+    picture = Image.open(io.BytesIO(answered.get()))
     assert picture.size == (160, 120)
     viewer.close()
     darkroom.close()
-
-
-def test_a_port_that_is_taken_is_said(tmp_path: Path) -> None:
-    server = serve(Screen(), 0)
-    darkroom = Darkroom((sys.executable, "-m", "sim.camera.live", str(server.server_port)))
-    darkroom.begin(frame(tmp_path, 0))
-    assert "in use" in darkroom.finished(wait=True)[0].error
-    darkroom.close()
-    server.shutdown()
-    server.server_close()
+    port.close()
 
 
 def test_a_viewer_who_takes_no_frames_is_let_go() -> None:
     screen = Screen()
-    server = serve(screen, 0, patience_s=0.2)
+    server = serve(screen, listening(), patience_s=0.2)
     viewer = Viewer(server.server_port, "/stream")
     wait_for_viewers(screen)
 
@@ -113,7 +119,7 @@ def test_a_viewer_who_takes_no_frames_is_let_go() -> None:
 
 def test_more_viewers_than_are_served_are_told_so() -> None:
     screen = Screen()
-    server = serve(screen, 0)
+    server = serve(screen, listening())
     for _ in range(VIEWERS_MAX):
         assert screen.enter() is not None
     viewer = Viewer(server.server_port, "/stream")
@@ -128,7 +134,7 @@ def test_more_viewers_than_are_served_are_told_so() -> None:
 @pytest.mark.parametrize("path", ["/stream", "/snapshot.jpg"])
 def test_nobody_looks_any_more_when_the_viewer_has_gone(path: str) -> None:
     screen = Screen()
-    server = serve(screen, 0)
+    server = serve(screen, listening())
     viewer = Viewer(server.server_port, path)
     wait_for_viewers(screen)
     viewer.close()
