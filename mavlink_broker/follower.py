@@ -16,7 +16,7 @@ from mavlink_broker.translation.ledger import Ledger
 from mavlink_broker.translation.mission import FlightPlan
 from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.translation.progress import Progress
-from mavlink_broker.vehicle import Vehicle
+from mavlink_broker.vehicle import FAILSAFE_S, HELD_BY_FAILSAFE, Vehicle
 
 REPORT_EVERY_S: Final = 30.0
 GRACE_S: Final = 5.0
@@ -115,14 +115,15 @@ class Follower:
         return [self._reporter.mission(self._ledger)]
 
     def _watch(self, now: float) -> None:
-        reason = None
+        reason, held = None, False
         if self._vehicle.is_heard(now) and not self.is_finished:
-            reason = self._reason_to_doubt()
+            held = self._vehicle.is_held_by_failsafe
+            reason = HELD_BY_FAILSAFE if held else self._reason_to_doubt()
         if reason is None:
             self._departed_at = None
         elif self._departed_at is None:
             self._departed_at = now
-        elif now - self._departed_at >= GRACE_S:
+        elif now - self._departed_at >= (FAILSAFE_S if held else GRACE_S):
             self.departure = reason
 
     def _reason_to_doubt(self) -> str | None:

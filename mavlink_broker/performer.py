@@ -20,6 +20,7 @@ from mavlink_broker.protocol.command import Accepted, CommandOutcome, Refused
 from mavlink_broker.protocol.command_sequence import CommandSequence, Ways
 from mavlink_broker.series import SeriesRunner, missing_camera
 from mavlink_broker.subject import SubjectTracker
+from mavlink_broker.translation.families import Orbiting
 from mavlink_broker.translation.geo import distance_m
 from mavlink_broker.translation.live import (
     Circled,
@@ -33,7 +34,7 @@ from mavlink_broker.translation.live import (
 from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.translation.target import target_message
 from mavlink_broker.turning import Turning
-from mavlink_broker.vehicle import Vehicle
+from mavlink_broker.vehicle import FAILSAFE_S, HELD_BY_FAILSAFE, Vehicle
 
 THERE_WITHIN_M: Final = 2.0
 SLOW_M_S: Final = 1.0
@@ -70,6 +71,7 @@ class Performer:
         self._target_due_at = -math.inf
         self._departed_at: float | None = None
         self._was_guided = False
+        self._was_circling = False  # Round and round, until it is told otherwise
         self._works_s = 0.0  # Longer that it lasts: the answer was lost with an earlier broker
         self.phase = Phase.BORROWING
         self.reason = ""
@@ -232,7 +234,9 @@ class Performer:
         return max(away, high) <= THERE_WITHIN_M and place.speed_m_s <= SLOW_M_S
 
     def _is_over(self, now: float) -> bool:
-        self._was_guided |= self._vehicle.mode_role is ModeRole.GUIDED
+        is_guided = self._vehicle.mode_role is ModeRole.GUIDED
+        self._was_guided |= is_guided
+        self._was_circling |= is_guided and self._is_endless
         match self._action.end:
             case Lasted(duration_s):
                 return self._time_s(now) - self._phase_at >= duration_s + self._works_s
@@ -242,9 +246,19 @@ class Performer:
             case Series() | Tracked() | Circled():
                 return self._doing is not None and self._doing.is_over
 
+    @property
+    def _is_endless(self) -> bool:
+        """Whether it is a circle that the vehicle does not count."""
+        is_circle = isinstance(self._action.end, Turned)
+        return is_circle and self._vehicle.family.orbiting is Orbiting.ENDLESS
+
     def _has_released(self) -> bool:
-        """Whether a vehicle that counts its turns has ended by itself."""
-        return self._was_guided and self._vehicle.mode_role is ModeRole.HOLD
+        """Whether a vehicle that counts its turns has ended by itself.
+
+        One that does not may have been told to by an earlier run of the broker.
+        """
+        is_over = self._was_guided and not self._was_circling
+        return is_over and self._vehicle.mode_role is ModeRole.HOLD
 
     def _is_ended(self, outcome: CommandOutcome | None) -> bool:
         """Whether the end has been agreed to; what refuses to end has perhaps ended already."""
@@ -278,7 +292,7 @@ class Performer:
             self._departed_at = None
         elif self._departed_at is None:
             self._departed_at = now
-        elif now - self._departed_at >= GRACE_S:
+        elif now - self._departed_at >= (FAILSAFE_S if reason is HELD_BY_FAILSAFE else GRACE_S):
             self._fail(reason)
 
     def _approach_time_s(self) -> float:
@@ -287,6 +301,15 @@ class Performer:
     def _departure(self) -> str | None:
         if self._vehicle.snapshot.armed is False:
             return "the vehicle disarmed before the end of the mission"
+        if self._vehicle.is_held_by_failsafe:
+            return HELD_BY_FAILSAFE
         if self._vehicle.mode_role in {ModeRole.OTHER, ModeRole.ENDING}:
             return f"the vehicle left the mission: mode {self._vehicle.mode}"
+        if self._is_off_its_circle():
+            return f"the vehicle left its circle: mode {self._vehicle.mode}"
         return None
+
+    def _is_off_its_circle(self) -> bool:
+        """Whether somebody has stopped a circle that has no end of its own."""
+        holds = self._vehicle.mode_role is ModeRole.HOLD
+        return self._was_circling and self.phase is Phase.GOING and holds

@@ -22,6 +22,11 @@ from mavlink_broker.translation.telemetry import Snapshot
 AGED: Final = frozenset({"GLOBAL_POSITION_INT", "ATTITUDE", "BATTERY_STATUS", "MISSION_CURRENT"})
 """Messages whose age is kept: what is told of a vehicle must not look fresher than it is."""
 
+HELD_BY_FAILSAFE: Final = "the vehicle's own failsafe holds it"
+FAILSAFE_S: Final = 10.0
+"""How long that must last: PX4 holds for 5 s before it does what its failsafe has chosen, and goes
+on with its mission when the reason has gone meanwhile."""
+
 HOME_PATIENCE_S: Final = 20.0
 """How long a vehicle that stands may take to tell its home; some never do."""
 
@@ -111,6 +116,12 @@ class Vehicle:
     def mode_role(self) -> ModeRole:
         """What its flight mode means to a mission."""
         return self.family.mode_role(self.mode)
+
+    @property
+    def is_held_by_failsafe(self) -> bool:
+        """Whether it hovers because a failsafe of its own says so, and nobody has paused it."""
+        snapshot = self.snapshot
+        return bool(snapshot.armed) and snapshot.in_failsafe and self.mode_role is ModeRole.HOLD
 
     @property
     def parameter_encoding(self) -> ParameterEncoding:

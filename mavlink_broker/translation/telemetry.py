@@ -62,6 +62,7 @@ class Snapshot:
     armed: bool | None = None
     base_mode: int = 0
     custom_mode: int = 0
+    in_failsafe: bool = False  # It does what a failsafe has chosen
     time_s: float | None = None  # The vehicle's own, since it was switched on
     booted_at_utc_s: float | None = None  # Since 1970; None: its time of day is not set
     position: Position | None = None
@@ -97,6 +98,7 @@ def _heartbeat(snapshot: Snapshot, message: Message) -> None:
     snapshot.armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
     snapshot.base_mode = message.base_mode
     snapshot.custom_mode = message.custom_mode
+    snapshot.in_failsafe = message.system_status == mavlink.MAV_STATE_CRITICAL
 
 
 def _global_position(snapshot: Snapshot, message: Message) -> None:

@@ -87,6 +87,7 @@ class ScriptedVehicle:
         self.missions.complain = self._complain
         self.armed = False
         self.airborne = False
+        self.in_failsafe = False
         self.custom_mode = PX4_HOLD if script.autopilot == mavlink.MAV_AUTOPILOT_PX4 else 0
         self.current = 0
         self.mission_state = mavlink.MISSION_STATE_NO_MISSION
@@ -211,9 +212,17 @@ class ScriptedVehicle:
 
     def set_mode(self, custom_mode: int) -> None:
         """Change the mode as a pilot would."""
+        self.in_failsafe = False
         self.custom_mode = custom_mode
         self._mode_began_at = self._now
         self._tell_change()
+
+    def fail_safe(self, custom_mode: int) -> None:
+        """Do what a failsafe of its own has chosen, until somebody chooses a mode."""
+        self.in_failsafe = True
+        self.custom_mode = custom_mode
+        self._mode_began_at = self._now
+        self.heartbeat()
 
     def send(self, message: Message) -> None:
         """Send something that is not of its script."""
@@ -245,7 +254,12 @@ class ScriptedVehicle:
             base |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED
         self._send(
             mavlink.MAVLink_heartbeat_message(
-                self.script.vehicle_type, self.script.autopilot, base, self.custom_mode, 4, 3
+                self.script.vehicle_type,
+                self.script.autopilot,
+                base,
+                self.custom_mode,
+                mavlink.MAV_STATE_CRITICAL if self.in_failsafe else mavlink.MAV_STATE_ACTIVE,
+                3,
             )
         )
 

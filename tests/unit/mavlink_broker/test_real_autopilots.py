@@ -25,9 +25,11 @@ from tests.support.scripted_vehicle import (
     COPTER_AUTO,
     COPTER_GUIDED,
     HOME,
+    PX4_HOLD,
     PX4_MISSION,
     PX4_POSITION,
     Script,
+    ScriptedVehicle,
 )
 
 PLANS = Path(__file__).parents[3] / "examples" / "plans"
@@ -71,6 +73,23 @@ def panorama(command_id: int) -> dict[str, Any]:
 
 def track(command_id: int = 2) -> dict[str, Any]:
     return command(command_id, 9, corners=[[0.2, 0.2], [0.8, 0.8]], track_mode=3)
+
+
+def circle(command_id: int) -> dict[str, Any]:
+    place = {"latitude": HOME[0], "longitude": HOME[1], "orbit_altitude": 8.0}
+    way = {"radius": 50.0, "angular_velocity": 2.0, "start_point": 4, "orbit_type": 0}
+    return command(command_id, 7, **place, **way)
+
+
+def under_way(script: Script, plan: Any) -> tuple[World, ScriptedVehicle]:
+    """A world in which a mission has come to its second command."""
+    world = World()
+    vehicle = world.add_vehicle(script=script)
+    world.edge.plan(plan)
+    world.run_until(lambda: world.edge.reports(1201))
+    world.run_until(lambda: world.edge.statuses(1201)[1] == Status.RUNNING)
+    world.run(3.0)
+    return world, vehicle
 
 
 def reason(world: World) -> str:
@@ -248,6 +267,34 @@ class TestPx4:
         world.edge.plan(mission(takeoff(), track(), go_home(3)))
         world.run_until_over(1201)
         assert world.edge.statuses(1201) == [Status.FINISHED, Status.FAILED, Status.ABORTED]
+
+    @pytest.mark.parametrize("second", [waypoint(2, 30.0, hold_time=60.0), circle(2)])
+    def test_that_its_own_failsafe_holds_has_failed(self, second: dict[str, Any]) -> None:
+        """A breach of its fence makes it hold for ever: nobody has paused it."""
+        script = dataclasses.replace(PX4_1_17, item_time_s=20.0)
+        world, vehicle = under_way(script, mission(takeoff(), second, go_home(3)))
+        vehicle.say("Geofence exceeded, position outside of fence", 2)
+        vehicle.fail_safe(PX4_HOLD)
+        world.run_until_over(1201, within_s=20.0)
+        assert world.edge.statuses(1201) == [Status.FINISHED, Status.FAILED, Status.ABORTED]
+        assert "failsafe holds it (Geofence exceeded" in reason(world)
+
+    def test_that_holds_before_its_failsafe_acts_may_go_on(self) -> None:
+        """It waits for 5 s, and flies on if its ground station is heard again meanwhile."""
+        world, vehicle = under_way(dataclasses.replace(PX4_1_17, item_time_s=10.0), first_flight())
+        vehicle.fail_safe(PX4_HOLD)
+        world.run(7.0)
+        vehicle.set_mode(PX4_MISSION)
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+
+    def test_that_a_pilot_stops_on_its_circle_has_not_finished_it(self) -> None:
+        """Its circle has no end of its own: whoever holds it wants it to stay there."""
+        world, vehicle = under_way(PX4_1_17, mission(takeoff(), circle(2), go_home(3)))
+        vehicle.set_mode(PX4_HOLD)
+        world.run_until_over(1201, within_s=20.0)
+        assert world.edge.statuses(1201) == [Status.FINISHED, Status.FAILED, Status.ABORTED]
+        assert "the vehicle left its circle: mode AUTO.LOITER" in reason(world)
 
     @PX4S
     def test_is_not_turned_to_north_by_a_hold(self, script: Script) -> None:
