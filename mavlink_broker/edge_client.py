@@ -1,9 +1,11 @@
 """Speaks to the edge server over HTTP, on threads of its own, so that the vehicles never wait.
 
 One thread asks for work by long poll, two tell what the vehicles have to say. Every request is
-tried until it has a final answer: a success, or a refusal that would be the same tomorrow. The
-access key is read from its file when it is needed, because the edge server may not have written
-it yet, or may have written a new one.
+tried until it has a final answer: a success, or a refusal that would be the same tomorrow. With a
+spool, what has failed once is put onto the disk meanwhile, and told by the next run.
+
+A vehicle's work is not taken while reports of an earlier run about it wait: what the edge server
+says of a mission is true only when it has heard of it everything that was said.
 """
 
 import logging
@@ -19,99 +21,51 @@ from typing import Any, Final
 import requests
 
 from afarcloud import wire
+from mavlink_broker.edge_door import TIMEOUT_S, Door, NoKeyError, is_final
 from mavlink_broker.send_queue import Post, SendQueue
+from mavlink_broker.spool.folder import Spool
+from mavlink_broker.spool.keeper import Keeper
 
 LONG_POLL_S: Final = 20.0
-TIMEOUT_S: Final = 10.0
 SENDERS: Final = 2
 RETRY_WORK_S: Final = 0.5
 SHOWN_CHARACTERS: Final = 500
 """Of a refusal's text, in the log."""
 
-_TRY_AGAIN: Final = frozenset(
-    {
-        HTTPStatus.UNAUTHORIZED,
-        HTTPStatus.FORBIDDEN,
-        HTTPStatus.REQUEST_TIMEOUT,
-        HTTPStatus.TOO_EARLY,
-        HTTPStatus.TOO_MANY_REQUESTS,
-    }
-)
 _KNOWN: Final = "Idempotency-Key was used"
 """What the edge server says to another body under a key that it has seen."""
 _LOG = logging.getLogger(__name__)
-
-
-class NoKeyError(Exception):
-    """The edge server has not written the broker's key yet."""
-
-
-class _Door:
-    """One thread's connection to the edge server."""
-
-    def __init__(self, url: str, key_file: Path, ca_file: Path | None) -> None:
-        self._url = url.rstrip("/")
-        self._key_file = key_file
-        self._http = requests.Session()
-        self._http.trust_env = False
-        if ca_file is not None:
-            self._http.verify = str(ca_file)
-        self._key: str | None = None
-
-    def request(self, method: str, path: str, timeout_s: float, **how: Any) -> requests.Response:
-        """Ask once.
-
-        Raises:
-            requests.RequestException: if there is no answer.
-            NoKeyError: if there is no key to ask with.
-        """
-        headers = {"Authorization": f"Bearer {self._read_key()}", **how.pop("headers", {})}
-        response = self._http.request(
-            method,
-            self._url + path,
-            headers=headers,
-            timeout=(TIMEOUT_S, timeout_s),
-            allow_redirects=False,
-            **how,
-        )
-        if response.status_code == HTTPStatus.UNAUTHORIZED:
-            self._key = None
-        return response
-
-    def _read_key(self) -> str:
-        if self._key is None:
-            try:
-                self._key = self._key_file.read_text(encoding="ascii").strip()
-            except OSError as error:
-                raise NoKeyError(f"no key in {self._key_file}: {error.strerror}") from error
-            except UnicodeDecodeError as error:
-                raise NoKeyError(f"no key in {self._key_file}: {error}") from error
-        return self._key
-
-
-def is_final(status_code: int) -> bool:
-    """Whether an answer would be the same if the request were repeated."""
-    if status_code in _TRY_AGAIN:
-        return False
-    return 200 <= status_code < 300 or 400 <= status_code < 500
 
 
 class EdgeClient:
     """The edge server as the program's loop sees it: work to take, posts to leave."""
 
     def __init__(
-        self, url: str, key_file: Path, wake: Callable[[], None], *, ca_file: Path | None = None
+        self,
+        url: str,
+        key_file: Path,
+        wake: Callable[[], None],
+        *,
+        ca_file: Path | None = None,
+        spool: Spool | None = None,
     ) -> None:
-        """Take where the edge server is, our key, and who alone vouches for its certificate."""
+        """Take where the edge server is, our key, and who alone vouches for its certificate.
+
+        Without a spool what waits is lost with the program.
+        """
         self._url = url
         self._key_file = key_file
         self._ca_file = ca_file
         self._wake = wake
         self._work: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
         self._posts = SendQueue(random.Random())
-        self._changed = threading.Condition()
+        lock = threading.Lock()
+        self._changed = threading.Condition(lock)  # For those who send
+        self._answered = threading.Condition(lock)  # For those who wait for less to be said
         self._stopping = threading.Event()
         self._reachable: bool | None = None
+        self._is_held_back = False
+        self._keeper = None if spool is None else Keeper(spool, self._posts, self._changed)
         self._threads = [
             threading.Thread(target=self._poll_work, name="edge-work", daemon=True),
             *(
@@ -122,18 +76,22 @@ class EdgeClient:
 
     def start(self) -> None:
         """Begin to speak."""
+        if self._keeper is not None:
+            self._keeper.start()
         for thread in self._threads:
             thread.start()
 
     def stop(self, within_s: float) -> None:
-        """Send what can be sent soon, then stop; daemon threads do not hold the program up."""
+        """Send what can be sent soon, keep the rest; daemon threads do not hold the program up."""
         deadline = time.monotonic() + within_s
         with self._changed:
             while len(self._posts) and time.monotonic() < deadline:
-                self._changed.wait(timeout=0.05)
+                self._answered.wait(timeout=0.05)
         self._stopping.set()
         with self._changed:
             self._changed.notify_all()
+        if self._keeper is not None:
+            self._keeper.stop()
 
     def take_work(self) -> list[dict[str, Any]]:
         """Give the work that has come in, as the edge server wrote it."""
@@ -147,6 +105,9 @@ class EdgeClient:
         with self._changed:
             self._posts.put(post)
             self._changed.notify()
+            is_in_trouble = self._posts.is_in_trouble
+        if is_in_trouble:
+            self._nudge()
 
     @property
     def waiting(self) -> int:
@@ -167,11 +128,12 @@ class EdgeClient:
             return self._posts.dropped
 
     def _poll_work(self) -> None:
-        door, cursor = _Door(self._url, self._key_file, self._ca_file), 0
+        door, cursor = Door(self._url, self._key_file, self._ca_file), 0
         while not self._stopping.is_set():
             try:
                 # The first question after a silence is answered at once, to see who is there.
                 wait_s = LONG_POLL_S if self._reachable else 0.0
+                owing = self._owing()
                 path = f"/broker/commands?after={cursor}&wait={wait_s:.0f}"
                 response = door.request("GET", path, wait_s + TIMEOUT_S)
                 answer = response.json() if response.status_code == HTTPStatus.OK else None
@@ -186,25 +148,45 @@ class EdgeClient:
                 self._stopping.wait(RETRY_WORK_S)
                 continue
             self._note(reachable=True)
-            cursor = self._accept(answer, cursor)
+            cursor = self._accept(answer, owing)
 
-    def _accept(self, answer: Any, cursor: int) -> int:
-        """Pass the work on; gives the next cursor."""
+    def _accept(self, answer: Any, owing: frozenset[int]) -> int:
+        """Pass on the work of those who owed nothing when it was asked for; gives the cursor."""
         try:
-            commands = list(answer["commands"])
+            commands = [dict(command) for command in answer["commands"]]
             cursor = int(answer["cursor"])
         except (KeyError, TypeError, ValueError):
             _LOG.exception("the edge server's work cannot be read")
             self._stopping.wait(RETRY_WORK_S)
             return 0
-        for command in commands:
+        waiting_for = tuple(owing)  # Of a number that is none no hash is asked
+        due = [command for command in commands if command.get("vehicle_id") not in waiting_for]
+        for command in due:
             self._work.put(command)
-        if commands:
+        if due:
             self._wake()
+        if len(due) < len(commands):
+            if not self._is_held_back:
+                _LOG.info("work waits until what an earlier run has reported is told")
+            self._is_held_back = True
+            self._wait_for_less_than(owing)
+            return 0  # All of it once more: what was taken is known, the rest has changed
         return cursor
 
+    def _owing(self) -> frozenset[int]:
+        """Whose work must not be taken, for what is said of it is not all told."""
+        with self._changed:
+            return self._posts.owing
+
+    def _wait_for_less_than(self, owing: frozenset[int]) -> None:
+        """Wait until a vehicle owes nothing any more, or for a while."""
+        with self._changed:
+            self._answered.wait_for(
+                lambda: self._stopping.is_set() or self._posts.owing < owing, RETRY_WORK_S
+            )
+
     def _send_posts(self) -> None:
-        door = _Door(self._url, self._key_file, self._ca_file)
+        door = Door(self._url, self._key_file, self._ca_file)
         while not self._stopping.is_set():
             with self._changed:
                 post = self._posts.take(time.monotonic())
@@ -217,7 +199,7 @@ class EdgeClient:
         due = self._posts.next_due()
         return None if due is None else max(0.0, due - time.monotonic())
 
-    def _send(self, door: _Door, post: Post) -> None:
+    def _send(self, door: Door, post: Post) -> None:
         headers = {"Idempotency-Key": post.idempotency_key} if post.idempotency_key else {}
         status, text = None, ""
         try:
@@ -231,17 +213,29 @@ class EdgeClient:
         with self._changed:
             if status is not None and is_final(status):
                 self._posts.answered(post)
-                if (
-                    post.may_be_known
-                    and status == HTTPStatus.UNPROCESSABLE_ENTITY
-                    and _KNOWN in text
-                ):
-                    _LOG.info("%s was told before", post.path)
-                elif status >= 400:
-                    _LOG.error("%s %s: HTTP %d %s", post.method, post.path, status, text)
             else:
                 self._posts.failed(post, time.monotonic(), cut_off=status is None)
             self._changed.notify_all()
+            self._answered.notify_all()
+            concerns_disk = post.kept_as is not None or self._posts.is_in_trouble
+        if concerns_disk:
+            self._nudge()
+        if status is not None and is_final(status) and status >= HTTPStatus.BAD_REQUEST:
+            self._tell_refusal(post, status, text)
+
+    def _tell_refusal(self, post: Post, status: int, text: str) -> None:
+        """Log what the edge server does not take: its words name field and reason."""
+        if post.may_be_known and status == HTTPStatus.UNPROCESSABLE_ENTITY and _KNOWN in text:
+            _LOG.info("%s was told before", post.path)
+        elif post.is_inherited:
+            _LOG.warning("%s of an earlier run is refused: HTTP %d %s", post.path, status, text)
+        else:
+            _LOG.error("%s %s: HTTP %d %s", post.method, post.path, status, text)
+
+    def _nudge(self) -> None:
+        """Let the spool see to it that what may wait for long survives us."""
+        if self._keeper is not None:
+            self._keeper.nudge()
 
     def _note(self, *, reachable: bool, why: Exception | None = None) -> None:
         if reachable == self._reachable:

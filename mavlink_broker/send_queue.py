@@ -5,19 +5,24 @@ the acknowledgements of its work. A lane whose head failed waits out its own bac
 reports wait until the edge server has answered its registration.
 
 When the edge server is away for long, the oldest state vectors are dropped and counted, and a
-newer description of a vehicle replaces the one that waits. Everything else is kept.
+newer description of a vehicle replaces the one that waits. Everything else is kept, and told to
+whoever puts it onto the disk: what has failed once, and what waits behind it.
 """
 
 import random
-from collections import deque
+from collections import Counter, deque
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from enum import IntEnum
+from itertools import takewhile
 from typing import Any, Final
 
 STATE_VECTORS_KEPT: Final = 3600
 """An hour of one vehicle; some 2 MB."""
 FIRST_PAUSE_S: Final = 0.2
 LONGEST_PAUSE_S: Final = 5.0
+SLOW_AFTER_S: Final = 3.0
+"""An edge server that has not answered by then may be none."""
 
 
 class Urgency(IntEnum):
@@ -46,6 +51,18 @@ class Post:
     may_be_dropped: bool = False
     may_be_known: bool = False  # Told before a crash, perhaps: then the first telling stands
     replaces: bool = False  # A newer one of the same lane makes it obsolete
+    kept_as: int | None = None  # Its number on the disk, where it is there
+    is_inherited: bool = False  # From an earlier run of the broker
+
+    @property
+    def is_worth_keeping(self) -> bool:
+        """Whether it must survive the broker: what the next run can tell anew must not."""
+        return not (self.may_be_dropped or self.replaces)
+
+    @property
+    def is_owed(self) -> bool:
+        """Whether the edge server knows less than the broker did, until it is told."""
+        return self.is_inherited and self.urgency is Urgency.REPORT
 
 
 @dataclass(slots=True)
@@ -54,9 +71,30 @@ class _Lane:
     vehicle_id: int
     posts: deque[Post] = field(default_factory=deque)
     in_flight: Post | None = None
+    taken_at: float = 0.0
     failures: int = 0
     cut_off: bool = False  # The last failure was an edge server that was not there
     not_before: float = 0.0
+
+    def is_slow(self, now: float) -> bool:
+        """Whether an answer is overdue."""
+        return self.in_flight is not None and now - self.taken_at > SLOW_AFTER_S
+
+    def all(self) -> Iterator[Post]:
+        """Everything without an answer, in order."""
+        if self.in_flight is not None:
+            yield self.in_flight
+        yield from self.posts
+
+    def unkept(self) -> list[Post]:
+        """What should be on the disk and is not; all that is there comes before it."""
+        first = next(self.all(), None)
+        if first is None or not first.is_worth_keeping:
+            return []
+        tail = list(takewhile(lambda post: post.kept_as is None, reversed(self.posts)))
+        if self.in_flight is not None and self.in_flight.kept_as is None:
+            tail.append(self.in_flight)
+        return tail[::-1]
 
 
 class SendQueue:
@@ -67,6 +105,8 @@ class SendQueue:
         self._kept = kept
         self._lanes: dict[tuple[int, str], _Lane] = {}
         self._registered: set[int] = set()
+        self._settled: set[int] = set()
+        self._owed: Counter[int] = Counter()
         self.dropped = 0
 
     def __len__(self) -> int:
@@ -79,6 +119,7 @@ class SendQueue:
         if post.replaces:
             lane.posts.clear()
         lane.posts.append(post)
+        self._owed[post.vehicle_id] += post.is_owed
         if post.may_be_dropped and self._droppable() > self._kept:
             self._drop_oldest()
 
@@ -93,7 +134,7 @@ class SendQueue:
         if not ready:
             return None
         lane = min(ready, key=lambda candidate: candidate.urgency)
-        lane.in_flight = lane.posts.popleft()
+        lane.in_flight, lane.taken_at = lane.posts.popleft(), now
         return lane.in_flight
 
     def next_due(self) -> float | None:
@@ -107,6 +148,9 @@ class SendQueue:
         """
         lane = self._lanes[post.vehicle_id, post.lane]
         lane.in_flight = None
+        self._owed[post.vehicle_id] -= post.is_owed
+        if post.kept_as is not None:
+            self._settled.add(post.kept_as)
         if post.urgency is Urgency.REGISTRATION:
             self._registered.add(post.vehicle_id)
         for other in self._all:
@@ -128,6 +172,52 @@ class SendQueue:
         ceiling = min(LONGEST_PAUSE_S, FIRST_PAUSE_S * 2**lane.failures)
         lane.failures = min(lane.failures + 1, 16)
         lane.not_before = now + self._jitter.uniform(ceiling / 2, ceiling)
+
+    @property
+    def owing(self) -> frozenset[int]:
+        """Vehicles of which an earlier run knew more than the edge server has been told."""
+        return frozenset(vehicle_id for vehicle_id, count in self._owed.items() if count)
+
+    @property
+    def is_in_trouble(self) -> bool:
+        """Whether anything has failed and has not been answered since."""
+        return any(lane.failures for lane in self._all)
+
+    def endangered(self, now: float) -> list[Post]:
+        """Give what would be lost with the broker and may wait for long; each lane in order.
+
+        That is a lane whose head has failed, what waits for a registration that has failed, and
+        everything while the edge server is not there.
+        """
+        lanes = self._all
+        is_away = any(lane.cut_off or lane.is_slow(now) for lane in lanes)
+        strangers = {
+            lane.vehicle_id
+            for lane in lanes
+            if lane.urgency is Urgency.REGISTRATION and lane.failures
+        } - self._registered
+        return [
+            post
+            for lane in lanes
+            if is_away or lane.failures or lane.vehicle_id in strangers
+            for post in lane.unkept()
+        ]
+
+    def unkept(self) -> list[Post]:
+        """Give everything that would be lost with the broker; each lane in order."""
+        return [post for lane in self._all for post in lane.unkept()]
+
+    def take_settled(self) -> frozenset[int]:
+        """Give the numbers on the disk that have been answered since this was asked."""
+        settled, self._settled = frozenset(self._settled), set()
+        return settled
+
+    def unkeep(self, numbers: Collection[int]) -> None:
+        """Learn that these are not on the disk."""
+        for lane in self._all:
+            for post in lane.all():
+                if post.kept_as in numbers:
+                    post.kept_as = None
 
     @property
     def _all(self) -> list[_Lane]:

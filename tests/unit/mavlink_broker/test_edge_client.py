@@ -11,13 +11,16 @@ from typing import Any
 
 import pytest
 
-from mavlink_broker.edge_client import EdgeClient, is_final
+from mavlink_broker.edge_client import EdgeClient
+from mavlink_broker.edge_door import is_final
 from mavlink_broker.send_queue import Post, Urgency
+from mavlink_broker.spool.folder import WORDS, Spool
 from tests.support.broker_world import first_flight
 from tests.support.certificates import Authority
 from tests.support.fake_edge import FakeEdgeServer
 
 KEY = "broker-key"
+NOWHERE = "http://127.0.0.1:1"
 
 
 @pytest.fixture
@@ -34,10 +37,45 @@ class Woken:
         self.event.set()
 
 
-def client_of(server: FakeEdgeServer, folder: Path, woken: Woken | None = None) -> EdgeClient:
-    client = EdgeClient(server.url, folder / "broker.key", woken or Woken())
+def client_of(
+    server: FakeEdgeServer, folder: Path, woken: Woken | None = None, spool: Spool | None = None
+) -> EdgeClient:
+    client = EdgeClient(server.url, folder / "broker.key", woken or Woken(), spool=spool)
     client.start()
     return client
+
+
+def spool_in(folder: Path) -> Spool:
+    return Spool(folder / "broker", most_bytes=1 << 20)
+
+
+def report(mission_id: int, status: int) -> Post:
+    body = {
+        "vehicle_id": 1,
+        "mission_id": mission_id,
+        "mission_status_id": status,
+        "command_report_array": [],
+    }
+    return Post(
+        method="POST",
+        path="/mission_report/",
+        body=body,
+        vehicle_id=1,
+        lane="mission_report",
+        urgency=Urgency.REPORT,
+        idempotency_key=f"report-{mission_id}-{status}",
+        needs_registration=False,
+    )
+
+
+def leave(folder: Path, *posts: Post) -> None:
+    """Be a broker that ends with something to say, and nobody to say it to."""
+    (folder / "broker.key").write_text(KEY)
+    client = EdgeClient(NOWHERE, folder / "broker.key", Woken(), spool=spool_in(folder))
+    client.start()
+    for one in posts:
+        client.post(one)
+    client.stop(0.0)
 
 
 def pose(number: int) -> Post:
@@ -147,6 +185,18 @@ def wait_until(true: Callable[[], bool], patience_s: float = 20.0) -> None:
         time.sleep(0.01)
 
 
+def work_of(client: EdgeClient) -> list[dict[str, Any]]:
+    """Wait for work; gives what came first."""
+    work: list[dict[str, Any]] = []
+
+    def has_come() -> bool:
+        work.extend(client.take_work())
+        return bool(work)
+
+    wait_until(has_come)
+    return work
+
+
 @contextmanager
 def https(server: FakeEdgeServer, authority: Authority) -> Iterator[str]:
     """The same server behind TLS; gives its address."""
@@ -183,3 +233,91 @@ def test_an_edge_server_of_another_authority_is_told_nothing(
         wait_until(lambda: "certificate verify failed" in caplog.text)
         client.stop(within_s=0.0)
         assert server.wait_for("/pose/", 1, timeout_s=0.0) == []
+
+
+def test_while_the_edge_server_is_there_nothing_is_written(
+    server: FakeEdgeServer, tmp_path: Path
+) -> None:
+    (tmp_path / "broker.key").write_text(KEY)
+    spool = spool_in(tmp_path)
+    client = client_of(server, tmp_path, spool=spool)
+    for number in range(50):
+        client.post(pose(number))
+    assert len(server.wait_for("/pose/", 50)) == 50
+    client.stop(5.0)
+    assert spool.writes == 0
+
+
+def test_what_has_failed_is_on_the_disk_before_anybody_ends(tmp_path: Path) -> None:
+    """As a kill -9 would find it."""
+    client = EdgeClient(NOWHERE, tmp_path / "no.key", Woken(), spool=spool_in(tmp_path))
+    client.start()
+    client.post(pose(1))
+    client.post(pose(2))
+    words = tmp_path / "broker" / WORDS
+    wait_until(lambda: words.exists() and words.read_bytes().count(b"\n") == 2)
+    client.stop(0.0)
+
+
+def test_the_next_run_tells_first_what_the_last_one_could_not(
+    server: FakeEdgeServer, tmp_path: Path
+) -> None:
+    leave(tmp_path, pose(0), pose(1))
+    server.failures.extend([503, 401])
+    spool = spool_in(tmp_path)
+    client = client_of(server, tmp_path, spool=spool)
+    client.post(pose(2))
+    assert numbers(server.wait_for("/pose/", 3)) == [0, 1, 2]
+    keys = [key for path, key in server.keys_seen if path == "/pose/"]
+    assert list(dict.fromkeys(keys)) == ["key-0", "key-1", "key-2"]
+    wait_until(lambda: (tmp_path / "broker" / WORDS).read_bytes() == b"")
+    client.stop(1.0)
+
+
+def test_work_is_taken_when_the_edge_server_knows_what_was_known_of_it(
+    server: FakeEdgeServer, tmp_path: Path
+) -> None:
+    """Else a mission that has flown would be taken for one that has not."""
+    leave(tmp_path, report(1201, 2))
+    server.failures.extend([503] * 4)
+    server.plan(first_flight())
+    client = client_of(server, tmp_path, spool=spool_in(tmp_path))
+    work = work_of(client)
+    assert work[0]["report"]["mission_status_id"] == 2
+    client.stop(1.0)
+
+
+def test_a_mission_whose_end_was_left_to_be_told_is_not_taken_again(
+    server: FakeEdgeServer, tmp_path: Path
+) -> None:
+    leave(tmp_path, report(1201, 2), report(1201, 3))
+    server.plan(first_flight(1201))
+    server.failures.extend([500, 500])
+    client = client_of(server, tmp_path, spool=spool_in(tmp_path))
+    server.plan(first_flight(1202))
+    work = work_of(client)
+    assert [one["mission"]["mission_id"] for one in work] == [1202]
+    client.stop(1.0)
+
+
+def test_what_one_vehicle_owes_holds_up_no_other(server: FakeEdgeServer, tmp_path: Path) -> None:
+    leave(tmp_path, report(1201, 2))
+    server.failures.extend([503] * 1000)
+    server.plan(first_flight(1201, vehicle_id=1))
+    server.plan(first_flight(1202, vehicle_id=2))
+    client = client_of(server, tmp_path, spool=spool_in(tmp_path))
+    work = work_of(client)
+    assert {one["mission"]["mission_id"] for one in work} == {1202}
+    client.stop(0.0)
+
+
+def test_what_the_edge_server_refuses_for_good_is_dropped_and_told(
+    server: FakeEdgeServer, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    leave(tmp_path, pose(0), pose(1))
+    server.failures.append(409)
+    client = client_of(server, tmp_path, spool=spool_in(tmp_path))
+    assert numbers(server.wait_for("/pose/", 1)) == [1]
+    wait_until(lambda: "of an earlier run is refused: HTTP 409" in caplog.text)
+    wait_until(lambda: (tmp_path / "broker" / WORDS).read_bytes() == b"")
+    client.stop(1.0)

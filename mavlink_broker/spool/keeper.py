@@ -1,0 +1,115 @@
+"""Puts what waits for the edge server onto the disk, on a thread of its own.
+
+Neither the loop nor those who send ever wait for the disk: they nudge, and go on. While the edge
+server answers there is nothing to do.
+"""
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Iterable
+from functools import partial
+from typing import Final
+
+from mavlink_broker.send_queue import Post, SendQueue, Urgency
+from mavlink_broker.spool.folder import Spool
+
+LOOK_EVERY_S: Final = 1.0
+"""An edge server that hangs nudges nobody."""
+TRY_AGAIN_S: Final = 5.0
+"""After the disk has refused."""
+END_WITHIN_S: Final = 5.0
+"""How long an ending program waits for a slow disk."""
+
+_LOG = logging.getLogger(__name__)
+
+
+class Keeper:
+    """Between the queue, which others use too, and the spool, which nobody else does."""
+
+    def __init__(self, spool: Spool, queue: SendQueue, lock: threading.Condition) -> None:
+        """Take the queue's lock along; what an earlier run has left goes ahead of everything."""
+        self._spool = spool
+        self._queue = queue
+        self._lock = lock
+        self._nudged = threading.Event()
+        self._stopping = False
+        self._words_after = 0.0
+        self._pictures_after = 0.0
+        self._is_refused = False
+        self._thread = threading.Thread(target=self._run, name="spool", daemon=True)
+        for post in spool.left:
+            queue.put(post)
+        if spool.damaged:
+            _LOG.warning("%s: %d lines cannot be read", spool.folder, spool.damaged)
+        if spool.left:
+            _LOG.info("%d words of an earlier run are still to be told", len(spool.left))
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    def nudge(self) -> None:
+        """Say that there may be something to do."""
+        self._nudged.set()
+
+    def stop(self) -> None:
+        """Put everything onto the disk that waits, and end."""
+        self._stopping = True
+        self._nudged.set()
+        self._thread.join(END_WITHIN_S)
+
+    def _run(self) -> None:
+        while not self._stopping:
+            self._nudged.wait(LOOK_EVERY_S)
+            self._nudged.clear()
+            self.go_round(time.monotonic())
+        self._words_after = self._pictures_after = 0.0
+        self.go_round(time.monotonic(), everything=True)
+        self._spool.close()
+
+    def go_round(self, now: float, *, everything: bool = False) -> None:
+        """Let go of what has been answered; keep what is endangered, or everything."""
+        with self._lock:
+            settled = self._queue.take_settled()
+            waiting = self._queue.unkept() if everything else self._queue.endangered(now)
+            words = [p for p in waiting if not _is_picture(p) and now >= self._words_after]
+            pictures = [p for p in waiting if _is_picture(p) and now >= self._pictures_after]
+            for post in (*words, *pictures):
+                post.kept_as = self._spool.next_number()
+        if settled:
+            self._does(partial(self._spool.settle, settled))
+        if words and not self._does(partial(self._spool.keep_words, words)):
+            self._words_after = now + TRY_AGAIN_S
+        if pictures:
+            self._does(partial(self._spool.keep_pictures, pictures))
+        if self._missing(pictures):
+            self._pictures_after = now + TRY_AGAIN_S
+        lost = self._missing((*words, *pictures)) | self._spool.take_given_up()
+        if lost:
+            with self._lock:
+                self._queue.unkeep(lost)
+
+    def _missing(self, posts: Iterable[Post]) -> frozenset[int]:
+        numbers = (post.kept_as for post in posts)
+        return frozenset(n for n in numbers if n is not None and n not in self._spool)
+
+    def _does(self, change: Callable[[], None]) -> bool:
+        """Change something on the disk; whether it could be done is told when that changes."""
+        folder = self._spool.folder
+        try:
+            change()
+        except OSError as error:
+            if not self._is_refused:
+                reason = error.strerror or error
+                _LOG.warning("what waits for the edge server is not kept in %s: %s", folder, reason)
+            self._is_refused = True
+            return False
+        if self._is_refused:
+            _LOG.warning("%s keeps again what waits for the edge server", folder)
+        self._is_refused = False
+        return True
+
+
+def _is_picture(post: Post) -> bool:
+    return post.urgency is Urgency.PICTURE
