@@ -89,6 +89,11 @@ def hold_on_ground(vehicle: Vehicle) -> Message:
     return vehicle.family.holding[0][0].message(vehicle.route, 0)
 
 
+def arming_checks(vehicle: Vehicle) -> Message:
+    """Ask for the checks before arming to be made and told anew; what fails comes as texts."""
+    return long_command(mavlink.MAV_CMD_RUN_PREARM_CHECKS).message(vehicle.route, 0)
+
+
 def disarming(vehicle: Vehicle) -> list[Message]:
     """Stop the propellers of a vehicle that stands and will not be flown; never in the air."""
     snapshot = vehicle.snapshot

@@ -21,6 +21,8 @@ FLYING_WITHIN_S: Final = 5.0
 START_AGAIN_AFTER_S: Final = 1.0
 MODE_EVERY_S: Final = 2.0
 """Longer than a mode takes to show."""
+WHY_EVERY_S: Final = 14.0
+"""Less often than what a vehicle waits for by itself, and often enough for its newest reason."""
 _AFTER_ACCEPTANCE: Final = {
     State.FENCING: Event.FENCED,
     State.HOLDING: Event.HELD,
@@ -177,6 +179,7 @@ class FlightPreparation(FlightCore):
         if obstacle is None:
             self._set_out(now, effects)
             return
+        self._ask_why_not(now, effects)
         if (
             readiness.wants_another_mode(self._vehicle)
             and now >= self._mode_asked_at + MODE_EVERY_S
@@ -185,6 +188,14 @@ class FlightPreparation(FlightCore):
             effects.messages.append(activities.hold_on_ground(self._vehicle))
         if now - self._entered_at >= readiness.WITHIN_S:
             self._fail(f"not ready after {readiness.WITHIN_S:.0f} s: {obstacle}", now, effects)
+
+    def _ask_why_not(self, now: float, effects: Effects) -> None:
+        """Have a vehicle that is not ready to arm say why: most told it before we listened."""
+        is_ready = self._vehicle.snapshot.ready_to_arm is not False
+        if is_ready or now - max(self._why_asked_at, self._entered_at) < WHY_EVERY_S:
+            return
+        self._why_asked_at = now
+        effects.messages.append(activities.arming_checks(self._vehicle))
 
     def _set_out(self, now: float, effects: Effects) -> None:
         try:

@@ -55,6 +55,7 @@ class Script:
     arms_in: frozenset[int] | None = None  # Custom modes; None: in any
     arming_refusal: int = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
     arming_complaint: str = ""
+    fault: str = ""  # Why it is not ready to arm, said when it is asked
     link_loss_action: int = 0  # NAV_DLL_ACT: above 0 it flies only attended by a ground station
     readiness_by_mode: bool = False  # "Ready to arm" means: in the mode that it is in
     wants_takeoff_first: bool = False  # Refuses to begin on the ground with anything else

@@ -520,6 +520,8 @@ class ScriptedVehicle:
             case mavlink.MAV_CMD_DO_PAUSE_CONTINUE if message.param1 == 0.0:
                 self.custom_mode = PX4_HOLD
                 self._tell_change()
+            case mavlink.MAV_CMD_RUN_PREARM_CHECKS if not self._ready and self.script.fault:
+                self.say(self.script.fault)
             case mavlink.MAV_CMD_DO_SET_MISSION_CURRENT:
                 self._set_current(int(message.param1))
             case mavlink.MAV_CMD_REQUEST_MESSAGE:
