@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from functools import cache
 
 from sim.camera.solids import Point, Solid
 from sim.world.farm import Farm
@@ -27,7 +28,13 @@ _HIDES: tuple[Colour, ...] = (
 
 def solids(farm: Farm, time_utc_s: float) -> tuple[Solid, ...]:
     """Everything that stands or moves on the farm at a time [s since 1970]."""
-    return (*_standing(), *(part for each in farm.subjects(time_utc_s) for part in _moving(each)))
+    return (*standing(), *(part for each in farm.subjects(time_utc_s) for part in _moving(each)))
+
+
+@cache
+def standing() -> tuple[Solid, ...]:
+    """Buildings and trees: what always stands where it is."""
+    return tuple(_standing())
 
 
 def _standing() -> Iterator[Solid]:

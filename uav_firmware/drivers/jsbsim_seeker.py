@@ -2,7 +2,7 @@
 
 A camera that tracks has a processor for it, whose answer is a box in the picture. Here the boxes
 are those of the farm's subjects, projected by the true pose, with the jitter of a real tracker.
-What stands between camera and subject does not hide it.
+A subject is not found while a building or a tree hides more than half of it.
 """
 
 import math
@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from sim.camera.hidden import share_in_sight
 from sim.camera.lens import Lens, in_camera, multiplied
 from sim.simulation import Simulation
 from sim.world.subjects import Subject
@@ -18,6 +19,8 @@ from uav_firmware.msg.payload import Box
 
 JITTER: Final = 0.002
 """One sigma of a box's edges, as a share of the picture."""
+_ENOUGH: Final = 0.5
+"""[-] Share of a subject that is to be in sight."""
 _PICTURE: Final = Box(0.0, 0.0, 1.0, 1.0)
 
 
@@ -34,17 +37,17 @@ class JsbsimSeeker:
         found: list[tuple[float, str]] = []
         for subject in self._subjects:
             seen = self._box(subject, gaze)
-            if seen is not None and _overlap(seen, box):
+            if seen is not None and _overlap(seen, box) and self._is_in_sight(subject):
                 found.append((math.dist(_middle(seen), _middle(box)), subject.name))
         self._name = min(found)[1] if found else None
         return self._name is not None
 
     def seen(self, gaze: Gaze) -> Box | None:
-        """Where what is held on to is seen; None when it is not in the picture."""
+        """Where what is held on to is seen; None when it is hidden or not in the picture."""
         for subject in self._subjects:
             if subject.name == self._name:
                 box = self._box(subject, gaze)
-                if box is None or not _overlap(box, _PICTURE):
+                if box is None or not _overlap(box, _PICTURE) or not self._is_in_sight(subject):
                     return None
                 jitter = JITTER * self._simulation.config.sensor_noise_factor
                 edges = np.array(box) + jitter * self._random.standard_normal(4)
@@ -56,6 +59,12 @@ class JsbsimSeeker:
         if self._simulation.camera_failed:
             return ()
         return self._simulation.farm.subjects(self._simulation.farm_time_s)
+
+    def _is_in_sight(self, subject: Subject) -> bool:
+        truth, plane = self._simulation.truth, self._simulation.farm.plane
+        here = plane.place(truth.latitude_deg, truth.longitude_deg)
+        camera = (*here, truth.altitude_amsl_m - plane.altitude_amsl_m)
+        return share_in_sight(camera, subject) >= _ENOUGH
 
     def _box(self, subject: Subject, gaze: Gaze) -> Box | None:
         """A subject in the picture; None behind the camera."""

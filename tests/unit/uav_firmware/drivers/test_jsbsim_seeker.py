@@ -8,6 +8,7 @@ from sim.config import SimulationConfig
 from sim.faults import Fault, Kind
 from sim.simulation import Simulation
 from uav_firmware.cal.camera import Gaze
+from uav_firmware.drivers import jsbsim_seeker
 from uav_firmware.drivers.jsbsim_seeker import JsbsimSeeker
 from uav_firmware.lib.rotation import from_euler
 from uav_firmware.msg.payload import Box, CameraLens
@@ -78,3 +79,16 @@ def test_a_dead_camera_sees_nothing() -> None:
     seeker = JsbsimSeeker(simulation)
     simulation.add_fault(Fault(kind=Kind.CAMERA_FAILURE))
     assert not seeker.lock(WHOLE, looking(-45.0, 0.0, simulation))
+
+
+def test_behind_the_barn_the_tractor_is_neither_found_nor_held(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    simulation = world()
+    seeker, gaze = JsbsimSeeker(simulation), looking(-45.0, 0.0, simulation)
+    assert seeker.lock(WHOLE, gaze)
+    monkeypatch.setattr(jsbsim_seeker, "share_in_sight", lambda _camera, _subject: 0.4)
+    assert seeker.seen(gaze) is None
+    assert not JsbsimSeeker(simulation).lock(WHOLE, gaze)
+    monkeypatch.undo()
+    assert seeker.seen(gaze) is not None
