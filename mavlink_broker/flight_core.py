@@ -54,6 +54,7 @@ class FlightCore:
         self._told_to_start = False
         self._was_in_mission_mode = False  # When it was told to start
         self._start_again_at = 0.0
+        self._arm_again_at = 0.0
         self._flies_another = False  # Somebody else's mission; ours waits for the landing
         self._activity: Activity | None = None
         self._stages = Stages(work.mission, vehicle)

@@ -19,6 +19,7 @@ from mavlink_broker.translation.situation import Spot
 
 FLYING_WITHIN_S: Final = 5.0
 START_AGAIN_AFTER_S: Final = 1.0
+ARM_AGAIN_AFTER_S: Final = 2.0
 MODE_EVERY_S: Final = 2.0
 """Longer than a mode takes to show."""
 WHY_EVERY_S: Final = 14.0
@@ -51,6 +52,9 @@ class FlightPreparation(FlightCore):
                 self._accepted_at = now
             case NotStored() as refusal:
                 self._not_stored(refusal, now, effects)
+            case Refused() if self._may_still_arm(now):
+                self._activity = None
+                self._arm_again_at = now + ARM_AGAIN_AFTER_S
             case Different(reason) | Refused(reason):
                 self._fail(reason, now, effects)
 
@@ -156,6 +160,11 @@ class FlightPreparation(FlightCore):
         ways = self._vehicle.family.arming
         self._start(activities.commands(ways, self._vehicle), now, effects)
 
+    def _may_still_arm(self, now: float) -> bool:
+        """Whether a refusal to arm may pass; it is judged by the vehicle itself, and says why."""
+        waited_s = now - self._entered_at
+        return self.state is State.ARMING and waited_s < self._vehicle.family.arming_patience_s
+
     def _enter_starting(self, now: float, effects: Effects) -> None:
         """Write down that the stage runs before the vehicle is told to start it.
 
@@ -186,7 +195,7 @@ class FlightPreparation(FlightCore):
         ):
             self._mode_asked_at = now
             effects.messages.append(activities.hold_on_ground(self._vehicle))
-        if now - self._entered_at >= readiness.WITHIN_S:
+        if waited_s >= readiness.WITHIN_S:
             self._fail(f"not ready after {readiness.WITHIN_S:.0f} s: {obstacle}", now, effects)
 
     def _ask_why_not(self, now: float, effects: Effects) -> None:
@@ -221,6 +230,8 @@ class FlightPreparation(FlightCore):
     def _step_starting(self, now: float, effects: Effects) -> None:
         """Believe that it flies when it says so: armed, and in a mission mode.
 
+        elif self._activity is None and now >= self._arm_again_at:
+            self._enter_arming(now, effects)
         A mode that it has taken since it was told to start tells as much as its answer.
         """
         vehicle, accepted_at = self._vehicle, self._accepted_at

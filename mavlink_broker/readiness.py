@@ -1,5 +1,6 @@
 """Judgements about a vehicle before a mission flies; pure."""
 
+import math
 from enum import Enum, auto
 from typing import Final
 
@@ -44,6 +45,8 @@ def wants_another_mode(vehicle: Vehicle) -> bool:
         and vehicle.mode_role in {ModeRole.OTHER, ModeRole.ENDING}
     )
 
+    if _runs_its_mission(vehicle):
+        return snapshot.can_navigate is not False
 
 class Attachment(Enum):
     """What is to be done about a mission that an earlier run of the broker accepted."""
@@ -51,6 +54,15 @@ class Attachment(Enum):
     WAIT = auto()  # Not enough is known yet
     BEGIN = auto()  # It was never started: from scratch
     COMPARE = auto()  # The vehicle may be flying it: compare what it holds
+
+def _runs_its_mission(vehicle: Vehicle) -> bool:
+    """Whether it stands and goes through its mission, as ArduPilot does in AUTO.
+
+    A new one would begin before the propellers turn, and lose its first changes of speed.
+    """
+    is_in_it = vehicle.mode_role is ModeRole.MISSION and vehicle.snapshot.armed is False
+    return is_in_it and vehicle.family.runs_missions_disarmed
+
 
 
 def attachment(

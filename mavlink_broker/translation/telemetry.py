@@ -14,6 +14,7 @@ from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.translation.situation import Home
 
 _PREARM: Final = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+_NAVIGABLE: Final = mavlink.EKF_POS_HORIZ_ABS | mavlink.EKF_PRED_POS_HORIZ_ABS
 _MAXIMUM_SPEED_M_S: Final = 100.0
 _EARLIEST_UTC_S: Final = 1_420_070_400.0
 """2015: a clock that shows less has not been set."""
@@ -73,6 +74,7 @@ class Snapshot:
     battery_capacity_ah: float | None = None
     landed_state: int = mavlink.MAV_LANDED_STATE_UNDEFINED
     ready_to_arm: bool | None = None  # None: the vehicle does not say
+    can_navigate: bool | None = None  # By its position estimate; None: it does not say
     mission: MissionNow | None = None
 
     @property
@@ -147,10 +149,15 @@ def _extended_state(snapshot: Snapshot, message: Message) -> None:
 
 
 def _system_status(snapshot: Snapshot, message: Message) -> None:
-    present = message.onboard_control_sensors_present & _PREARM
-    snapshot.ready_to_arm = (
-        bool(message.onboard_control_sensors_health & _PREARM) if present else None
-    )
+    """A check that is present but switched off (ARMING_CHECK = 0) says nothing."""
+    present = message.onboard_control_sensors_present & message.onboard_control_sensors_enabled
+    healthy = bool(message.onboard_control_sensors_health & _PREARM)
+    snapshot.ready_to_arm = healthy if present & _PREARM else None
+
+
+def _estimate(snapshot: Snapshot, message: Message) -> None:
+    """ArduPilot navigates on the ground by a position that it has, or is sure to have."""
+    snapshot.can_navigate = bool(message.flags & _NAVIGABLE)
 
 
 def _mission_current(snapshot: Snapshot, message: Message) -> None:
@@ -177,6 +184,7 @@ _READERS: Final[Mapping[str, Callable[[Snapshot, Message], None]]] = {
     "BATTERY_STATUS": _battery,
     "EXTENDED_SYS_STATE": _extended_state,
     "SYS_STATUS": _system_status,
+    "EKF_STATUS_REPORT": _estimate,
     "SYSTEM_TIME": _system_time,
     "MISSION_CURRENT": _mission_current,
 }

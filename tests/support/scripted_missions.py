@@ -49,6 +49,7 @@ class Script:
     tells_mission_state: bool = True
     counts_home: bool = True  # In MISSION_CURRENT.total
     no_mission_total: int = 0
+    tells_total: bool = True
     streams_unasked: bool = True
     knows_intervals: bool = True
     is_infeasible: bool = False  # Found after the upload was accepted
@@ -58,6 +59,8 @@ class Script:
     fault: str = ""  # Why it is not ready to arm, said when it is asked
     link_loss_action: int = 0  # NAV_DLL_ACT: above 0 it flies only attended by a ground station
     readiness_by_mode: bool = False  # "Ready to arm" means: in the mode that it is in
+    navigates_after_s: float = 0.0  # Refuses until then the modes that want a position
+    checks_are_off: bool = False  # There, but not enabled, and never well
     wants_takeoff_first: bool = False  # Refuses to begin on the ground with anything else
     in_progress: frozenset[int] = frozenset()  # Commands that it works on for 2 s first
     disarms_after_s: float = 0.0  # Once it stands

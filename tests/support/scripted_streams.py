@@ -13,12 +13,13 @@ IDS: Final = {
     mavlink.MAVLINK_MSG_ID_SYS_STATUS: "health",
     mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: "battery",
     mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: "mission",
+    mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: "estimate",
 }
 _GROUPS: Final = {
     mavlink.MAV_DATA_STREAM_EXTENDED_STATUS: ("health", "mission", "landed"),
     mavlink.MAV_DATA_STREAM_POSITION: ("position",),
     mavlink.MAV_DATA_STREAM_EXTRA1: ("attitude",),
-    mavlink.MAV_DATA_STREAM_EXTRA3: ("battery",),
+    mavlink.MAV_DATA_STREAM_EXTRA3: ("battery", "estimate"),
 }
 
 

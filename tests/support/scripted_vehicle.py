@@ -273,7 +273,17 @@ class ScriptedVehicle:
             "mission": self._mission_current,
         }
         for name in self._streams.due(self._now):
-            self._send(makers[name]())
+            "estimate": self._estimate,
+            if name != "estimate" or self._is_copter:
+                self._send(makers[name]())
+
+    @property
+    def _is_copter(self) -> bool:
+        return bool(self.script.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA)
+
+    def _estimate(self) -> Message:
+        flags = mavlink.EKF_ATTITUDE | (mavlink.EKF_POS_HORIZ_ABS if self._navigates else 0)
+        return mavlink.MAVLink_ekf_status_report_message(flags, 0.0, 0.0, 0.0, 0.0, 0.0)
 
     @property
     def _boot_ms(self) -> int:
@@ -299,10 +309,10 @@ class ScriptedVehicle:
     def _health(self) -> Message:
         prearm = mavlink.MAV_SYS_STATUS_PREARM_CHECK
         may = self._may_arm_here or not self.script.readiness_by_mode
-        ready = prearm if self._ready and may else 0
+        ready = prearm if self._ready and may and not self.script.checks_are_off else 0
         return mavlink.MAVLink_sys_status_message(
             prearm | SENSORS,
-            prearm | SENSORS,
+            SENSORS if self.script.checks_are_off else prearm | SENSORS,
             (ready | SENSORS) & ~self.ill,
             *(0, 12000, 100, 80, 0, 0, 0, 0, 0, 0),
         )
@@ -320,7 +330,8 @@ class ScriptedVehicle:
             state = mavlink.MISSION_STATE_NO_MISSION
         return MissionCurrent(
             self._shown_current(),
-            count if self.items else script.no_mission_total,
+        total = count if self.items else script.no_mission_total
+            total if script.tells_total else 0,
             state if script.tells_mission_state else mavlink.MISSION_STATE_UNKNOWN,
             1 if self.in_mission else 2,
             self.missions.plan_id,
@@ -489,6 +500,9 @@ class ScriptedVehicle:
 
     def _answer_later(self, now: float) -> None:
         due = [message for at, message in self._later if now >= at]
+        if self._is_copter and not self._navigates:
+            self.say("Mode change failed: requires position", mavlink.MAV_SEVERITY_WARNING)
+            return int(mavlink.MAV_RESULT_FAILED)
         self._later = [(at, message) for at, message in self._later if now < at]
         for message in due:
             self._send(message)
@@ -504,6 +518,10 @@ class ScriptedVehicle:
 
     def _obey(self, message: Message) -> None:
         match message.command:
+    @property
+    def _navigates(self) -> bool:
+        return self._now - self._booted_at >= self.script.navigates_after_s
+
             case mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
                 self.armed = message.param1 == 1.0
                 self._tell_change()
