@@ -184,7 +184,10 @@ class FlightPreparation(FlightCore):
             self.abort("expired before take-off", effects)
             self._move(Event.ENDED, now, effects)
             return
-        obstacle = readiness.obstacle(self._vehicle, now, hovering=self._hovering)
+        waited_s = now - self._entered_at
+        obstacle = readiness.obstacle(
+            self._vehicle, now, hovering=self._hovering, waited_s=waited_s
+        )
         if obstacle is None:
             self._set_out(now, effects)
             return
@@ -226,12 +229,12 @@ class FlightPreparation(FlightCore):
         """
         if self._vehicle.snapshot.armed and not self._hovering:
             self._move(Event.ARMED, now, effects)
+        elif self._activity is None and now >= self._arm_again_at:
+            self._enter_arming(now, effects)
 
     def _step_starting(self, now: float, effects: Effects) -> None:
         """Believe that it flies when it says so: armed, and in a mission mode.
 
-        elif self._activity is None and now >= self._arm_again_at:
-            self._enter_arming(now, effects)
         A mode that it has taken since it was told to start tells as much as its answer.
         """
         vehicle, accepted_at = self._vehicle, self._accepted_at

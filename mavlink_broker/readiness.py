@@ -14,19 +14,26 @@ TELLS_ALL_WITHIN_S: Final = 5.0
 """How long a vehicle that is heard may take to tell its battery and attitude; some never do."""
 
 
-def obstacle(vehicle: Vehicle, now: float, *, hovering: bool) -> str | None:
+def obstacle(
+    vehicle: Vehicle, now: float, *, hovering: bool, waited_s: float = math.inf
+) -> str | None:
     """What is lacking before a mission may go onto the vehicle, or None.
 
     `hovering`: it holds in the air where a mission of ours left it, and may fly on from there.
     """
     snapshot = vehicle.snapshot
+    may_navigate = snapshot.can_navigate
+    if may_navigate is None:  # It may not have been asked yet
+        may_navigate = not vehicle.family.tells_estimate or waited_s >= TELLS_ALL_WITHIN_S
     obstacles = {
         "the vehicle is not heard": not vehicle.is_heard(now),
         "its kind is not known": not vehicle.is_identified,
         "its position is not known": snapshot.position is None,
         "its home is not known": snapshot.home is None,
+        "it cannot navigate yet": not may_navigate and not hovering,
         "it is armed": bool(snapshot.armed) and not hovering,
         "it is not ready to arm": snapshot.ready_to_arm is False and not hovering,
+        "it is in its mission mode": _runs_its_mission(vehicle) and not hovering,
     }
     return next((obstacle for obstacle, there in obstacles.items() if there), None)
 
@@ -38,6 +45,8 @@ def wants_another_mode(vehicle: Vehicle) -> bool:
     by one, and behind a return or a landing it stays in a mode in which it does not arm.
     """
     snapshot = vehicle.snapshot
+    if _runs_its_mission(vehicle):
+        return snapshot.can_navigate is not False
     waits = snapshot.armed is False and snapshot.ready_to_arm is False
     return (
         waits
@@ -45,15 +54,6 @@ def wants_another_mode(vehicle: Vehicle) -> bool:
         and vehicle.mode_role in {ModeRole.OTHER, ModeRole.ENDING}
     )
 
-    if _runs_its_mission(vehicle):
-        return snapshot.can_navigate is not False
-
-class Attachment(Enum):
-    """What is to be done about a mission that an earlier run of the broker accepted."""
-
-    WAIT = auto()  # Not enough is known yet
-    BEGIN = auto()  # It was never started: from scratch
-    COMPARE = auto()  # The vehicle may be flying it: compare what it holds
 
 def _runs_its_mission(vehicle: Vehicle) -> bool:
     """Whether it stands and goes through its mission, as ArduPilot does in AUTO.
@@ -63,6 +63,13 @@ def _runs_its_mission(vehicle: Vehicle) -> bool:
     is_in_it = vehicle.mode_role is ModeRole.MISSION and vehicle.snapshot.armed is False
     return is_in_it and vehicle.family.runs_missions_disarmed
 
+
+class Attachment(Enum):
+    """What is to be done about a mission that an earlier run of the broker accepted."""
+
+    WAIT = auto()  # Not enough is known yet
+    BEGIN = auto()  # It was never started: from scratch
+    COMPARE = auto()  # The vehicle may be flying it: compare what it holds
 
 
 def attachment(

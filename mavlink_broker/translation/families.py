@@ -237,9 +237,9 @@ GENERIC: Final = Family(name="generic", battery_capacity_parameter="BAT1_CAPACIT
 ARDUPILOT_OTHER: Final = replace(
     ARDUPILOT,
     name="ardupilot-other",
+    runs_missions_disarmed=False,
     arming=GENERIC.arming,
     starting=GENERIC.starting,
-    runs_missions_disarmed=False,
     holding=GENERIC.holding,
     landing=GENERIC.landing,
     returning=GENERIC.returning,

@@ -271,9 +271,9 @@ class ScriptedVehicle:
             "health": self._health,
             "battery": self._battery,
             "mission": self._mission_current,
+            "estimate": self._estimate,
         }
         for name in self._streams.due(self._now):
-            "estimate": self._estimate,
             if name != "estimate" or self._is_copter:
                 self._send(makers[name]())
 
@@ -328,9 +328,9 @@ class ScriptedVehicle:
         state = self.mission_state
         if script.is_infeasible and self.items:
             state = mavlink.MISSION_STATE_NO_MISSION
+        total = count if self.items else script.no_mission_total
         return MissionCurrent(
             self._shown_current(),
-        total = count if self.items else script.no_mission_total
             total if script.tells_total else 0,
             state if script.tells_mission_state else mavlink.MISSION_STATE_UNKNOWN,
             1 if self.in_mission else 2,
@@ -493,6 +493,9 @@ class ScriptedVehicle:
         takes_off = bool(legs) and legs[0].command == mavlink.MAV_CMD_NAV_TAKEOFF
         standing = self.armed and not self.airborne
         auto = self.script.wants_takeoff_first and main == COPTER_AUTO
+        if self._is_copter and not self._navigates:
+            self.say("Mode change failed: requires position", mavlink.MAV_SEVERITY_WARNING)
+            return int(mavlink.MAV_RESULT_FAILED)
         if auto and standing and not takes_off:
             self.say("Auto: Missing Takeoff Cmd")
             return int(mavlink.MAV_RESULT_FAILED)
@@ -500,9 +503,6 @@ class ScriptedVehicle:
 
     def _answer_later(self, now: float) -> None:
         due = [message for at, message in self._later if now >= at]
-        if self._is_copter and not self._navigates:
-            self.say("Mode change failed: requires position", mavlink.MAV_SEVERITY_WARNING)
-            return int(mavlink.MAV_RESULT_FAILED)
         self._later = [(at, message) for at, message in self._later if now < at]
         for message in due:
             self._send(message)
@@ -512,16 +512,16 @@ class ScriptedVehicle:
         return self._now - self._booted_at >= self.script.ready_to_arm_after_s and self._attended
 
     @property
+    def _navigates(self) -> bool:
+        return self._now - self._booted_at >= self.script.navigates_after_s
+
+    @property
     def _attended(self) -> bool:
         """Whether it has a ground station, or wants none."""
         return self.script.link_loss_action == 0 or self._now - self._attended_at < 10.0
 
     def _obey(self, message: Message) -> None:
         match message.command:
-    @property
-    def _navigates(self) -> bool:
-        return self._now - self._booted_at >= self.script.navigates_after_s
-
             case mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
                 self.armed = message.param1 == 1.0
                 self._tell_change()
