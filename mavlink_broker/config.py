@@ -18,6 +18,8 @@ DEFAULT_STATE_VECTOR_INTERVAL_S: Final = 1.0
 DEFAULT_BATTERY_CAPACITY_AH: Final = 5.2
 """Of the vehicle that this system was first built for; used where a vehicle does not tell."""
 MOST_S: Final = 86_400.0
+DEFAULT_SPOOL_MIB: Final = 32
+MOST_SPOOL_MIB: Final = 1024
 LOG_LEVELS: Final = ("DEBUG", "INFO", "WARNING", "ERROR")
 
 
@@ -28,6 +30,8 @@ class Config:
     edge_url: str = f"http://127.0.0.1:{DEFAULT_EDGE_PORT}"
     edge_ca_file: Path | None = None  # PEM; None: the authorities that everybody trusts
     key_file: Path = Path("var/keys/broker.key")
+    spool: Path = Path("var/broker")  # Folder of what waits for the edge server
+    spool_mib: int = DEFAULT_SPOOL_MIB  # [MiB] What it may take of the disk
     mavlink_host: str = EVERYBODY
     mavlink_port: int = DEFAULT_MAVLINK_PORT
     system_id: int = DEFAULT_SYSTEM_ID
@@ -133,12 +137,16 @@ def settings(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Co
         parser.error(f"--log-level must be one of {', '.join(LOG_LEVELS)}")
     if not options.state_vector_interval > 0 or not 0 < options.battery_capacity <= 100:
         parser.error("--state-vector-interval must be above 0, --battery-capacity 0 to 100 Ah")
+    if not 1 <= options.spool_mib <= MOST_SPOOL_MIB:
+        parser.error(f"--spool-mib must be 1 to {MOST_SPOOL_MIB}")
     if not 0.0 <= options.observation_interval <= MOST_S:
         parser.error(f"--observation-interval must be 0 to {MOST_S:g} s")
     return Config(
         edge_url=options.edge_url,
         edge_ca_file=options.edge_ca_file,
         key_file=options.key_file or options.state_dir / "keys" / "broker.key",
+        spool=options.state_dir / "broker",
+        spool_mib=options.spool_mib,
         mavlink_host=options.mavlink_host,
         mavlink_port=options.mavlink_port,
         system_id=options.system_id,
@@ -163,6 +171,7 @@ def settings_parser(environment: Mapping[str, str], **about: str) -> argparse.Ar
         ("EDGE_CA_FILE", Path, None, "who may vouch for the edge server's certificate, PEM"),
         ("STATE_DIR", Path, "var", "folder of the system's state and keys"),
         ("KEY_FILE", Path, None, "the broker's access key; in STATE_DIR/keys unless given"),
+        ("SPOOL_MIB", int, DEFAULT_SPOOL_MIB, "MiB of disk for what waits for the edge server"),
         ("MAVLINK_HOST", str, EVERYBODY, "address to listen on"),
         ("MAVLINK_PORT", int, DEFAULT_MAVLINK_PORT, "UDP port to listen on"),
         ("MAVLINK_SYSTEM_ID", int, DEFAULT_SYSTEM_ID, "the broker's own MAVLink system id"),

@@ -12,10 +12,13 @@ from mavlink_broker.command_line.program import (
     SUCCEEDED,
     Signals,
     SystemClock,
+    UsageError,
     begin_log,
     open_link,
 )
+from mavlink_broker.config import Config
 from mavlink_broker.edge_client import EdgeClient
+from mavlink_broker.spool.folder import MIB, Spool, SpoolBusyError, SpoolError
 from mavlink_broker.workshop import Workshop
 
 LAST_POSTS_WITHIN_S: Final = 1.0
@@ -28,14 +31,19 @@ def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
     """Run until told to stop; gives the exit status.
 
     Raises:
-        UsageError: if the link cannot be opened.
+        UsageError: if the link cannot be opened, or another broker has the state folder.
     """
     settings = config.load(arguments, environment)
     begin_log(settings.log_level)
+    spool = open_spool(settings)
     link = open_link(settings)
     signals = Signals()
     edge = EdgeClient(
-        settings.edge_url, settings.key_file, link.wake, ca_file=settings.edge_ca_file
+        settings.edge_url,
+        settings.key_file,
+        link.wake,
+        ca_file=settings.edge_ca_file,
+        spool=spool,
     )
     edge.start()
     workshop = Workshop(link.wake)
@@ -49,3 +57,18 @@ def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
     app.close()
     link.close()
     return SUCCEEDED
+
+
+def open_spool(settings: Config) -> Spool | None:
+    """Take the state folder; None if it cannot be used, which is no reason not to fly.
+
+    Raises:
+        UsageError: if another broker has it.
+    """
+    try:
+        return Spool(settings.spool, most_bytes=settings.spool_mib * MIB)
+    except SpoolBusyError as error:
+        raise UsageError(f"{error}; each broker needs a STATE_DIR of its own") from error
+    except SpoolError as error:
+        _LOG.warning("what waits for the edge server is kept in memory alone: %s", error)
+        return None

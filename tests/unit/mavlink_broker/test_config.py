@@ -17,6 +17,7 @@ def test_the_environment_is_read_and_flags_override_it() -> None:
     assert settings.edge_url == "http://127.0.0.1:15401"
     assert settings.mavlink_port == 15403
     assert settings.key_file == Path("/tmp/x/keys/broker.key")
+    assert settings.spool == Path("/tmp/x/broker")
 
 
 def test_a_whole_url_goes_before_a_port() -> None:
@@ -56,6 +57,9 @@ def test_numbers_that_make_no_sense_are_refused(text: str) -> None:
 @pytest.mark.parametrize(
     "arguments",
     [
+        ["--spool-mib", "0"],
+        ["--spool-mib", "1025"],
+        ["--spool-mib", "much"],
         ["--mavlink-port", "70000"],
         ["--mavlink-port", "many"],
         ["--mavlink-system-id", "0"],

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from afarcloud.enumerations import Status
+from mavlink_broker.spool.folder import Spool
 from tests.support.broker_world import first_flight
 from tests.support.fake_edge import FakeEdgeServer
 from tests.support.scripted_vehicle import PX4, ScriptedVehicle
@@ -74,6 +75,29 @@ def test_a_busy_port_is_one_sentence_and_status_2(tmp_path: Path) -> None:
             _, errors = process.communicate(timeout=20)
     assert process.returncode == 2
     assert errors == f"mavlink_broker: UDP port {port} is in use by another program\n"
+
+
+def test_a_state_folder_that_another_broker_has_is_one_sentence_and_status_2(
+    tmp_path: Path,
+) -> None:
+    spool = Spool(tmp_path / "broker", most_bytes=1000)
+    with start(0, tmp_path) as process:
+        _, errors = process.communicate(timeout=20)
+    spool.close()
+    assert process.returncode == 2
+    expected = f"another broker uses {tmp_path}/broker; each broker needs a STATE_DIR of its own"
+    assert errors == f"mavlink_broker: {expected}\n"
+
+
+def test_a_state_folder_that_cannot_be_used_is_no_reason_not_to_fly(tmp_path: Path) -> None:
+    (tmp_path / "broker").write_text("no folder")
+    with start(0, tmp_path) as process:
+        assert process.stderr is not None
+        words = "what waits for the edge server is kept in memory alone"
+        assert any(words in line for line in process.stderr)
+        wait_until_listening(process)
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(timeout=20) == 0
 
 
 def test_it_flies_a_mission_between_a_real_socket_and_real_http(tmp_path: Path) -> None:
