@@ -3,6 +3,7 @@
 The farm lives by the vehicle's UTC, but a flight that begins in the dark or at dusk is lit as if
 it began in the middle of the morning of the same day: a picture shows the field at whatever hour
 somebody tries the simulation. Weather and sun are shifted alike; no time that a vehicle tells is.
+The shift is of whole hours: vehicles that start one after the other see the tractor in one place.
 """
 
 from typing import Final
@@ -21,4 +22,4 @@ def day_shift_s(latitude_deg: float, longitude_deg: float, start_utc_s: float) -
     if all(sun(latitude_deg, longitude_deg, end).elevation_deg >= ENOUGH_DEG for end in ends):
         return 0.0
     hours = (_MORNING_H - solar_hour(longitude_deg, start_utc_s) + 12.0) % 24.0 - 12.0
-    return 3600.0 * hours
+    return 3600.0 * round(hours)

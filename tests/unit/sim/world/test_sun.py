@@ -68,6 +68,12 @@ def test_a_flight_begins_by_day_whatever_the_hour(
     assert sun(*place, start + shift_s).elevation_deg >= ENOUGH_DEG
 
 
+@pytest.mark.parametrize("start", ["2026-11-21T20:36", "2026-01-10T04:10", "2026-06-20T02:40"])
+def test_vehicles_that_start_one_after_the_other_at_night_share_the_farms_time(start: str) -> None:
+    first_s, second_s = utc_s(start), utc_s(start) + 40.0
+    assert day_shift_s(*FARM, first_s) == day_shift_s(*FARM, second_s) != 0.0
+
+
 def test_by_day_the_farm_keeps_the_vehicles_time() -> None:
     assert day_shift_s(*FARM, utc_s("2026-06-01T08:00")) == 0.0
     assert day_shift_s(*FARM, utc_s("2026-11-21T17:02")) != 0.0
