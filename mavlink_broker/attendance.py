@@ -4,16 +4,21 @@ A vehicle may be told to come home when its last ground station falls silent. To
 companion (type 18), so that a mission survives a broker that dies. But PX4 with NAV_DLL_ACT above
 0, as its simulation has it, does not even arm before it has heard a ground station (type 6), and
 where nobody else is one, the broker has to be. Whoever set the parameter wants the vehicle home
-when nobody attends to it, and a broker that is restarted reads it again before it is missed.
+when nobody attends to it; but a broker that is restarted within a minute must find it flying. So
+while a mission flies the vehicle waits longer than that (COM_DL_LOSS_T, 10 s by itself).
 """
 
 from typing import Final
 
 from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.protocol.heartbeat import OwnHeartbeat
+from mavlink_broker.protocol.parameter_keeper import Loan
 from mavlink_broker.protocol.parameter_read import ParameterRead
+from mavlink_broker.protocol.parameter_write import Setting
 from mavlink_broker.vehicle import Vehicle
 
+AWAY_S: Final = 90.0
+"""A minute that the broker may be away, and the time in which it hears and greets a vehicle."""
 _COMPLAINTS: Final = ("no connection to the ground contro", "no connection to the gcs")
 """PX4's, as far as they go into the first 50 bytes of a text that comes in parts."""
 
@@ -25,6 +30,7 @@ class Attendance:
         self._vehicle = vehicle
         self._heartbeat = OwnHeartbeat()
         self._link_loss: ParameterRead | None = None
+        self._patience: ParameterRead | None = None
         self._is_missed = False
 
     @property
@@ -35,12 +41,13 @@ class Attendance:
 
     def renew(self) -> None:
         """Ask again: the vehicle was restarted."""
-        self._link_loss = None
+        self._link_loss = self._patience = None
 
     def receive(self, message: Message) -> None:
         """Take the parameter, or the vehicle's complaint that nobody is there."""
-        if self._link_loss is not None:
-            self._link_loss.receive(message)
+        for read in (self._link_loss, self._patience):
+            if read is not None:
+                read.receive(message)
         if message.get_type() == "STATUSTEXT":
             text = message.text.lower()
             self._is_missed |= any(complaint in text for complaint in _COMPLAINTS)
@@ -50,15 +57,29 @@ class Attendance:
         kind = (
             mavlink.MAV_TYPE_GCS if self.is_ground_station else mavlink.MAV_TYPE_ONBOARD_CONTROLLER
         )
-        return [*self._read(now), *self._heartbeat.tick(now, kind)]
-
-    def _read(self, now: float) -> list[Message]:
-        vehicle = self._vehicle
-        name = vehicle.family.link_loss_parameter
-        if name is None or not vehicle.is_identified:
-            return []
+        if not self._vehicle.is_identified:
+            return self._heartbeat.tick(now, kind)
+        family = self._vehicle.family
         if self._link_loss is None:
-            self._link_loss = ParameterRead(
-                name, vehicle.route, vehicle.round_trip, encoding=vehicle.parameter_encoding
-            )
-        return self._link_loss.tick(now)
+            self._link_loss = self._reading(family.link_loss_parameter)
+        if self._patience is None and self.is_ground_station:
+            self._patience = self._reading(family.link_patience_parameter)
+        reads = [read for read in (self._link_loss, self._patience) if read is not None]
+        asked = [message for read in reads for message in read.tick(now)]
+        self._vehicle.lasting = self._borrowed()
+        return [*asked, *self._heartbeat.tick(now, kind)]
+
+    def _reading(self, name: str | None) -> ParameterRead | None:
+        vehicle = self._vehicle
+        if name is None:
+            return None
+        encoding = vehicle.parameter_encoding
+        return ParameterRead(name, vehicle.route, vehicle.round_trip, encoding=encoding)
+
+    def _borrowed(self) -> tuple[Loan, ...]:
+        """What lets a vehicle that we attend to wait for us; nothing where it waits that long."""
+        name = self._vehicle.family.link_patience_parameter
+        waits_s = self._patience.value if self._patience else None
+        if name is None or waits_s is None or not self.is_ground_station:
+            return ()
+        return ((Setting(name, AWAY_S),),) if waits_s <= AWAY_S else ()

@@ -146,7 +146,7 @@ class FlightPreparation(FlightCore):
         self._start(activities.commands(ways, self._vehicle), now, effects)
 
     def _enter_uploading(self, now: float, effects: Effects) -> None:
-        self._vehicle.parameters.want(tuple(loan for _, loan in self._plan.loans))
+        self._vehicle.borrow(tuple(loan for _, loan in self._plan.loans))
         self._start(activities.upload(self._plan, self._vehicle), now, effects)
 
     def _enter_verifying(self, now: float, effects: Effects) -> None:

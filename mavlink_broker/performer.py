@@ -41,6 +41,7 @@ SLOW_M_S: Final = 1.0
 TARGET_EVERY_S: Final = 0.2
 """As often as positions come, with one of which it is told."""
 TARGET_SLACK_S: Final = 0.05
+_NOT_THERE: Final = "Reposition is outside geofence"
 GRACE_S: Final = 5.0
 """How long a departure must last before it is believed."""
 
@@ -97,7 +98,7 @@ class Performer:
         the vehicle counts may be over.
         """
         self._began_at = self._phase_at = self._time_s(now)
-        self._vehicle.parameters.want(self._action.loans)
+        self._vehicle.borrow(self._action.loans)
         if resumed:
             self._was_guided = True
             self._works_s = self._action.works_s
@@ -119,6 +120,8 @@ class Performer:
 
     def receive(self, message: Message, now: float) -> list[Message]:
         """Take a message of the vehicle."""
+        if self._is_ignored(message):
+            return self._fail(f"it does not go there: {message.text.strip()}")
         messages = self._sequence.receive(message, now) if self._sequence else []
         if self._doing is not None and self.phase is Phase.GOING:
             messages += self._doing.receive(message, now)
@@ -128,6 +131,12 @@ class Performer:
         if self._works_s and self._is_answer(message):
             self._works_s = 0.0
         return [*messages, *self._advance(now)]
+
+    def _is_ignored(self, message: Message) -> bool:
+        """Whether the vehicle says that it will not go where it has agreed to go: PX4's only no."""
+        is_said = message.get_type() == "STATUSTEXT" and message.text.startswith(_NOT_THERE)
+        goes = isinstance(self._doing, CircleRunner | SeriesRunner)
+        return is_said and (self.phase is Phase.APPROACHING or (goes and self.phase is Phase.GOING))
 
     def _is_answer(self, message: Message) -> bool:
         """Whether the vehicle has done what it was told by an earlier run of the broker."""

@@ -1,10 +1,12 @@
 """One vehicle as the broker sees it: its link, its family, its newest words."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
 from mavlink_broker.dialect import Message
 from mavlink_broker.protocol.heartbeat import LinkState, LinkWatch
+from mavlink_broker.protocol.parameter_keeper import Loan as Wish
 from mavlink_broker.protocol.parameter_keeper import ParameterKeeper
 from mavlink_broker.protocol.parameter_write import ParameterEncoding, encoding_of
 from mavlink_broker.protocol.reboot import RebootWatch
@@ -54,6 +56,7 @@ class Vehicle:
     warning: str | None = None  # What somebody should know about its link
     loan: Loan = field(default_factory=Loan)  # What a plan's fence has changed on it
     parameters: ParameterKeeper = field(default_factory=ParameterKeeper)  # What is borrowed of it
+    lasting: tuple[Wish, ...] = ()  # What is borrowed of it during all of every mission
     lead: Lead | None = None  # Whom it follows, if somebody that moves
     refused_items: set[int] = field(default_factory=set)  # MAV_CMD that no mission of it may hold
     cameras: set[int] = field(default_factory=set)  # Components that are known to be cameras
@@ -116,6 +119,10 @@ class Vehicle:
     def mode_role(self) -> ModeRole:
         """What its flight mode means to a mission."""
         return self.family.mode_role(self.mode)
+
+    def borrow(self, wishes: Sequence[Wish]) -> None:
+        """Borrow parameters for the part of a mission that begins, and what all of it needs."""
+        self.parameters.want((*self.lasting, *wishes))
 
     @property
     def is_held_by_failsafe(self) -> bool:

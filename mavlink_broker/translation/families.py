@@ -123,6 +123,7 @@ class Family:
     busy_pause_s: float = 6.0  # After "busy": the vehicle's own idle timeout and a second
     battery_capacity_parameter: str | None = None  # In mAh
     link_loss_parameter: str | None = None  # Above 0 it wants a ground station to attend to it
+    link_patience_parameter: str | None = None  # For how long it may be without one, s
     guard: guarding.Guard = guarding.guard_nothing  # Keeps a vehicle within its fence
     guard_parameters: tuple[str, ...] = ()  # Which that has to know
     rally_altitude_step_m: float = 0.0  # To which a rally point's altitude is cut in storage
@@ -158,6 +159,7 @@ PX4: Final = Family(
     lowest_follow_m=borrowed.PX4_LOWEST_FOLLOW_M,
     battery_capacity_parameter="BAT1_CAPACITY",
     link_loss_parameter="NAV_DLL_ACT",
+    link_patience_parameter="COM_DL_LOSS_T",
     guard=guarding.guard_px4,
     guard_parameters=guarding.PX4_NAMES,
     parameter_encoding=ParameterEncoding.BYTEWISE,

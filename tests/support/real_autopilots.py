@@ -29,6 +29,8 @@ PX4_1_17: Final = Script(
 )
 PX4_1_14: Final = replace(PX4_1_17, gives_ids=False, tells_mission_state=False)
 """Before it gave ids to missions and told their state."""
+PX4_1_13: Final = replace(PX4_1_14, tells_total=False, readiness_by_mode=False, arms_in=None)
+"""Before it told how long its mission is, and judged its readiness for one mode."""
 PX4_BARE: Final = replace(PX4_1_17, is_bare=True)
 """As its simulations `gz_x500` and `sihsim_quadx` are: nothing hangs below it."""
 

@@ -5,6 +5,7 @@ repeated last item acknowledged again, MISSION_ERROR when busy) and ArduPilot's
 `MissionItemProtocol.cpp` (item 0 is home, float requests, items written one by one, no ids).
 """
 
+import math
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -50,6 +51,7 @@ class Script:
     counts_home: bool = True  # In MISSION_CURRENT.total
     no_mission_total: int = 0
     tells_total: bool = True
+    fence_m: float = math.inf  # From home; what leads out is accepted, and not done
     streams_unasked: bool = True
     knows_intervals: bool = True
     is_infeasible: bool = False  # Found after the upload was accepted

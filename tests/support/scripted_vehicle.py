@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from mavlink_broker.codec import Decoder, Encoder
 from mavlink_broker.dialect import Message, MissionCurrent, mavlink
-from mavlink_broker.translation.geo import shifted
+from mavlink_broker.translation.geo import distance_m, shifted
 from tests.support.scripted_missions import ARDUPILOT, PX4, Script, ScriptedMissions
 from tests.support.scripted_streams import TELEMETRY_S, ScriptedStreams
 
@@ -41,6 +41,8 @@ SENSORS = (
     | mavlink.MAV_SYS_STATUS_AHRS
     | mavlink.MAV_SYS_STATUS_SENSOR_PROPULSION
 )
+WHOLE = frozenset({"COM_DL_LOSS_T"})
+"""Settings that PX4 keeps as whole numbers, and tells by their bits."""
 OF_A_CAMERA = frozenset(
     {
         mavlink.MAV_CMD_IMAGE_START_CAPTURE,
@@ -386,7 +388,9 @@ class ScriptedVehicle:
             value = self.script.battery_capacity_mah
         elif name == "NAV_DLL_ACT":
             self._tell_integer(name, self.script.link_loss_action)
-        if value is not None:
+        if value is not None and name in WHOLE:
+            self._tell_integer(name, int(value))
+        elif value is not None:
             is_whole = name == "BATT_CAPACITY"  # ArduPilot tells whole numbers as floats
             kind = mavlink.MAV_PARAM_TYPE_INT32 if is_whole else mavlink.MAV_PARAM_TYPE_REAL32
             self._send(mavlink.MAVLink_param_value_message(name.encode(), value, kind, 1, 0))
@@ -399,8 +403,11 @@ class ScriptedVehicle:
 
     def _set_parameter(self, message: Message) -> None:
         if message.param_id in self.settings:
-            self.settings[message.param_id] = message.param_value
-            self.written.append((message.param_id, message.param_value))
+            value = message.param_value
+            if message.param_id in WHOLE:
+                (value,) = struct.unpack("<i", struct.pack("<f", value))
+            self.settings[message.param_id] = value
+            self.written.append((message.param_id, value))
         self._parameter(message)
 
     def _command(self, message: Message) -> None:
@@ -518,7 +525,10 @@ class ScriptedVehicle:
     @property
     def _attended(self) -> bool:
         """Whether it has a ground station, or wants none."""
-        return self.script.link_loss_action == 0 or self._now - self._attended_at < 10.0
+        patience_s = self.settings.get("COM_DL_LOSS_T", 10.0)
+        return (
+            self.script.link_loss_action == 0 or self._now - self._attended_at < patience_s
+        )
 
     def _obey(self, message: Message) -> None:
         match message.command:
@@ -553,6 +563,9 @@ class ScriptedVehicle:
         match message.command:
             case mavlink.MAV_CMD_NAV_LAND if self.script.autopilot == mavlink.MAV_AUTOPILOT_PX4:
                 self.set_mode(PX4_LAND)
+            case mavlink.MAV_CMD_DO_REPOSITION if self._leads_out(message):
+                self.say("Reposition is outside geofence\t")
+                self.set_mode(PX4_HOLD)
             case mavlink.MAV_CMD_DO_REPOSITION:
                 self.place = message.x / 1e7, message.y / 1e7
                 self.height_m = message.z - HOME[2]
@@ -569,6 +582,10 @@ class ScriptedVehicle:
                 self.set_mode(PX4_ORBIT)
             case mavlink.MAV_CMD_DO_FOLLOW:
                 self.set_mode(PX4_FOLLOW)
+
+    def _leads_out(self, message: Message) -> bool:
+        away_m = distance_m(message.x / 1e7, message.y / 1e7, *HOME[:2])
+        return away_m > self.script.fence_m
 
     def _requested(self, message_id: int) -> None:
         if message_id == mavlink.MAVLINK_MSG_ID_MISSION_CURRENT:

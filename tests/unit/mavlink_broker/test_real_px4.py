@@ -6,9 +6,61 @@
 import dataclasses
 
 from afarcloud.enumerations import Status
+from mavlink_broker.attendance import AWAY_S
 from mavlink_broker.dialect import mavlink
-from tests.support.broker_world import World, first_flight
+from tests.support.broker_world import FINISHED, World, first_flight, go_home, mission, takeoff
 from tests.support.real_autopilots import PX4_1_17
+from tests.support.scripted_vehicle import HOME
+
+ATTENDED = dataclasses.replace(
+    PX4_1_17, link_loss_action=2, settings={"COM_DL_LOSS_T": 10.0}, item_time_s=30.0
+)
+"""As `4001_gz_x500` is: without a ground station it returns after 10 s."""
+
+
+class TestAVehicleThatHasNoOtherGroundStation:
+    def test_flies_on_while_the_broker_is_away_for_a_minute(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=ATTENDED)
+        world.edge.plan(first_flight())
+        world.run_until(lambda: vehicle.airborne)
+        world.run(5.0)
+        world.kill_broker()
+        world.run(60.0)
+        world.restart_broker()
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+
+    def test_has_its_own_patience_back_behind_the_mission(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=dataclasses.replace(ATTENDED, item_time_s=2.0))
+        world.edge.plan(first_flight())
+        world.run_until(lambda: vehicle.airborne)
+        assert vehicle.settings["COM_DL_LOSS_T"] == AWAY_S
+        world.run_until_over(1201)
+        world.run_until(lambda: vehicle.settings["COM_DL_LOSS_T"] == 10.0, within_s=10.0)
+
+    def test_that_is_more_patient_by_itself_keeps_that(self) -> None:
+        patient = dataclasses.replace(ATTENDED, settings={"COM_DL_LOSS_T": 300.0}, item_time_s=2.0)
+        world = World()
+        vehicle = world.add_vehicle(script=patient)
+        world.edge.plan(first_flight())
+        world.run_until_over(1201)
+        assert not vehicle.written
+
+
+class TestAVehicleWithAFenceOfItsOwn:
+    def test_that_agrees_to_go_out_and_stays_fails_the_command_at_once(self) -> None:
+        """Who answers does not know the fence, and who knows it does not answer: a text is all."""
+        world = World()
+        world.add_vehicle(script=dataclasses.replace(PX4_1_17, fence_m=30.0))
+        place = {"latitude": HOME[0], "longitude": HOME[1], "orbit_altitude": 8.0}
+        circle = place | {"radius": 40.0, "start_point": 1, "orbit_type": 2}
+        second = {"command_id": 2, "command_type_id": 7, "parameters": circle}
+        world.edge.plan(mission(takeoff(), second, go_home(3)))
+        world.run_until_over(1201, within_s=60.0)
+        assert world.edge.statuses(1201) == [Status.FINISHED, Status.FAILED, Status.ABORTED]
+        assert "Reposition is outside geofence" in world.edge.reports(1201)[-1]["message"]
 
 
 class TestAVehicleThatIsNotReady:
