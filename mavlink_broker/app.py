@@ -5,8 +5,8 @@ a day of it in a second.
 """
 
 import logging
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 from mavlink_broker.config import Config
@@ -14,8 +14,10 @@ from mavlink_broker.dialect import Message, Source, source_of
 from mavlink_broker.effects import Acknowledgement, Effects, ForEdge
 from mavlink_broker.forwarding.verdict import Tenure
 from mavlink_broker.inbox import Inbox, WorkError
+from mavlink_broker.journal.diary import Diary, Note
+from mavlink_broker.journal.memo import NOTHING, Owner
 from mavlink_broker.leads import read_leads
-from mavlink_broker.neighbours import Edge, Jobs, NoJobs
+from mavlink_broker.neighbours import Edge, Jobs, Journal, NoJobs
 from mavlink_broker.pictures.desk import HEARD as PICTURED
 from mavlink_broker.posts import post_for
 from mavlink_broker.protocol.heartbeat import is_vehicle
@@ -59,6 +61,7 @@ class _Peer:
 
     session: Session
     component: int | None = None
+    untold: list[ForEdge] = field(default_factory=list)  # Until what they follow from is noted
 
 
 class App:
@@ -72,13 +75,19 @@ class App:
         clock: Clock,
         new_ulid: Callable[[], str],
         jobs: Jobs | None = None,
+        journal: Journal | None = None,
     ) -> None:
-        """Take what the loop needs; without `jobs` no picture can be fetched or made to fit."""
+        """Take what the loop needs.
+
+        Without `jobs` no picture can be fetched or made to fit; without a `journal` a broker that
+        is killed forgets what it has borrowed of its vehicles.
+        """
         self._config = config
         self._edge = edge
         self._clock = clock
         self._new_ulid = new_ulid
         self._jobs = jobs or NoJobs()
+        self._journal = journal
         self._inbox = Inbox()
         self._traffic = Traffic(config, link, clock, self._tenure)
         self._peers: dict[int, _Peer] = {}
@@ -101,6 +110,7 @@ class App:
         work = sorted(self._edge.take_work(), key=_number_of)
         for raw in work:
             self._take(raw, now)
+        self._settle_notes()
         finished = self._jobs.take_finished()
         for system, outcome in finished:
             if system in self._peers:
@@ -127,8 +137,40 @@ class App:
             peer.session.watch(self._traffic.asked_of(system, now))
             peer.session.vehicle.warning = self._traffic.warning_of(system, now)
             peer.session.pictures.has_room = has_room
+            self._open_diary(system, peer)
             peer.session.step(now, effects)
             self._carry_out(effects, peer)
+
+    def _open_diary(self, system: int, peer: _Peer) -> None:
+        """Recall what an earlier run has noted of a vehicle, once it is known which one it is.
+
+        A vehicle that tells its own number late takes its page with it; another one in its place
+        gets a page of its own.
+        """
+        vehicle = peer.session.vehicle
+        owner, before = Owner(system, vehicle.uid), vehicle.diary.owner
+        is_known = vehicle.is_identified and before != owner
+        if self._journal is None or not is_known or (before and not owner.uid):
+            return
+        if before is not None and before.uid:
+            if not peer.session.change_vehicle():
+                return
+        elif before is not None:
+            self._journal.put(Note(before, 0, NOTHING))
+        recalled = self._journal.recall(owner)
+        vehicle.diary.open(owner, recalled)
+        if recalled != NOTHING:
+            _LOG.info("vehicle %d: an earlier run has left notes of it", vehicle.vehicle_id)
+            peer.session.recall(recalled)
+
+    def _settle_notes(self) -> None:
+        """Learn what is on the disk."""
+        if self._journal is None:
+            return
+        for owner, number in self._journal.take_settled():
+            peer = self._peers.get(owner.system)
+            if peer is not None and peer.session.vehicle.diary.owner == owner:
+                peer.session.vehicle.diary.settle(number)
 
     def _forget_strangers(self, now: float) -> None:
         """Drop what has sent a heartbeat and nothing else, such as somebody's scan."""
@@ -203,6 +245,7 @@ class App:
                 battery_capacity_ah=config.battery_capacity_ah,
             )
             vehicle.lead = self._leads.get(vehicle_id)
+            vehicle.diary = Diary(in_use=self._journal is not None)
             self._peers[system] = _Peer(session)
         return self._peers[system]
 
@@ -269,10 +312,21 @@ class App:
     def _carry_out(self, effects: Effects, peer: _Peer) -> None:
         if effects.messages:
             self._traffic.send(peer.session.vehicle.route.target_system, effects.messages)
-        for word in effects.for_edge:
-            self._tell(word, peer.session.vehicle.vehicle_id)
+        self._tell_when_noted(effects.for_edge, peer)
         for job in effects.jobs:
             self._jobs.put(peer.session.vehicle.route.target_system, job)
+
+    def _tell_when_noted(self, words: Sequence[ForEdge], peer: _Peer) -> None:
+        """Note what is new, and tell what follows from it when that is on the disk."""
+        vehicle = peer.session.vehicle
+        note = vehicle.diary.see(vehicle.memo, self._clock.monotonic())
+        if note is not None and self._journal is not None:
+            self._journal.put(note)
+        peer.untold += words
+        if vehicle.diary.is_settled:
+            untold, peer.untold = peer.untold, []
+            for word in untold:
+                self._tell(word, vehicle.vehicle_id)
 
     def _tell(self, word: ForEdge, vehicle_id: int) -> None:
         post = post_for(

@@ -30,6 +30,7 @@ class Config:
     edge_url: str = f"http://127.0.0.1:{DEFAULT_EDGE_PORT}"
     edge_ca_file: Path | None = None  # PEM; None: the authorities that everybody trusts
     key_file: Path = Path("var/keys/broker.key")
+    journal: Path = Path("var/broker")  # Folder of what a killed broker must know again
     spool: Path = Path("var/broker")  # Folder of what waits for the edge server
     spool_mib: int = DEFAULT_SPOOL_MIB  # [MiB] What it may take of the disk
     mavlink_host: str = EVERYBODY
@@ -145,6 +146,7 @@ def settings(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Co
         edge_url=options.edge_url,
         edge_ca_file=options.edge_ca_file,
         key_file=options.key_file or options.state_dir / "keys" / "broker.key",
+        journal=options.state_dir / "broker",
         spool=options.state_dir / "broker",
         spool_mib=options.spool_mib,
         mavlink_host=options.mavlink_host,

@@ -2,21 +2,25 @@
 
 A broker that has just started is handed events together with the missions that they are about,
 before it has heard the vehicle. They wait for that. An event that was accepted and has ended its
-mission already is seen through: the vehicle goes where it was sent.
+mission already is seen through: the vehicle goes where it was sent. So is the return that an alarm
+has ordered.
 """
 
 from collections.abc import Callable
+from typing import Final
 
 from afarcloud.enumerations import EventType
 from mavlink_broker.dialect import Message
 from mavlink_broker.effects import Acknowledgement, Effects
-from mavlink_broker.ending import Ending
+from mavlink_broker.ending import Ending, coming_home
+from mavlink_broker.journal.memo import Homeward
 from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.vehicle import Vehicle
 from mavlink_broker.work import EventWork
 
 EXPIRED = "expired"
 ANOTHER_HAND = "another hand flies the vehicle"
+_OVER: Final = frozenset({ModeRole.ENDING, ModeRole.OTHER})
 
 
 class EventDesk:
@@ -25,7 +29,8 @@ class EventDesk:
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self._held: list[EventWork] = []
-        self._leaving: tuple[EventWork, Ending] | None = None
+        self._leaving: tuple[EventWork | None, Ending] | None = None  # None: for an alarm
+        self._homeward: Homeward | None = None  # Ordered by an earlier run, until that is judged
         self.leaves_hovering = False  # What was last seen through has ended in a hover
 
     @property
@@ -35,7 +40,7 @@ class EventDesk:
 
     def is_before(self, work_id: int) -> bool:
         """Whether something has to end before this work may begin: an abort that came first."""
-        if self._leaving is not None:
+        if self._leaving is not None or self._homeward is not None:
             return True
         return any(is_abort(held) and held.work_id < work_id for held in self._held)
 
@@ -72,8 +77,9 @@ class EventDesk:
     def give_way(self, effects: Effects) -> None:
         """Leave the vehicle to a newer event."""
         if self._leaving is not None:
-            effects.for_edge.append(Acknowledgement(self._leaving[0].work_id, "done"))
+            _acknowledge(self._leaving[0], effects)
             self._leaving = None
+        self._homeward = self._vehicle.homeward = None
 
     def receive(self, message: Message, now: float) -> list[Message]:
         """Take a message of the vehicle."""
@@ -81,6 +87,8 @@ class EventDesk:
 
     def step(self, now: float, effects: Effects) -> None:
         """Let time pass."""
+        if self._homeward is not None:
+            self._come_home(now, effects)
         if self._leaving is None:
             return
         work, ending = self._leaving
@@ -88,7 +96,30 @@ class EventDesk:
         if ending.is_over:
             self._leaving = None
             self.leaves_hovering = ending.leaves_hovering
-            effects.for_edge.append(Acknowledgement(work.work_id, "done"))
+            _acknowledge(work, effects)
+
+    def recall(self, homeward: Homeward) -> None:
+        """Learn that an alarm has ended a mission, and that the vehicle had not obeyed yet."""
+        self._homeward = homeward
+
+    def _come_home(self, now: float, effects: Effects) -> None:
+        """Go on with an alarm's order, unless the vehicle comes down or another hand flies it."""
+        vehicle = self._vehicle
+        if vehicle.snapshot.armed is None or not vehicle.is_identified:
+            return
+        self._homeward = None
+        is_over = vehicle.family.knows_modes and vehicle.mode_role in _OVER
+        if not vehicle.snapshot.armed or is_over:
+            vehicle.homeward = None
+        else:
+            ending = Ending(coming_home(vehicle.vehicle_id), vehicle)
+            self._leaving = None, ending
+            effects.messages += ending.start(now)
+
+
+def _acknowledge(work: EventWork | None, effects: Effects) -> None:
+    if work is not None:
+        effects.for_edge.append(Acknowledgement(work.work_id, "done"))
 
 
 def is_abort(work: EventWork) -> bool:

@@ -1,11 +1,11 @@
 """Puts a plan's fence and rally points onto a vehicle, and gives back what was there before.
 
 What the vehicle holds is read, replaced where it differs, and proved; then come the parameters
-that guard the fence. What was there before is remembered in the vehicle's loan. A fence or a
-value that somebody else has put there since is theirs, and stays.
+that guard the fence. What was there before is remembered in the vehicle's loan, and noted for good
+before anything changes. A fence or a value that somebody else has put there since is theirs, and
+stays.
 """
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
@@ -13,11 +13,12 @@ from typing import Final
 from afarcloud.plan import Geofence
 from mavlink_broker.dialect import Message
 from mavlink_broker.protocol.command import CommandOutcome
+from mavlink_broker.protocol.parameter_keeper import Borrowed, is_same
 from mavlink_broker.protocol.parameter_write import Setting
 from mavlink_broker.protocol.plan_kinds import FENCE, PLAN_NAMES, RALLY
 from mavlink_broker.translation import fence
 from mavlink_broker.translation.guarding import Guarding
-from mavlink_broker.translation.loan import ExchangedPlan, ExchangedValue, Items
+from mavlink_broker.translation.loan import ExchangedPlan, Items
 from mavlink_broker.vehicle import Vehicle
 from mavlink_broker.vehicle_steps import Course, CourseRun, StepRefusedError, VehicleSteps
 
@@ -117,11 +118,13 @@ class Fencing:
         wanted = items or before
         if self._steps.difference(wanted, held):
             plans[kind] = ExchangedPlan(before, None)
+            yield from self._steps.noted()
             yield from self._steps.put(kind, wanted)
-            loan = plans[kind] = ExchangedPlan(before, items)
-        if loan and not items:
-            del plans[kind]
-        elif loan and before:
+        if items:
+            plans[kind] = ExchangedPlan(before, items)
+        else:
+            plans.pop(kind, None)
+        if items and before and self._steps.difference(items, before):
             name = PLAN_NAMES[kind]
             self.notes.append(f"the vehicle's own {name} come back after the mission")
 
@@ -150,11 +153,14 @@ class Fencing:
         self.own_limit_m = guarding.own_limit_m
         self.notes += [guarding.note] if guarding.note else []
         yield from self._give_back(kept=frozenset(setting.name for setting in guarding.settings))
-        for setting in guarding.settings:
-            if not _same(held[setting.name], setting.value):
-                exchanged = ExchangedValue(before[setting.name], setting.value)
-                self.vehicle.loan.values[setting.name] = exchanged
-                yield from self._steps.set(setting)
+        others = [s for s in guarding.settings if not is_same(held[s.name], s.value)]
+        loan = self.vehicle.loan.values
+        for name, value in others:
+            loan[name] = (loan.get(name) or Borrowed(before[name], ())).and_then(value)
+        if others:
+            yield from self._steps.noted()
+        for setting in others:
+            yield from self._steps.set(setting)
 
     def _give_back(self, kept: frozenset[str]) -> Course:
         """Put the values back that no fence needs any more, the last one first."""
@@ -163,17 +169,12 @@ class Fencing:
             value = yield from self._steps.value(name)
             if value is None:
                 raise StepRefusedError(f"parameter {name}: no answer")
-            if _same(value, loan[name].placed):
+            if loan[name].is_ours(value):
                 yield from self._steps.set(Setting(name, loan[name].before))
             del loan[name]
 
     def _forget_others(self, held: Mapping[str, float]) -> None:
         """What somebody else has set since is theirs."""
         loan = self.vehicle.loan.values
-        for name in [n for n in loan if n in held and not _same(held[n], loan[n].placed)]:
+        for name in [n for n in loan if n in held and not loan[n].is_ours(held[n])]:
             del loan[name]
-
-
-def _same(held: float, value: float) -> bool:
-    """Whether a vehicle has a value, to the single precision in which it travels."""
-    return math.isclose(held, value, rel_tol=1e-6, abs_tol=1e-6)

@@ -20,10 +20,12 @@ from mavlink_broker.interruption import (
     SpeedOrders,
     within_fence,
 )
+from mavlink_broker.journal.memo import Homeward
 from mavlink_broker.protocol.plan_kinds import FENCE, RALLY
 from mavlink_broker.reporter import Reporter
 from mavlink_broker.session_states import Event, State
 from mavlink_broker.translation.fence import fence_items, rally_items
+from mavlink_broker.translation.ledger import MESSAGE_LENGTH
 from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.vehicle import Vehicle
 from mavlink_broker.work import EventWork, MissionWork
@@ -152,6 +154,7 @@ class Flight(FlightProgress):
             self._follower = self._performer = None
             self._move(Event.ENDED, now, effects)
             return
+        self._vehicle.homeward = Homeward(mission=self.work.name, reason=reason[:MESSAGE_LENGTH])
         self._leave(coming_home(self._vehicle.vehicle_id), None, now, effects)
 
     def _leave(

@@ -1,8 +1,8 @@
 """One mission that an earlier run of the broker accepted: what the vehicle has made of it since.
 
-What a broker knows is lost with it, but for the mission's last report. A stage is written into a
-report before the vehicle is told to start it: without that nobody has started it, and with it the
-vehicle itself knows the rest.
+What a broker knows is lost with it, but for the mission's last report and its notes of the vehicle.
+A stage is written into a report before the vehicle is told to start it: without that nobody has
+started it, and with it the vehicle itself knows the rest.
 """
 
 from typing import Final
@@ -97,6 +97,7 @@ class FlightAttachment(FlightPreparation):
         same, first = isinstance(outcome, Verified), self._stages.is_first
         if same and self._is_flown:
             self._was_running = True
+            self._vehicle.borrow(tuple(loan for _, loan in self._plan.loans))
             self._move(Event.FLYING, now, effects)
         elif not first and (same or not self._is_begun):
             self._go_on_with_stage(now, effects)
@@ -140,8 +141,9 @@ class FlightAttachment(FlightPreparation):
         self._move(self._event_of_stage(), now, effects)
 
     def _begin_or_wait(self, now: float, effects: Effects) -> None:
-        """Begin from scratch on the ground; in the air flies what is not ours."""
-        if self._vehicle.snapshot.is_on_ground:
+        """Begin from scratch on the ground, or in our own hover; else flies what is not ours."""
+        if self._vehicle.snapshot.is_on_ground or self._vehicle.hovers:
+            self._hovering = self._vehicle.hovers
             self._move(Event.NOT_STARTED, now, effects)
         else:
             self._activity = None
@@ -158,7 +160,7 @@ class FlightAttachment(FlightPreparation):
         vehicle = self._vehicle
         in_mission = vehicle.family.knows_modes and vehicle.mode_role is ModeRole.MISSION
         if in_mission and vehicle.snapshot.armed:
-            return self._is_begun or self._stages.is_first
+            return self._is_begun or (self._stages.is_first and not vehicle.hovers)
         return self._is_begun and not self._is_fresh
 
     @property

@@ -100,6 +100,13 @@ class FlightCore:
         self.ledger.abort(reason)
         effects.for_edge.append(self._reporter.mission(self.ledger))
 
+    def fail_again(self, reason: str, effects: Effects) -> None:
+        """Tell of a failure that an earlier run has seen, and may not have told of."""
+        if self.work.report is not None:
+            self.ledger.restore(self.work.report)
+        self.ledger.fail(reason)
+        effects.for_edge.append(self._reporter.mission(self.ledger))
+
     def refuse(self, error: RefusedError, effects: Effects) -> None:
         """End a mission that cannot be flown, before anything is sent."""
         self.ledger.fail(error.reason, error.command_index)

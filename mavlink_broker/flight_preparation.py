@@ -3,7 +3,7 @@
 from typing import Final
 
 from afarcloud.enumerations import Status
-from mavlink_broker import activities, readiness
+from mavlink_broker import activities, hover, readiness
 from mavlink_broker.effects import Effects
 from mavlink_broker.fencing import Fencing, Wanted
 from mavlink_broker.flight_core import FlightCore
@@ -171,6 +171,7 @@ class FlightPreparation(FlightCore):
         A broker that is killed meanwhile would not know that it may have been flown.
         """
         self._told_to_start = True
+        hover.end(self._vehicle)
         self.ledger.set_mission(Status.RUNNING)
         self.ledger.set_command(self._plan.first_command, Status.RUNNING)
         effects.for_edge.append(self._reporter.mission(self.ledger))

@@ -1,9 +1,11 @@
-"""Whom the loop speaks to beside the vehicles: the edge server, and those who do slow work."""
+"""Whom the loop speaks to beside the vehicles: the edge server, those who do slow work, a disk."""
 
 from collections.abc import Sequence
 from typing import Any, Protocol
 
 from mavlink_broker.jobs import Job, JobFailed, JobOutcome
+from mavlink_broker.journal.diary import Note
+from mavlink_broker.journal.memo import Memo, Owner
 from mavlink_broker.send_queue import Post
 
 
@@ -29,6 +31,19 @@ class Jobs(Protocol):
 
     def take_finished(self) -> Sequence[tuple[int, JobOutcome]]:
         """Give what has been done."""
+
+
+class Journal(Protocol):
+    """What must outlive the broker."""
+
+    def recall(self, owner: Owner) -> Memo:
+        """Give what an earlier run has noted of a vehicle; nothing, if nothing."""
+
+    def put(self, note: Note) -> None:
+        """Leave a page to be written; the newest of a vehicle counts."""
+
+    def take_settled(self) -> Sequence[tuple[Owner, int]]:
+        """Give the numbers of the pages that are on the disk by now, or were refused."""
 
 
 class NoJobs:

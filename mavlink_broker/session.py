@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection, Iterable
 from typing import Any, Final
 
 from afarcloud.enumerations import EventType, Status
-from mavlink_broker import registry
+from mavlink_broker import hover, registry
 from mavlink_broker.attendance import Attendance
 from mavlink_broker.dialect import Message, mavlink, source_of
 from mavlink_broker.effects import Acknowledgement, Effects, VehicleUpdate
@@ -19,6 +19,7 @@ from mavlink_broker.event_desk import EventDesk, is_abort
 from mavlink_broker.flight import Flight
 from mavlink_broker.giving_back import GivingBack
 from mavlink_broker.interruption import REASONS
+from mavlink_broker.journal.memo import Homeward, Memo
 from mavlink_broker.pictures.desk import HEARD as PICTURED
 from mavlink_broker.pictures.desk import PictureDesk
 from mavlink_broker.protocol.heartbeat import LinkState
@@ -82,7 +83,7 @@ class Session:
         self._events = EventDesk(vehicle)
         self._waiting: deque[Flight] = deque()
         self._flight: Flight | None = None
-        self._hovering = False
+        self._failed: Homeward | None = None  # In an earlier run
         self._has_flown = False  # Only the first mission can be one that an earlier run began
         self._was_lost = True
         self._lost_since: float | None = None
@@ -103,6 +104,23 @@ class Session:
         is_idle = self._flight is None and not self._waiting
         is_long_lost = self._lost_since is not None and now - self._lost_since > FORGOTTEN_AFTER_S
         return is_idle and is_long_lost and self.vehicle.snapshot.position is None
+
+    def recall(self, memo: Memo) -> None:
+        """Take up what an earlier run of the broker has noted of the vehicle."""
+        self.vehicle.recall(memo)
+        self._failed = memo.homeward
+        if memo.homeward is not None:
+            self._events.recall(memo.homeward)
+
+    def change_vehicle(self) -> bool:
+        """Leave what was noted of a vehicle to it, for another has taken its place.
+
+        False while something is being flown.
+        """
+        if self.state is not State.IDLE or self.vehicle.snapshot.armed:
+            return False
+        self.vehicle.forget()
+        return True
 
     @property
     def is_giving_back(self) -> bool:
@@ -229,7 +247,7 @@ class Session:
             effects.messages += self._streams.tick(now)
             self.vehicle.is_identified |= self._streams.is_version_settled
             self._read_capacity(now, effects)
-            self._watch_hover()
+            hover.watch(self.vehicle)
             self._see_events_through(now, effects)
             effects.messages += self._keep_parameters(now)
             is_connected = self.vehicle.link_state(now) is LinkState.CONNECTED
@@ -261,15 +279,23 @@ class Session:
         was_leaving = self._events.is_leaving
         self._events.step(now, effects)
         if was_leaving and not self._events.is_leaving:
-            self._hovering = self._events.leaves_hovering
+            self.vehicle.homeward = None
+            self._note_hover(hovers=self._events.leaves_hovering)
 
     def _keep_parameters(self, now: float) -> list[Message]:
         """Set what the part of the mission that is flown has borrowed, give back the rest."""
         vehicle = self.vehicle
-        if self._flight is None:
+        may_be_needed = vehicle.parameters.is_recalled and not vehicle.snapshot.is_on_ground
+        if self._flight is None and not may_be_needed:
             vehicle.parameters.want(())
+        if self._flight is None and vehicle.snapshot.is_on_ground:
+            vehicle.live = None
         return vehicle.parameters.tick(
-            now, vehicle.route, vehicle.round_trip, vehicle.parameter_encoding
+            now,
+            vehicle.route,
+            vehicle.round_trip,
+            vehicle.parameter_encoding,
+            lambda: vehicle.is_noted,
         )
 
     def _step_pictures(self, now: float, effects: Effects) -> None:
@@ -301,7 +327,7 @@ class Session:
     def _restarted(self, now: float, effects: Effects) -> None:
         _LOG.warning("vehicle %d was restarted", self.vehicle.vehicle_id)
         self._reporter.session_id = self._new_session_id()
-        self._hovering = False
+        hover.end(self.vehicle)
         self._streams.renew()
         self._attendance.renew()
         self._alarms.forget()
@@ -312,25 +338,31 @@ class Session:
         if self._flight is not None or not self._waiting:
             return
         flight = self._waiting[0]
+        if self._failed is not None and flight.work.name == self._failed.mission:
+            self._waiting.popleft().fail_again(self._failed.reason, effects)
+            return
         if self._events.is_before(flight.work.work_id):
             return
         resumed = self._is_resumed(flight)
-        free = self.vehicle.snapshot.is_on_ground or self._hovering
+        free = self.vehicle.snapshot.is_on_ground or self.vehicle.hovers
         if resumed or free or not self.vehicle.is_heard(now):
             self._has_flown = True
             self._flight = self._waiting.popleft()
-            self._flight.begin(now, effects, hovering=self._hovering, resumed=resumed)
+            self._flight.begin(now, effects, hovering=self.vehicle.hovers, resumed=resumed)
         elif flight.is_expired(now):
             self._waiting.popleft().abort("expired before take-off", effects)
 
     def _close_flight(self) -> None:
         if self._flight is not None and self._flight.state is State.IDLE:
-            self._hovering = self._flight.leaves_hovering
+            self._note_hover(hovers=self._flight.leaves_hovering)
+            self.vehicle.homeward = self.vehicle.live = None
             self._flight = None
 
-    def _watch_hover(self) -> None:
-        if self.vehicle.snapshot.armed is False:
-            self._hovering = False
+    def _note_hover(self, *, hovers: bool) -> None:
+        if hovers:
+            hover.begin(self.vehicle)
+        else:
+            hover.end(self.vehicle)
 
     def _read_capacity(self, now: float, effects: Effects) -> None:
         """Learn the battery's size once; until a vehicle tells, it has the configured one."""

@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from mavlink_broker.dialect import Message
+from mavlink_broker.journal.diary import Diary
+from mavlink_broker.journal.memo import Homeward, LiveNote, Memo, Pose
 from mavlink_broker.protocol.heartbeat import LinkState, LinkWatch
 from mavlink_broker.protocol.parameter_keeper import Loan as Wish
 from mavlink_broker.protocol.parameter_keeper import ParameterKeeper
@@ -23,11 +25,6 @@ from mavlink_broker.translation.telemetry import Snapshot
 
 AGED: Final = frozenset({"GLOBAL_POSITION_INT", "ATTITUDE", "BATTERY_STATUS", "MISSION_CURRENT"})
 """Messages whose age is kept: what is told of a vehicle must not look fresher than it is."""
-
-HELD_BY_FAILSAFE: Final = "the vehicle's own failsafe holds it"
-FAILSAFE_S: Final = 10.0
-"""How long that must last: PX4 holds for 5 s before it does what its failsafe has chosen, and goes
-on with its mission when the reason has gone meanwhile."""
 
 HOME_PATIENCE_S: Final = 20.0
 """How long a vehicle that stands may take to tell its home; some never do."""
@@ -60,6 +57,12 @@ class Vehicle:
     lead: Lead | None = None  # Whom it follows, if somebody that moves
     refused_items: set[int] = field(default_factory=set)  # MAV_CMD that no mission of it may hold
     cameras: set[int] = field(default_factory=set)  # Components that are known to be cameras
+    uid: str = ""  # Its own number, hexadecimal, once it has told one
+    diary: Diary = field(default_factory=Diary)
+    hovers: bool = False  # It waits in the air where a mission of ours has left it
+    hover: Pose | None = None  # Where that is; of an earlier run, until that has been judged
+    homeward: Homeward | None = None  # It is to go home, and has not obeyed yet
+    live: LiveNote | None = None  # The live command that it was told last
     _heard_at: dict[str, float] = field(default_factory=dict)
     _reboots: RebootWatch = field(default_factory=RebootWatch)
     _words: StatusTexts = field(default_factory=StatusTexts)
@@ -75,6 +78,7 @@ class Vehicle:
             self.product = message.vendor_id, message.product_id
             self.capabilities = message.capabilities
             self.software_version = message.flight_sw_version
+            self.uid = uid_of(message)
             self.is_identified = True
             self.family = family_of(self.autopilot or 0, self.product, self.kind)
         self._words.receive(message, now)
@@ -92,6 +96,38 @@ class Vehicle:
         self.snapshot.take(message)
         self.observations.take(message, self.snapshot, now)
         return rebooted
+
+    @property
+    def memo(self) -> Memo:
+        """What of it a broker has to know in its next life."""
+        return Memo(
+            plans=dict(self.loan.plans),
+            values=dict(self.loan.values),
+            borrowed=self.parameters.borrowed,
+            hover=self.hover,
+            homeward=self.homeward,
+            live=self.live,
+        )
+
+    def recall(self, memo: Memo) -> None:
+        """Learn what an earlier run of the broker has noted."""
+        self.loan.plans |= memo.plans
+        self.loan.values |= memo.values
+        self.parameters.recall(memo.borrowed)
+        self.hover = self.hover or memo.hover
+        self.homeward = self.homeward or memo.homeward
+        self.live = self.live or memo.live
+
+    def forget(self) -> None:
+        """Start anew with what is noted: it is another vehicle."""
+        self.loan, self.parameters = Loan(), ParameterKeeper()
+        self.hover = self.homeward = self.live = None
+        self.hovers = False
+
+    @property
+    def is_noted(self) -> bool:
+        """Whether a broker that is killed now knows all this again."""
+        return self.diary.is_kept(self.memo)
 
     def link_state(self, now: float) -> LinkState:
         """Judge its link."""
@@ -157,6 +193,14 @@ class Vehicle:
         """How old its newest message of a kind is (one of AGED); None: it has told none."""
         heard_at = self._heard_at.get(kind)
         return None if heard_at is None else now - heard_at
+
+
+def uid_of(told: Message) -> str:
+    """Read AUTOPILOT_VERSION's number of the hardware: the long one, else the short one."""
+    long_one = bytes(told.uid2)
+    if any(long_one):
+        return long_one.hex()
+    return f"{told.uid:016x}" if told.uid else ""
 
 
 def version(number: int) -> str | None:

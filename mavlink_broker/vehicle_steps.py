@@ -97,11 +97,36 @@ class CourseRun:
         return self._running.start(now)
 
 
+@dataclass(slots=True)
+class _Noted:
+    """Waits until what is to be known of a vehicle is on the disk."""
+
+    vehicle: Vehicle
+    outcome: Accepted | None = None
+
+    def start(self, now: float) -> list[Message]:
+        return self.tick(now)
+
+    def receive(self, message: Message, now: float) -> list[Message]:
+        del message
+        return self.tick(now)
+
+    def tick(self, now: float) -> list[Message]:
+        del now
+        if self.vehicle.is_noted:
+            self.outcome = Accepted()
+        return []
+
+
 @dataclass(frozen=True, slots=True)
 class VehicleSteps:
     """What courses do on one vehicle; each raises StepRefusedError where it refuses."""
 
     vehicle: Vehicle
+
+    def noted(self) -> Step:
+        """Wait until a broker that is killed from now on knows what it has borrowed."""
+        yield _Noted(self.vehicle)
 
     def held(self, kind: int) -> Step:
         """Read a fence or rally points."""

@@ -31,6 +31,8 @@ from mavlink_broker.command_line.program import (
 )
 from mavlink_broker.command_line.progress_page import JsonPage, ProgressPage
 from mavlink_broker.config import Config
+from mavlink_broker.journal.folder import JournalFolder
+from mavlink_broker.journal.writer import JournalWriter
 from mavlink_broker.protocol.heartbeat import LinkState
 from mavlink_broker.session_states import State
 from mavlink_broker.traffic import Clock
@@ -179,7 +181,8 @@ def _fly(
     link = open_link(settings)
     workshop = Workshop(link.wake)
     workshop.start()
-    app = App(settings, link, edge, clock, lambda: str(ULID()), workshop)
+    journal = JournalWriter(JournalFolder(settings.journal), link.wake)
+    app = App(settings, link, edge, clock, lambda: str(ULID()), workshop, journal)
     sortie = Sortie(app, edge, missions, settings)
     try:
         sortie.gather(clock, signals, options.wait)
@@ -190,6 +193,7 @@ def _fly(
     finally:
         workshop.stop()
         app.close()
+        journal.close()
         link.close()
     if signals.stop:
         _say_what_is_left(edge, missions)

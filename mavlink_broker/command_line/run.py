@@ -18,6 +18,8 @@ from mavlink_broker.command_line.program import (
 )
 from mavlink_broker.config import Config
 from mavlink_broker.edge_client import EdgeClient
+from mavlink_broker.journal.folder import JournalFolder
+from mavlink_broker.journal.writer import JournalWriter
 from mavlink_broker.spool.folder import MIB, Spool, SpoolBusyError, SpoolError
 from mavlink_broker.workshop import Workshop
 
@@ -48,13 +50,15 @@ def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
     edge.start()
     workshop = Workshop(link.wake)
     workshop.start()
-    app = App(settings, link, edge, SystemClock(), lambda: str(ULID()), workshop)
+    journal = JournalWriter(JournalFolder(settings.journal), link.wake)
+    app = App(settings, link, edge, SystemClock(), lambda: str(ULID()), workshop, journal)
     _LOG.info("links %s, edge server %s", " ".join(map(str, link.urls)), settings.edge_url)
     while not signals.stop:
         app.step()
     workshop.stop()
     edge.stop(LAST_POSTS_WITHIN_S)
     app.close()
+    journal.close()
     link.close()
     return SUCCEEDED
 

@@ -11,6 +11,7 @@ corrupts them silently.
 """
 
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Final, NamedTuple, TypeAlias
@@ -69,7 +70,28 @@ class Written:
     previous: float
 
 
-WriteOutcome: TypeAlias = Written | Refused
+@dataclass(frozen=True, slots=True)
+class Left:
+    """It was not written, because of the value that it has."""
+
+    value: float
+
+
+WriteOutcome: TypeAlias = Written | Left | Refused
+
+
+class Consent(Enum):
+    """Whether a value that was read may be overwritten."""
+
+    GIVEN = auto()
+    AWAITED = auto()
+    DENIED = auto()
+
+
+def always(previous: float) -> Consent:
+    """Let every value be overwritten."""
+    del previous
+    return Consent.GIVEN
 
 
 def encoding_of(capabilities: int, otherwise: ParameterEncoding) -> ParameterEncoding:
@@ -109,7 +131,7 @@ def from_field(field: float, kind: int, encoding: ParameterEncoding) -> float:
 
 
 class ParameterWrite:
-    """One parameter on its way to a value."""
+    """One parameter on its way to a value; `consent` is asked before the old one goes."""
 
     def __init__(
         self,
@@ -117,7 +139,10 @@ class ParameterWrite:
         route: Route,
         round_trip: RoundTrip,
         encoding: ParameterEncoding,
+        consent: Callable[[float], Consent] = always,
     ) -> None:
+        self._consent = consent
+        self._awaits_consent = False
         self._setting = setting
         self._route = route
         self._round_trip = round_trip
@@ -128,6 +153,7 @@ class ParameterWrite:
         self._contradictions = 0
         self._sent_at = 0.0
         self._deadline = 0.0
+        self.shown: float | None = None  # What it was instead, since it was to be another
         self.outcome: WriteOutcome | None = None
 
     def start(self, now: float) -> list[Message]:
@@ -148,6 +174,8 @@ class ParameterWrite:
 
     def tick(self, now: float) -> list[Message]:
         """Repeat what is overdue."""
+        if self._awaits_consent:
+            return self._write(now)
         if self.outcome is not None or now < self._deadline:
             return []
         if self._attempts >= ATTEMPTS:
@@ -164,10 +192,13 @@ class ParameterWrite:
         value = from_field(message.param_value, message.param_type, self._encoding)
         if self._kind is None:
             return self._begin_writing(message.param_type, value, now)
+        if self._awaits_consent:
+            return []
         if self._is_wanted(value):
             self.outcome = Written(self._previous)
             return []
         self._contradictions += 1
+        self.shown = value
         if self._contradictions >= CONTRADICTIONS:
             self._refuse(f"the vehicle keeps it at {value:g}")
         elif self._contradictions > 1:
@@ -184,7 +215,17 @@ class ParameterWrite:
         except (struct.error, OverflowError):
             self._refuse(f"{self._setting.value:g} does not fit its type")
             return []
-        return self._send(now)
+        return self._write(now)
+
+    def _write(self, now: float) -> list[Message]:
+        consent = self._consent(self._previous)
+        self._awaits_consent = consent is Consent.AWAITED
+        match consent:
+            case Consent.GIVEN:
+                return self._send(now)
+            case Consent.DENIED:
+                self.outcome = Left(self._previous)
+        return []
 
     def _is_wanted(self, value: float) -> bool:
         """Whether a value is the wanted one, as far as the type can tell."""

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from mavlink_broker.protocol.parameter_keeper import Borrowed
 from mavlink_broker.translation.mission_item import MissionItem
 
 Items = tuple[MissionItem, ...]
@@ -15,19 +16,12 @@ class ExchangedPlan(NamedTuple):
     placed: Items | None  # None: a transfer has failed, and what is there is not known
 
 
-class ExchangedValue(NamedTuple):
-    """A parameter, before and since."""
-
-    before: float
-    placed: float
-
-
 @dataclass(slots=True)
 class Loan:
     """All of it, for one vehicle; kinds of plan are MAV_MISSION_TYPEs."""
 
     plans: dict[int, ExchangedPlan] = field(default_factory=dict)
-    values: dict[str, ExchangedValue] = field(default_factory=dict)
+    values: dict[str, Borrowed] = field(default_factory=dict)
 
     @property
     def is_open(self) -> bool:

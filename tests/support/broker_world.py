@@ -5,6 +5,7 @@ from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from itertools import count
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -20,6 +21,7 @@ from mavlink_broker.session_states import State
 from mavlink_broker.workshop import do
 from tests.support.fake_edge import FakeEdge
 from tests.support.scripted_camera import ScriptedCamera
+from tests.support.scripted_disk import ScriptedDisk
 from tests.support.scripted_vehicle import ARDUPILOT, HOME, PX4, Script, ScriptedVehicle
 
 GENERIC = Script(autopilot=mavlink.MAV_AUTOPILOT_GENERIC)
@@ -125,18 +127,31 @@ class InlineJobs:
 class World:
     """Everything that takes part."""
 
-    def __init__(self, *, loss: float = 0.0, seed: int = 1, config: Config | None = None) -> None:
+    def __init__(
+        self,
+        *,
+        loss: float = 0.0,
+        seed: int = 1,
+        config: Config | None = None,
+        journal: Path | None = None,
+        disk_lag_s: float = 0.0,
+    ) -> None:
+        """Begin without vehicles; without a `journal` a killed broker forgets everything."""
         self.clock = Clock()
         self.air = Air(self.clock, loss, seed)
         self.edge = FakeEdge()
         self.config = config or Config()
+        self.disk = (
+            None if journal is None else ScriptedDisk(journal, self.clock.monotonic, disk_lag_s)
+        )
         self._encoders: dict[tuple[int, int], Encoder] = {}
         self._ulids = count(1)
         self.is_broker_there = True
         self.app = self._new_app()
 
     def _new_app(self) -> App:
-        return App(self.config, self.air, self.edge, self.clock, self._ulid, InlineJobs())
+        jobs = InlineJobs()
+        return App(self.config, self.air, self.edge, self.clock, self._ulid, jobs, self.disk)
 
     def _ulid(self) -> str:
         return f"01{next(self._ulids):024d}"
@@ -148,6 +163,8 @@ class World:
     def restart_broker(self) -> None:
         """Begin with an empty memory, after a kill or instead of one."""
         self.is_broker_there = True
+        if self.disk is not None:
+            self.disk.begin()
         self.app = self._new_app()
         self.edge.hand_out_again()
 

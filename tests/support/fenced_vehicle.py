@@ -40,6 +40,7 @@ class FencedVehicle(ScriptedVehicle):
         super().__init__(system, script, booted_at=booted_at)
         of_family = {PX4.autopilot: PX4_VALUES, ARDUPILOT.autopilot: ARDUPILOT_VALUES}
         self.capabilities = capabilities
+        self.uid = 0  # Of its hardware; 0: it tells none
         self.values = dict(of_family.get(script.autopilot, {}) if values is None else values)
         self.set: list[tuple[str, float]] = []  # Parameters written, in order
         self.refused_values: set[str] = set()
@@ -106,6 +107,7 @@ class FencedVehicle(ScriptedVehicle):
     def _autopilot_version(self) -> Message:
         message = super()._autopilot_version()
         message.capabilities = self.capabilities
+        message.uid = self.uid
         return message
 
     def _handle(self, message: Message) -> None:

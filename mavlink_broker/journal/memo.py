@@ -1,0 +1,68 @@
+"""What must be known of a vehicle again after the broker's death; plain values, nothing else.
+
+What is borrowed of it, whose hover it is in, an order that it has not obeyed yet, and how far a
+live command is. Everything else can be asked for again: the missions of the edge server, the rest
+of the vehicle.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+from mavlink_broker.protocol.parameter_keeper import Borrowed
+from mavlink_broker.translation.loan import ExchangedPlan
+
+
+class Owner(NamedTuple):
+    """Whose page it is: another vehicle under the same system id has another one."""
+
+    system: int
+    uid: str  # Hexadecimal, of AUTOPILOT_VERSION; empty where the vehicle tells none
+
+    def __str__(self) -> str:
+        """Say it for people."""
+        return f"system {self.system}" + (f" ({self.uid})" if self.uid else "")
+
+
+class Pose(NamedTuple):
+    """Where a vehicle was, and where its nose pointed."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float  # Above home
+    heading_deg: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Homeward:
+    """An alarm has failed a mission, and the vehicle has not come round to going home yet."""
+
+    mission: str  # Name of the work
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LiveNote:
+    """How far a live command is. Times are the vehicle's own, since it was switched on [s]."""
+
+    name: str  # Of the command, for good
+    is_agreed: bool = False  # Else the vehicle is about to be told, and may have been
+    began_s: float | None = None  # When it set out; None: the vehicle tells no time
+    going_s: float | None = None  # When the vehicle agreed
+    start: Pose | None = None  # Where its steps count from
+    steps: int = 0  # Taken: turns, pictures, points of a circle
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Memo:
+    """All of it, of one vehicle; kinds of plan are MAV_MISSION_TYPEs."""
+
+    plans: Mapping[int, ExchangedPlan] = field(default_factory=dict)
+    values: Mapping[str, Borrowed] = field(default_factory=dict)  # Guarding a fence
+    borrowed: Mapping[str, Borrowed] = field(default_factory=dict)  # For a command
+    hover: Pose | None = None  # It waits there for its next mission
+    homeward: Homeward | None = None
+    live: LiveNote | None = None
+
+
+NOTHING: Final = Memo()
