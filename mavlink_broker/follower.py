@@ -9,6 +9,7 @@ A lost link is no failure: the vehicle flies on, and is asked when it is back.
 from typing import Final
 
 from afarcloud.enumerations import Status
+from mavlink_broker.departure import HELD_BY_FAILSAFE, Departure
 from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.effects import Told
 from mavlink_broker.reporter import Reporter
@@ -16,12 +17,9 @@ from mavlink_broker.translation.ledger import Ledger
 from mavlink_broker.translation.mission import FlightPlan
 from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.translation.progress import Progress
-from mavlink_broker.vehicle import FAILSAFE_S, HELD_BY_FAILSAFE, Vehicle
+from mavlink_broker.vehicle import Vehicle
 
 REPORT_EVERY_S: Final = 30.0
-GRACE_S: Final = 5.0
-"""How long a departure must last: several periods of every message that could explain it."""
-
 _UNDER_WAY: Final = frozenset({mavlink.MISSION_STATE_ACTIVE, mavlink.MISSION_STATE_PAUSED})
 
 
@@ -45,7 +43,7 @@ class Follower:
         self._mission_id: int | None = None  # The vehicle's own, once it has told it
         self._under_way = resumed
         self._reported_at = 0.0
-        self._departed_at: float | None = None
+        self._departed = Departure()
         self.departure: str | None = None
 
     @property
@@ -115,16 +113,11 @@ class Follower:
         return [self._reporter.mission(self._ledger)]
 
     def _watch(self, now: float) -> None:
-        reason, held = None, False
+        reason = None
         if self._vehicle.is_heard(now) and not self.is_finished:
             held = self._vehicle.is_held_by_failsafe
             reason = HELD_BY_FAILSAFE if held else self._reason_to_doubt()
-        if reason is None:
-            self._departed_at = None
-        elif self._departed_at is None:
-            self._departed_at = now
-        elif now - self._departed_at >= (FAILSAFE_S if held else GRACE_S):
-            self.departure = reason
+        self.departure = self._departed.judge(reason, now)
 
     def _reason_to_doubt(self) -> str | None:
         vehicle, snapshot = self._vehicle, self._vehicle.snapshot

@@ -10,16 +10,17 @@ by the vehicle's own time, which a simulation may let run at any speed. Paramete
 of the vehicle are set first; what comes after it has them given back.
 """
 
-import math
 from enum import Enum, auto
 from typing import Final
 
 from mavlink_broker.circle import CircleRunner
+from mavlink_broker.departure import HELD_BY_FAILSAFE, Departure
 from mavlink_broker.dialect import Message, mavlink
-from mavlink_broker.protocol.command import Accepted, CommandOutcome, Refused
+from mavlink_broker.protocol.command import Accepted, Refused
 from mavlink_broker.protocol.command_sequence import CommandSequence, Ways
 from mavlink_broker.series import SeriesRunner, missing_camera
 from mavlink_broker.subject import SubjectTracker
+from mavlink_broker.target_teller import TargetTeller
 from mavlink_broker.translation.families import Orbiting
 from mavlink_broker.translation.geo import distance_m
 from mavlink_broker.translation.live import (
@@ -29,21 +30,16 @@ from mavlink_broker.translation.live import (
     Series,
     Tracked,
     Turned,
-    reposition,
+    approach_ways,
 )
 from mavlink_broker.translation.modes import ModeRole
-from mavlink_broker.translation.target import target_message
 from mavlink_broker.turning import Turning
-from mavlink_broker.vehicle import FAILSAFE_S, HELD_BY_FAILSAFE, Vehicle
+from mavlink_broker.vehicle import Vehicle
 
 THERE_WITHIN_M: Final = 2.0
 SLOW_M_S: Final = 1.0
-TARGET_EVERY_S: Final = 0.2
-"""As often as positions come, with one of which it is told."""
-TARGET_SLACK_S: Final = 0.05
+APPROACH_WITHIN_S: Final = 300.0
 _NOT_THERE: Final = "Reposition is outside geofence"
-GRACE_S: Final = 5.0
-"""How long a departure must last before it is believed."""
 
 
 class Phase(Enum):
@@ -69,8 +65,8 @@ class Performer:
         self._doing: SeriesRunner | SubjectTracker | CircleRunner | None = None
         self._phase_at = 0.0
         self._began_at = 0.0
-        self._target_due_at = -math.inf
-        self._departed_at: float | None = None
+        self._target = TargetTeller(action.follow, vehicle)
+        self._departure = Departure()
         self._was_guided = False
         self._was_circling = False  # Round and round, until it is told otherwise
         self._works_s = 0.0  # Longer that it lasts: the answer was lost with an earlier broker
@@ -116,7 +112,8 @@ class Performer:
         home = self._vehicle.snapshot.home
         if home is None:
             return self._fail("the vehicle's home is not known")
-        return self._order(((reposition(self._action.approach, home),),), now)
+        speed_m_s = self._action.approach_speed_m_s
+        return self._order(approach_ways(self._action.approach, home, speed_m_s), now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
         """Take a message of the vehicle."""
@@ -179,7 +176,7 @@ class Performer:
                 return self._fail(self._doing.reason)
             case Phase.GOING if self._is_over(now):
                 return self._finish(now)
-            case Phase.ENDING if self._is_ended(outcome):
+            case Phase.ENDING if outcome is not None:  # What refuses to end has perhaps ended
                 self._enter(Phase.DONE, now)
         return []
 
@@ -269,56 +266,34 @@ class Performer:
         is_over = self._was_guided and not self._was_circling
         return is_over and self._vehicle.mode_role is ModeRole.HOLD
 
-    def _is_ended(self, outcome: CommandOutcome | None) -> bool:
-        """Whether the end has been agreed to; what refuses to end has perhaps ended already."""
-        return outcome is not None
-
     def _tell_target(self, now: float) -> list[Message]:
-        spot, home = self._action.follow, self._vehicle.snapshot.home
-        wanted = self.phase in {Phase.BEGINNING, Phase.GOING}
-        time_s = self._time_s(now)
-        if spot is None or home is None or not wanted or time_s < self._target_due_at:
+        if self.phase not in {Phase.BEGINNING, Phase.GOING}:
             return []
-        self._target_due_at = time_s + TARGET_EVERY_S - TARGET_SLACK_S
-        lead = self._vehicle.lead
-        if lead is None:
-            return [target_message(spot, home, now)]
-        seen = lead.at(time_s - self._phase_at if self.phase is Phase.GOING else 0.0, now)
-        if seen is None:
-            return []  # The vehicle holds by itself until somebody is seen again
-        there = spot._replace(latitude_deg=seen.latitude_deg, longitude_deg=seen.longitude_deg)
-        return [target_message(there, home, now, velocity_ned_m_s=seen.velocity_ned_m_s)]
+        time_s = self._time_s(now)
+        followed_s = time_s - self._phase_at if self.phase is Phase.GOING else 0.0
+        return self._target.tell(time_s, followed_s, now)
 
     def _watch(self, now: float) -> None:
         """Fail what another hand has ended, and what takes too long."""
         if self.phase in {Phase.DONE, Phase.FAILED} or not self._vehicle.is_heard(now):
             return
-        if self._time_s(now) - self._began_at > self._action.within_s + self._approach_time_s():
+        approach_s = 0.0 if self._action.approach is None else APPROACH_WITHIN_S
+        if self._time_s(now) - self._began_at > self._action.within_s + approach_s:
             self._fail(f"it has not ended within {self._action.within_s:.0f} s")
             return
-        reason = self._departure() if self._action.moves else None
-        if reason is None:
-            self._departed_at = None
-        elif self._departed_at is None:
-            self._departed_at = now
-        elif now - self._departed_at >= (FAILSAFE_S if reason is HELD_BY_FAILSAFE else GRACE_S):
+        sign = self._sign_of_departure() if self._action.moves else None
+        reason = self._departure.judge(sign, now)
+        if reason is not None:
             self._fail(reason)
 
-    def _approach_time_s(self) -> float:
-        return 0.0 if self._action.approach is None else 300.0
-
-    def _departure(self) -> str | None:
+    def _sign_of_departure(self) -> str | None:
         if self._vehicle.snapshot.armed is False:
             return "the vehicle disarmed before the end of the mission"
         if self._vehicle.is_held_by_failsafe:
             return HELD_BY_FAILSAFE
         if self._vehicle.mode_role in {ModeRole.OTHER, ModeRole.ENDING}:
             return f"the vehicle left the mission: mode {self._vehicle.mode}"
-        if self._is_off_its_circle():
+        circles = self._was_circling and self.phase is Phase.GOING
+        if circles and self._vehicle.mode_role is ModeRole.HOLD:  # It has no end of its own
             return f"the vehicle left its circle: mode {self._vehicle.mode}"
         return None
-
-    def _is_off_its_circle(self) -> bool:
-        """Whether somebody has stopped a circle that has no end of its own."""
-        holds = self._vehicle.mode_role is ModeRole.HOLD
-        return self._was_circling and self.phase is Phase.GOING and holds
