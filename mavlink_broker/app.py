@@ -137,11 +137,11 @@ class App:
             peer.session.watch(self._traffic.asked_of(system, now))
             peer.session.vehicle.warning = self._traffic.warning_of(system, now)
             peer.session.pictures.has_room = has_room
-            self._open_diary(system, peer)
+            self._open_diary(system, peer, now, effects)
             peer.session.step(now, effects)
             self._carry_out(effects, peer)
 
-    def _open_diary(self, system: int, peer: _Peer) -> None:
+    def _open_diary(self, system: int, peer: _Peer, now: float, effects: Effects) -> None:
         """Recall what an earlier run has noted of a vehicle, once it is known which one it is.
 
         A vehicle that tells its own number late takes its page with it; another one in its place
@@ -161,7 +161,7 @@ class App:
         vehicle.diary.open(owner, recalled)
         if recalled != NOTHING:
             _LOG.info("vehicle %d: an earlier run has left notes of it", vehicle.vehicle_id)
-            peer.session.recall(recalled)
+            peer.session.recall(recalled, now, effects)
 
     def _settle_notes(self) -> None:
         """Learn what is on the disk."""

@@ -43,6 +43,11 @@ class FlightAttachment(FlightPreparation):
     """The state ATTACHING."""
 
     @property
+    def is_sought(self) -> bool:
+        """Whether it is not known yet what has become of it."""
+        return self.state is State.ATTACHING
+
+    @property
     def is_looked_for(self) -> bool:
         """Whether it was seen to fly, and it is not known yet what has become of that."""
         return self.state is State.ATTACHING and self._has_flown

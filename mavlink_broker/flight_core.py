@@ -100,9 +100,11 @@ class FlightCore:
         self.ledger.abort(reason)
         effects.for_edge.append(self._reporter.mission(self.ledger))
 
-    def fail_again(self, reason: str, effects: Effects) -> None:
+    def fail_again(self, reason: str, now: float, effects: Effects) -> None:
         """Tell of a failure that an earlier run has seen, and may not have told of."""
-        if self.work.report is not None:
+        if self.state is State.ATTACHING:
+            self._move(Event.ENDED, now, effects)
+        elif self.work.report is not None:
             self.ledger.restore(self.work.report)
         self.ledger.fail(reason)
         effects.for_edge.append(self._reporter.mission(self.ledger))

@@ -186,6 +186,7 @@ class FlightPreparation(FlightCore):
             self._move(Event.ENDED, now, effects)
             return
         waited_s = now - self._entered_at
+        self._hovering |= self._vehicle.hovers  # It may not have been heard when this began
         obstacle = readiness.obstacle(
             self._vehicle, now, hovering=self._hovering, waited_s=waited_s
         )
@@ -204,7 +205,7 @@ class FlightPreparation(FlightCore):
 
     def _ask_why_not(self, now: float, effects: Effects) -> None:
         """Have a vehicle that is not ready to arm say why: most told it before we listened."""
-        is_ready = self._vehicle.snapshot.ready_to_arm is not False
+        is_ready = self._vehicle.ready_to_arm is not False
         if is_ready or now - max(self._why_asked_at, self._entered_at) < WHY_EVERY_S:
             return
         self._why_asked_at = now

@@ -105,12 +105,17 @@ class Session:
         is_long_lost = self._lost_since is not None and now - self._lost_since > FORGOTTEN_AFTER_S
         return is_idle and is_long_lost and self.vehicle.snapshot.position is None
 
-    def recall(self, memo: Memo) -> None:
+    def recall(self, memo: Memo, now: float, effects: Effects) -> None:
         """Take up what an earlier run of the broker has noted of the vehicle."""
         self.vehicle.recall(memo)
         self._failed = memo.homeward
-        if memo.homeward is not None:
-            self._events.recall(memo.homeward)
+        if memo.homeward is None:
+            return
+        self._events.recall(memo.homeward)
+        flight = self._flight
+        if flight is not None and flight.is_sought and flight.work.name == memo.homeward.mission:
+            flight.fail_again(memo.homeward.reason, now, effects)
+            self._flight = None
 
     def change_vehicle(self) -> bool:
         """Leave what was noted of a vehicle to it, for another has taken its place.
@@ -339,7 +344,7 @@ class Session:
             return
         flight = self._waiting[0]
         if self._failed is not None and flight.work.name == self._failed.mission:
-            self._waiting.popleft().fail_again(self._failed.reason, effects)
+            self._waiting.popleft().fail_again(self._failed.reason, now, effects)
             return
         if self._events.is_before(flight.work.work_id):
             return

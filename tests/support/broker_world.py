@@ -51,6 +51,7 @@ class Air:
         self.vehicles: dict[tuple[str, int], ScriptedVehicle] = {}
         self.cameras: dict[tuple[str, int], ScriptedCamera] = {}
         self.sent: list[tuple[Address, bytes]] = []
+        self.is_uplink_there = True
         self._clock = clock
         self._loss = loss
         self._random = random.Random(seed)
@@ -95,7 +96,7 @@ class Air:
     def send(self, address: Address, frame: bytes) -> None:
         self.sent.append((address, frame))
         vehicle = self.vehicles.get((address.host, address.port))
-        if vehicle is None:
+        if vehicle is None or not self.is_uplink_there:
             return
         if self._random.random() >= self._loss and not vehicle.silent:
             self._later(vehicle, lambda: vehicle.receive(frame, self._clock.now))

@@ -1,0 +1,174 @@
+"""A broker that is killed knows again where it has left a vehicle, and where it has sent it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from afarcloud.enumerations import EventType, Status
+from mavlink_broker.dialect import mavlink
+from mavlink_broker.session_states import State
+from tests.support.broker_world import (
+    FAMILIES,
+    FINISHED,
+    World,
+    go_home,
+    mission,
+    takeoff,
+    waypoint,
+)
+from tests.support.scripted_vehicle import (
+    ARDUPILOT,
+    COPTER_RETURN,
+    PX4,
+    PX4_LAND,
+    PX4_POSITION,
+    PX4_RETURN,
+    Script,
+)
+
+GPS = mavlink.MAV_SYS_STATUS_SENSOR_GPS
+RETURN = mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
+DISK_LAG_S = 0.05
+FIRST = mission(takeoff(), waypoint())
+SECOND = mission(waypoint(1, north_m=20.0), waypoint(2, north_m=25.0), go_home(3), mission_id=1202)
+
+
+def hovering_world(folder: Path, script: Script = PX4) -> World:
+    """A world whose vehicle hovers where a finished mission has left it."""
+    world = World(journal=folder, disk_lag_s=DISK_LAG_S)
+    world.add_vehicle(script=script)
+    world.edge.plan(FIRST)
+    world.run_until_over(1201)
+    return world
+
+
+def alarmed_world(folder: Path, script: Script = PX4, lag_s: float = DISK_LAG_S) -> World:
+    """A world whose mission has just failed by an alarm; no frame reaches the vehicle."""
+    world = World(journal=folder, disk_lag_s=lag_s)
+    vehicle = world.add_vehicle(script=replace(script, item_time_s=60.0))
+    world.edge.plan(mission(takeoff(), waypoint(), go_home()))
+    world.run_until(lambda: vehicle.airborne)
+    world.run(3.0)
+    world.air.is_uplink_there = False
+    vehicle.ill = GPS
+    world.run_until(lambda: world.app.sessions[1].state is State.LEAVING)
+    return world
+
+
+class TestHover:
+    @FAMILIES
+    def test_the_next_mission_begins_there(self, tmp_path: Path, script: Script) -> None:
+        world = hovering_world(tmp_path, script)
+        world.run(0.1)
+        world.kill_broker()
+        world.run(5.0)
+        world.edge.plan(SECOND)
+        world.restart_broker()
+        world.run_until_over(1202)
+        assert world.edge.statuses(1202) == FINISHED
+        world.run_until(lambda: not list(tmp_path.iterdir()))
+
+    def test_the_same_mission_again_is_flown_again(self, tmp_path: Path) -> None:
+        """An autopilot that stays in its mission mode holds what the next mission is."""
+        world = hovering_world(tmp_path, ARDUPILOT)
+        world.edge.plan(FIRST | {"mission_id": 1202})
+        world.edge.take_work()
+        world.edge.work[2]["state"] = "accepted"
+        world.restart_broker()
+        world.run_until_over(1202)
+        assert world.edge.statuses(1202) == [Status.FINISHED] * 2
+        assert world.only_vehicle.uploads == 2
+
+    @pytest.mark.parametrize("what", ["elsewhere", "flown by hand"])
+    def test_a_vehicle_that_somebody_has_taken_meanwhile_is_left_to_him(
+        self, tmp_path: Path, what: str
+    ) -> None:
+        world = hovering_world(tmp_path)
+        world.kill_broker()
+        if what == "elsewhere":
+            latitude, longitude = world.only_vehicle.place
+            world.only_vehicle.place = latitude + 50 * 9e-6, longitude
+        else:
+            world.only_vehicle.custom_mode = PX4_POSITION
+        world.edge.plan(SECOND)
+        world.restart_broker()
+        world.run(20.0)
+        assert world.edge.status(1202) is None
+        assert world.only_vehicle.uploads == 1
+
+    def test_without_a_journal_the_next_mission_waits_for_the_landing(self) -> None:
+        world = World()
+        world.add_vehicle()
+        world.edge.plan(FIRST)
+        world.run_until_over(1201)
+        world.edge.plan(SECOND)
+        world.restart_broker()
+        world.run(20.0)
+        assert world.edge.status(1202) is None
+
+
+class TestReturn:
+    @pytest.mark.parametrize(("script", "mode"), [(PX4, PX4_RETURN), (ARDUPILOT, COPTER_RETURN)])
+    @pytest.mark.parametrize("killed_after_s", [0.0, 0.04, 0.2, 3.0])
+    def test_the_order_of_an_alarm_outlives_the_broker(
+        self, tmp_path: Path, script: Script, mode: int, killed_after_s: float
+    ) -> None:
+        """The alarm is told only when it is certain that it will be acted upon."""
+        world = alarmed_world(tmp_path, script)
+        vehicle = world.only_vehicle
+        world.run(killed_after_s)
+        is_told = world.edge.status(1201) == Status.FAILED
+        world.kill_broker()
+        world.air.is_uplink_there = True
+        world.run(1.0)
+        world.restart_broker()
+        if is_told:
+            world.run_until(lambda: vehicle.custom_mode == mode, within_s=20.0)
+            world.run_until(lambda: not vehicle.armed)
+            assert world.edge.statuses(1201)[-1] == Status.ABORTED
+            assert not list(tmp_path.iterdir())
+        else:
+            assert not world.edge.bodies("/alarm/")
+
+    def test_a_failure_that_nobody_was_told_of_is_told_later(self, tmp_path: Path) -> None:
+        """Noted, and the edge server was away."""
+        world = alarmed_world(tmp_path)
+        world.run(1.0)
+        world.kill_broker()
+        world.air.is_uplink_there = True
+        world.edge.closed.clear()
+        running = next(r for r in world.edge.reports(1201) if r["mission_status_id"] == 2)
+        world.edge.work[1]["report"] = running
+        told = len(world.edge.reports(1201))
+        world.restart_broker()
+        world.run_until(lambda: len(world.edge.reports(1201)) > told)
+        report = world.edge.reports(1201)[-1]
+        assert report["mission_status_id"] == Status.FAILED
+        assert report["message"] == world.edge.bodies("/alarm/")[0]["message"]
+        world.run_until(lambda: not world.only_vehicle.armed)
+
+    def test_an_order_that_was_obeyed_is_not_given_again(self, tmp_path: Path) -> None:
+        world = alarmed_world(tmp_path)
+        vehicle = world.only_vehicle
+        world.air.is_uplink_there = True
+        world.run_until(lambda: vehicle.custom_mode == PX4_RETURN)
+        world.run(3.0)
+        given = vehicle.commands.count(RETURN)
+        vehicle.custom_mode = PX4_POSITION
+        world.restart_broker()
+        world.run(20.0)
+        assert vehicle.commands.count(RETURN) == given
+        assert vehicle.custom_mode == PX4_POSITION
+
+    def test_an_abort_that_came_meanwhile_has_precedence(self, tmp_path: Path) -> None:
+        world = alarmed_world(tmp_path)
+        vehicle = world.only_vehicle
+        world.run(1.0)
+        world.kill_broker()
+        world.air.is_uplink_there = True
+        event = world.edge.event(EventType.ABORT_MISSION)
+        world.edge.work[event]["state"] = "accepted"
+        world.restart_broker()
+        world.run_until(lambda: not vehicle.armed)
+        assert vehicle.custom_mode == PX4_LAND
