@@ -10,6 +10,8 @@ from mavlink_broker.vehicle import Vehicle
 
 WITHIN_S: Final = 60.0
 """How long a mission waits for its vehicle before it fails."""
+ASKED_AFTER_S: Final = 45.0
+"""How long a vehicle may not say that it is ready, before it is told to arm and says why not."""
 TELLS_ALL_WITHIN_S: Final = 5.0
 """How long a vehicle that is heard may take to tell its battery and attitude; some never do."""
 
@@ -32,10 +34,16 @@ def obstacle(
         "its home is not known": snapshot.home is None,
         "it cannot navigate yet": not may_navigate and not hovering,
         "it is armed": bool(snapshot.armed) and not hovering,
-        "it is not ready to arm": snapshot.ready_to_arm is False and not hovering,
+        "it is not ready to arm": _is_unready(vehicle, waited_s) and not hovering,
         "it is in its mission mode": _runs_its_mission(vehicle) and not hovering,
     }
     return next((obstacle for obstacle, there in obstacles.items() if there), None)
+
+
+def _is_unready(vehicle: Vehicle, waited_s: float) -> bool:
+    """Whether it says that it would not arm; one that only never says that it would is asked to."""
+    is_inferred = vehicle.snapshot.ready_to_arm is None
+    return vehicle.ready_to_arm is False and not (is_inferred and waited_s >= ASKED_AFTER_S)
 
 
 def wants_another_mode(vehicle: Vehicle) -> bool:
@@ -47,7 +55,7 @@ def wants_another_mode(vehicle: Vehicle) -> bool:
     snapshot = vehicle.snapshot
     if _runs_its_mission(vehicle):
         return snapshot.can_navigate is not False
-    waits = snapshot.armed is False and snapshot.ready_to_arm is False
+    waits = snapshot.armed is False and vehicle.ready_to_arm is False
     return (
         waits
         and vehicle.family.readiness_by_mode

@@ -156,6 +156,17 @@ class Vehicle:
         """What its flight mode means to a mission."""
         return self.family.mode_role(self.mode)
 
+    @property
+    def ready_to_arm(self) -> bool | None:
+        """Whether it would arm in the mode that it is in, as it tells; None: it does not tell.
+
+        PX4 from 1.14 on tells that its checks pass, and never that it has any.
+        """
+        since = self.family.tells_only_passed_checks_since
+        if self.snapshot.ready_to_arm is None and since is not None:
+            return self.snapshot.passes_checks if self.software_version >= since else None
+        return self.snapshot.ready_to_arm
+
     def borrow(self, wishes: Sequence[Wish]) -> None:
         """Borrow parameters for the part of a mission that begins, and what all of it needs."""
         self.parameters.want((*self.lasting, *wishes))

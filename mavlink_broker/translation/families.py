@@ -105,6 +105,7 @@ class Family:
     arming: Ways = ((_ARM,),)
     starting: Ways = ((_START,),)
     readiness_by_mode: bool = False  # "Ready to arm" means: in the mode that it is in
+    tells_only_passed_checks_since: int | None = None  # AUTOPILOT_VERSION.flight_sw_version
     tells_estimate: bool = False  # By EKF_STATUS_REPORT, when it can navigate
     runs_missions_disarmed: bool = False  # In its mission mode, whether its propellers turn or not
     arming_patience_s: float = 0.0  # A refusal to arm may pass: in its modes it checks other things
@@ -148,6 +149,7 @@ PX4: Final = Family(
     },
     hold_yaw_deg=math.nan,
     readiness_by_mode=True,
+    tells_only_passed_checks_since=0x010E0000,
     arming=((_ARM,), (_PX4_MISSION_MODE, _ARM)),
     starting=((_START,), (_PX4_MISSION_MODE,)),
     holding=((_PX4_HOLD,), (_PAUSE,)),

@@ -74,6 +74,7 @@ class Snapshot:
     battery_capacity_ah: float | None = None
     landed_state: int = mavlink.MAV_LANDED_STATE_UNDEFINED
     ready_to_arm: bool | None = None  # None: the vehicle does not say
+    passes_checks: bool = False  # The same, of a vehicle that says no more than that they pass
     can_navigate: bool | None = None  # By its position estimate; None: it does not say
     mission: MissionNow | None = None
 
@@ -152,6 +153,7 @@ def _system_status(snapshot: Snapshot, message: Message) -> None:
     """A check that is present but switched off (ARMING_CHECK = 0) says nothing."""
     present = message.onboard_control_sensors_present & message.onboard_control_sensors_enabled
     healthy = bool(message.onboard_control_sensors_health & _PREARM)
+    snapshot.passes_checks = healthy
     snapshot.ready_to_arm = healthy if present & _PREARM else None
 
 

@@ -24,12 +24,23 @@ PX4_1_17: Final = Script(
     no_mission_total=65535,
     arms_in=PX4_MODES_TO_ARM_IN,
     readiness_by_mode=True,
+    version=0x011100FF,
+    has_checks=False,
     disarms_after_s=2.0,
     return_changes_mode=True,
 )
-PX4_1_14: Final = replace(PX4_1_17, gives_ids=False, tells_mission_state=False)
+PX4_1_14: Final = replace(
+    PX4_1_17, gives_ids=False, tells_mission_state=False, version=0x010E03FF
+)
 """Before it gave ids to missions and told their state."""
-PX4_1_13: Final = replace(PX4_1_14, tells_total=False, readiness_by_mode=False, arms_in=None)
+PX4_1_13: Final = replace(
+    PX4_1_14,
+    tells_total=False,
+    readiness_by_mode=False,
+    arms_in=None,
+    version=0x010D03FF,
+    has_checks=True,
+)
 """Before it told how long its mission is, and judged its readiness for one mode."""
 PX4_BARE: Final = replace(PX4_1_17, is_bare=True)
 """As its simulations `gz_x500` and `sihsim_quadx` are: nothing hangs below it."""

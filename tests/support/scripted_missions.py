@@ -51,6 +51,8 @@ class Script:
     counts_home: bool = True  # In MISSION_CURRENT.total
     no_mission_total: int = 0
     tells_total: bool = True
+    version: int = 0  # AUTOPILOT_VERSION.flight_sw_version
+    has_checks: bool = True  # Else SYS_STATUS tells that they pass, and not that there are any
     fence_m: float = math.inf  # From home; what leads out is accepted, and not done
     streams_unasked: bool = True
     knows_intervals: bool = True

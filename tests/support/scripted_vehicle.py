@@ -312,9 +312,10 @@ class ScriptedVehicle:
         prearm = mavlink.MAV_SYS_STATUS_PREARM_CHECK
         may = self._may_arm_here or not self.script.readiness_by_mode
         ready = prearm if self._ready and may and not self.script.checks_are_off else 0
+        present = prearm if self.script.has_checks else 0
         return mavlink.MAVLink_sys_status_message(
-            prearm | SENSORS,
-            SENSORS if self.script.checks_are_off else prearm | SENSORS,
+            present | SENSORS,
+            SENSORS if self.script.checks_are_off else present | SENSORS,
             (ready | SENSORS) & ~self.ill,
             *(0, 12000, 100, 80, 0, 0, 0, 0, 0, 0),
         )
@@ -607,7 +608,7 @@ class ScriptedVehicle:
     def _autopilot_version(self) -> Message:
         nothing = [0] * 8
         return mavlink.MAVLink_autopilot_version_message(
-            0, 0, 0, 0, 0, nothing, nothing, nothing, *self.script.product, 0
+            0, self.script.version, 0, 0, 0, nothing, nothing, nothing, *self.script.product, 0
         )
 
     def _complain(self) -> None:
