@@ -1,7 +1,7 @@
 """What is flown after an event has ended a mission: land, go somewhere, come home.
 
-An order that is refused or not answered is given again for as long as the vehicle is armed; a
-place that it will not go to is given up for landing where it is.
+An order that is refused, not answered or not obeyed is given again for as long as the vehicle is
+armed; a place that it will not go to is given up for landing where it is, unless the link is away.
 """
 
 import math
@@ -11,6 +11,9 @@ from afarcloud.enumerations import EventType
 from afarcloud.plan import Event
 from mavlink_broker.dialect import Message
 from mavlink_broker.performer import Performer, Phase
+from mavlink_broker.protocol.command_sequence import Ways
+from mavlink_broker.protocol.heartbeat import LinkState
+from mavlink_broker.translation.families import Family
 from mavlink_broker.translation.live import Lasted, LiveAction
 from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.translation.situation import Spot
@@ -27,16 +30,29 @@ def coming_home(vehicle_id: int) -> Event:
     return Event(vehicle_id=vehicle_id, event_type_id=EventType.SOFT_ABORT_MISSION)
 
 
-def action_after(event: Event, vehicle: Vehicle, *, give_up_place: bool = False) -> LiveAction:
-    """What an abort asks for at its end."""
-    family, point = vehicle.family, event.abort
-    is_soft = event.event_type_id is EventType.SOFT_ABORT_MISSION
-    if point is None or give_up_place:
-        begin = family.returning if is_soft and not give_up_place else family.landing
-        return LiveAction(begin=begin, end=Lasted(), within_s=WITHIN_S, moves=False)
-    spot = Spot(point.latitude, point.longitude, point.altitude)
-    begin = family.holding if is_soft else family.landing
+def action_after(event: Event, vehicle: Vehicle, *, goes_there: bool = True) -> LiveAction:
+    """What an abort asks for at its end; its last order alone to one that need not go anywhere."""
+    point = event.abort if goes_there else None
+    spot = None if point is None else Spot(point.latitude, point.longitude, point.altitude)
+    begin = _last_order(event, vehicle.family)
     return LiveAction(begin=begin, end=Lasted(), within_s=WITHIN_S, approach=spot, moves=False)
+
+
+def landing_here(vehicle: Vehicle) -> LiveAction:
+    """What is done where nothing else can be."""
+    begin = vehicle.family.landing
+    return LiveAction(begin=begin, end=Lasted(), within_s=WITHIN_S, moves=False)
+
+
+def _last_order(event: Event, family: Family) -> Ways:
+    if event.event_type_id is not EventType.SOFT_ABORT_MISSION:
+        return family.landing
+    return family.returning if event.abort is None else family.holding
+
+
+_BEFORE_HOLDING: Final = frozenset({ModeRole.MISSION})
+_BEFORE_COMING_DOWN: Final = frozenset({ModeRole.MISSION, ModeRole.HOLD, ModeRole.GUIDED})
+"""Modes in which a vehicle has not obeyed yet; others are another hand's, who is nearer."""
 
 
 class Ending:
@@ -57,8 +73,9 @@ class Ending:
 
     @property
     def _flies_on(self) -> bool:
-        """Whether its mode still flies the mission; an unknown autopilot's word must do."""
-        return self._vehicle.family.knows_modes and self._vehicle.mode_role is ModeRole.MISSION
+        """Whether its mode still flies something else; an unknown autopilot's word must do."""
+        others = _BEFORE_HOLDING if self.leaves_hovering else _BEFORE_COMING_DOWN
+        return self._vehicle.family.knows_modes and self._vehicle.mode_role in others
 
     @property
     def leaves_hovering(self) -> bool:
@@ -75,7 +92,7 @@ class Ending:
         return self._performer.receive(message, now)
 
     def tick(self, now: float) -> list[Message]:
-        """Repeat what is overdue, and begin again what was refused."""
+        """Repeat what is overdue, and begin again what was refused or not obeyed."""
         messages = self._performer.tick(now)
         has_failed = self._performer.phase is Phase.FAILED
         if not has_failed and not (self._performer.phase is Phase.DONE and self._flies_on):
@@ -83,10 +100,16 @@ class Ending:
             return messages
         if self._again_at == math.inf:
             self._again_at = now + AGAIN_AFTER_S
+            is_there = self._vehicle.link.state(now) is LinkState.CONNECTED
+            self._given_up |= has_failed and is_there  # Else it may not have heard the order
         if now < self._again_at:
             return messages
         self._again_at = math.inf
-        self._given_up |= has_failed
-        action = action_after(self._event, self._vehicle, give_up_place=self._given_up)
-        self._performer = Performer(action, self._vehicle)
+        self._performer = Performer(self._action(goes_there=has_failed), self._vehicle)
         return [*messages, *self._performer.start(now)]
+
+    def _action(self, *, goes_there: bool) -> LiveAction:
+        """Begin anew, or end only: one that came to its place does not leave it again."""
+        if self._given_up:
+            return landing_here(self._vehicle)
+        return action_after(self._event, self._vehicle, goes_there=goes_there)

@@ -234,8 +234,9 @@ class Flight(FlightProgress):
         self._is_fenced = False
         preparing = self.state in _BEFORE_TAKEOFF
         flying = self.state in {State.RUNNING, State.PERFORMING}
-        if flying or (preparing and self._hovering):
-            self._fail("the vehicle was restarted", now, effects)
+        lost_sight_of = self.state is State.ATTACHING and self._looks > 0 and self._has_flown
+        if flying or lost_sight_of or (preparing and self._hovering):
+            self._fail_surely("the vehicle was restarted", now, effects)
         elif preparing:
             self._move(Event.REBOOTED, now, effects)
         elif self.state is State.ATTACHING:

@@ -85,6 +85,9 @@ class FlightAttachment(FlightPreparation):
             self._start(activities.recognition(self._plan, self._vehicle), now, effects)
             return
         self._hovering = True
+        if self._is_taken_away:
+            self._fail(self._departure, now, effects)
+            return
         self._move(Event.LIVE_NEXT, now, effects)
 
     def _settle(self, now: float, effects: Effects) -> None:
@@ -141,6 +144,9 @@ class FlightAttachment(FlightPreparation):
 
     def _go_on_with_stage(self, now: float, effects: Effects) -> None:
         """Begin the later stage that nobody has started."""
+        if self._is_taken_away:
+            self._fail(self._departure, now, effects)
+            return
         self._was_running = False
         self._hovering = not self._vehicle.snapshot.is_on_ground
         self._move(self._event_of_stage(), now, effects)

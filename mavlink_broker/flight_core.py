@@ -16,6 +16,7 @@ from mavlink_broker.effects import Effects
 from mavlink_broker.fencing import Fencing
 from mavlink_broker.follower import Follower
 from mavlink_broker.performer import Performer
+from mavlink_broker.protocol.heartbeat import LinkState
 from mavlink_broker.reporter import Reporter
 from mavlink_broker.session_states import Event, State, follow
 from mavlink_broker.stages import Stages
@@ -32,6 +33,21 @@ from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.vehicle import Vehicle
 from mavlink_broker.work import MissionWork
 
+_ASKING: Final = frozenset(
+    {
+        State.FENCING,
+        State.HOLDING,
+        State.UPLOADING,
+        State.VERIFYING,
+        State.SELECTING,
+        State.ARMING,
+        State.STARTING,
+        State.PERFORMING,
+    }
+)
+"""States in which the vehicle is asked for something, so that a link that is away shows as no."""
+MOST_LOOKS: Final = 5
+"""How often a mission may begin such a state again: links come and go, but not for ever."""
 _ARMED_BY_US: Final = frozenset({State.ARMING, State.STARTING})
 LAST_WORDS_S: Final = 0.5
 """How long a vehicle that refused something may take to say why."""
@@ -60,6 +76,7 @@ class FlightCore:
         self._stages = Stages(work.mission, vehicle)
         self._follower: Follower | None = None
         self._performer: Performer | None = None
+        self._looks = 0  # So often the link was away when something was asked
         self._guesses = 0  # At what the vehicle refused in an earlier run of the broker
         self._was_running = False  # An earlier run of the broker has seen it fly
         self._area = None if work.geofence is None else AreaCheck(work.geofence)
@@ -124,6 +141,17 @@ class FlightCore:
         """The stretch of items that is flown now."""
         return self._stages.plan
 
+    @property
+    def _is_taken_away(self) -> bool:
+        """Whether its own failsafe or a pilot has the vehicle in the air: it is left to them."""
+        vehicle = self._vehicle
+        by_others = vehicle.mode_role in {ModeRole.ENDING, ModeRole.OTHER}
+        return by_others and vehicle.family.knows_modes and not vehicle.snapshot.is_on_ground
+
+    @property
+    def _departure(self) -> str:
+        return f"the vehicle left the mission: mode {self._vehicle.mode}"
+
     def _event_of_stage(self) -> Event:
         if isinstance(self._stages.current, LiveCommand):
             return Event.LIVE_NEXT
@@ -154,6 +182,28 @@ class FlightCore:
         effects.messages += activity.start(now)
 
     def _fail(self, reason: str, now: float, effects: Effects, command: int | None = None) -> None:
+        """Fail the mission, unless nothing but a link that is away speaks against it."""
+        if self._is_unheard(now):
+            self._look_again(now, effects)
+        else:
+            self._fail_surely(reason, now, effects, command)
+
+    def _is_unheard(self, now: float) -> bool:
+        is_away = self._vehicle.link.state(now) is not LinkState.CONNECTED
+        return self.state in _ASKING and is_away and self._looks < MOST_LOOKS
+
+    def _look_again(self, now: float, effects: Effects) -> None:
+        """Wait for the vehicle, as a restarted broker does, and see how far it has come."""
+        self._looks += 1
+        self._was_running = self._has_flown
+        self._heard_at = None
+        self._flies_another = False
+        self._follower = self._performer = None
+        self._move(Event.UNHEARD, now, effects)
+
+    def _fail_surely(
+        self, reason: str, now: float, effects: Effects, command: int | None = None
+    ) -> None:
         self._fault = reason, command
         self._stops_propellers = self.state in _ARMED_BY_US and not self._hovering
         if self._stops_propellers:

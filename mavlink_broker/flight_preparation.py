@@ -142,6 +142,9 @@ class FlightPreparation(FlightCore):
         )
 
     def _enter_holding(self, now: float, effects: Effects) -> None:
+        if self._is_taken_away:
+            self._fail(self._departure, now, effects)
+            return
         ways = self._vehicle.family.holding
         self._start(activities.commands(ways, self._vehicle), now, effects)
 
@@ -157,6 +160,9 @@ class FlightPreparation(FlightCore):
         self._start(activities.selection(self._plan, self._vehicle), now, effects)
 
     def _enter_arming(self, now: float, effects: Effects) -> None:
+        if self._hovering and self._is_taken_away:
+            self._fail(self._departure, now, effects)
+            return
         ways = self._vehicle.family.arming
         self._start(activities.commands(ways, self._vehicle), now, effects)
 

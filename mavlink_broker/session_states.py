@@ -12,7 +12,7 @@ class State(Enum):
     """What the session is doing for its vehicle."""
 
     IDLE = auto()  # No mission, or one that waits for the vehicle to come down
-    ATTACHING = auto()  # Finding out whether the vehicle flies a mission accepted earlier
+    ATTACHING = auto()  # Finding out what the vehicle has made of a mission meanwhile
     WAITING = auto()  # A mission waits for the vehicle to be heard, placed and ready to arm
     FENCING = auto()  # The plan's geofence goes onto the vehicle, before it may fly
     HOLDING = auto()  # A hovering vehicle leaves its mission mode, lest it fly what arrives
@@ -46,6 +46,7 @@ class Event(Enum):
     LIVE_NEXT = auto()  # The next command is flown live
     ITEMS_NEXT = auto()  # The next commands are mission items, and the vehicle is in the air
     GROUND_NEXT = auto()  # The next commands begin with a take-off
+    UNHEARD = auto()  # Not answered while the link was away: what became of it is to be found out
     REBOOTED = auto()  # On the ground, before it flew: begin again
     ABORTED = auto()  # By an event, in the air
     FAULT = auto()
@@ -68,24 +69,31 @@ TRANSITIONS: Final[Mapping[tuple[State, Event], State]] = {
     (State.FENCING, Event.HOVERS): State.HOLDING,
     (State.FENCING, Event.LIVE_NEXT): State.PERFORMING,
     (State.FENCING, Event.REBOOTED): State.WAITING,
+    (State.FENCING, Event.UNHEARD): State.ATTACHING,
     (State.FENCING, Event.FAULT): State.FAILING,
     (State.HOLDING, Event.HELD): State.UPLOADING,
+    (State.HOLDING, Event.UNHEARD): State.ATTACHING,
     (State.HOLDING, Event.FAULT): State.FAILING,
     (State.UPLOADING, Event.STORED): State.VERIFYING,
     (State.UPLOADING, Event.REBOOTED): State.WAITING,
     (State.UPLOADING, Event.REFUSED): State.UPLOADING,
+    (State.UPLOADING, Event.UNHEARD): State.ATTACHING,
     (State.UPLOADING, Event.FAULT): State.FAILING,
     (State.VERIFYING, Event.VERIFIED): State.SELECTING,
     (State.VERIFYING, Event.REBOOTED): State.WAITING,
+    (State.VERIFYING, Event.UNHEARD): State.ATTACHING,
     (State.VERIFYING, Event.FAULT): State.FAILING,
     (State.SELECTING, Event.SELECTED): State.ARMING,
     (State.SELECTING, Event.REBOOTED): State.WAITING,
+    (State.SELECTING, Event.UNHEARD): State.ATTACHING,
     (State.SELECTING, Event.FAULT): State.FAILING,
     (State.ARMING, Event.ARMED): State.STARTING,
     (State.ARMING, Event.REBOOTED): State.WAITING,
+    (State.ARMING, Event.UNHEARD): State.ATTACHING,
     (State.ARMING, Event.FAULT): State.FAILING,
     (State.STARTING, Event.FLYING): State.RUNNING,
     (State.STARTING, Event.REBOOTED): State.WAITING,
+    (State.STARTING, Event.UNHEARD): State.ATTACHING,
     (State.STARTING, Event.FAULT): State.FAILING,
     (State.RUNNING, Event.ENDED): State.IDLE,
     (State.RUNNING, Event.LIVE_NEXT): State.PERFORMING,
@@ -96,6 +104,7 @@ TRANSITIONS: Final[Mapping[tuple[State, Event], State]] = {
     (State.PERFORMING, Event.ITEMS_NEXT): State.HOLDING,
     (State.PERFORMING, Event.GROUND_NEXT): State.WAITING,
     (State.PERFORMING, Event.ENDED): State.IDLE,
+    (State.PERFORMING, Event.UNHEARD): State.ATTACHING,
     (State.PERFORMING, Event.FAULT): State.FAILING,
     (State.FAILING, Event.ENDED): State.IDLE,
     (State.ATTACHING, Event.ABORTED): State.LEAVING,

@@ -99,9 +99,13 @@ class Air:
         if vehicle is None or not self.is_uplink_there:
             return
         if self._random.random() >= self._loss and not vehicle.silent:
-            self._later(vehicle, lambda: vehicle.receive(frame, self._clock.now))
+            self._later(vehicle, lambda: self._arrive(vehicle, frame))
             if (address.host, address.port) in self.cameras:
                 self.cameras[address.host, address.port].receive(frame)
+
+    def _arrive(self, vehicle: ScriptedVehicle, frame: bytes) -> None:
+        if not vehicle.silent:  # What was on the way when the link went is lost
+            vehicle.receive(frame, self._clock.now)
 
     def radio(self, address: Address, free_percent: int) -> None:
         """Nothing fills up here."""

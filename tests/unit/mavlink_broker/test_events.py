@@ -239,6 +239,30 @@ class TestAnAbort:
         assert not vehicle.armed
         assert world.edge.status(1201) == Status.ABORTED
 
+    def test_goes_to_its_point_when_a_lost_link_is_back(self) -> None:
+        world = world_at(1)
+        vehicle = world.only_vehicle
+        vehicle.silent = True
+        world.edge.event(ABORT, abort=POINT)
+        world.run(15.0)
+        vehicle.silent = False
+        world.run_until(lambda: vehicle.custom_mode == PX4_LAND)
+        assert vehicle.place == pytest.approx((POINT["latitude"], POINT["longitude"]))
+
+    def test_is_told_again_to_one_that_agrees_and_circles_on(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        world = world_at(2)
+        vehicle = world.only_vehicle
+        monkeypatch.setattr(vehicle, "set_mode", lambda _mode: None)
+        event = world.edge.event(ABORT)
+        world.run(5.0)
+        assert said(world, event) == ["accepted"]
+        monkeypatch.undo()
+        world.run(4.0)
+        assert vehicle.custom_mode == PX4_LAND
+        assert said(world, event) == ["accepted", "done"]
+
     def test_overrules_a_soft_one(self) -> None:
         world = world_at(1)
         vehicle = world.only_vehicle

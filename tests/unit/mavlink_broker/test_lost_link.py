@@ -1,0 +1,154 @@
+"""A link that is away at the worst moment: when the vehicle is asked for something."""
+
+import dataclasses
+
+import pytest
+
+from afarcloud.enumerations import Status
+from mavlink_broker.dialect import mavlink
+from mavlink_broker.session_states import State
+from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
+from tests.support.real_autopilots import COPTER_4_6, PX4_1_17
+from tests.support.scripted_vehicle import PX4_RETURN, Script, ScriptedVehicle
+from tests.unit.mavlink_broker.test_live_commands import OWN, hotpoint, messages
+
+AWAY_S = 15.0
+"""Longer than any order is repeated, or than a link is believed to be there."""
+COMMANDS = (takeoff(1), hotpoint(2, start_point=4), waypoint(3), go_home(4))
+IN_FLIGHT = {
+    "holding": State.HOLDING,
+    "uploading": State.UPLOADING,
+    "verifying": State.VERIFYING,
+    "selecting": State.SELECTING,
+    "arming": State.ARMING,
+    "starting": State.STARTING,
+}
+
+
+def world_of(script: Script, delay_s: float | None = None) -> World:
+    """A world with a mission of a circle between two stretches."""
+    world = World()
+    vehicle = world.add_vehicle(script=dataclasses.replace(script, item_time_s=1.0))
+    if delay_s is not None:
+        world.air.delay(vehicle, delay_s)
+    world.run(2.0)
+    world.edge.plan(mission(*COMMANDS))
+    return world
+
+
+def run_until_in(world: World, state: State) -> None:
+    world.run_until(lambda: world.app.sessions[1].state is state)
+
+
+def lose_link(world: World, seconds: float = AWAY_S) -> ScriptedVehicle:
+    vehicle = world.only_vehicle
+    vehicle.silent = True
+    world.run(seconds)
+    vehicle.armed &= vehicle.airborne  # Whoever is not started disarms by himself
+    vehicle.silent = False
+    return vehicle
+
+
+@pytest.mark.parametrize(
+    ("script", "delay_s"), [(OWN, None), (PX4_1_17, 0.2)], ids=["heard", "unheard"]
+)
+@pytest.mark.parametrize("state", IN_FLIGHT.values(), ids=IN_FLIGHT)
+def test_between_two_stages_it_is_waited_for(
+    script: Script, state: State, delay_s: float | None
+) -> None:
+    world = world_of(script, delay_s)
+    run_until_in(world, State.PERFORMING)
+    run_until_in(world, state)
+    vehicle = lose_link(world)
+    world.run_until_over(1201)
+    assert world.edge.statuses(1201) == [Status.FINISHED] * 4
+    assert vehicle.commands.count(mavlink.MAV_CMD_DO_ORBIT) == 1
+
+
+@pytest.mark.parametrize("delay_s", [None, 0.2], ids=["heard", "unheard"])
+@pytest.mark.parametrize("script", [OWN, PX4_1_17], ids=["own", "PX4"])
+def test_an_order_for_a_circle_is_given_again_only_if_it_did_not_arrive(
+    script: Script, delay_s: float | None
+) -> None:
+    world = world_of(script, delay_s)
+    run_until_in(world, State.PERFORMING)
+    vehicle = lose_link(world, 10.0)
+    orders = vehicle.commands.count(mavlink.MAV_CMD_DO_ORBIT)
+    assert orders == (1 if delay_s is None else 0)
+    world.run_until_over(1201)
+    assert world.edge.statuses(1201) == [Status.FINISHED] * 4
+    assert vehicle.commands.count(mavlink.MAV_CMD_DO_ORBIT) == 1
+
+
+@pytest.mark.parametrize(
+    ("script", "delay_s", "state"),
+    [
+        (OWN, 0.2, State.UPLOADING),
+        (COPTER_4_6, 0.2, State.ARMING),
+        (PX4_1_17, None, State.STARTING),
+        (PX4_1_17, None, State.ARMING),
+        (PX4_1_17, 0.2, State.STARTING),
+    ],
+)
+def test_before_the_take_off_it_is_waited_for_too(
+    script: Script, delay_s: float | None, state: State
+) -> None:
+    world = world_of(script, delay_s)
+    run_until_in(world, state)
+    lose_link(world)
+    world.run_until_over(1201)
+    assert world.edge.statuses(1201) == [Status.FINISHED] * 4
+
+
+def test_a_mission_that_was_flown_meanwhile_is_finished_and_not_flown_again() -> None:
+    world = World()
+    vehicle = world.add_vehicle()
+    world.run(2.0)
+    world.edge.plan(mission(takeoff(1), go_home(2)))
+    run_until_in(world, State.STARTING)
+    lose_link(world, 40.0)
+    assert not vehicle.armed
+    world.run_until_over(1201)
+    assert world.edge.statuses(1201) == [Status.FINISHED] * 2
+    world.run(60.0)
+    assert not vehicle.armed
+    assert vehicle.uploads == 1
+
+
+def test_a_vehicle_that_its_failsafe_brings_home_meanwhile_is_left_to_it() -> None:
+    world = world_of(PX4_1_17)
+    run_until_in(world, State.PERFORMING)
+    run_until_in(world, State.UPLOADING)
+    vehicle = world.only_vehicle
+    vehicle.silent = True
+    world.run(AWAY_S)
+    vehicle.set_mode(PX4_RETURN)
+    vehicle.silent = False
+    world.run_until_over(1201)
+    assert world.edge.status(1201) == Status.FAILED
+    assert messages(world)[2] == "the vehicle left the mission: mode AUTO.RTL"
+    assert vehicle.custom_mode == PX4_RETURN
+
+
+def test_a_vehicle_that_was_restarted_meanwhile_has_failed() -> None:
+    world = world_of(PX4_1_17)
+    run_until_in(world, State.PERFORMING)
+    run_until_in(world, State.UPLOADING)
+    vehicle = world.only_vehicle
+    vehicle.silent = True
+    world.run(AWAY_S)
+    vehicle.reboot(world.clock.now)
+    vehicle.silent = False
+    world.run_until_over(1201)
+    assert world.edge.status(1201) == Status.FAILED
+    world.run(60.0)
+    assert not vehicle.armed
+
+
+def test_a_refusal_is_one_also_after_the_link_was_away() -> None:
+    denied = {mavlink.MAV_CMD_DO_ORBIT: mavlink.MAV_RESULT_DENIED}
+    world = world_of(dataclasses.replace(OWN, results=denied), 0.2)
+    run_until_in(world, State.PERFORMING)
+    lose_link(world)
+    world.run_until_over(1201)
+    assert world.edge.statuses(1201)[1] == Status.FAILED
