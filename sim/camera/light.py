@@ -18,6 +18,8 @@ _GAIN: Final = (
 _HAZE_M: Final = 2600.0  # Over which two thirds of a distant thing are haze
 _HORIZON: Final = (0.62, 0.72, 0.84)
 _ZENITH: Final = (0.13, 0.26, 0.55)
+_DIM_LX: Final = 30.0
+"""Light that the longest exposure still makes a picture of as bright as by day."""
 _LOWEST_SKY: Final = 0.12  # Share of the light that comes from the sky by day, at least
 
 
@@ -27,6 +29,7 @@ class Light(NamedTuple):
     sun: Sun
     direct: float  # [-] From the sun, on level ground
     sky: float  # [-] From the whole sky
+    exposure: float = 1.0  # [-] How bright the picture is; less than 1 where no exposure is enough
 
     @property
     def way_m(self) -> tuple[float, float]:
@@ -37,10 +40,13 @@ class Light(NamedTuple):
 
 
 def light(farm: Farm, time_utc_s: float) -> Light:
-    """Light on the farm at a time [s since 1970]; the exposure follows it, as a camera's does."""
+    """Light on the farm at a time [s since 1970].
+
+    The exposure follows it, as a camera's does; after dusk it comes to its end.
+    """
     place = farm.sun(time_utc_s)
     if place.elevation_deg <= 0.0:
-        return Light(place, 0.0, 1.0)
+        return Light(place, 0.0, 1.0, min(1.0, illuminance_lx(place.elevation_deg) / _DIM_LX))
     total = illuminance_lx(place.elevation_deg)
     sky = 800.0 + 15_500.0 * max(0.0, place.towards_enu[2]) ** 0.5
     share = min(1.0, max(_LOWEST_SKY, sky / total))

@@ -129,6 +129,8 @@ def _band(view: _View, band: slice) -> Image:
         infrared[picked] = bands.near_infrared
         index[picked] = _vegetation_index(bands.red, bands.near_infrared)
     _add_solids(view, band, way, depth, colours, infrared, index)
+    if view.light.exposure < 1.0:
+        colours *= np.float32(view.light.exposure)
     return Image(encoded(colours), _byte(infrared), _byte(0.5 + 0.5 * index))
 
 

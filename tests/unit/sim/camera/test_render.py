@@ -130,6 +130,14 @@ def test_on_the_ground_and_underneath_it_there_still_is_a_picture() -> None:
         assert shot(0.0, 0.0, up, -90.0, 0.0, width=64).colour.shape == (48, 64, 3)
 
 
-def test_night_is_a_picture_too() -> None:
-    dark = render(Shot(FARM, pose(20.0, 40.0, 10.0, -60.0, 0.0), lens(64), MORNING_S + 12 * HOUR_S))
-    assert dark.colour.std() > 0.0
+def test_night_is_a_dark_picture_and_dusk_a_bright_one() -> None:
+    place = pose(20.0, 40.0, 10.0, -60.0, 0.0)
+    day, dusk, night = (
+        render(Shot(FARM, place, lens(64), MORNING_S + hours * HOUR_S))
+        for hours in (0.0, 9.85, 14.0)
+    )
+    assert -3.0 < FARM.sun(MORNING_S + 9.85 * HOUR_S).elevation_deg < 0.0
+    assert dusk.colour.mean() > 0.7 * day.colour.mean()
+    assert 0.0 < night.colour.mean() < 0.2 * day.colour.mean()
+    assert night.colour.std() > 0.0
+    assert night.vegetation_index.mean() == pytest.approx(day.vegetation_index.mean(), abs=1.0)
