@@ -26,6 +26,7 @@ PX4_1_17: Final = Script(
     readiness_by_mode=True,
     version=0x011100FF,
     has_checks=False,
+    loses_current=True,
     disarms_after_s=2.0,
     return_changes_mode=True,
 )

@@ -51,6 +51,7 @@ class Script:
     counts_home: bool = True  # In MISSION_CURRENT.total
     no_mission_total: int = 0
     tells_total: bool = True
+    loses_current: bool = False  # Behind an upload it tells 65535 until one has been set
     version: int = 0  # AUTOPILOT_VERSION.flight_sw_version
     has_checks: bool = True  # Else SYS_STATUS tells that they pass, and not that there are any
     fence_m: float = math.inf  # From home; what leads out is accepted, and not done

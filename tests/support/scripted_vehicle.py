@@ -90,6 +90,7 @@ class ScriptedVehicle:
         self.armed = False
         self.airborne = False
         self.in_failsafe = False
+        self._has_lost_current = False
         self.custom_mode = PX4_HOLD if script.autopilot == mavlink.MAV_AUTOPILOT_PX4 else 0
         self.current = 0
         self.mission_state = mavlink.MISSION_STATE_NO_MISSION
@@ -341,6 +342,8 @@ class ScriptedVehicle:
         )
 
     def _shown_current(self) -> int:
+        if self._has_lost_current:
+            return 0xFFFF
         if not self.script.shows_legs_only:
             return self.current
         legs = (i for i in range(self.current, len(self.items)) if self._is_leg(i))
@@ -371,6 +374,7 @@ class ScriptedVehicle:
 
     def _mission_stored(self) -> None:
         self.current = 0
+        self._has_lost_current = self.script.loses_current
         self.mission_state = mavlink.MISSION_STATE_NOT_STARTED
         if self.script.is_infeasible:
             self.say("Mission rejected: takeoff altitude too low!\t")
@@ -379,6 +383,7 @@ class ScriptedVehicle:
 
     def _set_current(self, seq: int) -> None:
         self.current = seq
+        self._has_lost_current = False
         self._send(self._mission_current())
 
     def _parameter(self, message: Message) -> None:
