@@ -134,10 +134,10 @@ def test_night_is_a_dark_picture_and_dusk_a_bright_one() -> None:
     place = pose(20.0, 40.0, 10.0, -60.0, 0.0)
     day, dusk, night = (
         render(Shot(FARM, place, lens(64), MORNING_S + hours * HOUR_S))
-        for hours in (0.0, 9.85, 14.0)
+        for hours in (0.0, 9.65, 14.0)
     )
-    assert -3.0 < FARM.sun(MORNING_S + 9.85 * HOUR_S).elevation_deg < 0.0
+    assert -2.0 < FARM.sun(MORNING_S + 9.65 * HOUR_S).elevation_deg < 0.0
     assert dusk.colour.mean() > 0.7 * day.colour.mean()
     assert 0.0 < night.colour.mean() < 0.2 * day.colour.mean()
     assert night.colour.std() > 0.0
-    assert night.vegetation_index.mean() == pytest.approx(day.vegetation_index.mean(), abs=1.0)
+    assert night.vegetation_index.mean() == pytest.approx(day.vegetation_index.mean(), abs=5.0)
