@@ -10,18 +10,18 @@ vehicle holds.
 """
 
 import math
-from typing import Final, NamedTuple
+from typing import Final
 
 from afarcloud.enumerations import TrackMode
 from mavlink_broker.dialect import Message, mavlink
-from mavlink_broker.protocol.command import Accepted, CommandInt, Refused, long_command
+from mavlink_broker.protocol.command import Refused, long_command
 from mavlink_broker.protocol.command_sequence import CommandSequence, Ways
+from mavlink_broker.quick_shot import QuickShot, Subject
 from mavlink_broker.series import SeriesRunner, heading_order
 from mavlink_broker.translation.geo import offset
-from mavlink_broker.translation.live import Shift, Tracked, Turned
+from mavlink_broker.translation.live import Shift, Tracked
 from mavlink_broker.translation.situation import Spot
 from mavlink_broker.translation.target import target_message
-from mavlink_broker.turning import Turning
 from mavlink_broker.vehicle import Vehicle
 
 ASK_AGAIN_S: Final = 2.0
@@ -32,8 +32,6 @@ STATUS_EVERY_US: Final = 200_000.0
 TARGET_EVERY_S: Final = 0.2
 TURN_EVERY_S: Final = 1.0
 TURNED_AWAY_DEG: Final = 5.0
-QUICK_RADIUS_M: Final = (5.0, 50.0)
-QUICK_SPEED_M_S: Final = 3.0
 QUICK_RETREAT: Final = Shift(forward_m=-15.0, up_m=10.0)
 """What is flown where no circle will do: backwards and up, the subject in sight."""
 
@@ -45,14 +43,6 @@ _TELLING: Final = (
     mavlink.MAVLINK_MSG_ID_CAMERA_TRACKING_GEO_STATUS,
 )
 TRACKED_WORDS: Final = frozenset({"CAMERA_TRACKING_IMAGE_STATUS", "CAMERA_TRACKING_GEO_STATUS"})
-
-
-class Subject(NamedTuple):
-    """What the camera tracks."""
-
-    latitude_deg: float
-    longitude_deg: float
-    velocity_ned_m_s: tuple[float, float, float]
 
 
 class SubjectTracker:
@@ -70,7 +60,7 @@ class SubjectTracker:
         self._steers = end.mode is not TrackMode.SPOTLIGHT_PRO
         self._sequence: CommandSequence | None = None
         self._series: SeriesRunner | None = None
-        self._turning: Turning | None = None
+        self._shot: QuickShot | None = None
         self._due_at = -math.inf
         self._faced_deg: float | None = None
         self.is_over = False
@@ -80,7 +70,7 @@ class SubjectTracker:
     def receive(self, message: Message, now: float) -> list[Message]:
         """Take a message of the vehicle or its camera."""
         messages: list[Message] = []
-        for running in (self._sequence, self._series):
+        for running in (self._sequence, self._series, self._shot):
             if running is not None:
                 messages += running.receive(message, now)
         match message.get_type():
@@ -88,8 +78,6 @@ class SubjectTracker:
                 self._seen_at = self._time_s(now)
             case "CAMERA_TRACKING_GEO_STATUS" if message.tracking_status == _ACTIVE:
                 self._see(message, now)
-            case "GLOBAL_POSITION_INT":
-                self._count_turn()
         return messages
 
     def tick(self, now: float) -> list[Message]:
@@ -144,10 +132,8 @@ class SubjectTracker:
         return messages
 
     def _refused(self, reason: str) -> None:
-        self._sequence = self._turning = None
-        if self._end.mode is TrackMode.QUICK_SHOT:
-            self._retreat()
-        elif self._end.mode in _BESIDE:
+        self._sequence = None
+        if self._end.mode in _BESIDE:
             self._by_gimbal_alone(reason)
 
     def _steer(self, elapsed_s: float, now: float) -> list[Message]:
@@ -191,23 +177,16 @@ class SubjectTracker:
         return [told, *begin]
 
     def _circle(self, subject: Subject, now: float) -> list[Message]:
-        place, home = self._vehicle.snapshot.position, self._vehicle.snapshot.home
-        if self._sequence is not None or place is None or home is None:
-            return []
-        way = offset(*place[:2], subject.latitude_deg, subject.longitude_deg)
-        smallest, largest = QUICK_RADIUS_M
-        radius_m = min(max(math.hypot(*way), smallest), largest)
-        centre = subject.latitude_deg, subject.longitude_deg
-        self._turning = Turning(Turned(*centre, radius_m, 2.0 * math.pi, is_clockwise=True))
-        orbit = CommandInt(
-            command=mavlink.MAV_CMD_DO_ORBIT,
-            frame=mavlink.MAV_FRAME_GLOBAL,
-            parameters=(radius_m, QUICK_SPEED_M_S, 0.0, math.nan),
-            latitude_deg=subject.latitude_deg,
-            longitude_deg=subject.longitude_deg,
-            altitude_m=home.altitude_amsl_m + place.altitude_m,
-        )
-        return self._order(((orbit,),), now)
+        if self._shot is None:
+            if self._here is None:
+                return []
+            self._shot = QuickShot(subject, self._here, self._vehicle)
+        messages = self._shot.tick(subject, now, self._time_s(now))
+        self.is_over |= self._shot.is_over
+        if self._shot.reason is not None:
+            self._shot = None
+            self._retreat()
+        return messages
 
     def _turn_to(self, subject: Subject, now: float) -> list[Message]:
         """Turn the nose to the subject, when it points elsewhere."""
@@ -234,13 +213,6 @@ class SubjectTracker:
         vehicle = self._vehicle
         self._sequence = CommandSequence(ways, vehicle.route, vehicle.round_trip)
         return self._sequence.start(now)
-
-    def _count_turn(self) -> None:
-        place = self._vehicle.snapshot.position
-        goes = self._sequence is not None and isinstance(self._sequence.outcome, Accepted)
-        if self._turning is not None and goes and place is not None:
-            self._turning.take(place.latitude_deg, place.longitude_deg)
-            self.is_over |= self._turning.is_complete
 
     def _judge(self, time_s: float) -> None:
         """End when the time is over, or the subject is lost."""

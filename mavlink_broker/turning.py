@@ -1,6 +1,7 @@
 """How far a vehicle has gone round a centre, from its positions."""
 
 import math
+from dataclasses import replace
 from typing import Final
 
 from mavlink_broker.translation.geo import offset
@@ -17,6 +18,10 @@ class Turning:
         self._end = end
         self._bearing: float | None = None
         self.turned_rad = 0.0
+
+    def move_to(self, latitude_deg: float, longitude_deg: float) -> None:
+        """Have the centre somewhere else from now on; what has been turned counts on."""
+        self._end = replace(self._end, latitude_deg=latitude_deg, longitude_deg=longitude_deg)
 
     def take(self, latitude_deg: float, longitude_deg: float) -> None:
         """Take a position; off the circle nothing counts."""

@@ -1,6 +1,7 @@
 """What a vehicle does while its camera tracks a subject, by the track mode."""
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Callable
 from typing import Any
@@ -10,7 +11,7 @@ import pytest
 from afarcloud.enumerations import Status, TrackMode
 from mavlink_broker.codec import Encoder
 from mavlink_broker.dialect import mavlink
-from mavlink_broker.translation.geo import shifted
+from mavlink_broker.translation.geo import offset, shifted
 from tests.support.broker_world import World, go_home, mission, takeoff
 from tests.support.scripted_vehicle import (
     ARDUPILOT,
@@ -38,6 +39,7 @@ class Scene:
         self.vehicle = self.world.add_vehicle(script=script)
         self._camera = Encoder(1, CAMERA)
         self._walked_m = 0.0
+        self.speed_m_s = 1.0
         self.tells_place = True
         self.world.edge.plan(mission(takeoff(), track(mode), go_home(3)))
         self.world.run_until(lambda: self.status(1) == Status.RUNNING)
@@ -56,10 +58,15 @@ class Scene:
         north = shifted(HOME[0], HOME[1], 0.0, self._walked_m)
         return shifted(*north, 90.0, SUBJECT_M)
 
+    @property
+    def from_subject(self) -> tuple[float, float]:
+        """North and east [m] of the vehicle from its subject."""
+        return offset(*self.place, *self.vehicle.place)
+
     def see(self, seconds: float, *, status: int = ACTIVE) -> None:
         """Let the camera tell what it tracks, five times a second."""
         for _ in range(round(seconds * 5)):
-            self._walked_m += 0.2
+            self._walked_m += 0.2 * self.speed_m_s
             self._tell(status)
             self.world.run(0.2)
 
@@ -75,7 +82,18 @@ class Scene:
         place = tuple(round(value * 1e7) for value in self.place) if known else (NOWHERE, NOWHERE)
         nothing = math.nan
         geo = mavlink.MAVLink_camera_tracking_geo_status_message(
-            status, *place, HOME[2], 1.0, nothing, 1.0, 0.0, 0.0, nothing, 20.0, nothing, nothing
+            status,
+            *place,
+            HOME[2],
+            1.0,
+            nothing,
+            self.speed_m_s,
+            0.0,
+            0.0,
+            nothing,
+            20.0,
+            nothing,
+            nothing,
         )
         image = mavlink.MAVLink_camera_tracking_image_status_message(
             status, 2, 1, *(nothing, nothing, nothing), 0.2, 0.2, 0.4, 0.4
@@ -167,8 +185,9 @@ class TestSpotlight:
 
 
 class TestAQuickShot:
-    def test_goes_round_the_subject_once(self) -> None:
+    def test_goes_round_a_subject_that_rests_by_the_vehicles_own_circle(self) -> None:
         scene = Scene(TrackMode.QUICK_SHOT)
+        scene.speed_m_s = 0.0
         scene.see(4.0)
         assert scene.vehicle.custom_mode == PX4_ORBIT
         (orbit,) = told(scene.vehicle, mavlink.MAV_CMD_DO_ORBIT)
@@ -176,6 +195,35 @@ class TestAQuickShot:
         scene.see_until(lambda: scene.status(1) == Status.FINISHED)
         scene.world.run_until_over(1201)
         assert scene.world.edge.statuses(1201) == [Status.FINISHED] * 3
+
+    @pytest.mark.parametrize("speed_m_s", [1.0, 2.5])
+    def test_goes_round_a_subject_that_moves_and_along_with_it(self, speed_m_s: float) -> None:
+        scene = Scene(TrackMode.QUICK_SHOT)
+        scene.speed_m_s = speed_m_s
+        ways: list[tuple[float, float]] = []
+        scene.see(6.0)
+
+        def is_over() -> bool:
+            ways.append(scene.from_subject)
+            return scene.status(1) == Status.FINISHED
+
+        scene.see_until(is_over)
+        distances = [math.hypot(*way) for way in ways]
+        assert 0.7 * SUBJECT_M < min(distances) <= max(distances) < 1.4 * SUBJECT_M
+        assert {(north > 0.0, east > 0.0) for north, east in ways} == set(
+            itertools.product((False, True), repeat=2)
+        )
+        assert scene.message == "None"
+
+    def test_goes_along_with_a_subject_that_sets_out_meanwhile(self) -> None:
+        scene = Scene(TrackMode.QUICK_SHOT)
+        scene.speed_m_s = 0.0
+        scene.see(5.0)
+        assert scene.vehicle.custom_mode == PX4_ORBIT
+        scene.speed_m_s = 2.0
+        scene.see(6.0)
+        assert scene.vehicle.custom_mode == PX4_HOLD
+        assert math.hypot(*scene.from_subject) < 1.4 * SUBJECT_M
 
     def test_flies_backwards_and_up_where_no_circle_will_do(self) -> None:
         denied = {mavlink.MAV_CMD_DO_ORBIT: mavlink.MAV_RESULT_UNSUPPORTED}
