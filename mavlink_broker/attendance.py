@@ -6,6 +6,9 @@ companion (type 18), so that a mission survives a broker that dies. But PX4 with
 where nobody else is one, the broker has to be. Whoever set the parameter wants the vehicle home
 when nobody attends to it; but a broker that is restarted within a minute must find it flying. So
 while a mission flies the vehicle waits longer than that (COM_DL_LOSS_T, 10 s by itself).
+
+PX4 up to 1.16 sends its texts to nobody but ground stations. Where NAV_DLL_ACT is 0 it does nothing
+when one falls silent, and the broker is one for the texts' sake.
 """
 
 from typing import Final
@@ -36,8 +39,21 @@ class Attendance:
     @property
     def is_ground_station(self) -> bool:
         """Whether the vehicle is to take the broker for its ground station."""
-        action = self._link_loss.value if self._link_loss else None
-        return self._is_missed or (action is not None and action > 0)
+        return self._is_depended_on or self._is_heard_out
+
+    @property
+    def _action(self) -> float | None:
+        """What the vehicle does when it is left alone, once it has told; 0 for nothing."""
+        return self._link_loss.value if self._link_loss else None
+
+    @property
+    def _is_depended_on(self) -> bool:
+        return self._is_missed or (self._action is not None and self._action > 0)
+
+    @property
+    def _is_heard_out(self) -> bool:
+        """Whether it tells its reasons to ground stations alone, and does nothing without one."""
+        return self._action == 0 and self._vehicle.family.talks_to_stations_only
 
     def renew(self) -> None:
         """Ask again: the vehicle was restarted."""
@@ -62,7 +78,7 @@ class Attendance:
         family = self._vehicle.family
         if self._link_loss is None:
             self._link_loss = self._reading(family.link_loss_parameter)
-        if self._patience is None and self.is_ground_station:
+        if self._patience is None and self._is_depended_on:
             self._patience = self._reading(family.link_patience_parameter)
         reads = [read for read in (self._link_loss, self._patience) if read is not None]
         asked = [message for read in reads for message in read.tick(now)]
@@ -80,6 +96,6 @@ class Attendance:
         """What lets a vehicle that we attend to wait for us; nothing where it waits that long."""
         name = self._vehicle.family.link_patience_parameter
         waits_s = self._patience.value if self._patience else None
-        if name is None or waits_s is None or not self.is_ground_station:
+        if name is None or waits_s is None or not self._is_depended_on:
             return ()
         return ((Setting(name, AWAY_S),),) if waits_s <= AWAY_S else ()

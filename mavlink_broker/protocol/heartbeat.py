@@ -66,12 +66,13 @@ class OwnHeartbeat:
 
     def __init__(self) -> None:
         self._due_at: float | None = None
+        self._kind: int | None = None
 
     def tick(self, now: float, kind: int = mavlink.MAV_TYPE_ONBOARD_CONTROLLER) -> list[Message]:
-        """Send it if it is time."""
-        if self._due_at is not None and now < self._due_at:
+        """Send it if it is time, or if we are something else now."""
+        if self._due_at is not None and now < self._due_at and kind == self._kind:
             return []
-        self._due_at = now + INTERVAL_S
+        self._due_at, self._kind = now + INTERVAL_S, kind
         return [own_heartbeat(kind)]
 
 

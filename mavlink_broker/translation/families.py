@@ -125,6 +125,7 @@ class Family:
     battery_capacity_parameter: str | None = None  # In mAh
     link_loss_parameter: str | None = None  # Above 0 it wants a ground station to attend to it
     link_patience_parameter: str | None = None  # For how long it may be without one, s
+    talks_to_stations_only: bool = False  # STATUSTEXT goes to who says that he is one
     guard: guarding.Guard = guarding.guard_nothing  # Keeps a vehicle within its fence
     guard_parameters: tuple[str, ...] = ()  # Which that has to know
     rally_altitude_step_m: float = 0.0  # To which a rally point's altitude is cut in storage
@@ -162,6 +163,7 @@ PX4: Final = Family(
     battery_capacity_parameter="BAT1_CAPACITY",
     link_loss_parameter="NAV_DLL_ACT",
     link_patience_parameter="COM_DL_LOSS_T",
+    talks_to_stations_only=True,
     guard=guarding.guard_px4,
     guard_parameters=guarding.PX4_NAMES,
     parameter_encoding=ParameterEncoding.BYTEWISE,
@@ -178,6 +180,7 @@ OWN: Final = replace(
     following=Following.BY_COMMAND,
     follow_loans=borrowed.own_follow,
     lowest_follow_m=0.0,
+    talks_to_stations_only=False,
     takes_panoramas=True,
 )
 """The project's own vehicle, which is PX4 to everybody who does not look at its vendor."""

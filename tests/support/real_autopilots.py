@@ -27,6 +27,7 @@ PX4_1_17: Final = Script(
     version=0x011100FF,
     has_checks=False,
     loses_current=True,
+    talks_to_stations_only=True,
     disarms_after_s=2.0,
     return_changes_mode=True,
 )

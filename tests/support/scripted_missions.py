@@ -62,7 +62,8 @@ class Script:
     arming_refusal: int = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
     arming_complaint: str = ""
     fault: str = ""  # Why it is not ready to arm, said when it is asked
-    link_loss_action: int = 0  # NAV_DLL_ACT: above 0 it flies only attended by a ground station
+    link_loss_action: int | None = 0  # NAV_DLL_ACT: above 0 it flies only attended by a station
+    talks_to_stations_only: bool = False  # STATUSTEXT goes to who says that he is one
     readiness_by_mode: bool = False  # "Ready to arm" means: in the mode that it is in
     navigates_after_s: float = 0.0  # Refuses until then the modes that want a position
     checks_are_off: bool = False  # There, but not enabled, and never well

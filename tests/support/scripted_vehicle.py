@@ -31,6 +31,8 @@ COPTER_AUTO = 3
 COPTER_RETURN = 6
 COPTER_LAND = 9
 LANDING_S = 8.0
+STATION_S = 5.0
+"""For how long a ground station is there that has said so."""
 SENSORS = (
     mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
     | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
@@ -232,8 +234,10 @@ class ScriptedVehicle:
         self._send(message)
 
     def say(self, text: str, severity: int = mavlink.MAV_SEVERITY_CRITICAL) -> None:
-        """Send a STATUSTEXT."""
-        self._send(mavlink.MAVLink_statustext_message(severity, text.encode()))
+        """Send a STATUSTEXT, if anybody is there who is to hear it."""
+        is_heard = self._now - self._attended_at < STATION_S
+        if is_heard or not self.script.talks_to_stations_only:
+            self._send(mavlink.MAVLink_statustext_message(severity, text.encode()))
 
     @property
     def in_mission(self) -> bool:
@@ -392,7 +396,7 @@ class ScriptedVehicle:
         value = self.settings.get(name)
         if name.startswith("BAT"):
             value = self.script.battery_capacity_mah
-        elif name == "NAV_DLL_ACT":
+        elif name == "NAV_DLL_ACT" and self.script.link_loss_action is not None:
             self._tell_integer(name, self.script.link_loss_action)
         if value is not None and name in WHOLE:
             self._tell_integer(name, int(value))
@@ -532,9 +536,7 @@ class ScriptedVehicle:
     def _attended(self) -> bool:
         """Whether it has a ground station, or wants none."""
         patience_s = self.settings.get("COM_DL_LOSS_T", 10.0)
-        return (
-            self.script.link_loss_action == 0 or self._now - self._attended_at < patience_s
-        )
+        return not self.script.link_loss_action or self._now - self._attended_at < patience_s
 
     def _obey(self, message: Message) -> None:
         match message.command:

@@ -210,16 +210,17 @@ class TestPx4:
         world.run_until_over(1201)
         assert world.edge.statuses(1201) == FINISHED
 
-    def test_that_wants_no_ground_station_has_a_companion(self) -> None:
+    def test_that_does_not_tell_what_it_does_without_a_station_has_a_companion(self) -> None:
         """Its mission survives a broker that dies, whatever it does without a station."""
-        world = flown(PX4_1_17)
+        world = flown(dataclasses.replace(PX4_1_17, link_loss_action=None))
         sent = Decoder().decode(b"".join(frame for _, frame in world.air.sent))
         kinds = {m.type for m in sent if m.get_type() == "HEARTBEAT"}
         assert kinds == {mavlink.MAV_TYPE_ONBOARD_CONTROLLER}
 
     def test_that_misses_a_ground_station_and_does_not_tell_why_has_one_too(self) -> None:
         world = World()
-        vehicle = world.add_vehicle(script=PX4_1_17)
+        quiet = {"link_loss_action": None, "talks_to_stations_only": False}
+        vehicle = world.add_vehicle(script=dataclasses.replace(PX4_1_17, **quiet))
         world.run(3.0)
         vehicle.say("Preflight Fail: No connection to the ground control station\t", 4)
         before = len(world.air.sent)
