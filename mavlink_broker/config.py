@@ -18,7 +18,7 @@ DEFAULT_STATE_VECTOR_INTERVAL_S: Final = 1.0
 DEFAULT_BATTERY_CAPACITY_AH: Final = 5.2
 """Of the vehicle that this system was first built for; used where a vehicle does not tell."""
 MOST_S: Final = 86_400.0
-DEFAULT_SPOOL_MIB: Final = 32
+DEFAULT_SPOOL_MIB: Final = 16
 MOST_SPOOL_MIB: Final = 1024
 LOG_LEVELS: Final = ("DEBUG", "INFO", "WARNING", "ERROR")
 

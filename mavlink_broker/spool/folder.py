@@ -12,7 +12,7 @@ import errno
 import fcntl
 import logging
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -86,42 +86,30 @@ class Spool:
         """Put posts onto the disk, each under its number, those of one lane in order.
 
         Raises:
-            OSError: if the disk refuses; none of them is there then.
+            OSError: if the disk refuses; the first of them may be there nevertheless.
         """
         lines = _lines(posts)
-        size = sum(map(len, lines.values()))
-        if self._words.live_bytes + size > self._most_bytes:
-            raise OSError(errno.ENOSPC, f"{self._most_bytes // MIB} MiB are full")
-        if self._words.size_bytes + size > self._most_bytes:
-            self._words.write_anew()
-        if self._words.size_bytes + self._pictures.size_bytes + size > self._most_bytes:
-            self._give_pictures_up()
         try:
-            self._words.add(lines)
+            self._add_words(lines)
         except OSError:
-            if not self._pictures.size_bytes:
+            if len(lines) == 1:
                 raise
-            self._give_pictures_up()  # Their room may be what is lacking
-            self._words.add(lines)
+            for number, line in lines.items():
+                self._add_words({number: line})
 
     def keep_pictures(self, posts: Iterable[Post]) -> None:
-        """The same, as far as there is room; which of them are there, the spool knows.
+        """Do the same with pictures, within their share.
 
         Raises:
-            OSError: if the disk refuses; none of them is there then.
+            OSError: if there is no room; the first of them may be there nevertheless.
         """
-        share = self._most_bytes // PICTURES_SHARE
-        room = min(share, self._most_bytes - self._words.size_bytes)
-        lines, size = {}, self._pictures.live_bytes
+        room = min(self._most_bytes // PICTURES_SHARE, self._most_bytes - self._words.size_bytes)
         for number, line in _lines(posts).items():
-            size += len(line)
-            if size > room:
-                break  # Nor what is behind it, or order would be lost
-            lines[number] = line
-        if self._pictures.size_bytes + sum(map(len, lines.values())) > room:
-            self._pictures.write_anew()
-        if lines:
-            self._pictures.add(lines)
+            if self._pictures.live_bytes + len(line) > room:
+                raise OSError(errno.ENOSPC, "their share is used up")
+            if self._pictures.size_bytes + len(line) > room:
+                self._pictures.write_anew()
+            self._pictures.add({number: line})
 
     def take_given_up(self) -> frozenset[int]:
         """Give the pictures that have lost their place since this was asked."""
@@ -145,6 +133,23 @@ class Spool:
         self._words.close()
         self._pictures.close()
         os.close(self._lock)
+
+    def _add_words(self, lines: Mapping[int, bytes]) -> None:
+        """Add all or none."""
+        size = sum(map(len, lines.values()))
+        if self._words.live_bytes + size > self._most_bytes:
+            raise OSError(errno.ENOSPC, f"{self._most_bytes // MIB} MiB are used up")
+        if self._words.size_bytes + size > self._most_bytes:
+            self._words.write_anew()
+        if self._words.size_bytes + self._pictures.size_bytes + size > self._most_bytes:
+            self._give_pictures_up()
+        try:
+            self._words.add(lines)
+        except OSError:
+            if not self._pictures.size_bytes:
+                raise
+            self._give_pictures_up()  # Their room may be what is lacking
+            self._words.add(lines)
 
     def _give_pictures_up(self) -> None:
         self._given_up |= self._pictures.numbers

@@ -36,7 +36,7 @@ class Keeper:
         self._stopping = False
         self._words_after = 0.0
         self._pictures_after = 0.0
-        self._is_refused = False
+        self._refused: set[str] = set()  # What the disk did not take when it was last asked
         self._thread = threading.Thread(target=self._run, name="spool", daemon=True)
         for post in spool.left:
             queue.put(post)
@@ -73,17 +73,16 @@ class Keeper:
         with self._lock:
             settled = self._queue.take_settled()
             waiting = self._queue.unkept() if everything else self._queue.endangered(now)
+            waiting.sort(key=lambda post: post.urgency)  # Should not all of it have room
             words = [p for p in waiting if not _is_picture(p) and now >= self._words_after]
             pictures = [p for p in waiting if _is_picture(p) and now >= self._pictures_after]
             for post in (*words, *pictures):
                 post.kept_as = self._spool.next_number()
         if settled:
-            self._does(partial(self._spool.settle, settled))
-        if words and not self._does(partial(self._spool.keep_words, words)):
+            self._does("answers", partial(self._spool.settle, settled))
+        if words and not self._does("words", partial(self._spool.keep_words, words)):
             self._words_after = now + TRY_AGAIN_S
-        if pictures:
-            self._does(partial(self._spool.keep_pictures, pictures))
-        if self._missing(pictures):
+        if pictures and not self._does("pictures", partial(self._spool.keep_pictures, pictures)):
             self._pictures_after = now + TRY_AGAIN_S
         lost = self._missing((*words, *pictures)) | self._spool.take_given_up()
         if lost:
@@ -94,20 +93,19 @@ class Keeper:
         numbers = (post.kept_as for post in posts)
         return frozenset(n for n in numbers if n is not None and n not in self._spool)
 
-    def _does(self, change: Callable[[], None]) -> bool:
+    def _does(self, what: str, change: Callable[[], None]) -> bool:
         """Change something on the disk; whether it could be done is told when that changes."""
         folder = self._spool.folder
         try:
             change()
         except OSError as error:
-            if not self._is_refused:
-                reason = error.strerror or error
-                _LOG.warning("what waits for the edge server is not kept in %s: %s", folder, reason)
-            self._is_refused = True
+            if what not in self._refused:
+                _LOG.warning("%s takes no more %s: %s", folder, what, error.strerror or error)
+            self._refused.add(what)
             return False
-        if self._is_refused:
-            _LOG.warning("%s keeps again what waits for the edge server", folder)
-        self._is_refused = False
+        if what in self._refused:
+            _LOG.info("%s takes %s again", folder, what)
+        self._refused.discard(what)
         return True
 
 

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -30,6 +31,10 @@ def numbered(spool: Spool, *posts: Post) -> list[Post]:
     for one in posts:
         one.kept_as = spool.next_number()
     return list(posts)
+
+
+def long(number: int) -> dict[str, Any]:
+    return {"sequence_number": number, "text": "x" * 1000}
 
 
 def kept(spool: Spool, posts: list[Post]) -> list[int]:
@@ -115,14 +120,16 @@ def test_rubbish_is_counted_and_everything_else_is_told(tmp_path: Path) -> None:
 def test_pictures_have_half_of_the_room_and_the_oldest_are_kept(tmp_path: Path) -> None:
     spool = opened(tmp_path, 20_000)
     pictures = numbered(spool, *(picture(n, 3000) for n in range(6)))
-    spool.keep_pictures(pictures)
+    with pytest.raises(OSError, match="used up"):
+        spool.keep_pictures(pictures)
     assert kept(spool, pictures) == [0, 1, 2]
 
 
 def test_a_small_picture_does_not_overtake_one_that_has_no_room(tmp_path: Path) -> None:
     spool = opened(tmp_path, 20_000)
     pictures = numbered(spool, picture(0, 6000), picture(1, 6000), picture(2, 10))
-    spool.keep_pictures(pictures)
+    with pytest.raises(OSError, match="used up"):
+        spool.keep_pictures(pictures)
     assert kept(spool, pictures) == [0]
 
 
@@ -130,9 +137,7 @@ def test_pictures_give_way_to_words(tmp_path: Path) -> None:
     spool = opened(tmp_path, 20_000)
     pictures = numbered(spool, picture(0, 8000))
     spool.keep_pictures(pictures)
-    words = numbered(
-        spool, *(post(number=n, body={"sequence_number": n, "text": "x" * 1000}) for n in range(14))
-    )
+    words = numbered(spool, *(post(number=n, body=long(n)) for n in range(14)))
     spool.keep_words(words)
     assert kept(spool, words) == list(range(14))
     assert spool.take_given_up() == {pictures[0].kept_as}
@@ -140,15 +145,16 @@ def test_pictures_give_way_to_words(tmp_path: Path) -> None:
     assert (tmp_path / PICTURES).stat().st_size == 0
 
 
-def test_words_beyond_the_bound_are_refused_and_what_is_there_stays(tmp_path: Path) -> None:
+def test_of_words_beyond_the_bound_the_first_are_kept(tmp_path: Path) -> None:
     spool = opened(tmp_path, 3000)
-    first = numbered(spool, post(number=1, body={"text": "x" * 2000}))
-    spool.keep_words(first)
-    with pytest.raises(OSError, match="full"):
-        spool.keep_words(numbered(spool, post(number=2, body={"text": "x" * 2000})))
+    words = numbered(spool, *(post(number=n, body=long(n)) for n in range(5)))
+    spool.keep_words(words[:1])
+    with pytest.raises(OSError, match="used up"):
+        spool.keep_words(words[1:])
+    assert kept(spool, words) == [0, 1]
     spool.close()
     assert (tmp_path / WORDS).stat().st_size <= 3000
-    assert len(opened(tmp_path).left) == 1
+    assert numbers(list(opened(tmp_path).left)) == [0, 1]
 
 
 def test_the_bound_holds_however_much_comes_and_goes(tmp_path: Path) -> None:

@@ -248,7 +248,7 @@ def test_an_ending_broker_keeps_everything_that_waits(tmp_path: Path) -> None:
 def test_a_disk_that_refuses_is_told_once_and_tried_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    caplog.set_level(logging.WARNING)
+    caplog.set_level(logging.INFO)
 
     def full(*_: object) -> int:
         raise OSError(errno.ENOSPC, "No space left on device")
@@ -266,7 +266,7 @@ def test_a_disk_that_refuses_is_told_once_and_tried_again(
     assert len(run.queue) == 3, "they wait in memory, as ever"
     run.now += TRY_AGAIN_S
     run.look()
-    assert "keeps again" in caplog.text
+    assert "takes words again" in caplog.text
     with killed(tmp_path) as grave:
         assert numbers(Run(grave).left()) == [0, 1, 2]
 
@@ -292,3 +292,22 @@ def test_a_picture_that_gave_way_is_kept_when_there_is_room_again(tmp_path: Path
     run.look()
     with killed(tmp_path) as grave:
         assert numbers(Run(grave, 6000).left()) == [0]
+
+
+def test_when_not_all_has_room_alarms_are_kept_and_refusals_told_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    run = Run(tmp_path, 2000)
+    for number in range(20):
+        run.queue.put(post(number=number))
+        run.queue.put(picture(number, 900))
+    run.queue.put(post("alarm", 77, urgency=Urgency.ALARM))
+    run.fail()
+    for _ in range(5):
+        run.look()
+        run.now += TRY_AGAIN_S
+    with killed(tmp_path) as grave:
+        left = numbers(Run(grave, 2000).left())
+    assert left[0] == 77
+    assert left[1:] == list(range(len(left) - 1))
+    assert caplog.text.count("no more words") == caplog.text.count("no more pictures") == 1
