@@ -14,7 +14,7 @@ from mavlink_broker.protocol.command import Accepted, Command, Refused
 from mavlink_broker.protocol.command_sequence import CommandSequence
 from mavlink_broker.series import heading_order, way_order
 from mavlink_broker.translation.geo import distance_m, offset, shifted
-from mavlink_broker.translation.live import Circled
+from mavlink_broker.translation.live import Circled, speed_order
 from mavlink_broker.translation.situation import Spot
 from mavlink_broker.vehicle import Vehicle
 
@@ -91,6 +91,8 @@ class CircleRunner:
         vehicle = self._vehicle
         go = way_order(vehicle, spot, heading_deg, speed_m_s=self._end.speed_m_s)
         orders: list[Command | None] = [go]
+        if vehicle.family.speed_by_order and self._number == 0:
+            orders.append(speed_order(self._end.speed_m_s))
         if vehicle.family.yaw_by_condition:
             orders.append(heading_order(vehicle, spot, heading_deg))
         known = [order for order in orders if order is not None]

@@ -41,6 +41,9 @@ _BEFORE_TAKEOFF: Final = frozenset(
         State.STARTING,
     }
 )
+_WITH_ITEMS: Final = frozenset(
+    {State.UPLOADING, State.VERIFYING, State.SELECTING, State.ARMING, State.STARTING}
+)
 _IN_FLIGHT: Final = frozenset({State.RUNNING, State.PERFORMING})
 _COMES_DOWN_BY_ITSELF: Final = frozenset({ModeRole.ENDING, ModeRole.OTHER})
 """Its own failsafe or a pilot has it: who is nearer knows better."""
@@ -52,6 +55,7 @@ class Flight(FlightProgress):
     def __init__(self, work: MissionWork, vehicle: Vehicle, reporter: Reporter) -> None:
         super().__init__(work, vehicle, reporter)
         self._speeds = SpeedOrders(vehicle)
+        self._late_speed_m_s: float | None = None  # Came while the items were on their way
         self._soft_abort: SoftAbort | None = None
         self._ending: Ending | None = None
         self._ending_note: str | None = None  # What is done otherwise than it says
@@ -125,6 +129,7 @@ class Flight(FlightProgress):
         self._speeds.tick(now, effects)
         if self.state in self._steps:
             self._steps[self.state](now, effects)
+        self._tell_late_speed(now, effects)
         if self._soft_abort is not None:
             self._abort_softly(self._soft_abort, now, effects)
 
@@ -132,16 +137,34 @@ class Flight(FlightProgress):
         """Carry out an event: abort now, abort behind the running command, or change the speed."""
         effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))
         if work.event.maximum_speed is not None:
-            self._stages.set_speed(work.event.maximum_speed)
-            if self.state in _IN_FLIGHT:
-                is_live = self.state is State.PERFORMING
-                self._speeds.give(work, work.event.maximum_speed, now, effects, is_live=is_live)
-            else:
-                effects.for_edge.append(Acknowledgement(work.work_id, "done"))
+            self._change_speed(work, work.event.maximum_speed, now, effects)
         elif work.event.event_type_id is EventType.ABORT_MISSION:
             self._abort_now(work, now, effects)
         else:
             self._abort_soon(work, now, effects)
+
+    def _change_speed(
+        self, work: EventWork, speed_m_s: float, now: float, effects: Effects
+    ) -> None:
+        """Fly at another speed from now on; what is on its way to the vehicle stays as it is."""
+        self._late_speed_m_s = speed_m_s if self.state in _WITH_ITEMS else None
+        if self._late_speed_m_s is None:
+            self._stages.set_speed(speed_m_s)
+        if self.state in _IN_FLIGHT:
+            is_live = self.state is State.PERFORMING
+            self._speeds.give(work, speed_m_s, now, effects, is_live=is_live)
+        else:
+            effects.for_edge.append(Acknowledgement(work.work_id, "done"))
+
+    def _tell_late_speed(self, now: float, effects: Effects) -> None:
+        """Tell the speed that came while the vehicle was being given its items."""
+        speed_m_s = self._late_speed_m_s
+        if speed_m_s is None or self.state in _WITH_ITEMS:
+            return
+        self._late_speed_m_s = None
+        self._stages.set_speed(speed_m_s)
+        if self.state is State.RUNNING:
+            self._speeds.tell(speed_m_s, now, effects)
 
     def alarm(self, reason: str, now: float, effects: Effects) -> None:
         """Fail a mission that flies; the vehicle comes home, or lands if it cannot."""

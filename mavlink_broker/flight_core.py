@@ -163,7 +163,8 @@ class FlightCore:
 
     def _note_all(self) -> None:
         for index, notes in enumerate(self._stages.notes):
-            self.ledger.note(index, notes)
+            if not self.ledger.commands[index].is_terminal:
+                self.ledger.note(index, notes)
 
     def _move(self, event: Event, now: float, effects: Effects) -> None:
         before = self.state

@@ -65,7 +65,8 @@ class FlightPreparation(FlightCore):
             self._fail(refusal.reason, now, effects)
         elif refusal.is_unsupported and self._stages.do_without(item):
             self._note_all()
-            self._move(Event.REFUSED, now, effects)
+            is_live = isinstance(self._stages.current, LiveCommand)
+            self._move(Event.LIVE_NEXT if is_live else Event.REFUSED, now, effects)
         else:
             command = self._plan.command_of_item[item]
             self._fail(refusal.reason, now, effects, command)

@@ -7,6 +7,7 @@ from mavlink_broker.effects import Effects
 from mavlink_broker.flight_attachment import FlightAttachment
 from mavlink_broker.follower import Follower
 from mavlink_broker.foreign_watch import ForeignWatch
+from mavlink_broker.interruption import SpeedOrders
 from mavlink_broker.performer import Performer, Phase
 from mavlink_broker.session_states import Event
 from mavlink_broker.skip_watch import SkipWatch
@@ -16,6 +17,7 @@ from mavlink_broker.translation.modes import LIVE_MODES
 class FlightProgress(FlightAttachment, ABC):
     """The states RUNNING and PERFORMING, and the way from stage to stage."""
 
+    _speeds: SpeedOrders
     _foreign: ForeignWatch  # There whenever a follower is
     _skips: SkipWatch
 
@@ -25,7 +27,7 @@ class FlightProgress(FlightAttachment, ABC):
 
     def _next_stage(self, now: float, effects: Effects) -> None:
         """Go on behind a stretch or a live command, or end."""
-        landed = self._stages.is_on_ground
+        landed = self._stages.is_on_ground if self._stages.has_moved else not self._hovering
         if not self._stages.is_last and self._ends_here(now, effects):
             return
         if not self._stages.advance():
@@ -63,6 +65,7 @@ class FlightProgress(FlightAttachment, ABC):
             if not self.ledger.commands[index].is_terminal:
                 self.ledger.set_command(index, Status.ABORTED, reason)
         effects.for_edge += self._follower.step(now)
+        self._speeds.hold_behind_circles(self._plan, self._stages.speed_m_s, now, effects)
         if self._follower.is_finished:
             self._next_stage(now, effects)
             return

@@ -6,17 +6,18 @@ from afarcloud.enumerations import EventType
 from afarcloud.plan import Event
 from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.effects import Acknowledgement, Effects
-from mavlink_broker.protocol.command import Accepted, Refused, long_command
+from mavlink_broker.protocol.command import Accepted, Refused
 from mavlink_broker.protocol.command_sequence import CommandSequence
 from mavlink_broker.translation.area_check import AreaCheck
+from mavlink_broker.translation.live import speed_order
+from mavlink_broker.translation.mission import FlightPlan
 from mavlink_broker.translation.situation import Spot
 from mavlink_broker.vehicle import Vehicle
 from mavlink_broker.work import EventWork
 
 PATIENCE_S = 30.0
 """How long a soft abort lets the running command go on, by the vehicle's time."""
-GROUND_SPEED = 1.0
-THROTTLE_AS_IT_IS = -1.0
+CIRCLE = mavlink.MAV_CMD_NAV_LOITER_TURNS
 REASONS = {
     EventType.ABORT_MISSION: "aborted by an event",
     EventType.SOFT_ABORT_MISSION: "aborted softly by an event",
@@ -60,8 +61,9 @@ class SpeedOrders:
     """New speeds on their way to a vehicle; a later one replaces an earlier one."""
 
     vehicle: Vehicle
-    _running: tuple[EventWork, CommandSequence] | None = field(default=None)
+    _running: tuple[EventWork | None, CommandSequence] | None = field(default=None)
     _may_refuse: bool = False
+    _held_behind: tuple[int, int] | None = None  # The stretch and the item of the last circle
 
     def give(
         self, work: EventWork, speed_m_s: float, now: float, effects: Effects, *, is_live: bool
@@ -72,13 +74,36 @@ class SpeedOrders:
         it is flown at the new one anyway.
         """
         self._may_refuse = is_live
-        if self._running is not None:
+        if self._running is not None and self._running[0] is not None:
             reason = "a later event gives another speed"
             effects.for_edge.append(Acknowledgement(self._running[0].work_id, "refused", reason))
-        order = long_command(
-            mavlink.MAV_CMD_DO_CHANGE_SPEED, GROUND_SPEED, speed_m_s, THROTTLE_AS_IT_IS
-        )
-        sequence = CommandSequence(((order,),), self.vehicle.route, self.vehicle.round_trip)
+        self._order(work, speed_m_s, now, effects)
+
+    def hold_behind_circles(
+        self, plan: FlightPlan, speed_m_s: float, now: float, effects: Effects
+    ) -> None:
+        """Tell the speed that holds now once a circle that is an item has been flown.
+
+        The items behind it go back to the speed of the upload, and an event may have changed it.
+        """
+        mission = self.vehicle.snapshot.mission
+        behind = plan.items[: 0 if mission is None else mission.seq]
+        flown = [i for i, item in enumerate(behind) if item.command == CIRCLE]
+        place = (plan.first_command, flown[-1]) if flown else None
+        if place is None or place == self._held_behind or self._running is not None:
+            return
+        self._held_behind = place
+        self.tell(speed_m_s, now, effects)
+
+    def tell(self, speed_m_s: float, now: float, effects: Effects) -> None:
+        """Tell the vehicle a speed of which no event waits to be done."""
+        self._order(None, speed_m_s, now, effects)
+
+    def _order(
+        self, work: EventWork | None, speed_m_s: float, now: float, effects: Effects
+    ) -> None:
+        ways = ((speed_order(speed_m_s),),)
+        sequence = CommandSequence(ways, self.vehicle.route, self.vehicle.round_trip)
         self._running = work, sequence
         effects.messages += sequence.start(now)
 
@@ -99,12 +124,14 @@ class SpeedOrders:
             return
         work, sequence = self._running
         match sequence.outcome:
-            case Accepted():
+            case Accepted() | Refused() if work is None:
+                pass
+            case Accepted() if work is not None:
                 effects.for_edge.append(Acknowledgement(work.work_id, "done"))
-            case Refused(reason) if self._may_refuse:
+            case Refused(reason) if work is not None and self._may_refuse:
                 later = f"from the next command on: {reason}"
                 effects.for_edge.append(Acknowledgement(work.work_id, "done", later))
-            case Refused(reason):
+            case Refused(reason) if work is not None:
                 effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
             case _:
                 return

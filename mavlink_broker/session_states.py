@@ -77,6 +77,7 @@ TRANSITIONS: Final[Mapping[tuple[State, Event], State]] = {
     (State.UPLOADING, Event.STORED): State.VERIFYING,
     (State.UPLOADING, Event.REBOOTED): State.WAITING,
     (State.UPLOADING, Event.REFUSED): State.UPLOADING,
+    (State.UPLOADING, Event.LIVE_NEXT): State.PERFORMING,
     (State.UPLOADING, Event.UNHEARD): State.ATTACHING,
     (State.UPLOADING, Event.FAULT): State.FAILING,
     (State.VERIFYING, Event.VERIFIED): State.SELECTING,

@@ -41,6 +41,11 @@ class Stages:
         """The whole of it, once it has been made."""
         return self._itinerary
 
+    @property
+    def speed_m_s(self) -> float:
+        """At which it is flown."""
+        return self._mission.maximum_speed
+
     def set_speed(self, speed_m_s: float) -> None:
         """Fly what is still to come at another speed."""
         self._mission = self._mission.model_copy(update={"maximum_speed": speed_m_s})
@@ -88,14 +93,27 @@ class Stages:
         return current
 
     @property
+    def has_moved(self) -> bool:
+        """Whether this stage or one before it moves the vehicle."""
+        return self._moves(self._number + 1)
+
+    @property
     def is_on_ground(self) -> bool:
-        """Whether the vehicle stands when this stage is over."""
+        """Whether the vehicle stands when this stage is over, if any has moved it."""
         return Itinerary(self._segments[: self._number + 1]).ends_on_ground
 
     @property
     def is_from_ground(self) -> bool:
         """Whether the vehicle stands before this stage."""
-        return self.is_first or Itinerary(self._segments[: self._number]).ends_on_ground
+        before = Itinerary(self._segments[: self._number])
+        return not self._moves(self._number) or before.ends_on_ground
+
+    def _moves(self, count: int) -> bool:
+        """Whether one of the first so many stages moves the vehicle."""
+        return any(
+            isinstance(segment, FlightPlan) or segment.action.moves
+            for segment in self._segments[:count]
+        )
 
     @property
     def is_first(self) -> bool:

@@ -7,6 +7,7 @@ PX4: `flight_mode_manager/tasks/AutoFollowTarget`. ArduCopter: `AC_Circle`, `AC_
 `AP_Follow`.
 """
 
+import math
 from enum import IntFlag
 from typing import Final, TypeAlias
 
@@ -79,10 +80,14 @@ def copter_follow(height_m: float, angle_deg: float, own_system: int) -> Loans:
 
 
 def copter_circle(rate_deg_s: float, *, along: bool) -> Loans:
-    """ArduCopter goes round at a rate of its own, and looks along the circle or to its centre."""
+    """ArduCopter looks along its circle, or to its centre.
+
+    Before 4.4 its rate is the one that AUTO goes round at, counter-clockwise below 0.
+    """
+    rate_deg_s = math.copysign(min(abs(rate_deg_s), COPTER_CIRCLE_RATE_DEG_S), rate_deg_s)
     options = CircleOption.NOSE_ALONG_THE_CIRCLE if along else CircleOption(0)
     return (
-        (Setting("CIRCLE_RATE", min(rate_deg_s, COPTER_CIRCLE_RATE_DEG_S)),),
+        (Setting("CIRCLE_RATE", rate_deg_s),),
         (Setting("CIRCLE_OPTIONS", float(options)),),
     )
 

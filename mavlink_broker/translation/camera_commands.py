@@ -200,7 +200,7 @@ def _live_image(
 
 def _video(command: int, values: tuple[float, float], situation: Situation) -> Items | LiveAction:
     stream, frequency_hz = values
-    if not situation.after_live:
+    if not situation.after_live and command not in situation.refused:
         item = MissionItem(command=command, parameters=(stream, frequency_hz, 0.0, 0.0))
         return Items((item,), 0)
     ways = tuple((order,) for order in _to_camera(situation.family, command, *values))

@@ -114,6 +114,8 @@ class Family:
     returning: Ways = ((_RETURN,),)  # Home, and land there
     orbiting: Orbiting = Orbiting.ENDLESS
     orbit_headings: Mapping[OrbitType, float] = field(default_factory=lambda: STANDARD_HEADINGS)
+    circle_rate_max_deg_s: float = math.inf  # Of its own circle
+    speed_by_order: bool = False  # A reposition brings none: DO_CHANGE_SPEED behind it does
     following: Following = Following.BY_COMMAND
     follow_modes: Ways = ()
     follow_loans: Callable[[float, float, int], Loans] = borrowed.nothing
@@ -220,6 +222,8 @@ ARDUPILOT: Final = Family(
     returning=((_COPTER_RETURN,), (_RETURN,)),
     orbiting=Orbiting.BY_ITEM,
     orbit_headings=ITEM_HEADINGS,
+    circle_rate_max_deg_s=20.0,  # CIRCLE_RATE's default, of which AUTO makes no other use
+    speed_by_order=True,
     following=Following.BY_MODE,
     follow_modes=((_FOLLOW_OF_COPTER,),),
     follow_loans=borrowed.copter_follow,

@@ -18,6 +18,8 @@ FULL_TURN_RAD: Final = 2.0 * math.pi
 SPEED_MAX_M_S: Final = 10.0
 ACCELERATION_MAX_M_S2: Final = 0.98 * 0.98 * 2.0
 """PX4 lets a vehicle on a circle accelerate by 2 m/s^2; a little less is always accepted."""
+COPTER_ACCELERATION_MAX_M_S2: Final = 1.25
+"""ArduCopter takes half of WPNAV_ACCEL for the way round, 2.5 m/s^2 unless somebody changed it."""
 SLACK_S: Final = 120.0
 _START_BEARING_DEG: Final = {
     StartPoint.NORTH: 0.0,
@@ -33,14 +35,23 @@ _ALWAYS_FLOWN: Final = frozenset(
     }
 )
 """Headings that are flown from point to point where a vehicle's own circle lacks them."""
+_HARDLY_FASTER_DEG_S: Final = 0.5
+_LOOKS: Final = frozenset({mavlink.MAV_CMD_DO_SET_ROI_LOCATION, mavlink.MAV_CMD_DO_SET_ROI_NONE})
+"""For the gimbal's sake: the nose points inwards by the circle's own options."""
 _FORWARDS: Final = 3.0  # ORBIT_YAW_BEHAVIOUR_HOLD_FRONT_TANGENT_TO_CIRCLE
 
 
 def hotpoint(command: NavHotpoint, situation: Situation) -> Items | LiveAction:
     """One full turn, begun at the start point if there is one."""
     p = command.parameters
-    if p.orbit_type in _ALWAYS_FLOWN and p.orbit_type not in situation.family.orbit_headings:
-        return _from_point_to_point(p, situation)
+    name, knows = situation.family.name, situation.family.orbit_headings
+    if p.orbit_type in _ALWAYS_FLOWN and p.orbit_type not in knows:
+        reason = f"orbit_type: flown from point to point, for {name}'s own circle knows no such"
+        return _from_point_to_point(p, situation, f"{reason} heading")
+    if _rate_deg_s(p) > situation.family.circle_rate_max_deg_s + _HARDLY_FASTER_DEG_S:
+        reason = f"angular_velocity: flown from point to point, for {name}'s own circle turns by"
+        fastest = f"{situation.family.circle_rate_max_deg_s:g} deg/s at most"
+        return _from_point_to_point(p, situation, f"{reason} {fastest}")
     if situation.family.orbiting is Orbiting.BY_ITEM:
         return _as_items(p, situation)
     return _live(p, situation)
@@ -50,6 +61,11 @@ def speed_on_circle_m_s(angular_velocity_deg_s: float, radius_m: float) -> float
     """Speed that the angular velocity asks for, within what a vehicle can do on the circle."""
     wanted = math.radians(angular_velocity_deg_s) * radius_m
     return min(wanted, SPEED_MAX_M_S, math.sqrt(ACCELERATION_MAX_M_S2 * radius_m))
+
+
+def _rate_deg_s(p: NavHotpointParameters) -> float:
+    """What is left of its angular velocity."""
+    return math.degrees(speed_on_circle_m_s(p.angular_velocity, p.radius) / p.radius)
 
 
 def start_point(p: NavHotpointParameters) -> Spot | None:
@@ -98,14 +114,13 @@ def _live(p: NavHotpointParameters, situation: Situation) -> LiveAction:
     )
 
 
-def _from_point_to_point(p: NavHotpointParameters, situation: Situation) -> LiveAction:
-    """Send it round by places, with a heading that its own circle does not know."""
+def _from_point_to_point(p: NavHotpointParameters, situation: Situation, told: str) -> LiveAction:
+    """Send it round by places, in a way that its own circle does not know."""
     speed_m_s = speed_on_circle_m_s(p.angular_velocity, p.radius)
-    name = situation.family.name
-    told = f"orbit_type: flown from point to point, for {name}'s own circle knows no such heading"
     return LiveAction(
         begin=situation.family.holding,
         approach=_end_point(p, situation),
+        approach_speed_m_s=situation.approach_speed_m_s,
         end=Circled(
             turn=Turned(p.latitude, p.longitude, p.radius, FULL_TURN_RAD, p.is_clockwise),
             height_m=p.orbit_altitude,
@@ -119,9 +134,14 @@ def _from_point_to_point(p: NavHotpointParameters, situation: Situation) -> Live
 
 
 def _as_items(p: NavHotpointParameters, situation: Situation) -> Items:
-    """ArduPilot's circle, its rate a parameter; it looks ahead, or at the centre by a ROI."""
+    """ArduPilot's circle; it looks ahead, or at the centre by a ROI.
+
+    It goes round no faster than it may fly: that alone makes it slower than 20 deg/s, for AUTO
+    keeps the rate that it was switched on with (`AC_Circle.cpp`).
+    """
     p, rounded = _kept(p)
-    speed_m_s = speed_on_circle_m_s(p.angular_velocity, p.radius)
+    wanted_m_s = speed_on_circle_m_s(p.angular_velocity, p.radius)
+    speed_m_s = min(wanted_m_s, math.sqrt(COPTER_ACCELERATION_MAX_M_S2 * p.radius))
     notes = [*_limited(p, speed_m_s), *rounded]
     inwards = p.orbit_type is OrbitType.TOWARDS_HOT_POINT
     centre = {"latitude_deg": p.latitude, "longitude_deg": p.longitude}
@@ -135,14 +155,17 @@ def _as_items(p: NavHotpointParameters, situation: Situation) -> Items:
     start = start_point(p)
     if start is not None:
         before.append(mission_item.waypoint(**start._asdict()))
+    before.append(mission_item.change_speed(speed_m_s))
     behind = []
-    if inwards:
+    if inwards and not situation.refused & _LOOKS:
         before.append(mission_item.look_at(**centre, relative_altitude_m=0.0))
         behind.append(mission_item.look_ahead())
-    elif p.orbit_type is not OrbitType.ALONG_CIRCLE_LOOKING_FORWARDS:
+    elif not inwards and p.orbit_type is not OrbitType.ALONG_CIRCLE_LOOKING_FORWARDS:
         notes.append(f"orbit_type {p.orbit_type.name} is not supported: it looks forwards")
+    behind.append(mission_item.change_speed(situation.maximum_speed_m_s))
     spot = _end_point(p, situation) or _north_of(p)
-    loans = copter_circle(math.degrees(speed_m_s / p.radius), along=not inwards)
+    rate_deg_s = math.degrees(speed_m_s / p.radius) * (1.0 if p.is_clockwise else -1.0)
+    loans = copter_circle(rate_deg_s, along=not inwards)
     return Items((*before, circle, *behind), len(before), tuple(notes), spot, loans=loans)
 
 

@@ -5,7 +5,7 @@ from typing import Final, TypeAlias
 
 from afarcloud.enumerations import OrbitType, TrackMode
 from mavlink_broker.dialect import mavlink
-from mavlink_broker.protocol.command import CommandInt
+from mavlink_broker.protocol.command import CommandInt, CommandLong, long_command
 from mavlink_broker.protocol.command_sequence import Ways
 from mavlink_broker.protocol.parameter_keeper import Loan
 from mavlink_broker.translation.situation import Home, Spot
@@ -97,6 +97,7 @@ class LiveAction:
     end: End
     within_s: float  # Beginning to end; longer means that something is wrong
     approach: Spot | None = None  # Gone to before it begins
+    approach_speed_m_s: float | None = None  # Told by an order of its own; None: none is told
     follow: Spot | None = None  # Told to the vehicle as the place of a target, all the time
     loans: tuple[Loan, ...] = ()  # Parameters that it borrows of the vehicle, while it lasts
     finish: Ways = ()  # What ends it, when its time has come
@@ -112,6 +113,18 @@ class LiveAction:
         return self.begin[0][-1].command
 
     ends_at: Spot | None = None  # Where the vehicle is afterwards, if that is known before
+
+
+def speed_order(speed_m_s: float) -> CommandLong:
+    """DO_CHANGE_SPEED(178) of the ground speed; the throttle stays as it is."""
+    ground_speed, throttle_as_it_is = 1.0, -1.0
+    return long_command(mavlink.MAV_CMD_DO_CHANGE_SPEED, ground_speed, speed_m_s, throttle_as_it_is)
+
+
+def approach_ways(spot: Spot, home: Home, speed_m_s: float | None) -> Ways:
+    """Go to a place; the speed comes behind the order, which sets the vehicle's own."""
+    go = reposition(spot, home)
+    return ((go,),) if speed_m_s is None else ((go, speed_order(speed_m_s)), (go,))
 
 
 def reposition(

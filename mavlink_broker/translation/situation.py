@@ -64,6 +64,11 @@ class Situation(NamedTuple):
     common_radius_m: float | None = None  # Acceptance radius of all waypoints, if they are alike
     after_live: bool = False  # A live command came before, and nothing since gave a place
 
+    @property
+    def approach_speed_m_s(self) -> float | None:
+        """Speed of a way that is flown live, where an order to go somewhere brings none."""
+        return self.maximum_speed_m_s if self.family.speed_by_order else None
+
 
 @dataclass(frozen=True, slots=True)
 class Items:

@@ -74,7 +74,7 @@ class MissionReader:
         while self._next < len(self._items):
             if self.holds:
                 raise UnreadableError("something follows the last hold")
-            if self._peek() == SPEED:
+            if self._peek() == SPEED and not self._rounds():
                 self.speed_m_s = self._take().param2
             elif self._peek() == HOLD:
                 self._take()
@@ -92,6 +92,10 @@ class MissionReader:
                 return
             self._next = begin
         raise UnreadableError(f"item {begin}: command {self._peek()}")
+
+    def _rounds(self) -> bool:
+        """Whether a speed is that of the circle behind it."""
+        return self._peek(1) in {TURNS, LOOK_AT}
 
     # What the readers of the kinds use.
 
@@ -153,6 +157,9 @@ class MissionReader:
 
     def hotpoint(self) -> dict[str, Any] | None:
         start = place(self._take()) if self._peek() == WAYPOINT else None
+        slowly = self._peek() == SPEED and self._rounds()
+        if slowly:
+            self._take()
         inwards = self._peek() == LOOK_AT
         if inwards:
             self._take()
@@ -164,6 +171,8 @@ class MissionReader:
             if self._peek() != LOOK_AHEAD:
                 raise UnreadableError("it never looks ahead again")
             self._take()
+        if slowly and self._take().command != SPEED:
+            raise UnreadableError("it never flies as fast again")
         if start is not None:
             away = metres_between(start[:2], centre[:2])
             if not math.isclose(away, abs(item.param3), rel_tol=0.02, abs_tol=0.5):

@@ -16,6 +16,7 @@ PX4_MODES_TO_ARM_IN: Final = frozenset({4 << 16 | 2 << 24, 4 << 16 | 3 << 24, 4 
 """Take-off, hold, mission: what flies without a remote control."""
 COPTER_MODES_TO_ARM_IN: Final = frozenset({0, 2, 4, 5, 16})
 
+_NO_CAMERAS: Final = frozenset({2000, 2001, 2500, 2501})
 PX4_1_17: Final = Script(
     keeps=as_px4_keeps,
     mission_every_s=1.0,
@@ -31,9 +32,7 @@ PX4_1_17: Final = Script(
     disarms_after_s=2.0,
     return_changes_mode=True,
 )
-PX4_1_14: Final = replace(
-    PX4_1_17, gives_ids=False, tells_mission_state=False, version=0x010E03FF
-)
+PX4_1_14: Final = replace(PX4_1_17, gives_ids=False, tells_mission_state=False, version=0x010E03FF)
 """Before it gave ids to missions and told their state."""
 PX4_1_13: Final = replace(
     PX4_1_14,
@@ -66,5 +65,11 @@ COPTER_4_6: Final = Script(
     heartbeats_at_once=False,
     begins_anew_when_disarmed=True,
 )
-COPTER_3_6: Final = replace(COPTER_4_6, knows_intervals=False, tells_mission_state=False)
+COPTER_4_1: Final = replace(
+    COPTER_4_6,
+    unknown_items=_NO_CAMERAS | {195, 197, 1000, 1001},
+    results={**COPTER_4_6.results, **dict.fromkeys(_NO_CAMERAS, mavlink.MAV_RESULT_UNSUPPORTED)},
+)
+"""Before missions knew gimbals, cameras and films, but for a shutter."""
+COPTER_3_6: Final = replace(COPTER_4_1, knows_intervals=False, tells_mission_state=False)
 """Before SET_MESSAGE_INTERVAL: streams by groups."""

@@ -213,8 +213,9 @@ def test_the_speed_is_set_once_in_each_stretch_before_anything_flies(
             for i, item in enumerate(plan.items)
             if item.command == mavlink.MAV_CMD_DO_CHANGE_SPEED
         ]
+        circles = sum(item.command == mavlink.MAV_CMD_NAV_LOITER_TURNS for item in plan.items)
         flies = any(mission.command_array[c].command_type_id in FLYING for c in plan.commands)
-        assert len(speeds) == int(flies)
+        assert len(speeds) == int(flies) + 2 * circles  # Its own, and again that of the mission
         if flies:
             speed = plan.items[plan.first_item + speeds[0]]
             assert not any(places[: speeds[0]])

@@ -1,0 +1,129 @@
+"""ArduCopter's habits in flight, as its sources have them: circles, speeds, old items."""
+
+import dataclasses
+import math
+from typing import Any
+
+import pytest
+
+from mavlink_broker.dialect import mavlink
+from mavlink_broker.session_states import State
+from tests.support.broker_world import (
+    FINISHED,
+    World,
+    go_home,
+    mission,
+    takeoff,
+    waypoint,
+)
+from tests.support.real_autopilots import COPTER_4_1, COPTER_4_6, PX4_1_17
+from tests.support.scripted_vehicle import HOME, Script, ScriptedVehicle
+from tests.unit.mavlink_broker.test_real_autopilots import example, flown
+
+SPEED = mavlink.MAV_CMD_DO_CHANGE_SPEED
+CIRCLE = mavlink.MAV_CMD_NAV_LOITER_TURNS
+
+
+def hotpoint(**more: Any) -> dict[str, Any]:
+    parameters = {
+        "latitude": HOME[0],
+        "longitude": HOME[1] + 3e-4,
+        "orbit_altitude": 8.0,
+        "radius": 10.0,
+        "angular_velocity": 10.0,
+        "is_clockwise": True,
+        "orbit_type": 2,
+    }
+    return {"command_id": 2, "command_type_id": 7, "parameters": parameters | more}
+
+
+def speeds_round_the_circle(vehicle: ScriptedVehicle) -> tuple[float, float]:
+    """The last speed set before the circle, the first one behind it."""
+    kinds = [item.command for item in vehicle.items]
+    circle = kinds.index(CIRCLE)
+    before = [item.param2 for item in vehicle.items[:circle] if item.command == SPEED]
+    behind = [item.param2 for item in vehicle.items[circle:] if item.command == SPEED]
+    return before[-1], behind[0]
+
+
+def notes(world: World) -> list[str]:
+    """What the last report says of each command."""
+    (mission_id,) = {report["mission_id"] for report in world.edge.bodies("/mission_report/")}
+    reports = world.edge.reports(mission_id)[-1]["command_report_array"]
+    return [report.get("message", "") for report in reports]
+
+
+class TestACircle:
+    def test_is_as_slow_as_the_vehicle_may_fly(self) -> None:
+        """AC_Circle.cpp: AUTO keeps the rate it was switched on with, and no more than that."""
+        world = flown(COPTER_4_6, mission(takeoff(), hotpoint(), go_home()))
+        assert world.edge.statuses(1201) == FINISHED
+        before, behind = speeds_round_the_circle(world.only_vehicle)
+        assert before == pytest.approx(math.radians(10.0) * 10.0)
+        assert behind == 4.0
+
+    def test_that_is_wide_is_slower_still_and_says_so(self) -> None:
+        """No more than half of WPNAV_ACCEL goes into the turn."""
+        world = flown(
+            COPTER_4_6, mission(takeoff(), hotpoint(radius=25, angular_velocity=20), go_home())
+        )
+        assert "limited to 12.8 deg/s" in notes(world)[1]
+
+    @pytest.mark.parametrize("is_clockwise", [True, False])
+    def test_turns_the_way_that_versions_before_4_4_know(self, *, is_clockwise: bool) -> None:
+        """They know a direction by CIRCLE_RATE alone, and no sign of a radius."""
+        settings = {"CIRCLE_RATE": 20.0, "CIRCLE_OPTIONS": 1.0}
+        script = dataclasses.replace(COPTER_4_1, settings=settings)
+        world = flown(script, mission(takeoff(), hotpoint(is_clockwise=is_clockwise), go_home()))
+        written = dict(world.only_vehicle.written[:2])
+        assert math.copysign(1.0, written["CIRCLE_RATE"]) == (1.0 if is_clockwise else -1.0)
+
+    def test_that_is_too_fast_for_it_is_flown_from_point_to_point(self) -> None:
+        plan = mission(takeoff(), hotpoint(radius=8, angular_velocity=26), go_home())
+        world = World()
+        vehicle = world.add_vehicle(script=COPTER_4_6)
+        world.edge.plan(plan)
+        world.run_until(lambda: mavlink.MAV_CMD_DO_REPOSITION in vehicle.commands)
+        world.run(2.0)
+        reposition = vehicle.commands.index(mavlink.MAV_CMD_DO_REPOSITION)
+        assert vehicle.commands[reposition + 1] == SPEED, "a reposition sets the vehicle's own"
+        assert vehicle.parameters[reposition + 1][1][1] == 4.0
+
+
+class TestANewSpeed:
+    def test_holds_behind_a_circle_whose_items_know_the_old_one(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=COPTER_4_6)
+        world.edge.plan(mission(takeoff(), hotpoint(), waypoint(3), go_home(4)))
+        world.run_until(lambda: vehicle.airborne)
+        world.edge.event(3, maximum_speed=2.0)
+        kinds = [item.command for item in vehicle.items]
+        world.run_until(lambda: vehicle.current > kinds.index(CIRCLE) + 3)
+        world.run(1.0)
+        told = [values[1] for number, values in vehicle.parameters if number == SPEED]
+        assert told == [2.0, 2.0]
+
+    @pytest.mark.parametrize("script", [PX4_1_17, COPTER_4_6], ids=["px4", "copter"])
+    @pytest.mark.parametrize(
+        "state", [State.UPLOADING, State.VERIFYING, State.SELECTING, State.ARMING, State.STARTING]
+    )
+    def test_may_come_while_the_items_are_on_their_way(self, script: Script, state: State) -> None:
+        """What the vehicle is proved to hold is what it was given; the speed is told behind it."""
+        world = World()
+        vehicle = world.add_vehicle(script=script)
+        world.edge.plan(mission(takeoff(), waypoint(2), waypoint(3), go_home(4)))
+        world.run_until(lambda: any(s.state is state for s in world.app.sessions.values()))
+        event = world.edge.event(3, maximum_speed=2.0)
+        world.run_until_over(1201)
+        assert set(world.edge.statuses(1201)) == {3}
+        assert [values[1] for number, values in vehicle.parameters if number == SPEED] == [2.0]
+        assert world.edge.acknowledgements(event)[-1]["status"] == "done"
+
+
+def test_a_vehicle_that_knows_no_cameras_in_missions_flies_all_commands() -> None:
+    plan = example("eleven_commands")
+    world = flown(COPTER_4_1, plan)
+    report = world.edge.reports(plan["mission_id"])[-1]
+    assert set(world.edge.statuses(plan["mission_id"])) == {3}, report
+    assert "no camera" in notes(world)[0]
+    assert "shutter" in notes(world)[3]
