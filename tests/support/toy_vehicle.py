@@ -107,6 +107,8 @@ class ToyVehicle:
     aligned: bool = True
     battery: float = 1.0
     fix_type: int = 3
+    gyro_broken: bool = False  # Biased beyond its limit
+    gyro_jump_us: int | None = None
     imu_is_dead: bool = False  # It speaks, and holds no number
     satellites: int = 12
     accuracy: float = 0.1  # [m] Of the estimated position
@@ -328,7 +330,18 @@ class ToyVehicle:
         )
         self.estimator.publish(
             EstimatorStatus(
-                now, 0, self.innovation, 0.0, 0.0, 0.0, 0.1, 0.1, (0.0, 0.0, 0.0), self.aligned
+                now,
+                0,
+                self.innovation,
+                0.0,
+                0.0,
+                0.0,
+                0.1,
+                0.1,
+                (0.0, 0.0, 0.0),
+                self.aligned,
+                self.gyro_broken,
+                self.gyro_jump_us,
             )
         )
         state = LandedState.ON_GROUND if self.landed else LandedState.IN_AIR

@@ -56,6 +56,8 @@ class EstimatorStatus(NamedTuple):
     vertical_accuracy_m: float  # [m] One sigma
     gyro_bias_frd: Vector3  # [rad/s]
     aligned: bool  # Tilt and heading are initialised
+    gyro_broken: bool = False  # Its bias is beyond EKF2_GYR_B_LIM
+    gyro_jump_us: int | None = None  # [us] When its bias last jumped
 
 
 class WindEstimate(NamedTuple):

@@ -35,6 +35,7 @@ _BATTERY_HYSTERESIS: Final = 0.02  # of a full battery: a sagging voltage does n
 _TIME_HYSTERESIS: Final = 1.3  # of the time needed: a current that falls does not chatter
 _CURRENT_SETTLES_S: Final = 3.0  # [s] A climb or gust draws more for a moment
 _WIND_HYSTERESIS: Final = 0.85  # share of the threshold below which the wind has calmed down
+_JUMP_TOLD_US: Final = 10_000_000  # After that a bias is as well known as before
 _EXCEPT_BITS: Final[Mapping[NavigationState, int]] = {
     NavigationState.AUTO_MISSION: 1,
     NavigationState.AUTO_LOITER: 2,
@@ -58,6 +59,8 @@ class Cause(Enum):
     ALTITUDE_LOST = auto()
     ATTITUDE_LOST = auto()
     ATTITUDE_EXCEEDED = auto()
+    GYRO_JUMPED = auto()
+    GYRO_BROKEN = auto()
     MOTOR_FAILED = auto()
     FENCE_BREACHED = auto()
     WIND_STRONG = auto()
@@ -159,6 +162,12 @@ def _motor_failed(moment: Moment, _present: bool) -> bool:  # noqa: FBT001  # on
 def _attitude_exceeded(moment: Moment, _present: bool) -> bool:  # noqa: FBT001  # one signature
     failure = moment.view.failure
     return failure is not None and (failure.roll_exceeded or failure.pitch_exceeded)
+
+
+def _gyro_jumped(moment: Moment, _present: bool) -> bool:  # noqa: FBT001  # one signature
+    view = moment.view
+    jump_us = None if view.estimator is None else view.estimator.gyro_jump_us
+    return jump_us is not None and view.now_us - jump_us < _JUMP_TOLD_US
 
 
 def _fence_breached(moment: Moment, _present: bool) -> bool:  # noqa: FBT001  # one signature
@@ -268,6 +277,14 @@ ROWS: Final[Mapping[Cause, Row]] = {
     ),
     Cause.ATTITUDE_EXCEEDED: Row(
         "Attitude beyond limits", _attitude_exceeded, _always(Action.WARN)
+    ),
+    Cause.GYRO_JUMPED: Row(
+        "Gyroscope bias has jumped, following it", _gyro_jumped, _always(Action.WARN)
+    ),
+    Cause.GYRO_BROKEN: Row(
+        "Gyroscope bias beyond its limit",
+        lambda moment, _present: moment.view.gyro_broken,
+        _always(Action.LAND),
     ),
     Cause.MOTOR_FAILED: Row(
         "Motor failed",

@@ -31,6 +31,11 @@ def imu_fresh(view: VehicleView, _params: CommanderParams) -> str | None:
     return None if view.ages.imu < IMU_STALE_S else "Inertial sensor does not deliver"
 
 
+def gyro_sound(view: VehicleView, _params: CommanderParams) -> str | None:
+    """The gyroscope is biased no more than a healthy one."""
+    return "Gyroscope bias beyond its limit" if view.gyro_broken else None
+
+
 def baro_fresh(view: VehicleView, _params: CommanderParams) -> str | None:
     """The barometer delivers."""
     return None if view.ages.baro < SENSOR_STALE_S else "Barometer does not deliver"
@@ -156,6 +161,7 @@ def room_for_log(view: VehicleView, _params: CommanderParams) -> str | None:
 
 ARMING_CHECKS: Final[tuple[Check, ...]] = (
     imu_fresh,
+    gyro_sound,
     baro_fresh,
     mag_fresh,
     estimator_aligned,

@@ -63,6 +63,11 @@ class VehicleView(NamedTuple):
         return self.estimator is not None and self.estimator.aligned
 
     @property
+    def gyro_broken(self) -> bool:
+        """Whether the gyroscope is biased as no healthy one is."""
+        return self.estimator is not None and self.estimator.gyro_broken
+
+    @property
     def landed(self) -> bool:
         """Whether the vehicle stands on the ground."""
         return self.land is None or self.land.landed

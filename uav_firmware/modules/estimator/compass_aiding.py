@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from uav_firmware.lib.rotation import from_euler, multiply
+from uav_firmware.modules.estimator.bias_watch import HeadingWatch
 from uav_firmware.modules.estimator.core import RESET_AFTER_S, Core
 from uav_firmware.modules.estimator.ekf import Measurement
 from uav_firmware.modules.estimator.fuse_mag import Compass, heading_measurement, read_compass
@@ -24,6 +25,7 @@ class CompassAiding:
     def __init__(self, params: EstimatorParams) -> None:
         self.heading = Aid(params.heading_gate)
         self.aligned = False
+        self._watch = HeadingWatch()
         self._params = params
         self._strength = 0.0
         self._aligned_with = 0.0  # [rad] Declination
@@ -71,11 +73,14 @@ class CompassAiding:
         # Fusing what has just been set leaves the right correlation with the bias.
         core.ekf.fuse(self._measured(core, Compass(state.heading_bias, compass.tilt_gain)))
         self.aligned = True
+        self._watch.restart()
         self.heading.accept(core.time_us)
 
     def _fuse(self, core: Core, compass: Compass) -> None:
         aid, now_us = self.heading, core.time_us
-        if aid.fuse(core.ekf, self._measured(core, compass), now_us):
+        measured = self._measured(core, compass)
+        self._watch.look(core, measured[0])
+        if aid.fuse(core.ekf, measured, now_us):
             return
         if aid.rejected_s(now_us) <= RESET_AFTER_S:
             return

@@ -47,6 +47,8 @@ class Core:
         self.origin: LocalFrame | None = None
         self.declination: float | None = None  # [rad] At the origin
         self.on_ground: bool | None = None  # None while nobody has said
+        self.tilt_jump_us: int | None = None  # When the bias of roll or pitch rate last jumped
+        self.turn_jump_us: int | None = None  # And that of the yaw rate
         self.rest = RestDetector()
         self.history = InertialHistory(time_us, _HISTORY_SAMPLES)
         self.ekf = ErrorStateEkf(

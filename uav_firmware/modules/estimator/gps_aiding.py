@@ -4,6 +4,7 @@ import math
 from typing import Final
 
 from uav_firmware.modules.estimator.alignment import OriginAverage
+from uav_firmware.modules.estimator.bias_watch import VelocityWatch
 from uav_firmware.modules.estimator.core import RESET_AFTER_S, Core
 from uav_firmware.modules.estimator.delay import Past
 from uav_firmware.modules.estimator.ekf import Measurement
@@ -32,6 +33,7 @@ class GpsAiding:
         self.vertical = Aid(params.gps_position_gate)
         self.velocity = Aid(params.gps_velocity_gate)
         self._origin = OriginAverage(params.origin_time)
+        self._watch = VelocityWatch()
         self._last_us = -1
         self._last: tuple[float, float, float, Vector3] | None = None
         self.accuracy_m = (math.nan, math.nan)  # Horizontal, vertical of the last fix used
@@ -99,6 +101,7 @@ class GpsAiding:
         past = _recalled(core, gps)
         sigma = max(gps.speed_accuracy_m_s, self._params.gps_velocity_noise)
         group = velocity_measurements(past, gps.velocity_ned, sigma)
+        self._watch.look(core, group)
         if self._is_stale(core) or (
             not self.velocity.fuse(core.ekf, group, core.time_us)
             and self.velocity.rejected_s(core.time_us) > RESET_AFTER_S

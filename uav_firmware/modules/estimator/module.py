@@ -167,5 +167,7 @@ class EstimatorModule:
                 vertical,
                 (0.0, 0.0, 0.0) if core is None else core.state.gyro_bias_frd,
                 aligned=core is not None and navigation.compass.aligned,
+                gyro_broken=navigation.gyro_broken,
+                gyro_jump_us=navigation.gyro_jump_us,
             )
         )

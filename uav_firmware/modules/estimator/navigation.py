@@ -21,6 +21,7 @@ from uav_firmware.msg.vectors import Vector3
 
 _LARGEST_TILT_SIGMA_RAD = 0.1
 _LARGEST_HEADING_SIGMA_RAD = 0.35
+_BROKEN_GYRO_LIMIT = 2.0  # [-] Of EKF2_GYR_B_LIM; a bias up to there is followed, to land with
 
 
 class Navigation:
@@ -100,7 +101,9 @@ class Navigation:
             horizontal_lost=not validity.position,
             height_lost=not validity.altitude,
         )
-        core.state.limit_biases(params.accel_bias_limit, params.gyro_bias_limit)
+        core.state.limit_biases(
+            params.accel_bias_limit, _BROKEN_GYRO_LIMIT * params.gyro_bias_limit
+        )
 
     def accuracy_m(self) -> tuple[float, float]:
         """Horizontal and vertical accuracy [m], one sigma; NaN before the origin.
@@ -116,6 +119,21 @@ class Navigation:
         return (
             math.hypot(max(core.ekf.sigma(0), core.ekf.sigma(1)), horizontal),
             math.hypot(core.ekf.sigma(DOWN), vertical),
+        )
+
+    @property
+    def gyro_jump_us(self) -> int | None:
+        """When the gyroscope bias was last seen to have jumped [us]; None if never."""
+        core = self.core
+        jumps = () if core is None else (core.tilt_jump_us, core.turn_jump_us)
+        return max((jump for jump in jumps if jump is not None), default=None)
+
+    @property
+    def gyro_broken(self) -> bool:
+        """Whether the gyroscope bias is larger than that of a healthy sensor."""
+        limit = self._params.gyro_bias_limit
+        return self.core is not None and any(
+            abs(bias) > limit for bias in self.core.state.gyro_bias_frd
         )
 
     def validity(self) -> Validity:

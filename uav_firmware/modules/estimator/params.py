@@ -36,7 +36,7 @@ class EstimatorParams:
     )  # fmt: skip
     gyro_bias_limit: float = param(
         "EKF2_GYR_B_LIM", 0.15, unit="rad/s", minimum=0.0, maximum=0.4,
-        short="Largest gyroscope bias estimated",
+        short="Largest gyroscope bias of a healthy sensor; one twice as large is followed to land",
     )  # fmt: skip
     accel_bias_sigma: float = param(
         "EKF2_ABIAS_INIT", 0.05, unit="m/s^2", minimum=0.0, maximum=0.5,

@@ -71,6 +71,10 @@ def silence(name: str) -> Callable[[ToyVehicle], None]:
     return silent
 
 
+def bias_gyroscope(vehicle: ToyVehicle) -> None:
+    vehicle.gyro_broken = True
+
+
 def disagree(vehicle: ToyVehicle) -> None:
     vehicle.innovation = 1.5
 
@@ -108,6 +112,7 @@ def stand_outside(vehicle: ToyVehicle) -> None:
 
 
 FAULTS = [
+    (bias_gyroscope, "Gyroscope bias", SensorBit.GYRO_3D),
     (disagree, "Estimate and GPS velocity disagree", SensorBit.PREARM_CHECK),
     (move_on, "Vehicle moves at 2.0 m/s", SensorBit.PREARM_CHECK),
     (lose_satellites, "GPS uses only 4 satellites", SensorBit.PREARM_CHECK),

@@ -171,6 +171,19 @@ def test_the_operator_may_overrule_and_a_cause_does_not_fire_twice() -> None:
     assert modes == [HOLD] * 3 + [RETURN]
 
 
+def test_a_gyroscope_that_jumps_warns_and_one_beyond_its_limit_lands() -> None:
+    vehicle = on_mission()
+    vehicle.gyro_jump_us = vehicle.now_us
+    vehicle.run(0.5)
+    assert any("Gyroscope bias has jumped" in text for text in vehicle.texts)
+    assert vehicle.mode is MISSION
+    vehicle.run(10.0)
+    assert any("following it: over" in text for text in vehicle.texts)
+    vehicle.gyro_broken = True
+    vehicle.run(0.5)
+    assert vehicle.mode is LAND
+
+
 def test_a_return_waits_in_hold_for_the_operator() -> None:
     vehicle = on_mission(COM_FAIL_ACT_T=5.0)
     vehicle.battery = 0.06

@@ -107,3 +107,10 @@ def test_a_dead_inertial_sensor_is_blamed_alone() -> None:
     blamed = ill(vehicle)
     assert blamed & SensorBit.GYRO_3D
     assert not blamed & (SensorBit.AHRS | SensorBit.PROPULSION)
+
+
+def test_a_gyroscope_beyond_its_bias_is_blamed_alone() -> None:
+    vehicle = ToyVehicle()
+    vehicle.run(1.0)
+    vehicle.gyro_broken = True
+    assert ill(vehicle) & ~SensorBit.PREARM_CHECK == SensorBit.GYRO_3D

@@ -191,6 +191,31 @@ def test_a_spinning_compass_is_gated_and_heading_kept() -> None:
     assert_sound(rig, last)
 
 
+def jumped_gyro(*jump_deg_s: float) -> Change:
+    def change(readings: Readings) -> Readings:
+        x, y, z = (
+            rate + math.radians(jump)
+            for rate, jump in zip(readings.imu.rate_frd, jump_deg_s, strict=True)
+        )
+        return readings._replace(imu=readings.imu._replace(rate_frd=(x, y, z)))
+
+    return change
+
+
+def test_a_jump_of_the_gyroscope_bias_is_followed_and_one_beyond_the_limit_told() -> None:
+    jump_deg_s = (3.0, 3.0, -5.0)
+    rig = Rig(EKF2_GYR_B_LIM=math.radians(4.0))
+    last = fly(rig, 26.0, jumped_gyro(*jump_deg_s), between_s=(18.0, INF))
+    assert rig.status.value is not None
+    assert rig.status.value.gyro_jump_us is not None
+    assert rig.status.value.gyro_broken
+    assert rig.position.position_valid
+    assert np.abs(rig.position_error(last.truth)).max() < 0.8
+    assert np.abs(rig.attitude_error(last.truth)[:2]).max() < math.radians(4.0)
+    found_deg_s = [math.degrees(bias) for bias in rig.status.value.gyro_bias_frd]
+    assert found_deg_s == pytest.approx(jump_deg_s, abs=1.0)
+
+
 def test_a_frozen_barometer_leaves_the_height_to_gps() -> None:
     held: list[SensorBaro] = []
 

@@ -1,0 +1,46 @@
+"""What a jump of the gyroscope bias some time ago has done to the estimate, as a covariance.
+
+With tau the time since the jump w, R the attitude and f the specific force in NED (the
+transition of `ekf`, integrated):
+
+    dtheta = -R tau w        dv = [f]x R tau^2/2 w        dp = [f]x R tau^3/6 w        dw = w
+
+When it jumped is not known better than to within the last T, and which way not at all: the
+covariance is the mean of these products over tau from 0 to T, times the variance of w. Added to
+that of the filter it lets the next measurements tell bias, tilt and velocity together, as they
+belong together (A. S. Willsky and H. L. Jones, "A generalized likelihood ratio approach to the
+detection and estimation of jumps in linear systems", IEEE Trans. Automatic Control 21, 1976).
+"""
+
+from typing import Final
+
+import numpy as np
+
+from uav_firmware.lib.rotation import to_matrix
+from uav_firmware.modules.estimator.ekf import Array, ErrorStateEkf
+from uav_firmware.modules.estimator.state import ATTITUDE, GYRO_BIAS, POSITION, SIZE, VELOCITY
+from uav_firmware.msg.vectors import Vector3
+
+TILTING: Final[Vector3] = (1.0, 1.0, 0.0)
+"""Axes [FRD] whose bias tilts the estimate."""
+TURNING: Final[Vector3] = (0.0, 0.0, 1.0)
+"""The axis whose bias turns it."""
+
+_MOMENTS: Final = 8  # Of the mean over tau
+
+
+def jump_covariance(ekf: ErrorStateEkf, axes: Vector3, sigma: float, longest_s: float) -> Array:
+    """Covariance of a jump of `sigma` [rad/s] about each of `axes` within the last `longest_s`."""
+    rotation = np.array(to_matrix(ekf.state.q_ned_frd)) * axes
+    fx, fy, fz = ekf.acceleration_ned
+    fz -= ekf.gravity
+    pushed = np.array([[0.0, -fz, fy], [fz, 0.0, -fx], [-fy, fx, 0.0]]) @ rotation
+    effect, total = np.zeros((SIZE, 3)), np.zeros((SIZE, SIZE))
+    effect[GYRO_BIAS] = np.diag(axes)
+    for moment in range(_MOMENTS):
+        tau = longest_s * (moment + 0.5) / _MOMENTS
+        effect[ATTITUDE] = -tau * rotation
+        effect[VELOCITY] = tau**2 / 2.0 * pushed
+        effect[POSITION] = tau**3 / 6.0 * pushed
+        total += effect @ effect.T
+    return total * (sigma * sigma / _MOMENTS)

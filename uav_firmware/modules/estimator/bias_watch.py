@@ -1,0 +1,113 @@
+"""Watches GPS velocity and compass for a jump of the gyroscope bias, and lets the filter follow.
+
+The bias is known to thousandths of a degree a second after a minute. When it jumps, by a knock,
+a cold solder joint or a supply that fails, the filter would rather reject every other source than
+believe it. What the innovations say is turned into the size of a jump that explains them; twice
+that is what the filter is told to reckon with (`bias_jump`), and it finds the rest by itself.
+
+A velocity that drifts has another cause too: a wrong heading while the vehicle accelerates. What
+0.2 rad of it would do to the latest change of velocity counts as noise here.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2
+from uav_firmware.modules.estimator.bias_jump import TILTING, TURNING, jump_covariance
+from uav_firmware.modules.estimator.core import Core
+from uav_firmware.modules.estimator.drift_watch import DriftWatch
+from uav_firmware.modules.estimator.ekf import ErrorStateEkf, Measurement
+from uav_firmware.msg.vectors import Vector3
+
+_LARGEST_JUMP: Final = 0.2  # [rad/s] 11 deg/s, one sigma
+_SHORTEST_S: Final = 0.5  # A jump is not told sooner
+_LONGEST_S: Final = 4.0  # What is older would have been told
+_DOUBT: Final = 2.0  # [-] Sigma over the size that explains the innovations
+_WINDOW: Final = 1.5  # [-] Longest time since the jump over the likely one
+_HEADING_ERROR_RAD: Final = 0.2
+_TILTED_US: Final = 1_000_000  # A tilt that is wrong has been found after that
+_RECENT_S: Final = 1.5  # Changes of velocity longer ago than that are forgotten
+
+
+class VelocityWatch:
+    """Tells a jump about the roll or pitch axis: the velocity grows with the square of the time.
+
+    Told within 1.3 s when it is of 3 deg/s.
+    """
+
+    def __init__(self) -> None:
+        self._drift = DriftWatch(slack=1.0, limit=8.0, leap=4.0)
+        self._slow: Vector3 | None = None
+        self._last_us = 0
+
+    def look(self, core: Core, group: Sequence[Measurement]) -> None:
+        """Take the velocity of a fix before it is fused."""
+        ekf, now_us = core.ekf, core.time_us
+        turned = _HEADING_ERROR_RAD * self._change(ekf.state.velocity_ned, now_us)
+        drift = self._drift.update(
+            [m.innovation / math.hypot(ekf.deviation(m), turned) for m in group], now_us
+        )
+        if drift is None:
+            return
+        # As long again as the innovations have exceeded the slack they grew unseen below it
+        since_s = min(max(2.0 * drift.age_s, _SHORTEST_S), _LONGEST_S)
+        feigned = max(abs(m.innovation) for m in group)
+        jump = 2.0 * feigned / (STANDARD_GRAVITY_M_S2 * since_s**2)
+        _reckon_with(ekf, TILTING, jump, since_s)
+        core.tilt_jump_us = now_us
+
+    def _change(self, velocity: Vector3, now_us: int) -> float:
+        """How much the velocity has changed of late [m/s]."""
+        slow = self._slow or velocity
+        share = min(1.0, (now_us - self._last_us) * 1e-6 / _RECENT_S)
+        north, east = velocity[0] - slow[0], velocity[1] - slow[1]
+        self._slow = (slow[0] + share * north, slow[1] + share * east, 0.0)
+        self._last_us = now_us
+        return math.hypot(north, east)
+
+
+class HeadingWatch:
+    """Tells a jump about the yaw axis: the heading runs away from the compass, steadily.
+
+    A magnet nearby is a step: what has not grown is no jump, and a compass that has leapt is not
+    believed against the gyroscope any more, until it is aligned anew.
+    """
+
+    def __init__(self) -> None:
+        self.restart()
+
+    def restart(self) -> None:
+        """Trust the compass, which has just been aligned."""
+        self._drift = _drift_of_headings()
+        self._leapt = False
+
+    def look(self, core: Core, measured: Measurement) -> None:
+        """Take a heading before it is fused.
+
+        While the tilt is found anew, the heading by compass leaps with it: a field that dips by
+        55 degrees turns it by more than the tilt changes.
+        """
+        ekf, now_us, tilted_us = core.ekf, core.time_us, core.tilt_jump_us
+        if tilted_us is not None and now_us - tilted_us < _TILTED_US:
+            self._drift = _drift_of_headings()
+            return
+        deviation = ekf.deviation(measured)
+        drift = self._drift.update([measured.innovation / deviation], now_us)
+        self._leapt = self._leapt or self._drift.leapt
+        if drift is None or self._leapt:
+            return
+        jump = drift.growth * deviation / max(drift.age_s, _SHORTEST_S)
+        if jump <= 0.0:
+            return
+        _reckon_with(ekf, TURNING, jump, min(abs(measured.innovation) / jump, _LONGEST_S))
+        core.turn_jump_us = now_us
+
+
+def _drift_of_headings() -> DriftWatch:
+    return DriftWatch(slack=2.0, limit=28.0, leap=2.0)
+
+
+def _reckon_with(ekf: ErrorStateEkf, axes: Vector3, jump: float, since_s: float) -> None:
+    sigma = min(_DOUBT * jump, _LARGEST_JUMP)
+    ekf.covariance += jump_covariance(ekf, axes, sigma, _WINDOW * since_s)

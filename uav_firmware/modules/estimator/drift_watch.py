@@ -1,0 +1,77 @@
+"""Tells from innovations that something that the filter takes for steady has jumped.
+
+Innovations of a filter that knows its sensors have no mean. When a rate that is integrated jumps,
+they grow, and always to the same side: long before a single one is beyond its gate, their sum
+tells. The sum is Page's (E. S. Page, "Continuous inspection schemes", Biometrika 41, 1954), one
+for each side of each component, of innovations in their own deviations:
+
+    sum <- max(0, sum +- innovation - slack)        told above limit
+
+A step is something else: a source that leaps, for which there is the gate. What has leapt is left
+out until it is back.
+"""
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+_GATE: Final = 5.0  # [SD] An innovation that has leapt is back when it is below
+
+
+class Drift(NamedTuple):
+    """Innovations that have left their mean."""
+
+    age_s: float  # [s] Since they began to exceed the slack
+    growth: float  # [SD] Of the worst component since then
+
+
+class DriftWatch:
+    """The sums of a vector of innovations, and since when they have grown."""
+
+    __slots__ = ("_former", "_leap", "_limit", "_onset", "_slack", "_sums", "leapt")
+
+    def __init__(self, *, slack: float, limit: float, leap: float) -> None:
+        self._slack = slack  # [SD] Mean that is not told
+        self._limit = limit  # [SD] Sum that is told
+        self._leap = leap  # [SD] Between two innovations; no drift changes by so much
+        self._former: Sequence[float] = ()
+        self.leapt = False  # And not back yet
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin anew: what has been told is taken account of."""
+        self._sums: list[float] = []
+        self._onset: tuple[int, Sequence[float]] | None = None
+
+    def update(self, innovations: Sequence[float], now_us: int) -> Drift | None:
+        """Take a vector of innovations [SD]; how it drifts, if it does."""
+        if self._leaps(innovations):
+            self.restart()
+            return None
+        signed = [*innovations, *(-innovation for innovation in innovations)]
+        sums = self._sums or [0.0] * len(signed)
+        slack = self._slack
+        self._sums = sums = [
+            max(0.0, total + x - slack) for total, x in zip(sums, signed, strict=True)
+        ]
+        largest = max(sums)
+        if largest == 0.0:
+            self._onset = None
+            return None
+        if self._onset is None:
+            self._onset = (now_us, innovations)
+        if largest < self._limit:
+            return None
+        since_us, first = self._onset
+        growth = max(abs(new - old) for new, old in zip(innovations, first, strict=True))
+        self.restart()
+        return Drift((now_us - since_us) * 1e-6, growth)
+
+    def _leaps(self, innovations: Sequence[float]) -> bool:
+        """Whether a component has leapt, and is not back yet."""
+        former, self._former = self._former or innovations, innovations
+        leap = self._leap
+        if any(abs(new - old) > leap for new, old in zip(innovations, former, strict=True)):
+            self.leapt = True
+        elif self.leapt and max(map(abs, innovations)) < _GATE:
+            self.leapt = False
+        return self.leapt
