@@ -106,6 +106,7 @@ class Performer:
         """Go to where it begins, once the vehicle has the parameters that it needs."""
         if not self._vehicle.parameters.is_settled:
             return []
+        self._began_at = self._time_s(now)  # What it may take does not count what it has borrowed
         self._enter(Phase.APPROACHING, now)
         if self._action.approach is None:
             return self._begin(now)

@@ -9,7 +9,7 @@ from afarcloud.enumerations import Status
 from mavlink_broker.attendance import AWAY_S
 from mavlink_broker.dialect import mavlink
 from tests.support.broker_world import FINISHED, World, first_flight, go_home, mission, takeoff
-from tests.support.real_autopilots import PX4_1_17
+from tests.support.real_autopilots import PX4_1_13, PX4_1_17
 from tests.support.scripted_vehicle import HOME
 
 ATTENDED = dataclasses.replace(
@@ -61,6 +61,21 @@ class TestAVehicleWithAFenceOfItsOwn:
         world.run_until_over(1201, within_s=60.0)
         assert world.edge.statuses(1201) == [Status.FINISHED, Status.FAILED, Status.ABORTED]
         assert "Reposition is outside geofence" in world.edge.reports(1201)[-1]["message"]
+
+
+class TestAVehicleThatLacksParameters:
+    def test_is_given_its_time_to_follow_however_long_they_were_asked_for(self) -> None:
+        """Up to 1.15 nobody answers for a parameter that is not there."""
+        world = World()
+        world.add_vehicle(script=PX4_1_13)
+        world.run(3.0)
+        for _ in range(20):
+            world.app.sessions[1].vehicle.round_trip.sample(5.0)
+        target = {"latitude": HOME[0], "longitude": HOME[1], "altitude": 10.0}
+        second = {"command_id": 2, "command_type_id": 8, "parameters": target}
+        world.edge.plan(mission(takeoff(), second, go_home(3)))
+        world.run_until_over(1201, within_s=400.0)
+        assert world.edge.statuses(1201) == FINISHED
 
 
 class TestAVehicleThatIsNotReady:
