@@ -25,8 +25,9 @@ class Unit(IntEnum):
     BATTERY = 100
     MOTOR = 101
     MAVLINK_SIGNAL = 105
-    CAMERA = 200  # MAVLink has no number for these two
+    CAMERA = 200  # MAVLink has no number for these three
     HYGROMETER = 201
+    AIR = 202
 
 
 class Failure(IntEnum):
@@ -60,7 +61,7 @@ EFFECTS: Final[Mapping[tuple[Unit, Failure], Effect]] = MappingProxyType(
         (Unit.BARO, Failure.STUCK): Effect(Kind.BARO_FROZEN, _NOTHING),
         (Unit.GPS, Failure.OFF): Effect(Kind.GPS_LOSS, _NOTHING),
         (Unit.GPS, Failure.STUCK): Effect(Kind.GPS_FROZEN, _NOTHING),
-        (Unit.GPS, Failure.WRONG): Effect(Kind.GPS_JUMP, {"north_m": 30.0, "east_m": 30.0}),
+        (Unit.GPS, Failure.WRONG): Effect(Kind.GPS_JUMP, {"north_m": 40.0, "east_m": 40.0}),
         (Unit.DISTANCE_SENSOR, Failure.OFF): Effect(Kind.RANGEFINDER_LOSS, _NOTHING),
         (Unit.BATTERY, Failure.OFF): Effect(Kind.BATTERY_LOW, {"charge": 0.0}),
         (Unit.BATTERY, Failure.WRONG): Effect(Kind.BATTERY_CELL_FAILURE, _NOTHING),
@@ -69,6 +70,7 @@ EFFECTS: Final[Mapping[tuple[Unit, Failure], Effect]] = MappingProxyType(
         (Unit.CAMERA, Failure.OFF): Effect(Kind.CAMERA_FAILURE, _NOTHING),
         (Unit.HYGROMETER, Failure.OFF): Effect(Kind.HUMIDITY_FAILURE, _NOTHING),
         (Unit.HYGROMETER, Failure.GARBAGE): Effect(Kind.HUMIDITY_INVALID, _NOTHING),
+        (Unit.AIR, Failure.WRONG): Effect(Kind.WIND_GUST, {"speed_m_s": 18.0}),
         (Unit.MAVLINK_SIGNAL, Failure.OFF): Effect(Kind.LINK_LOSS, _NOTHING),
     }
 )

@@ -21,10 +21,11 @@ SAME = (
         0,
         tuple(f"motor_loss motor={motor} efficiency=0.6" for motor in range(1, 5)),
     ),
-    (Unit.GPS, Failure.WRONG, 0, ("gps_jump north_m=30 east_m=30",)),
+    (Unit.GPS, Failure.WRONG, 0, ("gps_jump north_m=40 east_m=40",)),
+    (Unit.AIR, Failure.WRONG, 0, ("wind_gust speed_m_s=18",)),
     (Unit.HYGROMETER, Failure.GARBAGE, 0, ("humidity_invalid",)),
 )
-"""The ten faults that raise the ten alarms."""
+"""The faults that raise the ten alarms."""
 
 
 @pytest.mark.parametrize(("unit", "failure", "instance", "lines"), SAME)
