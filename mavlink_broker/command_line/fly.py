@@ -24,6 +24,7 @@ from mavlink_broker.command_line.program import (
     Signals,
     SystemClock,
     UsageError,
+    Voice,
     begin_log,
     connected,
     open_link,
@@ -218,11 +219,8 @@ def _say_what_is_left(edge: LocalEdge, missions: Sequence[Mission]) -> None:
 
 
 def _page(missions: tuple[Mission, ...], options: argparse.Namespace) -> ProgressPage | JsonPage:
-    return JsonPage(_say) if options.json else ProgressPage(missions, _say)
-
-
-def _say(line: str) -> None:
-    print(line, flush=True)
+    say = Voice().say
+    return JsonPage(say) if options.json else ProgressPage(missions, say)
 
 
 def _refuse_unknown(missions: Sequence[Mission], settings: Config) -> None:
@@ -258,4 +256,13 @@ def _options(
     options = parser.parse_args(arguments)
     if not 0 < options.wait <= 3600:
         parser.error("--wait must be above 0, at most 3600")
+    if options.out is not None:
+        _make_folder(options.out)
     return connected(config.settings(parser, options), options.connect), options
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"--out {folder}: {error.strerror}") from error

@@ -1,6 +1,7 @@
 """Stands in the edge server's place for one plan: hands its missions out, keeps what comes back."""
 
 import base64
+import logging
 from collections.abc import Callable, Sequence
 from datetime import datetime
 from pathlib import Path
@@ -15,6 +16,7 @@ from mavlink_broker.send_queue import Post
 _IMAGE: Final = wire.Kind.IMAGE.value
 _REPORT: Final = wire.Kind.MISSION_REPORT.value
 _VEHICLES: Final = "vehicles"
+_LOG = logging.getLogger(__name__)
 _NO_NAMES: Final = frozenset({"", ".", ".."})
 
 
@@ -128,5 +130,8 @@ class LocalEdge:
         if name in _NO_NAMES:
             name = f"{image['sequence_number']}.{image['format']}"
         folder = self._folder / f"vehicle-{image['vehicle_id']}"
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(base64.b64decode(image["frame"], validate=True))
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_bytes(base64.b64decode(image["frame"], validate=True))
+        except OSError as error:
+            _LOG.warning("%s is not kept: %s", folder / name, error.strerror)

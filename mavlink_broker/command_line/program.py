@@ -6,7 +6,9 @@ UsageError      what was asked for cannot be begun; one sentence, and the exit s
 
 import argparse
 import logging
+import os
 import signal
+import sys
 import time
 from collections.abc import Mapping
 from dataclasses import replace
@@ -26,7 +28,14 @@ MISUSED: Final = 2
 INTERRUPTED: Final = 130
 """As shells tell of a program that SIGINT has ended."""
 TERMINATED: Final = 143
+HUNG_UP: Final = 129
+_STATUSES: Final = {
+    signal.SIGINT: INTERRUPTED,
+    signal.SIGTERM: TERMINATED,
+    signal.SIGHUP: HUNG_UP,
+}
 
+_LOG = logging.getLogger(__name__)
 _LOG_FORMAT: Final = "%(asctime)s %(levelname)s %(name)s: %(message)s"
 
 
@@ -60,8 +69,9 @@ class Signals:
     def __init__(self) -> None:
         self.count = 0
         self.status = SUCCEEDED  # That tells which signal it was
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._note)
+        for number in _STATUSES:
+            if signal.getsignal(number) is not signal.SIG_IGN:  # As nohup wants it
+                signal.signal(number, self._note)
 
     @property
     def stop(self) -> bool:
@@ -71,7 +81,42 @@ class Signals:
     def _note(self, number: int, frame: FrameType | None) -> None:
         del frame
         self.count += 1
-        self.status = INTERRUPTED if number == signal.SIGINT else TERMINATED
+        self.status = _STATUSES[signal.Signals(number)]
+
+
+class Voice:
+    """Says lines on the standard output for as long as that takes them.
+
+    What flies vehicles must not end because its reader has gone, or a disk is full.
+    """
+
+    def __init__(self) -> None:
+        self._is_heard = True
+
+    def say(self, line: str) -> None:
+        """Say a line, or nothing."""
+        if not self._is_heard:
+            return
+        try:
+            put(line)
+        except UsageError as error:
+            self._is_heard = False
+            _LOG.warning("nothing more is said: %s", error)
+
+
+def put(text: str) -> None:
+    """Print on the standard output.
+
+    Raises:
+        UsageError: if nobody reads it, or it has no room.
+    """
+    try:
+        print(text, flush=True)
+    except OSError as error:
+        nowhere = os.open(os.devnull, os.O_WRONLY)  # For what is still to be flushed at the end
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
+        raise UsageError(f"the standard output: {error.strerror}") from None
 
 
 def begin_log(level: str) -> None:

@@ -12,7 +12,7 @@ from afarcloud.plan import Mission
 from mavlink_broker.command_line.itinerary_record import mission_record
 from mavlink_broker.command_line.itinerary_table import mission_page
 from mavlink_broker.command_line.plan_file import chosen, read_plan
-from mavlink_broker.command_line.program import FAILED, SUCCEEDED
+from mavlink_broker.command_line.program import FAILED, SUCCEEDED, put
 from mavlink_broker.translation.area_check import AreaCheck
 from mavlink_broker.translation.families import (
     ARDUPILOT,
@@ -50,7 +50,7 @@ def run(arguments: Sequence[str], now: datetime) -> int:
     """Print what the plan becomes; 1 if a mission of it cannot be flown.
 
     Raises:
-        UsageError: if there is no plan to translate.
+        UsageError: if there is no plan to translate, or nobody reads what it becomes.
     """
     options = _parser().parse_args(arguments)
     plan, warnings = read_plan(options.plan, now)
@@ -73,9 +73,9 @@ def run(arguments: Sequence[str], now: datetime) -> int:
             continue
         records.append(head | mission_record(mission, itinerary))
         if not options.json:
-            print("\n".join(_page(mission, itinerary, family, home, assumed=options.home is None)))
+            put("\n".join(_page(mission, itinerary, family, home, assumed=options.home is None)))
     if options.json:
-        print(json.dumps({"missions": records}, indent=1))
+        put(json.dumps({"missions": records}, indent=1))
     return status
 
 

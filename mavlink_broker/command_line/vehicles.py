@@ -28,6 +28,7 @@ from mavlink_broker.command_line.program import (
     begin_log,
     connected,
     open_link,
+    put,
     terminal_parser,
 )
 from mavlink_broker.command_line.roster import page, row
@@ -55,9 +56,9 @@ def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
         print(f"{busy}; asking {settings.edge_url}/vehicles/ instead", file=sys.stderr)
         rows = _asked(settings)
     if options.json:
-        print(json.dumps({"vehicles": rows}, indent=1))
+        put(json.dumps({"vehicles": rows}, indent=1))
     elif rows:
-        print("\n".join(page(rows)))
+        put("\n".join(page(rows)))
     if not rows:
         print("no vehicle is heard", file=sys.stderr)
     return SUCCEEDED if rows else FAILED

@@ -191,6 +191,14 @@ class TestTheLocalEdge:
         assert (folder / "north_0001.png").read_bytes() == PNG
         assert (folder / "4.png").read_bytes() == PNG
 
+    def test_outlives_a_folder_that_takes_no_pictures(self, tmp_path: Path) -> None:
+        nowhere = tmp_path / "file"
+        nowhere.write_bytes(b"")
+        told: list[str] = []
+        edge = LocalEdge((), lambda kind, _: told.append(kind), folder=nowhere)
+        edge.post(picture("north_0001.png"))
+        assert told == ["image"]
+
     def test_hands_out_fence_and_rally_points_of_the_plan_with_every_mission(self) -> None:
         fence = {"inclusion": [[[40.0, -4.0], [41.0, -4.0], [41.0, -3.0]]], "max_altitude": 60.0}
         point = {"latitude": 40.1, "longitude": -3.9, "altitude": 20.0}
@@ -248,6 +256,19 @@ class TestTheProgram:
         assert process.returncode == 0
         last = [json.loads(line) for line in out.splitlines() if "mission_report" in line][-1]
         assert last["mission_report"]["mission_status_id"] == Status.FINISHED
+
+    def test_flies_on_when_its_reader_goes_away(self, tmp_path: Path) -> None:
+        with started(tmp_path, "--json") as (process, port):
+            assert process.stdout is not None
+            process.stdout.close()
+            live(scripted(item_time_s=0.05), port, lambda: process.poll() is not None)
+            assert process.wait() == 0
+
+    def test_that_cannot_keep_pictures_does_not_begin(self, tmp_path: Path) -> None:
+        with started(tmp_path, "--out", "/dev/null/pictures") as (process, _):
+            _, errors = process.communicate()
+        assert process.returncode == 2
+        assert errors == "mavlink_broker: --out /dev/null/pictures: Not a directory\n"
 
     def test_that_is_interrupted_says_what_it_leaves(self, tmp_path: Path) -> None:
         with started(tmp_path) as (process, port):

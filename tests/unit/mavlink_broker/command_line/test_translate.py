@@ -2,6 +2,7 @@
 
 import io
 import json
+import subprocess
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,7 +16,8 @@ from tests.support.broker_world import first_flight, go_home, mission, takeoff, 
 from tests.support.scripted_vehicle import HOME
 
 NOW = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
-EXAMPLES = Path(__file__).parents[4] / "examples" / "plans"
+ROOT = Path(__file__).parents[4]
+EXAMPLES = ROOT / "examples" / "plans"
 PANORAMA = {"command_id": 1, "command_type_id": 10, "parameters": {"panorama_mode": 0}}
 
 
@@ -159,3 +161,13 @@ def test_a_plan_may_come_from_the_standard_input(
     raw = io.BytesIO(json.dumps(first_flight()).encode())
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(raw))
     assert len(printed(capsys, "-")["missions"]) == 1
+
+
+def test_a_standard_output_without_room_is_told_in_one_sentence(plan: Path) -> None:
+    command = [sys.executable, "-m", "mavlink_broker", "translate", str(plan)]
+    with Path("/dev/full").open("wb") as full:
+        ended = subprocess.run(
+            command, cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert ended.returncode == 2
+    assert ended.stderr == "mavlink_broker: the standard output: No space left on device\n"
