@@ -182,6 +182,6 @@ class FlightAttachment(FlightPreparation):
         if has_gone_on or self._vehicle.snapshot.is_on_ground != self._stages.is_from_ground:
             return False
         told = self._vehicle.snapshot.mission
-        if told is None or told.seq > self._plan.first_item:
+        if told is None or told.seq > self._plan.first_item or self._vehicle.has_run_its_mission:
             return False
         return told.state in _NOTHING_DONE

@@ -13,6 +13,7 @@ from mavlink_broker.departure import HELD_BY_FAILSAFE, Departure
 from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.effects import Told
 from mavlink_broker.reporter import Reporter
+from mavlink_broker.translation.geo import distance_m
 from mavlink_broker.translation.ledger import Ledger
 from mavlink_broker.translation.mission import FlightPlan
 from mavlink_broker.translation.modes import ModeRole
@@ -20,6 +21,9 @@ from mavlink_broker.translation.progress import Progress
 from mavlink_broker.vehicle import Vehicle
 
 REPORT_EVERY_S: Final = 30.0
+AT_THE_END_M: Final = 30.0
+"""How far from its place a vehicle may land: home is moved when it arms, a return is not exact."""
+
 _UNDER_WAY: Final = frozenset({mavlink.MISSION_STATE_ACTIVE, mavlink.MISSION_STATE_PAUSED})
 
 
@@ -41,7 +45,7 @@ class Follower:
         self._progress = Progress.after(plan, max(0, ledger.finished - plan.first_command))
         self._plan = plan
         self._mission_id: int | None = None  # The vehicle's own, once it has told it
-        self._under_way = resumed
+        self._under_way = self._resumed = resumed
         self._reported_at = 0.0
         self._departed = Departure()
         self.departure: str | None = None
@@ -71,6 +75,8 @@ class Follower:
     def step(self, now: float) -> list[Told]:
         """Judge where things stand; gives results and reports to post."""
         if self._vehicle.snapshot.is_on_ground and self._vehicle.is_heard(now):
+            if self._resumed and self._has_landed_meanwhile():
+                self._progress = self._progress.with_complete()
             self._progress = self._progress.with_landing()
         self._watch(now)
         before = self._ledger.commands
@@ -80,6 +86,15 @@ class Follower:
         if has_changed or now - self._reported_at >= REPORT_EVERY_S:
             reports += self._report(now)
         return reports
+
+    def _has_landed_meanwhile(self) -> bool:
+        """Whether a vehicle that has run its mission stands where that ends."""
+        vehicle, last = self._vehicle, self._plan.items[-1]
+        place, home = vehicle.snapshot.position, vehicle.snapshot.home
+        end = (last.latitude_deg, last.longitude_deg) if last.is_positional else home
+        if place is None or end is None or not vehicle.has_run_its_mission:
+            return False
+        return self._plan.ends_on_ground and distance_m(*place[:2], *end[:2]) <= AT_THE_END_M
 
     def _current(self, message: Message) -> None:
         if self._mission_id is None:

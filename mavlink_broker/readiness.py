@@ -35,7 +35,7 @@ def obstacle(
         "it cannot navigate yet": not may_navigate and not hovering,
         "it is armed": bool(snapshot.armed) and not hovering,
         "it is not ready to arm": _is_unready(vehicle, waited_s) and not hovering,
-        "it is in its mission mode": _runs_its_mission(vehicle) and not hovering,
+        "it is in its mission mode": vehicle.has_run_its_mission and not hovering,
     }
     return next((obstacle for obstacle, there in obstacles.items() if there), None)
 
@@ -51,9 +51,10 @@ def wants_another_mode(vehicle: Vehicle) -> bool:
 
     PX4 judges its readiness for that mode: without a remote control it is never ready to be flown
     by one, and behind a return or a landing it stays in a mode in which it does not arm.
+    ArduPilot in AUTO would begin a new mission before its propellers turn.
     """
     snapshot = vehicle.snapshot
-    if _runs_its_mission(vehicle):
+    if vehicle.has_run_its_mission:
         return snapshot.can_navigate is not False
     waits = snapshot.armed is False and vehicle.ready_to_arm is False
     return (
@@ -61,15 +62,6 @@ def wants_another_mode(vehicle: Vehicle) -> bool:
         and vehicle.family.readiness_by_mode
         and vehicle.mode_role in {ModeRole.OTHER, ModeRole.ENDING}
     )
-
-
-def _runs_its_mission(vehicle: Vehicle) -> bool:
-    """Whether it stands and goes through its mission, as ArduPilot does in AUTO.
-
-    A new one would begin before the propellers turn, and lose its first changes of speed.
-    """
-    is_in_it = vehicle.mode_role is ModeRole.MISSION and vehicle.snapshot.armed is False
-    return is_in_it and vehicle.family.runs_missions_disarmed
 
 
 class Attachment(Enum):

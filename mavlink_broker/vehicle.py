@@ -178,6 +178,16 @@ class Vehicle:
         return bool(snapshot.armed) and snapshot.in_failsafe and self.mode_role is ModeRole.HOLD
 
     @property
+    def has_run_its_mission(self) -> bool:
+        """Whether it stands in its mission mode as ArduPilot does behind a landing.
+
+        Disarmed it forgets how far it was, and goes through its mission from the first item on;
+        before a flight it is taken out of that mode.
+        """
+        in_mission = self.mode_role is ModeRole.MISSION and self.snapshot.is_on_ground
+        return in_mission and self.family.runs_missions_disarmed
+
+    @property
     def parameter_encoding(self) -> ParameterEncoding:
         """How it puts integers into the messages of the parameter protocol."""
         return encoding_of(self.capabilities, self.family.parameter_encoding)

@@ -69,7 +69,8 @@ COPTER_4_1: Final = replace(
     COPTER_4_6,
     unknown_items=_NO_CAMERAS | {195, 197, 1000, 1001},
     results={**COPTER_4_6.results, **dict.fromkeys(_NO_CAMERAS, mavlink.MAV_RESULT_UNSUPPORTED)},
+    tells_mission_state=False,
 )
 """Before missions knew gimbals, cameras and films, but for a shutter."""
-COPTER_3_6: Final = replace(COPTER_4_1, knows_intervals=False, tells_mission_state=False)
+COPTER_3_6: Final = replace(COPTER_4_1, knows_intervals=False)
 """Before SET_MESSAGE_INTERVAL: streams by groups."""

@@ -6,12 +6,14 @@ from typing import Any
 
 import pytest
 
+from afarcloud.enumerations import Status
 from mavlink_broker.dialect import mavlink
 from mavlink_broker.session_states import State
 from tests.support.broker_world import (
     FINISHED,
     World,
     go_home,
+    land,
     mission,
     takeoff,
     waypoint,
@@ -127,3 +129,41 @@ def test_a_vehicle_that_knows_no_cameras_in_missions_flies_all_commands() -> Non
     assert set(world.edge.statuses(plan["mission_id"])) == {3}, report
     assert "no camera" in notes(world)[0]
     assert "shutter" in notes(world)[3]
+
+
+class TestABrokerThatWasAway:
+    @pytest.mark.parametrize("last", [land(3), go_home(3)], ids=["land", "return"])
+    @pytest.mark.parametrize("script", [COPTER_4_1, COPTER_4_6], ids=["4.1", "4.6"])
+    @pytest.mark.parametrize("killed_after_s", [0.0, 3.0])
+    def test_finds_a_mission_that_is_over_and_begins_anew(
+        self, script: Script, last: dict[str, Any], killed_after_s: float
+    ) -> None:
+        """Landed in AUTO it is at its first item again: it is not to be flown once more."""
+        world = World()
+        vehicle = world.add_vehicle(script=script)
+        world.edge.plan(mission(takeoff(), waypoint(), last))
+        world.run_until(lambda: vehicle.airborne)
+        world.run(killed_after_s)
+        world.kill_broker()
+        world.run_until(lambda: not vehicle.armed)
+        world.run(5.0)
+        world.restart_broker()
+        world.run_until_over(1201)
+        world.run(30.0)
+        assert vehicle.uploads == 1
+        assert vehicle.commands.count(mavlink.MAV_CMD_MISSION_START) == 1
+        assert world.edge.statuses(1201) == FINISHED
+
+    def test_finds_a_vehicle_that_came_down_elsewhere(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=COPTER_4_6)
+        world.edge.plan(mission(takeoff(), waypoint(), go_home()))
+        world.run_until(lambda: vehicle.airborne)
+        world.kill_broker()
+        world.run_until(lambda: not vehicle.armed)
+        vehicle.place = (HOME[0] + 2e-3, HOME[1])
+        world.run(2.0)
+        world.restart_broker()
+        world.run_until_over(1201)
+        assert world.edge.status(1201) == Status.FAILED
+        assert vehicle.uploads == 1
