@@ -10,6 +10,7 @@ from typing import Final
 
 from afarcloud.enumerations import OrbitType
 from mavlink_broker.dialect import Message
+from mavlink_broker.journal.memo import LiveNote, Pose
 from mavlink_broker.protocol.command import Accepted, Command, Refused
 from mavlink_broker.protocol.command_sequence import CommandSequence
 from mavlink_broker.series import heading_order, way_order
@@ -47,9 +48,21 @@ class CircleRunner:
         self._first: tuple[float, float] | None = None  # Bearing from the centre, heading [deg]
         self._number = 0
         self._count = points(end.turn.radius_m)
+        self.start: Pose | None = None  # Where it was when it began
         self._sequence: CommandSequence | None = None
         self.reason: str | None = None  # Why it cannot go on
         self.note: str | None = None
+
+    def resume(self, note: LiveNote) -> None:
+        """Go on to the point that an earlier run of the broker has sent it to."""
+        if note.start is not None:
+            self._begin_at(note.start)
+            self._number = note.steps
+
+    @property
+    def steps(self) -> int:
+        """How many points have been reached."""
+        return self._number
 
     @property
     def is_over(self) -> bool:
@@ -81,10 +94,13 @@ class CircleRunner:
         place, attitude = self._vehicle.snapshot.position, self._vehicle.snapshot.attitude
         if place is None or attitude is None:
             return False
-        turn = self._end.turn
-        north_m, east_m = offset(turn.latitude_deg, turn.longitude_deg, *place[:2])
-        self._first = math.degrees(math.atan2(east_m, north_m)), attitude.yaw_deg
+        self._begin_at(Pose(*place[:3], attitude.yaw_deg))
         return True
+
+    def _begin_at(self, start: Pose) -> None:
+        turn, self.start = self._end.turn, start
+        north_m, east_m = offset(turn.latitude_deg, turn.longitude_deg, *start[:2])
+        self._first = math.degrees(math.atan2(east_m, north_m)), start.heading_deg
 
     def _begin(self, now: float) -> list[Message]:
         spot, heading_deg = self._point()

@@ -55,7 +55,8 @@ class FlightProgress(FlightAttachment, ABC):
         live, vehicle = self._stages.live, self._vehicle
         is_under_way = self._was_running and live.action.moves and vehicle.mode in LIVE_MODES
         resumed = self.ledger.commands[live.command] is Status.RUNNING or is_under_way
-        self._performer = Performer(live.action, self._vehicle)
+        name = self.ledger.name_of(live.command)
+        self._performer = Performer(live.action, self._vehicle, name)
         effects.messages += self._performer.start(now, resumed=resumed)
 
     def _step_running(self, now: float, effects: Effects) -> None:

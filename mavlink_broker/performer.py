@@ -1,5 +1,6 @@
 """Flies one live command: gets there, begins, watches for the end, ends it.
 
+    LISTENING --NOTHING--> BORROWING, LISTENING --A SIGN--> GOING
     BORROWING --SET--> APPROACHING --THERE--> BEGINNING --BEGUN--> GOING --OVER--> ENDING
     ENDING --ENDED--> DONE
     any but DONE --FAULT--> FAILED
@@ -15,13 +16,13 @@ from typing import Final
 
 from mavlink_broker.circle import CircleRunner
 from mavlink_broker.departure import HELD_BY_FAILSAFE, Departure
-from mavlink_broker.dialect import Message, mavlink
-from mavlink_broker.protocol.command import Accepted, Refused
+from mavlink_broker.dialect import Message
+from mavlink_broker.live_record import LISTENS_S, LiveRecord
+from mavlink_broker.protocol.command import Accepted, CommandOutcome, Refused
 from mavlink_broker.protocol.command_sequence import CommandSequence, Ways
 from mavlink_broker.series import SeriesRunner, missing_camera
 from mavlink_broker.subject import SubjectTracker
 from mavlink_broker.target_teller import TargetTeller
-from mavlink_broker.translation.families import Orbiting
 from mavlink_broker.translation.geo import distance_m
 from mavlink_broker.translation.live import (
     Circled,
@@ -33,7 +34,7 @@ from mavlink_broker.translation.live import (
     approach_ways,
 )
 from mavlink_broker.translation.modes import ModeRole
-from mavlink_broker.turning import Turning
+from mavlink_broker.turn_runner import TurnRunner
 from mavlink_broker.vehicle import Vehicle
 
 THERE_WITHIN_M: Final = 2.0
@@ -45,6 +46,7 @@ _NOT_THERE: Final = "Reposition is outside geofence"
 class Phase(Enum):
     """How far a live command is."""
 
+    LISTENING = auto()  # Whether the vehicle was told before an earlier broker died
     BORROWING = auto()
     APPROACHING = auto()
     BEGINNING = auto()
@@ -55,21 +57,20 @@ class Phase(Enum):
 
 
 class Performer:
-    """One live command."""
+    """One live command; what a broker has to know again of it is noted under its name."""
 
-    def __init__(self, action: LiveAction, vehicle: Vehicle) -> None:
+    def __init__(self, action: LiveAction, vehicle: Vehicle, name: str | None = None) -> None:
         self._action = action
         self._vehicle = vehicle
+        self._record = LiveRecord(name, action, vehicle)
         self._sequence: CommandSequence | None = None
-        self._turning = Turning(action.end) if isinstance(action.end, Turned) else None
-        self._doing: SeriesRunner | SubjectTracker | CircleRunner | None = None
+        self._doing: SeriesRunner | SubjectTracker | CircleRunner | TurnRunner | None = None
         self._phase_at = 0.0
         self._began_at = 0.0
         self._target = TargetTeller(action.follow, vehicle)
         self._departure = Departure()
-        self._was_guided = False
-        self._was_circling = False  # Round and round, until it is told otherwise
         self._works_s = 0.0  # Longer that it lasts: the answer was lost with an earlier broker
+        self._said_before = False  # Perhaps, by an earlier broker
         self.phase = Phase.BORROWING
         self.reason = ""
         self._note: str | None = None
@@ -90,17 +91,27 @@ class Performer:
     def start(self, now: float, *, resumed: bool = False) -> list[Message]:
         """Begin; `resumed` if the vehicle agreed to it in an earlier run of the broker.
 
-        What it has done since is not known: a time or an endless turn is counted anew, a turn that
-        the vehicle counts may be over.
+        Where that has noted nothing, a time or an endless turn is counted anew; a turn that the
+        vehicle counts may be over.
         """
         self._began_at = self._phase_at = self._time_s(now)
         self._vehicle.borrow(self._action.loans)
-        if resumed:
-            self._was_guided = True
-            self._works_s = self._action.works_s
-            self._go(now)
+        if resumed or self._record.was_agreed:
+            self._take_up(now)
+            return []
+        if self._record.is_doubtful:
+            self._enter(Phase.LISTENING, now)
+            self._said_before = True
             return []
         return self._set_out(now)
+
+    def _take_up(self, now: float) -> None:
+        """Go on with what an earlier run has begun."""
+        self._works_s = self._action.works_s
+        self._go(now, resumed=True)
+        self._phase_at -= self._record.elapsed_s
+        if self._record.earlier is not None and self._doing is not None:
+            self._doing.resume(self._record.earlier)
 
     def _set_out(self, now: float) -> list[Message]:
         """Go to where it begins, once the vehicle has the parameters that it needs."""
@@ -120,13 +131,14 @@ class Performer:
         """Take a message of the vehicle."""
         if self._is_ignored(message):
             return self._fail(f"it does not go there: {message.text.strip()}")
+        if self.phase is Phase.LISTENING and self._record.is_sign(message):
+            self._take_up(now)
         messages = self._sequence.receive(message, now) if self._sequence else []
         if self._doing is not None and self.phase is Phase.GOING:
             messages += self._doing.receive(message, now)
         if message.get_type() == "GLOBAL_POSITION_INT":
-            self._count_turn()
             messages += self._tell_target(now)
-        if self._works_s and self._is_answer(message):
+        if self._works_s and self._record.is_answer(message):
             self._works_s = 0.0
         return [*messages, *self._advance(now)]
 
@@ -136,39 +148,37 @@ class Performer:
         goes = isinstance(self._doing, CircleRunner | SeriesRunner)
         return is_said and (self.phase is Phase.APPROACHING or (goes and self.phase is Phase.GOING))
 
-    def _is_answer(self, message: Message) -> bool:
-        """Whether the vehicle has done what it was told by an earlier run of the broker."""
-        if message.get_type() != "COMMAND_ACK" or message.command != self._action.order:
-            return False
-        return bool(message.result != mavlink.MAV_RESULT_IN_PROGRESS)
-
     def tick(self, now: float) -> list[Message]:
         """Let time pass."""
         messages = self._sequence.tick(now) if self._sequence else []
         if self._doing is not None and self.phase is Phase.GOING:
             messages += self._doing.tick(now)
         messages += self._advance(now)
+        self._note_progress()
         self._watch(now)
         return messages
+
+    def _note_progress(self) -> None:
+        if self.has_begun:
+            self._record.agree()
+        if self._doing is not None:
+            self._record.keep(self._doing)
 
     def _time_s(self, now: float) -> float:
         """The vehicle's time; the broker's where the vehicle tells none."""
         told = self._vehicle.snapshot.time_s
         return now if told is None else told
 
-    def _count_turn(self) -> None:
-        place = self._vehicle.snapshot.position
-        if self._turning is not None and self.phase is Phase.GOING and place is not None:
-            self._turning.take(place.latitude_deg, place.longitude_deg)
-
     def _advance(self, now: float) -> list[Message]:
         outcome = self._sequence.outcome if self._sequence else None
         if isinstance(outcome, Refused) and self.phase is not Phase.ENDING:
             return self._refused(outcome, now)
         match self.phase:
+            case Phase.LISTENING if self._time_s(now) - self._phase_at >= LISTENS_S:
+                self._enter(Phase.BORROWING, now)
             case Phase.BORROWING:
                 return self._set_out(now)
-            case Phase.APPROACHING if isinstance(outcome, Accepted) and self._is_there():
+            case Phase.APPROACHING if self._has_arrived(outcome):
                 return self._begin(now)
             case Phase.BEGINNING if isinstance(outcome, Accepted):
                 self._note_way()
@@ -191,12 +201,21 @@ class Performer:
         self._enter(Phase.DONE, now)
         return []
 
+    def _has_arrived(self, outcome: CommandOutcome | None) -> bool:
+        is_near = self._action.approach is None
+        return is_near or (isinstance(outcome, Accepted) and self._is_there())
+
     def _begin(self, now: float) -> list[Message]:
+        """Tell the vehicle, once it has been noted that it is told."""
+        if not self._record.may_order():
+            return []
         self._enter(Phase.BEGINNING, now)
         return [*self._tell_target(now), *self._order(self._action.begin, now)]
 
-    def _go(self, now: float) -> None:
+    def _go(self, now: float, *, resumed: bool = False) -> None:
         match self._action.end:
+            case Turned() as turn:
+                self._doing = TurnRunner(turn, self._vehicle, resumed=resumed)
             case Series(steps):
                 self._doing = SeriesRunner(steps, self._vehicle)
             case Tracked() as end:
@@ -207,7 +226,7 @@ class Performer:
 
     def _finish(self, now: float) -> list[Message]:
         self._enter(Phase.ENDING, now)
-        has_released = self._turning is not None and self._has_released()
+        has_released = isinstance(self._doing, TurnRunner) and self._doing.has_released
         if not self._action.finish or has_released:
             self._enter(Phase.DONE, now)
             return []
@@ -215,7 +234,9 @@ class Performer:
 
     def _order(self, ways: Ways, now: float) -> list[Message]:
         vehicle = self._vehicle
-        self._sequence = CommandSequence(ways, vehicle.route, vehicle.round_trip)
+        self._sequence = CommandSequence(
+            ways, vehicle.route, vehicle.round_trip, said_before=self._said_before
+        )
         return self._sequence.start(now)
 
     def _enter(self, phase: Phase, now: float) -> None:
@@ -241,31 +262,10 @@ class Performer:
         return max(away, high) <= THERE_WITHIN_M and place.speed_m_s <= SLOW_M_S
 
     def _is_over(self, now: float) -> bool:
-        is_guided = self._vehicle.mode_role is ModeRole.GUIDED
-        self._was_guided |= is_guided
-        self._was_circling |= is_guided and self._is_endless
-        match self._action.end:
-            case Lasted(duration_s):
-                return self._time_s(now) - self._phase_at >= duration_s + self._works_s
-            case Turned():
-                complete = self._turning is not None and self._turning.is_complete
-                return complete or self._has_released()
-            case Series() | Tracked() | Circled():
-                return self._doing is not None and self._doing.is_over
-
-    @property
-    def _is_endless(self) -> bool:
-        """Whether it is a circle that the vehicle does not count."""
-        is_circle = isinstance(self._action.end, Turned)
-        return is_circle and self._vehicle.family.orbiting is Orbiting.ENDLESS
-
-    def _has_released(self) -> bool:
-        """Whether a vehicle that counts its turns has ended by itself.
-
-        One that does not may have been told to by an earlier run of the broker.
-        """
-        is_over = self._was_guided and not self._was_circling
-        return is_over and self._vehicle.mode_role is ModeRole.HOLD
+        if isinstance(self._action.end, Lasted):
+            lasts_s = self._action.end.duration_s + self._works_s
+            return self._time_s(now) - self._phase_at >= lasts_s
+        return self._doing is not None and self._doing.is_over
 
     def _tell_target(self, now: float) -> list[Message]:
         if self.phase not in {Phase.BEGINNING, Phase.GOING}:
@@ -294,7 +294,7 @@ class Performer:
             return HELD_BY_FAILSAFE
         if self._vehicle.mode_role in {ModeRole.OTHER, ModeRole.ENDING}:
             return f"the vehicle left the mission: mode {self._vehicle.mode}"
-        circles = self._was_circling and self.phase is Phase.GOING
-        if circles and self._vehicle.mode_role is ModeRole.HOLD:  # It has no end of its own
+        goes = self.phase is Phase.GOING
+        if goes and isinstance(self._doing, TurnRunner) and self._doing.has_left:
             return f"the vehicle left its circle: mode {self._vehicle.mode}"
         return None

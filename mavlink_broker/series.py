@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from mavlink_broker.dialect import Message, mavlink
+from mavlink_broker.journal.memo import LiveNote, Pose
 from mavlink_broker.protocol.command import Accepted, Command, Refused, long_command
 from mavlink_broker.protocol.command_sequence import CommandSequence, Ways
 from mavlink_broker.translation.geo import distance_m, shifted
@@ -60,6 +61,7 @@ class SeriesRunner:
 
     def __init__(self, steps: Sequence[Step], vehicle: Vehicle) -> None:
         self._steps = list(steps)
+        self.steps = 0  # That have been taken
         self._vehicle = vehicle
         self._first: Spot | None = None
         self._first_heading_deg = 0.0
@@ -68,6 +70,20 @@ class SeriesRunner:
         self._resting_since: float | None = None
         self.reason: str | None = None  # Why it cannot go on
         self.note: str | None = None  # What it is not, of what it was meant to be
+
+    def resume(self, note: LiveNote) -> None:
+        """Go on behind the steps that an earlier run of the broker has taken."""
+        if note.start is None:
+            return
+        *place, self._first_heading_deg = note.start
+        self._first = Spot(*place)
+        del self._steps[: note.steps]
+        self.steps = note.steps
+
+    @property
+    def start(self) -> Pose | None:
+        """Where it began, once that is known."""
+        return None if self._first is None else Pose(*self._first, self._first_heading_deg)
 
     @property
     def is_over(self) -> bool:
@@ -94,6 +110,7 @@ class SeriesRunner:
             self._refused(outcome)
         elif isinstance(outcome, Accepted) and self._is_taken(now):
             self._steps.pop(0)
+            self.steps += 1
             self._sequence = self._accepted_at = self._resting_since = None
         return messages
 

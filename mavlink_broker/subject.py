@@ -14,6 +14,7 @@ from typing import Final
 
 from afarcloud.enumerations import TrackMode
 from mavlink_broker.dialect import Message, mavlink
+from mavlink_broker.journal.memo import LiveNote, Pose
 from mavlink_broker.protocol.command import Refused, long_command
 from mavlink_broker.protocol.command_sequence import CommandSequence, Ways
 from mavlink_broker.quick_shot import QuickShot, Subject
@@ -52,6 +53,7 @@ class SubjectTracker:
         self._end = end
         self._vehicle = vehicle
         self._began_at: float | None = None
+        self._looks_since: float | None = None
         self._here: Spot | None = None  # Where it began
         self._asked = 0
         self._ask_at = -math.inf
@@ -66,6 +68,22 @@ class SubjectTracker:
         self.is_over = False
         self.reason: str | None = None  # It never fails: without a subject it is over
         self.note: str | None = None
+
+    def resume(self, note: LiveNote) -> None:
+        """Go on with what an earlier run of the broker has begun; its time counts on."""
+        self._began_at = note.going_s if self._vehicle.snapshot.time_s is not None else None
+        if note.start is not None:
+            self._here = Spot(*note.start[:3])
+
+    @property
+    def start(self) -> Pose | None:
+        """Where it began."""
+        return None if self._here is None else Pose(*self._here)
+
+    @property
+    def steps(self) -> int:
+        """It has none that could be counted."""
+        return 0
 
     def receive(self, message: Message, now: float) -> list[Message]:
         """Take a message of the vehicle or its camera."""
@@ -85,12 +103,14 @@ class SubjectTracker:
         time_s = self._time_s(now)
         if self._began_at is None:
             self._began_at = time_s
+        if self._looks_since is None:
+            self._looks_since = time_s
         place = self._vehicle.snapshot.position
         if self._here is None and place is not None:
             self._here = Spot(place.latitude_deg, place.longitude_deg, place.altitude_m)
         messages = [*self._ask(time_s), *self._go_on(now)]
         if self._steers:
-            messages += self._steer(time_s - self._began_at, now)
+            messages += self._steer(time_s - self._looks_since, now)
         self._judge(time_s)
         return messages
 

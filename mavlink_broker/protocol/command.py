@@ -97,7 +97,11 @@ CommandOutcome: TypeAlias = Accepted | Refused
 class CommandTransaction:
     """One command on its way to a final answer."""
 
-    def __init__(self, command: Command, route: Route, round_trip: RoundTrip) -> None:
+    def __init__(
+        self, command: Command, route: Route, round_trip: RoundTrip, *, said_before: bool = False
+    ) -> None:
+        """`said_before`: mark it as a repetition, for it may have been heard already."""
+        self._first_confirmation = int(said_before)
         self._command = command
         self._route = route
         self._round_trip = round_trip
@@ -111,7 +115,7 @@ class CommandTransaction:
 
     def start(self, now: float) -> list[Message]:
         """Send it for the first time."""
-        self._confirmation = 0
+        self._confirmation = self._first_confirmation
         self._first_sent_at = now
         return self._send(now)
 

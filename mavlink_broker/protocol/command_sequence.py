@@ -25,7 +25,10 @@ class CommandSequence:
     that was meant.
     """
 
-    def __init__(self, ways: Ways, route: Route, round_trip: RoundTrip) -> None:
+    def __init__(
+        self, ways: Ways, route: Route, round_trip: RoundTrip, *, said_before: bool = False
+    ) -> None:
+        self._said_before = said_before
         self._steps = [list(way) for way in ways]
         self._route = route
         self._round_trip = round_trip
@@ -74,5 +77,7 @@ class CommandSequence:
         if not self._steps[0]:
             self.outcome = Accepted()
             return []
-        self._running = CommandTransaction(self._steps[0].pop(0), self._route, self._round_trip)
+        self._running = CommandTransaction(
+            self._steps[0].pop(0), self._route, self._round_trip, said_before=self._said_before
+        )
         return self._running.start(now)

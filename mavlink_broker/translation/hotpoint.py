@@ -106,7 +106,11 @@ def _live(p: NavHotpointParameters, situation: Situation) -> LiveAction:
     return LiveAction(
         begin=((orbit,),),
         approach=start_point(p),
-        end=Turned(p.latitude, p.longitude, p.radius, FULL_TURN_RAD, p.is_clockwise),
+        end=Turned(
+            *(p.latitude, p.longitude, p.radius, FULL_TURN_RAD),
+            is_clockwise=p.is_clockwise,
+            speed_m_s=speed_m_s,
+        ),
         finish=situation.family.holding,
         within_s=2.0 * FULL_TURN_RAD * p.radius / speed_m_s + SLACK_S,
         notes=(*_limited(p, speed_m_s), *notes),

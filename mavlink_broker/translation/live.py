@@ -24,6 +24,7 @@ class Turned:
     radius_m: float
     angle_rad: float
     is_clockwise: bool
+    speed_m_s: float = 0.0  # About; 0: not known
 
 
 @dataclass(frozen=True, slots=True)

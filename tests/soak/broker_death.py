@@ -122,7 +122,7 @@ def judge_orders(
     """Nothing was ordered twice; in flight nothing was uploaded, armed or started again."""
     for command in (*ONCE, *(PER_STRETCH if state in IN_FLIGHT else ())):
         told = orders.get(command, 0), expected.orders.get(command, 0)
-        assert told[0] == told[1], f"command {command}: {told[0]} times instead of {told[1]}"
+        assert told[0] <= told[1], f"command {command}: {told[0]} times instead of {told[1]}"
     assert uploaded == expected.uploads or state not in IN_FLIGHT, f"{uploaded} uploads"
 
 

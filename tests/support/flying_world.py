@@ -25,6 +25,7 @@ from tests.support.broker_world import InlineJobs
 from tests.support.fake_edge import FakeEdge
 from tests.support.geodesy import LocalGround
 from tests.support.lossy_link import GROUND_ADDRESS, VEHICLE_ADDRESS, Conditions, LossyLink
+from tests.support.scripted_disk import ScriptedDisk
 from uav_firmware.drivers.file_storage import FileStorage
 from uav_firmware.drivers.jsbsim import JsbsimVehicle
 from uav_firmware.drivers.jsbsim_camera import JsbsimCamera
@@ -103,6 +104,7 @@ class FlyingWorld:
         to_vehicle: Conditions = PERFECT,
         seed: int = 1,
         with_camera: bool = False,
+        disk_lag_s: float = 0.0,
     ) -> None:
         """Begin on the ground; without a camera pictures are reckoned, and nothing is stored."""
         self.clock = Clock()
@@ -128,20 +130,22 @@ class FlyingWorld:
         start = self.simulation.truth
         self.ground = LocalGround(start.latitude_deg, start.longitude_deg, start.altitude_amsl_m)
         self._ulids = count(1)
+        self.disk = ScriptedDisk(folder / "broker", self.clock.monotonic, disk_lag_s)
         self.app: App | None = None
         self.start_broker()
 
     # The broker's life.
 
     def start_broker(self) -> None:
-        """Begin with an empty memory; all unfinished work is handed out again."""
+        """Begin with nothing but the journal; all unfinished work is handed out again."""
         self.link.ground.receive()  # What came while nobody listened is lost
+        self.disk.begin()
         jobs = InlineJobs()
-        self.app = App(Config(), self.air, self.edge, self.clock, self._ulid, jobs)
+        self.app = App(Config(), self.air, self.edge, self.clock, self._ulid, jobs, self.disk)
         self.edge.hand_out_again()
 
     def kill_broker(self) -> None:
-        """Lose everything that it knows."""
+        """Lose everything that it knows, but for its journal."""
         self.app = None
 
     def _ulid(self) -> str:

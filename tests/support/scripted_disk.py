@@ -1,5 +1,6 @@
 """The broker's journal on a disk that is as slow as a test wants, in simulated time."""
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,6 +13,7 @@ class ScriptedDisk:
     """Writes what it is left after a while; what is on the way dies with its broker."""
 
     def __init__(self, folder: Path, clock: Callable[[], float], lag_s: float = 0.0) -> None:
+        folder.mkdir(exist_ok=True)
         self._folder = JournalFolder(folder)
         self._clock = clock
         self._lag_s = lag_s
@@ -26,6 +28,11 @@ class ScriptedDisk:
         """Read what an earlier broker has left."""
         self._on_the_way = []
         self._known = self._folder.read_all()
+
+    def move(self, folder: Path) -> None:
+        """Go on in another folder, with a copy of what is here."""
+        shutil.copytree(self._folder.path, folder)
+        self._folder = JournalFolder(folder)
 
     def recall(self, owner: Owner) -> Memo:
         """Give what is known of a vehicle."""

@@ -1,0 +1,165 @@
+"""A broker that is killed goes on with a live command where it was; simulated time."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from afarcloud.enumerations import Status
+from mavlink_broker.dialect import mavlink
+from tests.support.broker_world import World, go_home, mission, takeoff
+from tests.support.scripted_vehicle import (
+    ARDUPILOT,
+    PX4,
+    Script,
+)
+from tests.unit.mavlink_broker.test_live_commands import OWN, follow, hotpoint, panorama, track
+
+DISK_LAG_S = 0.05
+AWAY_S = 5.0
+ORBIT, REPOSITION = mavlink.MAV_CMD_DO_ORBIT, mavlink.MAV_CMD_DO_REPOSITION
+PICTURE, CREATE = mavlink.MAV_CMD_IMAGE_START_CAPTURE, mavlink.MAV_CMD_PANORAMA_CREATE
+BACKWARDS: dict[str, Any] = {"orbit_type": 1, "radius": 20.0, "angular_velocity": 12.0}
+
+
+def begun(folder: Path, *commands: dict[str, Any], script: Script) -> World:
+    """A world that has just been given a mission of a take-off, these, and the way home."""
+    world = World(journal=folder, disk_lag_s=DISK_LAG_S)
+    world.add_vehicle(script=script)
+    world.edge.plan(mission(takeoff(), *commands, go_home(9)))
+    return world
+
+
+def is_running(world: World, command: int = 1) -> bool:
+    """Whether a command has been reported to run."""
+    return bool(world.edge.reports(1201)) and world.edge.statuses(1201)[command] == Status.RUNNING
+
+
+def die(world: World, away_s: float = AWAY_S) -> None:
+    """Let the broker die, and come back after a while."""
+    world.kill_broker()
+    world.run(away_s)
+    world.restart_broker()
+
+
+def time_until_over(world: World, command: int = 1) -> float:
+    """Wait until a command has ended; gives how long that took."""
+    began_s = world.clock.now
+    world.run_until(lambda: world.edge.statuses(1201)[command] == Status.FINISHED)
+    return world.clock.now - began_s
+
+
+class TestTime:
+    @pytest.mark.parametrize("kind", [follow, track], ids=["follow", "track"])
+    def test_it_goes_on_by_the_vehicles_clock(self, tmp_path: Path, kind: Any) -> None:
+        world = begun(tmp_path, kind(), script=OWN)
+        world.run_until(lambda: is_running(world))
+        world.run(30.0)
+        die(world)
+        assert time_until_over(world) == pytest.approx(60.0 - 30.0 - AWAY_S, abs=4.0)
+
+    def test_what_ended_while_nobody_was_there_is_over_at_once(self, tmp_path: Path) -> None:
+        world = begun(tmp_path, follow(), script=PX4)
+        world.run_until(lambda: is_running(world))
+        die(world, away_s=80.0)
+        assert time_until_over(world) < 8.0
+
+    def test_without_a_journal_it_is_counted_anew(self) -> None:
+        world = World()
+        world.add_vehicle(script=OWN)
+        world.edge.plan(mission(takeoff(), follow(), go_home(9)))
+        world.run_until(lambda: is_running(world))
+        world.run(30.0)
+        die(world)
+        assert time_until_over(world) > 55.0
+
+
+class TestCircles:
+    @pytest.mark.parametrize("share", [0.1, 0.5, 0.8])
+    def test_an_endless_one_ends_where_it_began(self, tmp_path: Path, share: float) -> None:
+        """PX4 goes round and round: what it flew while nobody was there counts."""
+        slow = hotpoint(angular_velocity=9.0, radius=15.0)
+        world = begun(tmp_path, slow, script=PX4)
+        vehicle = world.only_vehicle
+        world.run_until(lambda: vehicle.circle is not None)
+        turn_s = 360.0 / 9.0
+        world.run(share * turn_s)
+        die(world)
+        time_until_over(world)
+        assert vehicle.commands.count(ORBIT) == 1
+        assert vehicle.circle is not None
+        assert vehicle.circle.flown_rad / (2.0 * math.pi) == pytest.approx(1.0, abs=0.06)
+
+    def test_one_that_ended_while_nobody_was_there_is_not_flown_twice(self, tmp_path: Path) -> None:
+        world = begun(tmp_path, hotpoint(angular_velocity=12.0, radius=15.0), script=PX4)
+        world.run_until(lambda: is_running(world))
+        die(world, away_s=35.0)
+        assert time_until_over(world) < 8.0
+
+    @pytest.mark.parametrize("killed_after_s", [4.0, 20.0])
+    def test_one_from_point_to_point_goes_on_at_its_point(
+        self, tmp_path: Path, killed_after_s: float
+    ) -> None:
+        undisturbed = begun(tmp_path / "one", hotpoint(**BACKWARDS), script=PX4)
+        undisturbed.run_until_over(1201)
+        world = begun(tmp_path / "other", hotpoint(**BACKWARDS), script=PX4)
+        world.run_until(lambda: is_running(world))
+        world.run(killed_after_s)
+        die(world)
+        world.run_until_over(1201)
+        points = world.only_vehicle.commands.count(REPOSITION)
+        assert points <= undisturbed.only_vehicle.commands.count(REPOSITION) + 2
+
+
+class TestPictures:
+    @pytest.mark.parametrize("killed_after_s", [0.5, 6.0, 15.0])
+    def test_each_of_a_turned_panorama_is_ordered_once(
+        self, tmp_path: Path, killed_after_s: float
+    ) -> None:
+        """But for the one that was being taken, which has the same number again."""
+        world = begun(tmp_path, follow(), panorama(3), script=ARDUPILOT)
+        world.run_until(lambda: is_running(world, 2))
+        world.run(killed_after_s)
+        die(world)
+        world.run_until_over(1201)
+        sent = world.only_vehicle.parameters
+        numbers = [values[3] for command, values in sent if command == PICTURE]
+        assert len(set(numbers)) == 5
+        assert len(numbers) <= 6
+
+    def test_a_camera_that_shows_that_it_was_told_is_not_told_again(self, tmp_path: Path) -> None:
+        """The broker dies before the answer comes, and the camera is at it."""
+        world = begun(tmp_path, panorama(), script=OWN)
+        vehicle = world.only_vehicle
+        camera = world.add_camera(vehicle)
+        vehicle.mute_answers = {CREATE}
+        world.run_until(lambda: CREATE in vehicle.commands)
+        world.kill_broker()
+        for _ in range(3):
+            world.run(0.7)
+            camera.shoot()
+        world.restart_broker()
+        world.run(3.0)
+        camera.shoot()
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201)[1] == Status.FINISHED
+        assert vehicle.commands.count(CREATE) == 1
+
+    def test_a_camera_that_was_not_told_is_told_once(self, tmp_path: Path) -> None:
+        world = begun(tmp_path, panorama(), script=OWN)
+        vehicle = world.only_vehicle
+        camera = world.add_camera(vehicle)
+        camera.shoot()
+        world.run_until(lambda: has_noted(tmp_path))
+        world.kill_broker()
+        assert CREATE not in vehicle.commands
+        world.restart_broker()
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201)[1] == Status.FINISHED
+        assert vehicle.commands.count(CREATE) == 1
+
+
+def has_noted(folder: Path) -> bool:
+    """Whether it has been noted that a live command is about to be told."""
+    return any("live" in page.read_text() for page in folder.glob("*.json"))
