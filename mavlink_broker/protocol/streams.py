@@ -99,6 +99,8 @@ UNREAD: Final = {
 OFTEN_S: Final = 0.22
 """What comes more rarely is let be: a ground station on the same radio may have asked for it."""
 _OFF_US: Final = -1.0
+_NEWEST: Final = 0.2  # Weight of the newest interval: two that come together are no stream
+STOPS: Final = 2  # What comes back behind as many is asked for by somebody else on this link
 
 _GROUPS: Final = (
     (mavlink.MAV_DATA_STREAM_EXTENDED_STATUS, 2),
@@ -141,6 +143,9 @@ class StreamRequests:
         self._pause_s: dict[str, float] = {}
         self._running: CommandTransaction | None = None
         self._accepted = self._refused = 0
+        self._asked_for = ""
+        self._lacks: set[str] = set()  # What it has said that it does not have
+        self._stops: dict[str, int] = {}
         self._groups_at = -math.inf
         self._home_asked_at: float | None = None
         self._version_asked = 0
@@ -170,7 +175,9 @@ class StreamRequests:
         """Take a message or an answer."""
         name = message.get_type()
         if name in _FOLLOWED:
-            self._interval_s[name] = now - self._heard_at.get(name, -math.inf)
+            mean_s = self._interval_s.get(name, ASK_AGAIN_S)
+            newest_s = min(now - self._heard_at.get(name, -math.inf), ASK_AGAIN_S)
+            self._interval_s[name] = mean_s + _NEWEST * (newest_s - mean_s)
             self._heard_at[name] = now
             self._pause_s.pop(name, None)
         if self._running is None:
@@ -202,6 +209,7 @@ class StreamRequests:
             return self._ask(name, set_interval(message_id, interval_us), now)
         for name, message_id in UNREAD.items() if self._turns_off else ():
             if self._is_to_stop(name, now) and not self._watched.keeps(message_id):
+                self._stops[name] = self._stops.get(name, 0) + 1
                 return self._ask(name, set_interval(message_id, _OFF_US), now)
         return []
 
@@ -210,6 +218,7 @@ class StreamRequests:
             self._accepted += 1
         else:
             self._refused += 1
+            self._lacks |= set() if outcome.result is None else {self._asked_for}
 
     @property
     def _knows_no_intervals(self) -> bool:
@@ -219,7 +228,7 @@ class StreamRequests:
         if name in self._asked_at:
             pause_s = self._pause_s.get(name, ASK_AGAIN_S)
             self._pause_s[name] = min(2.0 * pause_s, LONGEST_PAUSE_S)
-        self._asked_at[name] = now
+        self._asked_at[name], self._asked_for = now, name
         self._running = CommandTransaction(request, self._route, self._round_trip)
         return self._running.start(now)
 
@@ -228,6 +237,8 @@ class StreamRequests:
         if asked_at is None:
             return not self._knows_no_intervals or self._is_overdue(stream, now)
         pause_s = self._pause_s.get(stream.name, ASK_AGAIN_S)
+        if stream.name in self._lacks and not stream.flows:
+            return False
         if self._knows_no_intervals:
             pause_s = LONGEST_PAUSE_S
         return self._is_overdue(stream, now) and now - asked_at > pause_s
@@ -242,7 +253,8 @@ class StreamRequests:
         """Whether an unread message comes often, and no request to stop it is under way."""
         asked_at = self._asked_at.get(name, -math.inf)
         is_news = self._heard_at.get(name, -math.inf) > asked_at and now - asked_at > ASK_AGAIN_S
-        return is_news and self._interval_s[name] < OFTEN_S
+        is_ours = self._stops.get(name, 0) < STOPS
+        return is_news and is_ours and self._interval_s[name] < OFTEN_S
 
     def _by_groups(self, now: float) -> list[Message]:
         """Ask an autopilot of the older kind, as long as something is missing."""

@@ -1,12 +1,18 @@
 """The messages that the broker lives on keep coming."""
 
-from itertools import pairwise
+from itertools import cycle, pairwise
 
 from mavlink_broker.dialect import Message, MissionCurrent, mavlink
 from mavlink_broker.protocol.parameter_read import ATTEMPTS, ParameterRead
 from mavlink_broker.protocol.round_trip import RoundTrip
 from mavlink_broker.protocol.status_text import StatusTexts
-from mavlink_broker.protocol.streams import ASK_AGAIN_S, STREAMS, UNREAD, StreamRequests
+from mavlink_broker.protocol.streams import (
+    ASK_AGAIN_S,
+    STOPS,
+    STREAMS,
+    UNREAD,
+    StreamRequests,
+)
 from tests.unit.mavlink_broker.protocol.harness import (
     ROUTE,
     acknowledgement,
@@ -115,7 +121,7 @@ def test_one_refusal_is_no_reason_to_ask_by_groups() -> None:
 def test_nothing_is_turned_off_where_others_listen() -> None:
     requests = StreamRequests(ROUTE, RoundTrip(), turns_off=False)
     asked_for_all(requests)
-    hear_twice(requests, 1.0, 0.02)
+    hear_often(requests, 1.0, 0.02)
     assert intervals(requests.tick(1.0)) == []
 
 
@@ -126,24 +132,29 @@ def test_a_restart_of_the_vehicle_renews_everything() -> None:
     assert asked_for_all(requests) == [stream.message_id for stream in STREAMS]
 
 
-def hear_twice(requests: StreamRequests, now: float, apart_s: float) -> None:
-    """A vehicle's inertial data, which nobody here reads."""
+def hear_often(requests: StreamRequests, now: float, *apart_s: float) -> None:
+    """A vehicle's inertial data, which nobody here reads; at such distances, over and over."""
     imu = received(mavlink.MAVLink_highres_imu_message(1, *[0.0] * 13, 0))
-    requests.receive(imu, now - apart_s)
-    requests.receive(imu, now)
+    heard_at = now
+    times = [now]
+    for _, pause_s in zip(range(80), cycle(apart_s), strict=False):
+        heard_at -= pause_s
+        times.append(heard_at)
+    for time in reversed(times):
+        requests.receive(imu, time)
 
 
 def test_what_nobody_reads_is_turned_off_when_it_comes() -> None:
     requests = StreamRequests(ROUTE, RoundTrip())
     asked_for_all(requests)
-    hear_twice(requests, 1.0, 0.02)
+    hear_often(requests, 1.0, 0.02)
     stop = [m for m in requests.tick(1.0) if m.command == SET]
     assert [(m.param1, m.param2) for m in stop] == [(105, -1)]
     requests.receive(acknowledgement(SET, 0), 1.1)
-    hear_twice(requests, 1.2, 0.02)
+    hear_often(requests, 1.2, 0.02)
     assert intervals(requests.tick(1.2)) == [], "one more may have been on its way"
     later_s = 1.0 + ASK_AGAIN_S + 0.1
-    hear_twice(requests, later_s, 0.02)
+    hear_often(requests, later_s, 0.02)
     assert mavlink.MAVLINK_MSG_ID_HIGHRES_IMU in tick_until_all(requests, later_s)
 
 
@@ -151,8 +162,32 @@ def test_what_comes_rarely_is_let_be_for_a_ground_station_on_the_same_radio() ->
     """MAVProxy asks for everything four times a second, and would ask again."""
     requests = StreamRequests(ROUTE, RoundTrip())
     asked_for_all(requests)
-    hear_twice(requests, 1.0, 0.25)
+    hear_often(requests, 1.0, 0.15, 0.35)
     assert mavlink.MAVLINK_MSG_ID_HIGHRES_IMU not in tick_until_all(requests, 1.0)
+
+
+def test_what_comes_back_every_time_is_let_be_for_whoever_asks_for_it() -> None:
+    """MAVProxy with a stream rate of ten has its instruments, and no gap in them every 15 s."""
+    requests = StreamRequests(ROUTE, RoundTrip())
+    asked_for_all(requests)
+    stopped = []
+    for minute in range(1, 6):
+        hear_often(requests, 60.0 * minute, 0.1)
+        stopped += tick_until_all(requests, 60.0 * minute)
+    assert stopped.count(mavlink.MAVLINK_MSG_ID_HIGHRES_IMU) == STOPS
+
+
+def test_what_a_vehicle_says_it_lacks_is_not_asked_for_again() -> None:
+    """ArduPilot tells its ground station in words of every message that it does not know."""
+    requests = StreamRequests(ROUTE, RoundTrip())
+    asked = intervals(requests.tick(0.0))
+    refused = {mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS, mavlink.MAVLINK_MSG_ID_WIND_COV}
+    for second in range(2000):
+        result = mavlink.MAV_RESULT_FAILED if asked[-1] in refused else 0
+        asked += intervals(requests.receive(acknowledgement(SET, result), second))
+        asked += intervals(requests.tick(second))
+    assert {number: asked.count(number) for number in refused} == dict.fromkeys(refused, 1)
+    assert asked.count(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME) > 1
 
 
 def tick_until_all(requests: StreamRequests, now: float) -> list[int]:
