@@ -9,13 +9,12 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from mavlink_broker.bookkeeping import Bookkeeping
 from mavlink_broker.config import Config
 from mavlink_broker.dialect import Message, Source, source_of
 from mavlink_broker.effects import Acknowledgement, Effects, ForEdge
 from mavlink_broker.forwarding.verdict import Tenure
 from mavlink_broker.inbox import Inbox, WorkError
-from mavlink_broker.journal.diary import Diary, Note
-from mavlink_broker.journal.memo import NOTHING, Owner
 from mavlink_broker.leads import read_leads
 from mavlink_broker.neighbours import Edge, Jobs, Journal, NoJobs
 from mavlink_broker.pictures.desk import HEARD as PICTURED
@@ -87,7 +86,7 @@ class App:
         self._clock = clock
         self._new_ulid = new_ulid
         self._jobs = jobs or NoJobs()
-        self._journal = journal
+        self._books = Bookkeeping(journal)
         self._inbox = Inbox()
         self._traffic = Traffic(config, link, clock, self._tenure)
         self._peers: dict[int, _Peer] = {}
@@ -110,7 +109,7 @@ class App:
         work = sorted(self._edge.take_work(), key=_number_of)
         for raw in work:
             self._take(raw, now)
-        self._settle_notes()
+        self._books.settle(self._session_of)
         finished = self._jobs.take_finished()
         for system, outcome in finished:
             if system in self._peers:
@@ -137,40 +136,9 @@ class App:
             peer.session.watch(self._traffic.asked_of(system, now))
             peer.session.vehicle.warning = self._traffic.warning_of(system, now)
             peer.session.pictures.has_room = has_room
-            self._open_diary(system, peer, now, effects)
+            self._books.open(peer.session, now, effects)
             peer.session.step(now, effects)
             self._carry_out(effects, peer)
-
-    def _open_diary(self, system: int, peer: _Peer, now: float, effects: Effects) -> None:
-        """Recall what an earlier run has noted of a vehicle, once it is known which one it is.
-
-        A vehicle that tells its own number late takes its page with it; another one in its place
-        gets a page of its own.
-        """
-        vehicle = peer.session.vehicle
-        owner, before = Owner(system, vehicle.uid), vehicle.diary.owner
-        is_known = vehicle.is_identified and before != owner
-        if self._journal is None or not is_known or (before and not owner.uid):
-            return
-        if before is not None and before.uid:
-            if not peer.session.change_vehicle():
-                return
-        elif before is not None:
-            self._journal.put(Note(before, 0, NOTHING))
-        recalled = self._journal.recall(owner)
-        vehicle.diary.open(owner, recalled)
-        if recalled != NOTHING:
-            _LOG.info("vehicle %d: an earlier run has left notes of it", vehicle.vehicle_id)
-            peer.session.recall(recalled, now, effects)
-
-    def _settle_notes(self) -> None:
-        """Learn what is on the disk."""
-        if self._journal is None:
-            return
-        for owner, number in self._journal.take_settled():
-            peer = self._peers.get(owner.system)
-            if peer is not None and peer.session.vehicle.diary.owner == owner:
-                peer.session.vehicle.diary.settle(number)
 
     def _forget_strangers(self, now: float) -> None:
         """Drop what has sent a heartbeat and nothing else, such as somebody's scan."""
@@ -229,6 +197,10 @@ class App:
         peer = None if system is None else self._peers.get(system)
         return None if peer is None else peer.session.vehicle
 
+    def _session_of(self, system: int) -> Session | None:
+        peer = self._peers.get(system)
+        return None if peer is None else peer.session
+
     def _peer(self, system: int, vehicle_id: int) -> _Peer:
         """Give the peer of a system, a new one if need be."""
         if system not in self._peers:
@@ -245,7 +217,7 @@ class App:
                 battery_capacity_ah=config.battery_capacity_ah,
             )
             vehicle.lead = self._leads.get(vehicle_id)
-            vehicle.diary = Diary(in_use=self._journal is not None)
+            vehicle.diary = self._books.new_diary()
             self._peers[system] = _Peer(session)
         return self._peers[system]
 
@@ -319,11 +291,8 @@ class App:
     def _tell_when_noted(self, words: Sequence[ForEdge], peer: _Peer) -> None:
         """Note what is new, and tell what follows from it when that is on the disk."""
         vehicle = peer.session.vehicle
-        note = vehicle.diary.see(vehicle.memo, self._clock.monotonic())
-        if note is not None and self._journal is not None:
-            self._journal.put(note)
         peer.untold += words
-        if vehicle.diary.is_settled:
+        if self._books.note(vehicle, self._clock.monotonic()):
             untold, peer.untold = peer.untold, []
             for word in untold:
                 self._tell(word, vehicle.vehicle_id)

@@ -6,7 +6,7 @@ from typing import Final
 
 from mavlink_broker.dialect import Message
 from mavlink_broker.journal.diary import Diary
-from mavlink_broker.journal.memo import Homeward, LiveNote, Memo, Pose
+from mavlink_broker.journal.memo import Homeward, LiveNote, Memo, Pose, merged
 from mavlink_broker.protocol.heartbeat import LinkState, LinkWatch
 from mavlink_broker.protocol.parameter_keeper import Loan as Wish
 from mavlink_broker.protocol.parameter_keeper import ParameterKeeper
@@ -111,12 +111,10 @@ class Vehicle:
 
     def recall(self, memo: Memo) -> None:
         """Learn what an earlier run of the broker has noted."""
-        self.loan.plans |= memo.plans
-        self.loan.values |= memo.values
-        self.parameters.recall(memo.borrowed)
-        self.hover = self.hover or memo.hover
-        self.homeward = self.homeward or memo.homeward
-        self.live = self.live or memo.live
+        both = merged(memo, self.memo)
+        self.loan.plans, self.loan.values = dict(both.plans), dict(both.values)
+        self.parameters.recall(both.borrowed)
+        self.hover, self.homeward, self.live = both.hover, both.homeward, both.live
 
     def forget(self) -> None:
         """Start anew with what is noted: it is another vehicle."""

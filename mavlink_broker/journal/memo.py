@@ -66,3 +66,35 @@ class Memo:
 
 
 NOTHING: Final = Memo()
+
+
+def merged(earlier: Memo, later: Memo) -> Memo:
+    """Put two memos of one vehicle together.
+
+    What was there before the earlier one is what was there; both have set what is there now.
+    """
+    plans = {
+        kind: ExchangedPlan(earlier.plans[kind].before, plan.placed)
+        for kind, plan in later.plans.items()
+        if kind in earlier.plans
+    }
+    return Memo(
+        plans={**earlier.plans, **later.plans, **plans},
+        values=_merged_values(earlier.values, later.values),
+        borrowed=_merged_values(earlier.borrowed, later.borrowed),
+        hover=later.hover or earlier.hover,
+        homeward=later.homeward or earlier.homeward,
+        live=later.live or earlier.live,
+    )
+
+
+def _merged_values(
+    earlier: Mapping[str, Borrowed], later: Mapping[str, Borrowed]
+) -> dict[str, Borrowed]:
+    both = dict(earlier)
+    for name, borrowed in later.items():
+        both[name] = borrowed
+        if name in earlier:
+            placed = (*earlier[name].placed, *borrowed.placed)
+            both[name] = Borrowed(earlier[name].before, tuple(dict.fromkeys(placed)))
+    return both

@@ -65,6 +65,10 @@ class FencedVehicle(ScriptedVehicle):
                 store.handle(message, now)
             self._handle(message)
 
+    def tell_version(self) -> None:
+        """Say what it is, though nobody has asked."""
+        self.send(self._autopilot_version())
+
     def step(self, now: float) -> list[bytes]:
         """Let time pass; gives the frames to send."""
         for store in self.plans.values():

@@ -37,10 +37,13 @@ WITH_FOLLOW: dict[str, Any] = PX4_VALUES | {
 class Farm:
     """A vehicle with an operator's fence and values, and a plan that changes them all."""
 
-    def __init__(self, folder: Path, script: Script, values: Mapping[str, Any]) -> None:
+    def __init__(
+        self, folder: Path, script: Script, values: Mapping[str, Any], uid: int = 0
+    ) -> None:
         self.world = World(journal=folder, disk_lag_s=DISK_LAG_S)
         self.folder = folder
         self.vehicle: FencedVehicle = fenced_vehicle(self.world, script, values=values)
+        self.vehicle.uid = uid
         placed(self.vehicle, square(half_m=90.0))
         self.before = self.held
         self.world.run(2.0)
@@ -138,7 +141,7 @@ def test_what_somebody_else_has_set_meanwhile_is_theirs(tmp_path: Path) -> None:
 
 
 def test_another_vehicle_under_that_system_id_gets_nothing_of_it(tmp_path: Path) -> None:
-    farm = Farm(tmp_path, PX4, WITH_FOLLOW)
+    farm = Farm(tmp_path, PX4, WITH_FOLLOW, uid=6)
     world, first = farm.world, farm.vehicle
     world.run_until(lambda: first.custom_mode == PX4_FOLLOW)
     changed = dict(first.values)
@@ -176,3 +179,19 @@ def test_without_anything_borrowed_nothing_is_written(tmp_path: Path) -> None:
     world.edge.plan(first_flight())
     world.run_until(lambda: any(s.state is State.RUNNING for s in world.app.sessions.values()))
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("told", ["late", "in the next life"])
+def test_a_vehicle_that_tells_its_number_late_keeps_its_page(tmp_path: Path, told: str) -> None:
+    farm = Farm(tmp_path, PX4, WITH_FOLLOW)
+    farm.world.run_until(lambda: farm.vehicle.custom_mode == PX4_FOLLOW)
+    assert [page.name for page in tmp_path.iterdir()] == ["vehicle-1.json"]
+    farm.vehicle.uid = 7
+    if told == "late":
+        farm.vehicle.tell_version()
+        farm.world.run(2.0)
+    farm.world.restart_broker()
+    farm.world.run_until((tmp_path / "vehicle-1-0000000000000007.json").exists)
+    farm.world.run_until(lambda: not (tmp_path / "vehicle-1.json").exists())
+    farm.world.run_until_over(1201)
+    farm.world.run_until(farm.is_as_before)
