@@ -11,6 +11,7 @@ from mavlink_broker.protocol.mission_select import MissionSelect
 from mavlink_broker.protocol.mission_upload import MissionUpload, UploadOutcome
 from mavlink_broker.protocol.mission_verify import MissionVerify, VerifyOutcome
 from mavlink_broker.translation.mission import FlightPlan
+from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.translation.read_back import difference
 from mavlink_broker.vehicle import Vehicle
 
@@ -95,12 +96,19 @@ def arming_checks(vehicle: Vehicle) -> Message:
 
 
 def disarming(vehicle: Vehicle) -> list[Message]:
-    """Stop the propellers of a vehicle that stands and will not be flown; never in the air."""
+    """Stop the propellers of a vehicle that stands and will not be flown; never in the air.
+
+    It leaves its mission mode too: whoever arms it next would fly off on what has failed.
+    """
     snapshot = vehicle.snapshot
-    if not snapshot.armed or snapshot.landed_state != mavlink.MAV_LANDED_STATE_ON_GROUND:
+    if snapshot.landed_state != mavlink.MAV_LANDED_STATE_ON_GROUND:
         return []
-    disarm = long_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM)
-    return [disarm.message(vehicle.route, 0)]
+    would_fly = vehicle.mode_role is ModeRole.MISSION and vehicle.family.knows_modes
+    order = long_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0).message(vehicle.route, 0)
+    return [
+        *([hold_on_ground(vehicle)] if would_fly else []),
+        *([order] if snapshot.armed else []),
+    ]
 
 
 def repetition(ways: Ways, vehicle: Vehicle) -> Message:

@@ -10,7 +10,7 @@ from mavlink_broker.attendance import AWAY_S
 from mavlink_broker.dialect import mavlink
 from tests.support.broker_world import FINISHED, World, first_flight, go_home, mission, takeoff
 from tests.support.real_autopilots import PX4_1_13, PX4_1_17
-from tests.support.scripted_vehicle import HOME
+from tests.support.scripted_vehicle import HOME, PX4_HOLD
 
 ATTENDED = dataclasses.replace(
     PX4_1_17, link_loss_action=2, settings={"COM_DL_LOSS_T": 10.0}, item_time_s=30.0
@@ -76,6 +76,19 @@ class TestAVehicleThatLacksParameters:
         world.edge.plan(mission(takeoff(), second, go_home(3)))
         world.run_until_over(1201, within_s=400.0)
         assert world.edge.statuses(1201) == FINISHED
+
+
+class TestAVehicleThatIsNotArmed:
+    def test_is_not_left_in_its_mission_mode(self) -> None:
+        """Whoever arms it there, at its sticks or by a ground station, lets it fly away."""
+        refuses = {mavlink.MAV_CMD_COMPONENT_ARM_DISARM: mavlink.MAV_RESULT_TEMPORARILY_REJECTED}
+        world = World()
+        vehicle = world.add_vehicle(script=dataclasses.replace(PX4_1_17, results=refuses))
+        world.edge.plan(first_flight())
+        world.run_until_over(1201)
+        world.run(2.0)
+        assert world.edge.status(1201) == Status.FAILED
+        assert vehicle.custom_mode == PX4_HOLD
 
 
 class TestAVehicleThatIsNotReady:
