@@ -95,11 +95,15 @@ def _grown(field: Field, patch: Patch, texture: Pixels) -> Bands:
     return _rows(field, patch, texture)
 
 
-def _cover_share(patch: Patch, vigour: float, gap: float) -> Pixels:
-    """Share of the ground under leaves that gives the map's NDVI."""
-    index = vigour + VIGOUR_SPREAD * patch.quality
+def cover_share(good: Pixels, vigour: float, gap: float) -> Pixels:
+    """Share of the ground under leaves that gives the map's NDVI; `good` is its quality."""
+    index = vigour + VIGOUR_SPREAD * good
     share: Pixels = np.clip((index - gap) / (LEAF_INDEX - gap), 0.02, 0.98)
     return share
+
+
+def _cover_share(patch: Patch, vigour: float, gap: float) -> Pixels:
+    return cover_share(patch.quality, vigour, gap)
 
 
 def _meadow(patch: Patch, texture: Pixels, vigour: float, gap: float, dry: Bands) -> Bands:
@@ -120,10 +124,16 @@ def _grain_field(field: Field, patch: Patch, texture: Pixels) -> Bands:
 
 
 def _rows(field: Field, patch: Patch, texture: Pixels) -> Bands:
-    """Rows of plants on bare soil or grass, their shadows, and the strips along drip lines."""
+    """Rows of plants on bare soil or grass, their shadows, and the strips along drip lines.
+
+    The crowns of trees are solids (`grove.py`), which lie over this.
+    """
     share = _cover_share(patch, field.vigour, field.gap_vigour)
     seen = _contrast(field, patch.size_m)
-    canopy = share + seen * (_canopy(field, patch, share, texture, (0.0, 0.0)) - share)
+    if field.cover is Cover.OLIVES:
+        canopy = (1.0 - seen) * share
+    else:
+        canopy = share + seen * (_canopy(field, patch, share, texture, (0.0, 0.0)) - share)
     soil = _between(field, patch, texture, seen)
     shadow = np.maximum(
         _canopy(field, patch, share, texture, _towards(patch, 0.45 * field.crop_height_m)),

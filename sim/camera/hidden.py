@@ -7,13 +7,15 @@ subject another.
 import math
 from collections.abc import Iterator
 from functools import cache
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.camera.grove import crowns
 from sim.camera.scene import standing
 from sim.camera.solids import Point, Solid
+from sim.world.farm import Farm
 from sim.world.subjects import Subject
 
 _LEVELS: Final = (0.25, 0.6, 0.95)
@@ -22,13 +24,13 @@ _ENDS: Final = (-0.4, 0.0, 0.4)
 """Parts of its length."""
 
 
-def share_in_sight(camera: Point, subject: Subject) -> float:
+def share_in_sight(farm: Farm, camera: Point, subject: Subject) -> float:
     """How much of a subject is seen from a place, 0 to 1, by nine points of it.
 
     `camera` is east, north [m] on the farm's map and height [m] above the level ground, as the
     places of solids are.
     """
-    between = _between(camera, subject)
+    between = _between(farm, camera, subject)
     if not between:
         return 1.0
     points = np.array(tuple(_points(subject)), dtype=np.float32)
@@ -53,20 +55,28 @@ def _points(subject: Subject) -> Iterator[Point]:
             )
 
 
+class _Hiding(NamedTuple):
+    """What stands on a farm, and the spheres about it."""
+
+    solids: tuple[Solid, ...]
+    middles: NDArray[np.float64]  # [m]
+    radii: NDArray[np.float64]  # [m]
+
+
 @cache
-def _spheres() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Middles and radii [m] of the spheres about what stands there."""
-    middles = np.array([solid.middle for solid in standing()])
-    return middles, np.array([solid.radius_m for solid in standing()])
+def _hiding(seed: int) -> _Hiding:
+    solids = (*standing(), *crowns(seed))
+    middles = np.array([solid.middle for solid in solids])
+    return _Hiding(solids, middles, np.array([solid.radius_m for solid in solids]))
 
 
-def _between(camera: Point, subject: Subject) -> list[Solid]:
+def _between(farm: Farm, camera: Point, subject: Subject) -> list[Solid]:
     """Those whose spheres come near the line of sight."""
-    middles, radii = _spheres()
+    solids, middles, radii = _hiding(farm.seed)
     start = np.array(camera)
     way = np.array((*subject.place, 0.5 * subject.height_m)) - start
     towards = middles - start
     share = np.clip(towards @ way / max(float(way @ way), 1e-9), 0.0, 1.0)
     aside = np.linalg.norm(towards - share[:, np.newaxis] * way, axis=1)
     near = aside < radii + max(subject.length_m, subject.height_m)
-    return [standing()[number] for number in np.flatnonzero(near)]
+    return [solids[number] for number in np.flatnonzero(near)]

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.camera import ground
+from sim.camera.grove import crowns_ahead, leaves
 from sim.camera.hills import Hills
 from sim.camera.lens import Lens, Pixels, Pose, Rays, rays
 from sim.camera.light import Light, developed, encoded, hazed, light, sky_colour
@@ -98,6 +99,12 @@ def _view(shot: Shot) -> _View:
         box = box_of(shot.lens, shot.pose.q_ned_camera, solid, offset_ned)
         if box is not None:
             boxes.append((solid, box))
+    for crown, offset_ned in crowns_ahead(
+        shot.farm, shot.lens, shot.pose.q_ned_camera, (east, north, height), stretch
+    ):
+        box = box_of(shot.lens, shot.pose.q_ned_camera, crown, offset_ned)
+        if box is not None:
+            boxes.append((crown, box))
     instant = light(shot.farm, shot.time_utc_s)
     hills = Hills(shot.farm, east, north, height)
     return _View(shot, instant, east, north, height, stretch, standing, tuple(boxes), hills)
@@ -231,8 +238,12 @@ def _add_solids(
         shown = hits.depth < depth[window]
         if not shown.any():
             continue
+        if solid.is_leafy:
+            shade = leaves(view.shot.farm.seed, origin, part, hits, shown, view.shot.lens.pixel)
+        else:
+            shade = np.ones(int(shown.sum()), dtype=np.float32)
         depth[window][shown] = hits.depth[shown]
-        bands = Bands(*(np.full(int(shown.sum()), each, np.float32) for each in solid.colour))
+        bands = Bands(*(np.float32(each) * shade for each in solid.colour))
         east, north, up = view.light.sun.towards_enu
         facing = hits.normal_east * east + hits.normal_north * north + hits.normal_up * up
         direct = view.light.direct * np.maximum(facing, 0.0) / max(up, 0.1)

@@ -44,7 +44,8 @@ def _standing() -> Iterator[Solid]:
         crown = 0.5 * (tree.height_m - 1.2)
         height = tree.height_m - crown
         place = (*tree.middle, height)
-        yield Solid(place, (tree.radius_m, tree.radius_m, crown), 0.0, _CROWN, is_round=True)
+        half = (tree.radius_m, tree.radius_m, crown)
+        yield Solid(place, half, 0.0, _CROWN, is_round=True, is_leafy=True)
         yield Solid((*tree.middle, 0.8), (0.18, 0.18, 0.8), 0.0, _TRUNK)
 
 

@@ -39,6 +39,7 @@ class Solid:
     bearing_deg: float
     colour: tuple[float, float, float, float]  # [-] Reflectance: red, green, blue, near infrared
     is_round: bool = False
+    is_leafy: bool = False  # A crown: its colour is uneven, its outline ragged
 
     @cached_property
     def radius_m(self) -> float:

@@ -61,10 +61,11 @@ class JsbsimSeeker:
         return self._simulation.farm.subjects(self._simulation.farm_time_s)
 
     def _is_in_sight(self, subject: Subject) -> bool:
-        truth, plane = self._simulation.truth, self._simulation.farm.plane
+        truth, farm = self._simulation.truth, self._simulation.farm
+        plane = farm.plane
         here = plane.place(truth.latitude_deg, truth.longitude_deg)
         camera = (*here, truth.altitude_amsl_m - plane.altitude_amsl_m)
-        return share_in_sight(camera, subject) >= _ENOUGH
+        return share_in_sight(farm, camera, subject) >= _ENOUGH
 
     def _box(self, subject: Subject, gaze: Gaze) -> Box | None:
         """A subject in the picture; None behind the camera."""

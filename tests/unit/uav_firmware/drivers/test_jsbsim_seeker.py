@@ -87,7 +87,7 @@ def test_behind_the_barn_the_tractor_is_neither_found_nor_held(
     simulation = world()
     seeker, gaze = JsbsimSeeker(simulation), looking(-45.0, 0.0, simulation)
     assert seeker.lock(WHOLE, gaze)
-    monkeypatch.setattr(jsbsim_seeker, "share_in_sight", lambda _camera, _subject: 0.4)
+    monkeypatch.setattr(jsbsim_seeker, "share_in_sight", lambda _farm, _camera, _subject: 0.4)
     assert seeker.seen(gaze) is None
     assert not JsbsimSeeker(simulation).lock(WHOLE, gaze)
     monkeypatch.undo()
