@@ -87,7 +87,7 @@ class Flight(FlightProgress):
         """Whether the vehicle hovers afterwards: at the end, or still where it did before."""
         if self._ending is not None:
             return self._ending.leaves_hovering
-        if self.ledger.status == Status.FINISHED:
+        if self.ledger.status == Status.FINISHED and self._stages.has_moved:
             return not self._stages.ends_on_ground
         return self._hovering and not self._told_to_start
 

@@ -111,7 +111,7 @@ def panorama(command: CameraPanorama, situation: Situation) -> Items | LiveActio
 
 
 def _turned_panorama(command: CameraPanorama, situation: Situation) -> LiveAction | Refusal:
-    """Turn on the spot behind a live command, wherever that has left the vehicle."""
+    """Turn on the spot, wherever a live command or an earlier mission has left the vehicle."""
     family, mode = situation.family, command.parameters.panorama_mode
     if not situation.after_live:
         return Refusal("command_type_id", "no command before it brings the vehicle to a place")

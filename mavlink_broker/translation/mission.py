@@ -276,6 +276,7 @@ def translate(
         refused=refused,
         maximum_speed_m_s=mission.maximum_speed,
         common_radius_m=_common_radius_m(mission),
+        after_live=not any(one.command_type_id in FLYING for one in mission.command_array),
     )
     return _Translation(mission, situation).go()
 

@@ -62,7 +62,7 @@ class Situation(NamedTuple):
     maximum_speed_m_s: float = 0.0
     relative_altitude_m: float = DEFAULT_ALTITUDE_M  # At which the mission flies
     common_radius_m: float | None = None  # Acceptance radius of all waypoints, if they are alike
-    after_live: bool = False  # A live command came before, and nothing since gave a place
+    after_live: bool = False  # It may be anywhere, behind a live command or where nothing moves it
 
     @property
     def approach_speed_m_s(self) -> float | None:

@@ -12,6 +12,7 @@ from mavlink_broker.session_states import State
 from mavlink_broker.translation.families import OWN_PRODUCT
 from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
 from tests.support.scripted_vehicle import (
+    ARDUPILOT,
     HOME,
     PX4,
     PX4_FOLLOW,
@@ -254,6 +255,34 @@ class TestTheCamera:
         commands = world.only_vehicle.commands
         assert mavlink.MAV_CMD_VIDEO_START_CAPTURE in commands
         assert mavlink.MAV_CMD_VIDEO_STOP_CAPTURE in commands
+
+
+class TestAMissionOfTheCameraAlone:
+    """It moves nothing: the vehicle does it where it is."""
+
+    @pytest.mark.parametrize("script", [OWN, PX4, ARDUPILOT], ids=["own", "PX4", "copter"])
+    def test_is_done_on_the_ground(self, script: Script) -> None:
+        world = flown(video(1), video(2, kind=6), script=script)
+        assert world.edge.statuses(1201) == [FINISHED] * 2
+        assert world.only_vehicle.uploads == 0
+        assert mavlink.MAV_CMD_COMPONENT_ARM_DISARM not in world.only_vehicle.commands
+        world.edge.plan(mission(takeoff(), go_home(2), mission_id=1202))
+        world.run_until_over(1202)
+        assert world.edge.status(1202) == FINISHED
+
+    def test_is_done_in_the_air_where_a_mission_has_left_the_vehicle(self) -> None:
+        world = flown(takeoff())
+        world.edge.plan(mission(video(1), panorama(2), mission_id=1202))
+        world.run_until_over(1202)
+        assert world.edge.status(1202) == FINISHED
+        assert world.only_vehicle.airborne
+        world.edge.plan(mission(waypoint(1), go_home(2), mission_id=1203))
+        world.run_until_over(1203)
+        assert world.edge.status(1203) == FINISHED
+
+    def test_cannot_turn_a_vehicle_that_stands(self) -> None:
+        world = flown(panorama(1), script=PX4)
+        assert "a take-off has to come first" in str(messages(world)[0])
 
 
 class TestAnItemThatIsUnknown:

@@ -13,7 +13,13 @@ from afarcloud.plan import Mission
 from mavlink_broker.codec import Decoder, Encoder
 from mavlink_broker.dialect import mavlink
 from mavlink_broker.translation.families import ARDUPILOT, FAMILIES, GENERIC, OWN, PX4, Family
-from mavlink_broker.translation.mission import FlightPlan, Home, RefusedError, translate
+from mavlink_broker.translation.mission import (
+    FlightPlan,
+    Home,
+    LiveCommand,
+    RefusedError,
+    translate,
+)
 from mavlink_broker.translation.mission_item import from_message
 from mavlink_broker.translation.read_back import difference
 from tests.support.stored_items import Keeping, as_ardupilot_keeps, as_px4_keeps
@@ -320,9 +326,17 @@ def test_a_second_take_off_begins_a_stretch_of_its_own() -> None:
     assert itinerary.ends_on_ground
 
 
-def test_a_mission_that_never_goes_anywhere_is_refused() -> None:
-    with pytest.raises(RefusedError, match="nothing before it says where"):
-        translate(mission_with({"command_type_id": 5, "parameters": {}}), PX4, HOME)
+@pytest.mark.parametrize("family", [OWN, PX4, ARDUPILOT, GENERIC], ids=lambda one: one.name)
+def test_a_mission_that_never_goes_anywhere_is_done_live_where_the_vehicle_is(
+    family: Family,
+) -> None:
+    video = {"command_type_id": 5, "parameters": {}}
+    picture = {"command_type_id": 4, "parameters": {"pitch_angle": -90}}
+    panorama = {"command_type_id": 10, "parameters": {}}
+    segments = translate(mission_with(video, picture, panorama), family, HOME).segments
+    live = [segment.action for segment in segments if isinstance(segment, LiveCommand)]
+    assert len(live) == 3
+    assert not any(action.moves for action in live[:2])
 
 
 def test_frames_of_the_older_kind_are_read_as_their_integer_twins() -> None:
