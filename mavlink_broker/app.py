@@ -147,7 +147,9 @@ class App:
             self._traffic.forget(system)
 
     def close(self) -> None:
-        """End what goes on beside the loop; the links are the caller's."""
+        """Leave no word untold, end what goes on beside the loop; the links are the caller's."""
+        for peer in self._peers.values():
+            self._tell_all(peer)
         self._traffic.close()
 
     def _tenure(self, system: int) -> Tenure:
@@ -293,9 +295,12 @@ class App:
         vehicle = peer.session.vehicle
         peer.untold += words
         if self._books.note(vehicle, self._clock.monotonic()):
-            untold, peer.untold = peer.untold, []
-            for word in untold:
-                self._tell(word, vehicle.vehicle_id)
+            self._tell_all(peer)
+
+    def _tell_all(self, peer: _Peer) -> None:
+        untold, peer.untold = peer.untold, []
+        for word in untold:
+            self._tell(word, peer.session.vehicle.vehicle_id)
 
     def _tell(self, word: ForEdge, vehicle_id: int) -> None:
         post = post_for(

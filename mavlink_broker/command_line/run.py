@@ -56,8 +56,8 @@ def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
     while not signals.stop:
         app.step()
     workshop.stop()
-    edge.stop(LAST_POSTS_WITHIN_S)
     app.close()
+    edge.stop(LAST_POSTS_WITHIN_S)
     journal.close()
     link.close()
     return SUCCEEDED
