@@ -3,9 +3,11 @@
 `SOAK` chooses, separated by commas: `kill` (the edge server killed again and again under load),
 `outage` (72 simulated hours without a cloud; `BURST_S` (3600) seconds of each the vehicles report).
 `contract` (EXAMPLES requests per operation, 100, that fit its OpenAPI document and that do not),
-`broker` (killed once per flight, EVERY_S (1) of a mission with all eleven commands), `links`
+`broker` (killed up to three times per flight, EVERY_S (1) of a mission with all eleven commands
+and of one that borrows fence, rally points and parameters of its vehicle), `links`
 (MISSIONS (100) over each of nine links that lose and delay), `events` (every event in every state
 of a mission, over a good link and over a bad one).
+`spool` (a broker that has much to tell is killed CYCLES times).
 `radio` (a mission in real time over a telemetry radio that is pulled out again and again).
 Without it, all. `CYCLES` (200) says how often it is killed; `SEED` chooses order and requests.
 """
@@ -18,7 +20,16 @@ from pathlib import Path
 from typing import Final
 
 from edge_server.config import Config
-from tests.soak import broker_death, broker_events, broker_links, kill_nine, outage, radio
+from tests.soak import (
+    broker_death,
+    broker_events,
+    broker_links,
+    broker_loans,
+    kill_nine,
+    outage,
+    radio,
+    spool_death,
+)
 from tests.support import contract_fuzz
 from tests.support.flying_world import PERFECT
 
@@ -60,6 +71,12 @@ def _radio() -> None:
     print("FINISHED over a radio: " + ", ".join(f"{n} {what}" for what, n in counts.items()))
 
 
+def _spool() -> None:
+    cycles = int(os.environ.get("CYCLES") or 200)
+    with tempfile.TemporaryDirectory() as folder:
+        spool_death.run(cycles, Path(folder), _seed(), _tell)
+
+
 def _tell(line: str) -> None:
     print(line, flush=True)
 
@@ -69,7 +86,10 @@ def _seed() -> int:
 
 
 def _broker() -> None:
-    broker_death.run(float(os.environ.get("EVERY_S") or 1.0), _seed(), _tell)
+    every_s = float(os.environ.get("EVERY_S") or 1.0)
+    broker_loans.run(every_s, _seed(), _tell)
+    for conditions in (PERFECT, broker_links.conditions(0.0, 0.3)):
+        broker_death.run(every_s, _seed(), _tell, conditions)
 
 
 def _links() -> None:
@@ -88,6 +108,7 @@ PARTS: Final[Mapping[str, Callable[[], None]]] = {
     "broker": _broker,
     "links": _links,
     "events": _events,
+    "spool": _spool,
     "radio": _radio,
 }
 

@@ -1,0 +1,54 @@
+"""Half a broker, to be killed: tells numbers and prints each that it would not lose any more.
+
+`python -m tests.soak.spool_teller URL FOLDER FIRST`
+"""
+
+import sys
+import time
+from itertools import count
+from pathlib import Path
+from typing import Final
+
+from mavlink_broker.edge_client import EdgeClient
+from mavlink_broker.send_queue import Post, Urgency
+from mavlink_broker.spool.folder import MIB, Spool
+from tests.support.spooled_posts import picture, post
+
+KEY_FILE: Final = "broker.key"
+SPOOL: Final = "broker"
+LANES: Final = ("mission_report", "alarm", "done")
+PICTURE_EVERY: Final = 7
+PICTURE_BYTES: Final = 20_000
+_LOOK_EVERY_S: Final = 0.0005
+
+
+def client_in(folder: Path, url: str) -> tuple[EdgeClient, Spool]:
+    """Make what speaks for a broker, with what an earlier one has left."""
+    spool = Spool(folder / SPOOL, most_bytes=4 * MIB)
+    client = EdgeClient(url, folder / KEY_FILE, lambda: None, spool=spool)
+    client.start()
+    return client, spool
+
+
+def word(number: int) -> Post:
+    """Give the post of a number, in one of three lines."""
+    lane = LANES[number % len(LANES)]
+    return post(lane, number, urgency=Urgency.ALARM if lane == "alarm" else Urgency.REPORT)
+
+
+def main(url: str, folder: Path, first: int) -> None:
+    """Tell until killed; a number is printed once it has been answered or is on the disk."""
+    client, spool = client_in(folder, url)
+    for number in count(first):
+        told = word(number)
+        client.post(told)
+        if number % PICTURE_EVERY == 0:
+            client.post(picture(number, PICTURE_BYTES))
+        while client.waiting and (told.kept_as is None or told.kept_as not in spool):
+            time.sleep(_LOOK_EVERY_S)
+        sys.stdout.write(f"{number}\n")
+        sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], Path(sys.argv[2]), int(sys.argv[3]))
