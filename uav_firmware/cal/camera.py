@@ -99,6 +99,10 @@ class FilmGrowth(NamedTuple):
 class Recorder(Protocol):
     """What records films."""
 
+    @property
+    def is_busy(self) -> bool:
+        """Whether frames are on their way to the card."""
+
     def begin_film(self, exposure: Exposure, rate_hz: float) -> Place:
         """Begin a film with its first frame; gives where it lies in the card's pictures.
 

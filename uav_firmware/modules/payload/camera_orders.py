@@ -98,6 +98,8 @@ def _start_video(command: VehicleCommand, parts: Parts, situation: Situation) ->
     """VIDEO_START_CAPTURE; a mission may start what already runs."""
     if from_mission(command) and parts.camera.recording_since_us >= 0:
         return ACCEPTED
+    if not parts.has_room:
+        return _STORAGE_FULL
     rate = 0.0 if math.isnan(command.param2) else command.param2
     parts.camera.start_video(rate, situation.now_us)
     return ACCEPTED
@@ -138,7 +140,7 @@ def _format(command: VehicleCommand, parts: Parts, situation: Situation) -> Outc
     if not (erases or resets):
         return ACCEPTED
     camera = parts.camera
-    busy = camera.state is not CameraState.IDLE or parts.storing > 0
+    busy = camera.state is not CameraState.IDLE or parts.storing > 0 or parts.is_filming
     if busy or camera.recording_since_us >= 0:
         return not_now("the camera takes pictures")
     if erases:

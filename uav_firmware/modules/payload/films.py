@@ -43,6 +43,7 @@ class Films:
                 self._record(recorder, situation, q_ned_frd)
         except OSError as error:
             self._give_up(situation.now_us, reason_of(error))
+        self._parts.is_filming = self._since_us != _NOT_RECORDING or recorder.is_busy
 
     def _record(self, recorder: Recorder, situation: Situation, q_ned_frd: Quaternion) -> None:
         now_us = situation.now_us

@@ -50,6 +50,7 @@ class Parts:
     events: list[CameraEvent] = field(default_factory=list)  # To publish
     erase_due: bool = False  # The device's pictures are to be removed
     storing: int = 0  # Pictures that are exposed and not stored yet
+    is_filming: bool = False  # A film is open, or frames of one are not stored yet
 
     @property
     def picture_bytes(self) -> float:

@@ -79,7 +79,7 @@ class Pictures:
 
     def erase(self, now_us: int) -> None:
         """Remove the pictures from the device."""
-        self._parts.erase_due = False
+        self._parts.erase_due = self._full_told = False
         if self._device is None:
             return
         try:

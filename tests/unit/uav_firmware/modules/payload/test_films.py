@@ -4,8 +4,10 @@ from tests.unit.uav_firmware.modules.payload.bench import Bench
 from uav_firmware.cal.camera import Exposure, FilmGrowth
 from uav_firmware.cal.files import Place
 from uav_firmware.msg.payload import PayloadCommand
+from uav_firmware.msg.status import CommandResult
 
 START, STOP = PayloadCommand.VIDEO_START_CAPTURE, PayloadCommand.VIDEO_STOP_CAPTURE
+FORMAT = PayloadCommand.STORAGE_FORMAT
 
 
 class Recorder:
@@ -15,6 +17,7 @@ class Recorder:
         self.films: list[list[Exposure]] = []
         self.rates_hz: list[float] = []
         self.is_open = False
+        self.is_busy = False
         self.works = True
         self.growth = FilmGrowth(0)
 
@@ -102,6 +105,28 @@ def test_a_full_storage_ends_the_recording() -> None:
     assert bench.seen.recording_since_us == -1
     assert "the storage is full" in bench.said()
     assert not recorder.is_open
+
+
+def test_no_film_begins_on_a_full_storage() -> None:
+    recorder = Recorder()
+    bench = Bench(recorder=recorder, CAM_STORAGE_SIZE=1.0)
+    bench.ask(FORMAT, 1, 1)
+    bench.run(0.1)
+    assert bench.ask(START, 0, 0, 0) == CommandResult.FAILED
+    assert recorder.films == []
+    assert "the storage is full" in bench.said()
+
+
+def test_nothing_is_formatted_while_a_film_is_on_its_way_to_the_card() -> None:
+    bench, recorder = recording()
+    bench.run(1.0)
+    recorder.is_busy = True
+    bench.ask(STOP, 0)
+    bench.run(0.2)
+    assert bench.ask(FORMAT, 1, 1) == CommandResult.TEMPORARILY_REJECTED
+    recorder.is_busy = False
+    bench.run(0.2)
+    assert bench.ask(FORMAT, 1, 1) == CommandResult.ACCEPTED
 
 
 def test_what_films_take_is_counted() -> None:

@@ -207,6 +207,7 @@ def test_a_full_storage_says_so_and_a_format_makes_room_and_begins_a_new_log() -
     bench.ask(START, 0, 0, 1)
     (picture,) = bench.pictures()
     assert picture.image_index == 0
+    assert "Camera storage is full" in bench.said()
 
 
 def test_the_log_alone_can_be_reset() -> None:
