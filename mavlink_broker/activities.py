@@ -111,6 +111,14 @@ def disarming(vehicle: Vehicle) -> list[Message]:
     ]
 
 
+def parking(vehicle: Vehicle) -> list[Message]:
+    """Disarm what drives or swims, once its mission is over: it does not do so by itself."""
+    if not vehicle.stays_on_ground or not vehicle.snapshot.armed:
+        return []
+    disarm = long_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM)
+    return [disarm.message(vehicle.route, 0), disarm.message(vehicle.route, 1)]
+
+
 def repetition(ways: Ways, vehicle: Vehicle) -> Message:
     """Say the first command of the first way once more, marked as a repetition."""
     return ways[0][0].message(vehicle.route, 1)

@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 
 from afarcloud.enumerations import Status
+from mavlink_broker import activities
 from mavlink_broker.effects import Effects
 from mavlink_broker.flight_attachment import FlightAttachment
 from mavlink_broker.follower import Follower
@@ -31,6 +32,7 @@ class FlightProgress(FlightAttachment, ABC):
         if not self._stages.is_last and self._ends_here(now, effects):
             return
         if not self._stages.advance():
+            effects.messages += activities.parking(self._vehicle) if landed else []
             self._follower = self._performer = None
             self._move(Event.ENDED, now, effects)
             return

@@ -106,6 +106,8 @@ class Follower:
         self._progress = self._progress.with_current(message.seq)
         if message.mission_state == mavlink.MISSION_STATE_COMPLETE and self._under_way:
             self._progress = self._progress.with_complete()
+            if self._vehicle.stays_on_ground:
+                self._progress = self._progress.with_landing()
 
     def _finish_commands(self, now: float) -> list[Told]:
         reports: list[Told] = []

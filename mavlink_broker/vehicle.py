@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from mavlink_broker.dialect import Message
+from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.journal.diary import Diary
 from mavlink_broker.journal.memo import Homeward, LiveNote, Memo, Pose, merged
 from mavlink_broker.protocol.heartbeat import LinkState, LinkWatch
@@ -25,6 +25,9 @@ from mavlink_broker.translation.telemetry import Snapshot
 
 AGED: Final = frozenset({"GLOBAL_POSITION_INT", "ATTITUDE", "BATTERY_STATUS", "MISSION_CURRENT"})
 """Messages whose age is kept: what is told of a vehicle must not look fresher than it is."""
+
+GROUND_KINDS: Final = frozenset({mavlink.MAV_TYPE_GROUND_ROVER, mavlink.MAV_TYPE_SURFACE_BOAT})
+"""MAV_TYPE of what drives or swims."""
 
 HOME_PATIENCE_S: Final = 20.0
 """How long a vehicle that stands may take to tell its home; some never do."""
@@ -176,6 +179,11 @@ class Vehicle:
         return bool(snapshot.armed) and snapshot.in_failsafe and self.mode_role is ModeRole.HOLD
 
     @property
+    def stays_on_ground(self) -> bool:
+        """Whether it drives or swims: it lands nowhere, and stays armed where a mission ends."""
+        return self.kind in GROUND_KINDS
+
+    @property
     def has_run_its_mission(self) -> bool:
         """Whether it stands in its mission mode as ArduPilot does behind a landing.
 
@@ -216,8 +224,8 @@ class Vehicle:
 
 def uid_of(told: Message) -> str:
     """Read AUTOPILOT_VERSION's number of the hardware: the long one, else the short one."""
-    long_one = bytes(told.uid2)
-    if any(long_one):
+    long_one = bytes(told.uid2).rstrip(b"\0")
+    if long_one:
         return long_one.hex()
     return f"{told.uid:016x}" if told.uid else ""
 

@@ -5,6 +5,7 @@ ArduPilot: `MissionItemProtocol.cpp`, `AP_Mission.cpp`, `GCS_Common.cpp`, `mode_
 `GCS_MAVLink_Copter.cpp`.
 """
 
+import math
 from dataclasses import replace
 from typing import Final
 
@@ -72,5 +73,14 @@ COPTER_4_1: Final = replace(
     tells_mission_state=False,
 )
 """Before missions knew gimbals, cameras and films, but for a shutter."""
+ROVER: Final = replace(
+    COPTER_4_6,
+    vehicle_type=mavlink.MAV_TYPE_GROUND_ROVER,
+    arms_in=None,
+    wants_takeoff_first=False,
+    begins_anew_when_disarmed=False,
+    disarms_after_s=math.inf,
+    tells_landed_state=False,
+)
 COPTER_3_6: Final = replace(COPTER_4_1, knows_intervals=False)
 """Before SET_MESSAGE_INTERVAL: streams by groups."""

@@ -229,6 +229,11 @@ class ScriptedVehicle:
         self._mode_began_at = self._now
         self.heartbeat()
 
+    def give_up(self) -> None:
+        """Find in flight that a new fence forbids the mission: PX4 stays, and calls it finished."""
+        self.mission_state = mavlink.MISSION_STATE_COMPLETE
+        self.say("No valid mission available, loitering\t")
+
     def send(self, message: Message) -> None:
         """Send something that is not of its script."""
         self._send(message)
@@ -281,7 +286,8 @@ class ScriptedVehicle:
             "estimate": self._estimate,
         }
         for name in self._streams.due(self._now):
-            if name != "estimate" or self._is_copter:
+            tells = {"estimate": self._is_copter, "landed": self.script.tells_landed_state}
+            if tells.get(name, True):
                 self._send(makers[name]())
 
     @property
@@ -653,8 +659,8 @@ class ScriptedVehicle:
 
     def _begin_anew(self) -> None:
         """Forget how far it was; the mission runs on, and a take-off waits for the propellers."""
-        self.current = int(self.script.home_is_item_0)
-        self.mission_state = mavlink.MISSION_STATE_ACTIVE
+        if self.mission_state == mavlink.MISSION_STATE_ACTIVE:
+            self.current = int(self.script.home_is_item_0)
 
     def _go_round(self) -> None:
         """Fly on along the circle, and hold when it has been flown as far as was asked for."""
@@ -681,8 +687,7 @@ class ScriptedVehicle:
     def _reached(self, item: Message) -> None:
         lands = item.command in {mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH}
         if lands and self.script.begins_anew_when_disarmed:
-            if self.airborne:
-                self._land()  # It never tells that it has reached a landing: it is disarmed there
+            self._land_as_copter(item)
             return
         if self.script.tells_reached:
             self._send(mavlink.MAVLink_mission_item_reached_message(self.current))
@@ -697,6 +702,15 @@ class ScriptedVehicle:
             if self.script.current_goes_to_0_at_the_end:
                 self.current = 0
         self._send(self._mission_current())
+
+    def _land_as_copter(self, item: Message) -> None:
+        """End a mission by a return; in a landing it is disarmed, and has not reached that."""
+        if not self.airborne:
+            return
+        self._land()
+        if item.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
+            self._send(mavlink.MAVLink_mission_item_reached_message(self.current))
+            self.mission_state, self.current = mavlink.MISSION_STATE_COMPLETE, 0
 
     def _send(self, message: Message) -> None:
         self._outbox.append(self._encoder.encode(message))

@@ -18,7 +18,7 @@ from tests.support.broker_world import (
     takeoff,
     waypoint,
 )
-from tests.support.real_autopilots import COPTER_4_1, COPTER_4_6, PX4_1_17
+from tests.support.real_autopilots import COPTER_4_1, COPTER_4_6, PX4_1_17, ROVER
 from tests.support.scripted_vehicle import HOME, Script, ScriptedVehicle
 from tests.unit.mavlink_broker.test_real_autopilots import example, flown
 
@@ -157,7 +157,7 @@ class TestABrokerThatWasAway:
     def test_finds_a_vehicle_that_came_down_elsewhere(self) -> None:
         world = World()
         vehicle = world.add_vehicle(script=COPTER_4_6)
-        world.edge.plan(mission(takeoff(), waypoint(), go_home()))
+        world.edge.plan(mission(takeoff(), waypoint(), land(3)))
         world.run_until(lambda: vehicle.airborne)
         world.kill_broker()
         world.run_until(lambda: not vehicle.armed)
@@ -167,3 +167,16 @@ class TestABrokerThatWasAway:
         world.run_until_over(1201)
         assert world.edge.status(1201) == Status.FAILED
         assert vehicle.uploads == 1
+
+
+class TestARover:
+    def test_has_finished_when_its_mission_is_complete(self) -> None:
+        """It never lands, tells nothing of landings, and stays armed where its mission ends."""
+        world = World()
+        vehicle = world.add_vehicle(script=ROVER)
+        for number in (1, 2):
+            world.edge.plan(mission(takeoff(), waypoint(), go_home(), mission_id=number))
+            world.run_until_over(number)
+            assert world.edge.statuses(number) == FINISHED
+            world.run(3.0)
+            assert not vehicle.armed
