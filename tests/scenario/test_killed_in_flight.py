@@ -24,13 +24,18 @@ def has_landed(system: FarmSystem) -> bool:
 @pytest.mark.parametrize("victims", [("edge",), ("broker", "edge")], ids="+".join)
 def test_everything_is_known_once_they_are_back(victims: tuple[str, ...], tmp_path: Path) -> None:
     with running(tmp_path / "var", speed=10.0) as system:
-        identifier = system.post("/plans/", short_plan()).json()["id"]
+        plan = short_plan() | {"geofence": {"max_altitude": 60.0}}
+        identifier = system.post("/plans/", plan).json()["id"]
+        journal = system.state_dir / "broker"
 
         def flies() -> bool:
             mission = system.get(f"/plans/{identifier}")["missions"][0]
             return bool(mission["mission_status_id"] >= RUNNING)
 
         wait_for(flies, "the flight")
+        assert list(journal.glob("vehicle-1*.json")), (
+            "what the vehicle's own height limit was is on the disk"
+        )
         for name in victims:
             system.kill(name)
         wait_for(lambda: has_landed(system), "the landing")
@@ -44,3 +49,4 @@ def test_everything_is_known_once_they_are_back(victims: tuple[str, ...], tmp_pa
         assert len(system.cloud("/pose")) == len(system.cloud("/battery")) == 3
         started = system.log_of("broker").count("ARMING, ARMED")
         assert started == 1, "the vehicle was told to start once"
+        wait_for(lambda: not list(journal.glob("vehicle-1*")), "the vehicle's own height limit")

@@ -13,6 +13,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from random import Random
 from typing import Any, Final
@@ -21,12 +22,15 @@ from afarcloud.enumerations import Status
 from mavlink_broker.dialect import mavlink
 from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
 from tests.support.fake_edge import FakeEdge
-from tests.support.flying_world import FlyingWorld
+from tests.support.flying_world import PERFECT, Conditions, FlyingWorld
 from tests.support.scripted_vehicle import Script
 
 PLAN: Final = Path(__file__).parent.parent.parent / "examples" / "plans" / "eleven_commands.json"
 AWAY_S: Final = (0.0, 2.0, 10.0, 30.0, 60.0)
 PATIENCE_S: Final = 600.0
+DEATHS: Final = (1, 1, 2, 3)
+"""How often the broker dies in one flight."""
+DISK_LAG_S: Final = 0.05
 SCRIPTED_ITEM_S: Final = 4.0
 
 ONCE: Final = (
@@ -193,45 +197,73 @@ def sorties() -> tuple[dict[str, Any], ...]:
     return takeoff(1), waypoint(2), go_home(3), takeoff(4), waypoint(5), go_home(6)
 
 
-def run(every_s: float, seed: int, tell: Callable[[str], None]) -> None:
-    """Let the broker die every so many seconds of the eleven commands, once per flight.
+def run(
+    every_s: float, seed: int, tell: Callable[[str], None], conditions: Conditions = PERFECT
+) -> None:
+    """Let the broker die every so many seconds of the eleven commands, up to three times in a row.
 
-    Each flight is a fork of the one that is flown undisturbed beside it.
+    Each flight is a fork of the one that is flown undisturbed beside it. The disk is a slow one.
     """
     flown, random = eleven_commands(), Random(seed)
     with tempfile.TemporaryDirectory() as folder:
         expected = undisturbed(flown, Path(folder) / "undisturbed")
         tell(f"undisturbed: {expected.duration_s:.0f} s, {expected.pictures} pictures")
-        world, failed, number = FlyingWorld(Path(folder) / "disturbed"), 0, 0
+        world = FlyingWorld(
+            Path(folder) / "disturbed",
+            to_broker=conditions,
+            to_vehicle=conditions,
+            disk_lag_s=DISK_LAG_S,
+        )
         world.edge.plan(flown)
+        failed = number = 0
         while not world.is_over(flown["mission_id"]):
-            failed += not _fork(world, flown, expected, random.choice(AWAY_S), tell)
             number += 1
+            deaths = _deaths(random)
+            copy = Path(folder) / f"journal-{number}"
+            failed += not _fork(world, copy, flown, expected, deaths, tell)
             world.run(every_s)
     tell(f"{number} deaths, {failed} of them not survived")
     assert not failed
 
 
+def _deaths(random: Random) -> list[tuple[float, float]]:
+    """How long nobody is there, and how long the next broker lives, in whole seconds."""
+    number = random.choice(DEATHS)
+    return [(random.choice(AWAY_S), float(random.randrange(11))) for _ in range(number)]
+
+
 def _fork(
     world: FlyingWorld,
+    journal: Path,
     flown: dict[str, Any],
     expected: Undisturbed,
-    away_s: float,
+    deaths: Sequence[tuple[float, float]],
     tell: Callable[[str], None],
 ) -> bool:
-    """Kill the broker in a copy of this world; whether that was survived."""
+    """Kill the broker in a copy of this world; whether that was survived.
+
+    Each death has how long nobody is there, and how long the next broker lives if it dies too.
+    """
     sys.stdout.flush()
     child = os.fork()
     if child:
         return os.waitpid(child, 0)[1] == 0
-    at_s, state, survived = world.clock.now_s, world.session_state, False
+    at_s, states, survived = world.clock.now_s, [world.session_state], False
     try:
-        revive(world, away_s)
+        world.disk.move(journal)
+        revive(world, deaths[0][0])
+        for (_, lived_s), (away_s, _) in pairwise(deaths):
+            world.run(lived_s)
+            states.append(world.session_state)
+            revive(world, away_s)
         world.run_until_over(flown["mission_id"], PATIENCE_S)
-        judge(world, flown, expected, state)
+        judge(world, flown, expected, next((s for s in states if s not in IN_FLIGHT), states[0]))
         survived = True
     except AssertionError as error:
-        tell(f"killed at {at_s:.1f} s in {state}, away {away_s:.0f} s: {error}")
+        told = ", ".join(
+            f"away {away_s:.0f} s, lived {lived_s:.1f} s" for away_s, lived_s in deaths
+        )
+        tell(f"killed at {at_s:.1f} s in {' and '.join(states)}: {told}: {error}")
     finally:
         sys.stdout.flush()
         os._exit(0 if survived else 1)

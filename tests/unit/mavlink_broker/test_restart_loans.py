@@ -38,9 +38,14 @@ class Farm:
     """A vehicle with an operator's fence and values, and a plan that changes them all."""
 
     def __init__(
-        self, folder: Path, script: Script, values: Mapping[str, Any], uid: int = 0
+        self,
+        folder: Path,
+        script: Script,
+        values: Mapping[str, Any],
+        uid: int = 0,
+        **more: Any,
     ) -> None:
-        self.world = World(journal=folder, disk_lag_s=DISK_LAG_S)
+        self.world = World(journal=folder, disk_lag_s=DISK_LAG_S, **more)
         self.folder = folder
         self.vehicle: FencedVehicle = fenced_vehicle(self.world, script, values=values)
         self.vehicle.uid = uid
