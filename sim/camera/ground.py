@@ -35,6 +35,8 @@ _SHADE: Final = 0.30  # Light that is left in a row's own shadow
 _DRIP_HALF_M: Final = 0.16  # Of the strip that a drip line keeps wet
 _TRAMLINE_M: Final = 12.0  # Between the wheel tracks of the sprayer in grain
 _WHEELS_M: Final = (0.9, 0.2)  # Half the gauge, half the width
+TREES_FROM_EDGE_M: Final = 1.0
+"""No tree of an orchard stands nearer to the field's edge [m]."""
 _STRAW_INDEX: Final = 0.12
 
 
@@ -167,15 +169,30 @@ def _canopy(
     east, north = field.across
     offset = np.float32(shift[0] * east + shift[1] * north)
     across = _across(field, patch) + offset
-    away = np.abs(across - field.row_spacing_m * np.round(across / field.row_spacing_m))
+    row = field.row_spacing_m * np.round(across / field.row_spacing_m)
+    away = np.abs(across - row)
     if field.cover is Cover.OLIVES:
         radius = field.row_spacing_m * np.sqrt(share / math.pi) * (1.0 + 0.14 * texture)
         along = _along(field, patch) + np.float32(shift[0] * field.along[0])
         along += np.float32(shift[1] * field.along[1])
-        along -= field.plant_spacing_m * np.round(along / field.plant_spacing_m)
-        return _edge(radius - np.hypot(away, along), max(0.15, patch.size_m))
+        plant = field.plant_spacing_m * np.round(along / field.plant_spacing_m)
+        crown = _edge(radius - np.hypot(away, along - plant), max(0.15, patch.size_m))
+        return crown * _stands(field, row, plant)
     half = 0.5 * field.row_spacing_m * share * (1.0 + 0.28 * texture)
     return _edge(half - away, max(0.04, patch.size_m))
+
+
+def _stands(field: Field, across: Pixels, along: Pixels) -> Mask:
+    """Whether a tree stands at such a place of its rows [m]."""
+    east = across * np.float32(field.across[0]) + along * np.float32(field.along[0])
+    north = across * np.float32(field.across[1]) + along * np.float32(field.along[1])
+    stands = np.ones(east.shape, dtype=np.bool_)
+    for start, end in zip(field.boundary, [*field.boundary[1:], field.boundary[0]], strict=True):
+        way_east, way_north = end.east_m - start.east_m, end.north_m - start.north_m
+        length = math.hypot(way_east, way_north)
+        left = way_east * (north - start.north_m) - way_north * (east - start.east_m)
+        stands &= left > TREES_FROM_EDGE_M * length
+    return stands
 
 
 def _contrast(field: Field, size_m: float) -> float:

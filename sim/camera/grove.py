@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.camera.grain import grain
-from sim.camera.ground import cover_share, quality
+from sim.camera.ground import TREES_FROM_EDGE_M, cover_share, quality
 from sim.camera.lens import Lens, Pixels, rotation
 from sim.camera.reflectance import LEAF
 from sim.camera.solids import Hits, Point, Solid
@@ -33,8 +33,6 @@ _WIDEST_M: Final = 4.0
 """No crown reaches farther from its middle."""
 _COARSEST_M: Final = 2.5
 """Where pixels are larger than this on the ground, no crown is drawn."""
-_FROM_EDGE_M: Final = 1.0
-"""No tree stands nearer to the field's edge."""
 
 
 @cache
@@ -135,6 +133,6 @@ def _places(field: Field) -> list[Place]:
         for plant in range(-math.ceil(plants), math.ceil(plants) + 1):
             across, along = row * field.row_spacing_m, plant * field.plant_spacing_m
             place = Place(across * east_x + along * east_y, across * north_x + along * north_y)
-            if edge_distance_m(field.boundary, place) > _FROM_EDGE_M:
+            if edge_distance_m(field.boundary, place) > TREES_FROM_EDGE_M:
                 found.append(place)
     return found
