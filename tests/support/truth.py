@@ -19,9 +19,10 @@ class TruePosition(NamedTuple):
 
 
 def read_track(path: Path) -> list[TruePosition]:
-    """Read a truth log."""
+    """Read a truth log, which may be in the middle of being written."""
     with path.open(newline="", encoding="utf-8") as log:
-        return list(_positions(csv.DictReader(log)))
+        whole = (line for line in log if line.endswith("\n"))
+        return list(_positions(csv.DictReader(whole)))
 
 
 def _positions(rows: Iterable[dict[str, str]]) -> Iterator[TruePosition]:
