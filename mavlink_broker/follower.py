@@ -24,7 +24,16 @@ REPORT_EVERY_S: Final = 30.0
 AT_THE_END_M: Final = 30.0
 """How far from its place a vehicle may land: home is moved when it arms, a return is not exact."""
 
+_GIVES_UP: Final = "No valid mission available"
+"""PX4's words for a mission in flight that a new fence forbids."""
 _UNDER_WAY: Final = frozenset({mavlink.MISSION_STATE_ACTIVE, mavlink.MISSION_STATE_PAUSED})
+
+
+def last_leg(plan: FlightPlan) -> int:
+    """Give the last item that a vehicle navigates by; the first of the mission if there is none."""
+    own = range(plan.first_item, len(plan.items))
+    legs = [seq for seq in own if plan.items[seq].command <= mavlink.MAV_CMD_NAV_LAST]
+    return legs[-1] if legs else plan.first_item
 
 
 class Follower:
@@ -48,6 +57,7 @@ class Follower:
         self._under_way = self._resumed = resumed
         self._reported_at = 0.0
         self._departed = Departure()
+        self._given_up: str | None = None
         self.departure: str | None = None
 
     @property
@@ -71,6 +81,8 @@ class Follower:
                 self._current(message)
             case "MISSION_ITEM_REACHED":
                 self._progress = self._progress.with_reached(message.seq)
+            case "STATUSTEXT" if message.text.startswith(_GIVES_UP):
+                self._given_up = "the vehicle has given up the mission"
 
     def step(self, now: float) -> list[Told]:
         """Judge where things stand; gives results and reports to post."""
@@ -102,10 +114,18 @@ class Follower:
         if message.mission_id != self._mission_id:
             return
         if message.mission_state in _UNDER_WAY:
-            self._under_way = True
+            self._under_way, self._given_up = True, None
         self._progress = self._progress.with_current(message.seq)
         if message.mission_state == mavlink.MISSION_STATE_COMPLETE and self._under_way:
+            self._ended(message.seq)
+
+    def _ended(self, seq: int) -> None:
+        """Believe a vehicle that has come to the end; PX4 says the same of what it gives up."""
+        begins_anew = seq == 0 < self._progress.current
+        if begins_anew or self._progress.current >= last_leg(self._plan):
             self._progress = self._progress.with_complete()
+        else:
+            self._given_up = f"the vehicle has given up the mission at item {seq}"
             if self._vehicle.stays_on_ground:
                 self._progress = self._progress.with_landing()
 
@@ -147,4 +167,4 @@ class Follower:
         told = snapshot.mission.mission_id if snapshot.mission else None
         if self._mission_id is not None and told != self._mission_id:
             return "another mission was put onto the vehicle"
-        return None
+        return self._given_up if role is ModeRole.MISSION else None

@@ -5,12 +5,22 @@
 
 import dataclasses
 
+import pytest
+
 from afarcloud.enumerations import Status
 from mavlink_broker.attendance import AWAY_S
 from mavlink_broker.dialect import mavlink
-from tests.support.broker_world import FINISHED, World, first_flight, go_home, mission, takeoff
-from tests.support.real_autopilots import PX4_1_13, PX4_1_17
-from tests.support.scripted_vehicle import HOME, PX4_HOLD
+from tests.support.broker_world import (
+    FINISHED,
+    World,
+    first_flight,
+    go_home,
+    mission,
+    takeoff,
+    waypoint,
+)
+from tests.support.real_autopilots import PX4_1_13, PX4_1_14, PX4_1_17
+from tests.support.scripted_vehicle import HOME, PX4_HOLD, Script
 
 ATTENDED = dataclasses.replace(
     PX4_1_17, link_loss_action=2, settings={"COM_DL_LOSS_T": 10.0}, item_time_s=30.0
@@ -76,6 +86,23 @@ class TestAVehicleThatLacksParameters:
         world.edge.plan(mission(takeoff(), second, go_home(3)))
         world.run_until_over(1201, within_s=400.0)
         assert world.edge.statuses(1201) == FINISHED
+
+
+class TestAVehicleThatGetsANewFenceInFlight:
+    @pytest.mark.parametrize("script", [PX4_1_14, PX4_1_17], ids=["1.14", "1.17"])
+    def test_and_may_not_go_on_has_not_finished(self, script: Script) -> None:
+        """It stays where it is, in its mission mode, and says that its mission is complete."""
+        world = World()
+        vehicle = world.add_vehicle(script=dataclasses.replace(script, item_time_s=6.0))
+        plan = mission(takeoff(), waypoint(2), waypoint(3, 20.0), go_home(4, landing=False))
+        world.edge.plan(plan)
+        world.run_until(lambda: world.edge.reports(1201))
+        world.run_until(lambda: world.edge.statuses(1201)[1] == Status.RUNNING)
+        vehicle.give_up()
+        world.run_until_over(1201, within_s=20.0)
+        statuses = [Status.FINISHED, Status.FAILED, Status.ABORTED, Status.ABORTED]
+        assert world.edge.statuses(1201) == statuses
+        assert "the vehicle has given up the mission" in world.edge.reports(1201)[-1]["message"]
 
 
 class TestAVehicleThatIsNotArmed:
