@@ -191,12 +191,12 @@ class Quadrotor:
             return (0.0, 0.0, 0.0, 0.0)
         one, two, three, four = self._state.motor_currents_a()
         duty_1, duty_2, duty_3, duty_4 = self._motors
-        return (
-            min(max(duty_1, 0.0), 1.0) * one,
-            min(max(duty_2, 0.0), 1.0) * two,
-            min(max(duty_3, 0.0), 1.0) * three,
-            min(max(duty_4, 0.0), 1.0) * four,
-        )
+        # The usual case first: min and max cost more than all the rest.
+        lowest, highest = min(self._motors), max(self._motors)
+        if lowest < 0.0 or highest > 1.0:
+            duty_1, duty_2 = min(max(duty_1, 0.0), 1.0), min(max(duty_2, 0.0), 1.0)
+            duty_3, duty_4 = min(max(duty_3, 0.0), 1.0), min(max(duty_4, 0.0), 1.0)
+        return (duty_1 * one, duty_2 * two, duty_3 * three, duty_4 * four)
 
     def _lying_still(self) -> Truth:
         """The state of a wreck: where and how it hit the ground, at rest, rotors stopped."""

@@ -44,9 +44,10 @@ class EscTelemetry:
     def _current(self, true_a: Motors) -> Motors:
         normals, sigma = self._normals, self._current_sigma_a
         one, two, three, four = true_a
-        return (
-            max(0.0, one + sigma * next(normals)),
-            max(0.0, two + sigma * next(normals)),
-            max(0.0, three + sigma * next(normals)),
-            max(0.0, four + sigma * next(normals)),
-        )
+        one += sigma * next(normals)
+        two += sigma * next(normals)
+        three += sigma * next(normals)
+        four += sigma * next(normals)
+        if min(one, two, three, four) >= 0.0:  # The usual case
+            return (one, two, three, four)
+        return (max(0.0, one), max(0.0, two), max(0.0, three), max(0.0, four))

@@ -32,6 +32,7 @@ WHITE_SIGMA_NED_M: Final = (0.03, 0.03, 0.06)
 VELOCITY_SIGMA_NED_M_S: Final = (0.05, 0.05, 0.08)
 _SMALLEST_ACCURACY: Final = 0.01  # [m, m/s] A receiver never claims to be perfect
 
+_NEVER_US: Final = 1 << 62
 _FIX_NONE: Final = 1
 _FIX_3D: Final = 3
 _SATELLITES: Final = 18
@@ -73,6 +74,12 @@ class Gps:
             self._on_its_way.append(without_fix(truth.time_us))
         else:
             self._on_its_way.append(self._solution(truth))
+
+    @property
+    def delivery_us(self) -> int:
+        """When the next solution that is on its way will be there [us]; in an age if none is."""
+        way = self._on_its_way
+        return way[0].time_us + DELAY_US if way else _NEVER_US
 
     def deliver(self, time_us: int) -> GpsReading | None:
         """The solution whose latency has passed at `time_us`, if there is one."""

@@ -67,6 +67,7 @@ class SensorSuite:
         self._esc_schedule = Schedule(esc.RATE_HZ)
         self.rangefinder = RangeFinder(streams["rangefinder"], factor=factor)
         self._range_schedule = Schedule(rangefinder.RATE_HZ, first_us=20_000)
+        self._next_us = 0
 
     def read(self, truth: Truth, motor_currents_a: Callable[[], Motors]) -> Readings:
         """Every reading that is due at the instant of the truth.
@@ -74,9 +75,11 @@ class SensorSuite:
         `motor_currents_a` gives what each motor draws from the pack; asked for when needed.
         """
         time_us = truth.time_us
+        if time_us < self._next_us:
+            return Readings(self.imu.read(truth), None, None, None, None, None)
         if self._gps_schedule.due(time_us):
             self.gps.measure(truth)
-        return Readings(
+        readings = Readings(
             self.imu.read(truth),
             self.baro.read(truth) if self._baro_schedule.due(time_us) else None,
             self.magnetometer.read(truth) if self._mag_schedule.due(time_us) else None,
@@ -84,6 +87,20 @@ class SensorSuite:
             self.battery.read(time_us) if self._battery_schedule.due(time_us) else None,
             self.esc.read(truth, motor_currents_a()) if self._esc_schedule.due(time_us) else None,
             self.rangefinder.read(truth) if self._range_schedule.due(time_us) else None,
+        )
+        self._next_us = self._soonest_us()
+        return readings
+
+    def _soonest_us(self) -> int:
+        """When an instrument besides the inertial sensor has something to say next [us]."""
+        return min(
+            self._baro_schedule.next_us,
+            self._mag_schedule.next_us,
+            self._gps_schedule.next_us,
+            self._battery_schedule.next_us,
+            self._esc_schedule.next_us,
+            self._range_schedule.next_us,
+            self.gps.delivery_us,
         )
 
 

@@ -113,7 +113,9 @@ def from_euler(roll: float, pitch: float, yaw: float) -> Quaternion:
 def to_euler(q: Quaternion) -> Vector3:
     """Roll, pitch and yaw [rad] of a unit quaternion; pitch within [-pi/2, pi/2]."""
     w, x, y, z = q
-    sine_pitch = max(-1.0, min(1.0, 2.0 * (w * y - x * z)))
+    sine_pitch = 2.0 * (w * y - x * z)
+    if not -1.0 <= sine_pitch <= 1.0:
+        sine_pitch = max(-1.0, min(1.0, sine_pitch))
     roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     return (roll, math.asin(sine_pitch), yaw_of(q))
 
@@ -144,7 +146,7 @@ def from_matrix(matrix: Matrix3) -> Quaternion:
     """Unit quaternion of a rotation matrix, dividing by its largest component (Shepperd 1978)."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = matrix
     trace = xx + yy + zz
-    if trace >= max(xx, yy, zz):
+    if trace >= xx and trace >= yy and trace >= zz:
         q = (1.0 + trace, zy - yz, xz - zx, yx - xy)
     elif xx >= yy and xx >= zz:
         q = (zy - yz, 1.0 + xx - yy - zz, xy + yx, xz + zx)
@@ -171,18 +173,18 @@ def from_thrust_direction_and_yaw(thrust_ned: Vector3, yaw: float) -> Quaternion
     the horizon the nose keeps to the side of `yaw`, as in a half loop; for an exactly
     horizontal thrust square to it the heading is undefined and the nose points up.
     """
-    length = math.sqrt(sum(component * component for component in thrust_ned))
+    north, east, down = thrust_ned
+    length = math.sqrt(north * north + east * east + down * down)
     if length < _TINY:
         return from_euler(0.0, 0.0, yaw)
-    z_axis = (-thrust_ned[0] / length, -thrust_ned[1] / length, -thrust_ned[2] / length)
+    z_axis = (-north / length, -east / length, -down / length)
     right = (-math.sin(yaw), math.cos(yaw), 0.0)
     x_axis = cross(right, z_axis)
     if z_axis[2] < 0.0:
         x_axis = (-x_axis[0], -x_axis[1], -x_axis[2])
-    norm = math.sqrt(sum(component * component for component in x_axis))
-    x_axis = (
-        (x_axis[0] / norm, x_axis[1] / norm, x_axis[2] / norm) if norm > _TINY else (0.0, 0.0, -1.0)
-    )
+    x, y, z = x_axis
+    norm = math.sqrt(x * x + y * y + z * z)
+    x_axis = (x / norm, y / norm, z / norm) if norm > _TINY else (0.0, 0.0, -1.0)
     y_axis = cross(z_axis, x_axis)
     return from_matrix(
         (

@@ -104,7 +104,8 @@ class CommanderModule:
         view = self._observer.look(now_us, self._failsafe_params)
         if view.position is not None and view.position_valid:
             self._home_keeper.keep(now_us, view.position)
-            view = view._replace(home=self._topics.home_position.value)
+            if view.home is not self._topics.home_position.value:
+                view = view._replace(home=self._topics.home_position.value)
         self._waited = self._mission_is_new() and not self._waited
         for command in [] if self._waited else self._topics.vehicle_command.drain():
             self._answer(command, view)

@@ -41,30 +41,31 @@ class Observer:
     def look(self, now_us: int, params: FailsafeParams) -> VehicleView:
         """The vehicle at this moment."""
         topics = self._topics
-        ages = SensorAges(*(heard.age(now_us) for heard in self._heard))
+        ages = SensorAges(*[heard.age(now_us) for heard in self._heard])
+        # By place: by name costs three times as much, fifty times a second
         return VehicleView(
-            now_us=now_us,
-            attitude=topics.vehicle_attitude.value,
-            position=topics.vehicle_local_position.value,
-            estimator=topics.estimator_status.value,
-            gps=topics.sensor_gps.value,
-            battery=topics.sensor_battery.value,
-            land=topics.land_detected.value,
-            home=topics.home_position.value,
-            progress=topics.mission_progress.value,
-            navigator=topics.navigator_status.value,
-            fence=topics.geofence_status.value,
-            failure=topics.failure_detector_status.value,
-            storage=topics.storage_status.value,
-            storage_check=params.storage_check,
-            wind=topics.wind.value,
-            wind_limit_m_s=params.wind_max_m_s,
-            sticks=topics.manual_control_setpoint.value,
-            sticks_fresh=ages.sticks <= params.sticks_loss_s,
-            offboard=topics.offboard_setpoint.value,
-            offboard_fresh=ages.offboard <= OFFBOARD_FRESH_S,
-            ages=ages,
-            imu_delivers=_is_finite(topics.sensor_imu.value),
+            now_us,
+            topics.vehicle_attitude.value,
+            topics.vehicle_local_position.value,
+            topics.estimator_status.value,
+            topics.sensor_gps.value,
+            topics.sensor_battery.value,
+            topics.land_detected.value,
+            topics.home_position.value,
+            topics.mission_progress.value,
+            topics.navigator_status.value,
+            topics.geofence_status.value,
+            topics.failure_detector_status.value,
+            topics.storage_status.value,
+            params.storage_check,
+            topics.wind.value,
+            params.wind_max_m_s,
+            topics.manual_control_setpoint.value,
+            ages.sticks <= params.sticks_loss_s,
+            topics.offboard_setpoint.value,
+            ages.offboard <= OFFBOARD_FRESH_S,
+            ages,
+            _is_finite(topics.sensor_imu.value),
         )
 
     def observe_wind(self, view: VehicleView, ballistic_coefficient: float) -> None:

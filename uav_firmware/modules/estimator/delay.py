@@ -16,20 +16,16 @@ predictor in front of it (PX4's EKF2), this needs one integration instead of two
 
 from bisect import bisect_left
 from collections import deque
-from operator import attrgetter
-from typing import Final, NamedTuple
+from operator import itemgetter
+from typing import Final, NamedTuple, TypeAlias
 
 from uav_firmware.modules.estimator.state import NominalState
 from uav_firmware.msg.vectors import Quaternion, Vector3
 
+_Entry: TypeAlias = tuple[int, Vector3, Vector3]
+"""Time [us], W [m/s] and S [m]: plain, since one is made for every sample."""
 
-class _Entry(NamedTuple):
-    time_us: int
-    w: Vector3  # [m/s] Sum of velocity changes
-    s: Vector3  # [m] Its integral
-
-
-_time_of: Final = attrgetter("time_us")
+_time_of: Final = itemgetter(0)
 
 
 class Past(NamedTuple):
@@ -47,14 +43,14 @@ class InertialHistory:
 
     def __init__(self, start_us: int, length: int) -> None:
         self._entries: deque[_Entry] = deque(maxlen=length)
-        self._entries.append(_Entry(start_us, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+        self._entries.append((start_us, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
 
     def push(self, time_us: int, change_ned: Vector3, dt: float) -> None:
         """Add the change of velocity [m/s] over the dt [s] that ended at `time_us`."""
         _, (wx, wy, wz), (sx, sy, sz) = self._entries[-1]
         cx, cy, cz = change_ned
         self._entries.append(
-            _Entry(
+            (
                 time_us,
                 (wx + cx, wy + cy, wz + cz),
                 (
@@ -67,21 +63,21 @@ class InertialHistory:
 
     def recall(self, state: NominalState, time_us: int, gravity: float) -> Past | None:
         """The state at `time_us`; None if that is in the future or longer ago than is kept."""
-        now = self._entries[-1]
-        if not self._entries[0].time_us <= time_us <= now.time_us:
+        now_us, now_w, now_s = self._entries[-1]
+        if not self._entries[0][0] <= time_us <= now_us:
             return None
         (wx, wy, wz), (sx, sy, sz) = self._at(time_us)
-        tau = (now.time_us - time_us) * 1e-6
-        cx, cy, cz = now.w[0] - wx, now.w[1] - wy, now.w[2] - wz
+        tau = (now_us - time_us) * 1e-6
+        cx, cy, cz = now_w[0] - wx, now_w[1] - wy, now_w[2] - wz
         vx, vy, vz = state.velocity_ned
         vx, vy, vz = vx - cx, vy - cy, vz - cz
         px, py, pz = state.position_ned
         return Past(
             tau,
             (
-                px - tau * vx - (now.s[0] - sx - tau * wx),
-                py - tau * vy - (now.s[1] - sy - tau * wy),
-                pz - tau * vz - (now.s[2] - sz - tau * wz),
+                px - tau * vx - (now_s[0] - sx - tau * wx),
+                py - tau * vy - (now_s[1] - sy - tau * wy),
+                pz - tau * vz - (now_s[2] - sz - tau * wz),
             ),
             (vx, vy, vz),
             (cx, cy, cz - gravity * tau),
@@ -92,12 +88,12 @@ class InertialHistory:
         """Both sums at a time, linear between two samples."""
         entries = self._entries
         index = bisect_left(entries, time_us, key=_time_of)
-        after = entries[index]
-        if after.time_us == time_us:
-            return after.w, after.s
-        before = entries[index - 1]
-        share = (time_us - before.time_us) / (after.time_us - before.time_us)
-        return _between(before.w, after.w, share), _between(before.s, after.s, share)
+        after_us, after_w, after_s = entries[index]
+        if after_us == time_us:
+            return after_w, after_s
+        before_us, before_w, before_s = entries[index - 1]
+        share = (time_us - before_us) / (after_us - before_us)
+        return _between(before_w, after_w, share), _between(before_s, after_s, share)
 
 
 def _between(first: Vector3, second: Vector3, share: float) -> Vector3:

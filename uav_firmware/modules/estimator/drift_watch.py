@@ -47,9 +47,11 @@ class DriftWatch:
         if self._leaps(innovations):
             self.restart()
             return None
+        slack = self._slack
+        if self._onset is None and max(innovations) <= slack and min(innovations) >= -slack:
+            return None  # The usual case: nothing adds up
         signed = [*innovations, *(-innovation for innovation in innovations)]
         sums = self._sums or [0.0] * len(signed)
-        slack = self._slack
         self._sums = sums = [
             max(0.0, total + x - slack) for total, x in zip(sums, signed, strict=True)
         ]
@@ -70,8 +72,10 @@ class DriftWatch:
         """Whether a component has leapt, and is not back yet."""
         former, self._former = self._former or innovations, innovations
         leap = self._leap
-        if any(abs(new - old) > leap for new, old in zip(innovations, former, strict=True)):
-            self.leapt = True
-        elif self.leapt and max(map(abs, innovations)) < _GATE:
+        for new, old in zip(innovations, former, strict=True):
+            if abs(new - old) > leap:
+                self.leapt = True
+                return True
+        if self.leapt and max(map(abs, innovations)) < _GATE:
             self.leapt = False
         return self.leapt

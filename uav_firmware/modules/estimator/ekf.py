@@ -90,6 +90,10 @@ class ErrorStateEkf:
         self._variances = self.covariance.reshape(-1)[:: SIZE + 1]  # Its diagonal
         self._transition = np.eye(SIZE)
         self._product = np.empty((SIZE, SIZE))
+        # While a measurement is fused: its covariance with each error and the gain, each as a
+        # vector and as the matrix that BLAS takes for an outer product.
+        self._shared, self._gain = np.empty(SIZE), np.empty(SIZE)
+        self._shared_row, self._gain_column = self._shared.reshape(1, -1), self._gain.reshape(-1, 1)
         self._spread = np.empty((SIZE, SIZE))
         self._added = np.zeros(SIZE)
         self._added_for: tuple[Noise, float, float] | None = None
@@ -223,11 +227,12 @@ class ErrorStateEkf:
         """
         error = np.zeros(SIZE)
         covariance, product = self.covariance, self._product
+        gain, shared = self._gain, self._shared
         for innovation, row, variance in measurements:
-            shared = covariance.dot(row)
-            gain = shared / (float(row.dot(shared)) + variance)
+            covariance.dot(row, shared)
+            np.divide(shared, float(row.dot(shared)) + variance, gain)
             error += gain * (innovation - float(row.dot(error)))
-            np.multiply(gain[:, None], shared, product)
+            self._gain_column.dot(self._shared_row, product)
             np.subtract(covariance, product, covariance)
         self.state.inject(error.tolist())
 

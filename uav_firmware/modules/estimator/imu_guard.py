@@ -44,8 +44,10 @@ class ImuGuard:
             if before_us is None:
                 return None
         self._time_us = now_us
-        dt = 0.0 if before_us is None else min((now_us - before_us) * 1e-6, _LONGEST_STEP_S)
-        return self._rate, self._force, dt
+        dt = 0.0 if before_us is None else (now_us - before_us) * 1e-6
+        if dt <= _LONGEST_STEP_S:
+            return self._rate, self._force, dt
+        return self._rate, self._force, _LONGEST_STEP_S
 
     @property
     def healthy(self) -> bool:

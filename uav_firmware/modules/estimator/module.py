@@ -58,6 +58,7 @@ class EstimatorModule:
         self._global_position = global_position
         self._status = estimator_status
         self._counts = [0, 0, 0, 0, 0]
+        self._aid_counts = (0, 0, 0, 0)
         self._validity = Validity()
         self._accuracy_m = (math.nan, math.nan)
         self._global_due_us = 0
@@ -88,6 +89,10 @@ class EstimatorModule:
         return topic.value
 
     def _take_aids(self, navigation: Navigation) -> None:
+        counts = (self._landed.count, self._mag.count, self._baro.count, self._gps.count)
+        if counts == self._aid_counts:  # Most steps bring an inertial sample alone
+            return
+        self._aid_counts = counts
         landed = self._new(1, self._landed)
         if landed is not None:
             navigation.take_landed(landed=landed.landed)

@@ -141,21 +141,23 @@ class Navigation:
         core = self.core
         if core is None:
             return Validity()
-        now_us, limit_s = core.time_us, self._params.no_aid_timeout_us * 1e-6
+        now_us, limit_s, ekf = core.time_us, self._params.no_aid_timeout_us * 1e-6, core.ekf
         healthy = self.guard.healthy and core.state.is_finite()
         located = healthy and core.origin is not None
         position = located and self.gps.horizontal.age_s(now_us) <= limit_s
         moving = min(self.gps.velocity.age_s(now_us), self.rest.velocity.age_s(now_us))
         height = min(self.gps.vertical.age_s(now_us), self.baro.height.age_s(now_us))
-        tilt = max(core.ekf.sigma(ATTITUDE.start), core.ekf.sigma(ATTITUDE.start + 1))
+        upright = (
+            ekf.sigma(ATTITUDE.start) < _LARGEST_TILT_SIGMA_RAD
+            and ekf.sigma(ATTITUDE.start + 1) < _LARGEST_TILT_SIGMA_RAD
+        )
+        turned = self.compass.is_current(core) and ekf.sigma(HEADING) < _LARGEST_HEADING_SIGMA_RAD
         return Validity(
-            attitude=healthy and tilt < _LARGEST_TILT_SIGMA_RAD,
-            heading=healthy
-            and self.compass.is_current(core)
-            and core.ekf.sigma(HEADING) < _LARGEST_HEADING_SIGMA_RAD,
-            velocity=located and moving <= limit_s,
-            position=position,
-            altitude=located and height <= limit_s,
-            gps_rejected=self.gps.horizontal.rejecting or self.gps.velocity.rejecting,
-            accelerometer_bad=not self.guard.healthy,
+            healthy and upright,
+            healthy and turned,
+            located and moving <= limit_s,
+            position,
+            located and height <= limit_s,
+            self.gps.horizontal.rejecting or self.gps.velocity.rejecting,
+            not self.guard.healthy,
         )

@@ -6,6 +6,7 @@ share one packed payload, while different messages of the same rate spread over 
 """
 
 from collections.abc import Mapping
+from functools import cache
 from heapq import heapify, heapreplace
 from typing import Final
 
@@ -16,6 +17,7 @@ _PHASE_STEPS: Final = 23
 _PHASE_STEP_US: Final = 4000
 
 
+@cache
 def _phase_us(message_id: int) -> int:
     """Shift of a message's grid [us]: below a tenth of a second, spread by a prime."""
     return message_id * 7 % _PHASE_STEPS * _PHASE_STEP_US

@@ -37,6 +37,8 @@ class Transmitter:
         """Send every peer the telemetry that is due; where nobody listens, only HEARTBEAT."""
         packed: dict[int, tuple[Payload, ...]] = {}
         for channel in self._peers:
+            if channel.schedule.next_due_us > context.now_us:
+                continue
             keys = channel.schedule.take_due(context.now_us)
             if channel.is_deaf(context.now_us):
                 keys = [key for key in keys if message_of(key) == _HEARTBEAT]
@@ -60,7 +62,7 @@ class Transmitter:
         the flight.
         """
         try:
-            return tuple(pack(message) for message in built(BUILDERS[key], context))
+            return tuple([pack(message) for message in built(BUILDERS[key], context)])
         except (struct.error, OverflowError, ValueError):
             self.unpackable += 1
             return ()

@@ -37,10 +37,13 @@ def thrust_vector(acceleration_ned: Vector3, hover: float, limits: ThrustLimits)
     up = (GRAVITY - acceleration_ned[2]) * per_acceleration
     north = acceleration_ned[0] * per_acceleration
     east = acceleration_ned[1] * per_acceleration
+    most = limits.maximum * limits.maximum
     kept = min(math.hypot(north, east), limits.horizontal_margin)
-    ceiling = math.sqrt(limits.maximum * limits.maximum - kept * kept)
-    up = min(max(up, limits.minimum), ceiling)
-    room = math.sqrt(max(limits.maximum * limits.maximum - up * up, 0.0))
+    ceiling = math.sqrt(most - kept * kept)
+    if not limits.minimum <= up <= ceiling:
+        up = min(max(up, limits.minimum), ceiling)
+    left = most - up * up
+    room = 0.0 if left < 0.0 else math.sqrt(left)
     north, east = shorten_horizontal(north, east, min(room, up * math.tan(limits.tilt)))
     return (north, east, -up)
 

@@ -74,7 +74,7 @@ class PositionController:
         """Take a new hover thrust without a jump of the thrust: the integral gives way."""
         north, east, down = self.integral_ned
         down = GRAVITY - (GRAVITY - down) * former / present
-        self.integral_ned = (north, east, min(max(down, -_INTEGRAL_LIMIT_Z), _INTEGRAL_LIMIT_Z))
+        self.integral_ned = (north, east, _limited(down))
 
     def update(
         self, wanted: Motion, measured: Motion, thrust_limits: ThrustLimits, hover: float, dt: float
@@ -117,8 +117,7 @@ class PositionController:
         east += i_xy * (error[1] - back_xy * (asked[1] - given[1])) * dt
         down += i_z * (error[2] - back_z * (asked[2] - given[2])) * dt
         north, east = shorten_horizontal(north, east, _INTEGRAL_LIMIT_XY)
-        down = min(max(down, -_INTEGRAL_LIMIT_Z), _INTEGRAL_LIMIT_Z)
-        self.integral_ned = (north, east, down)
+        self.integral_ned = (north, east, _limited(down))
 
 
 def velocity_setpoint(
@@ -135,7 +134,7 @@ def velocity_setpoint(
     down = _velocity_axis(wanted, measured, 2, p_z)
     if not (math.isnan(north) or math.isnan(east)):
         north, east = shorten_horizontal(north, east, limits.speed_horizontal)
-    if not math.isnan(down):
+    if down < -limits.speed_up or down > limits.speed_down:  # false for NaN
         down = min(max(down, -limits.speed_up), limits.speed_down)
     return (north, east, down)
 
@@ -146,6 +145,13 @@ def _velocity_axis(wanted: Motion, measured: Motion, axis: int, gain: float) -> 
     if math.isnan(error):
         return forward
     return gain * error + _zero_if_unset(forward)
+
+
+def _limited(integral_down: float) -> float:
+    """A vertical integral within its limit; where nothing is clipped, min and max only cost."""
+    if -_INTEGRAL_LIMIT_Z <= integral_down <= _INTEGRAL_LIMIT_Z:
+        return integral_down
+    return min(max(integral_down, -_INTEGRAL_LIMIT_Z), _INTEGRAL_LIMIT_Z)
 
 
 def _zero_if_unset(value: float) -> float:

@@ -48,6 +48,8 @@ class HoverThrustEstimator:
         spread = slope * slope * self._variance + noise.acceleration * noise.acceleration
         if innovation * innovation <= noise.gate * noise.gate * spread:
             gain = self._variance * slope / spread
-            self.hover = min(max(self.hover + gain * innovation, LOWEST), HIGHEST)
+            hover = self.hover + gain * innovation
+            inside = LOWEST <= hover <= HIGHEST
+            self.hover = hover if inside else min(max(hover, LOWEST), HIGHEST)
             self._variance *= 1.0 - gain * slope
         return self.hover

@@ -71,6 +71,9 @@ class TakeoffRamp:
         ramp_time_s: float,
     ) -> Takeoff:
         """Take the events that hold now, at most one, the most urgent first."""
+        if self.state is Takeoff.FLIGHT and armed and not landed:  # The usual case: none of them
+            self._was_airborne = True
+            return self.state
         elapsed = now_s - self._entered_s
         ramping = self.state is Takeoff.RAMP_UP
         events = (
