@@ -153,6 +153,7 @@ PX4: Final = Family(
     hold_yaw_deg=math.nan,
     readiness_by_mode=True,
     tells_only_passed_checks_since=0x010E0000,
+    arming_patience_s=20.0,
     arming=((_ARM,), (_PX4_MISSION_MODE, _ARM)),
     starting=((_START,), (_PX4_MISSION_MODE,)),
     holding=((_PX4_HOLD,), (_PAUSE,)),
@@ -182,6 +183,7 @@ OWN: Final = replace(
     following=Following.BY_COMMAND,
     follow_loans=borrowed.own_follow,
     lowest_follow_m=0.0,
+    arming_patience_s=0.0,
     talks_to_stations_only=False,
     takes_panoramas=True,
 )

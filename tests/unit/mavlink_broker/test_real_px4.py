@@ -118,6 +118,17 @@ class TestAVehicleThatIsNotArmed:
         assert vehicle.custom_mode == PX4_HOLD
 
 
+class TestAVehicleThatDoesNotTellItsVersion:
+    def test_is_told_to_arm_until_it_does(self) -> None:
+        """Built from a copy without its tags, as many are: nobody knows what it would tell."""
+        built = dataclasses.replace(PX4_1_17, version=0, ready_to_arm_after_s=20.0)
+        world = World()
+        world.add_vehicle(script=built)
+        world.edge.plan(first_flight())
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+
+
 class TestAVehicleThatIsNotReady:
     def test_is_asked_why(self) -> None:
         """It says why once, when that begins: mostly before there is a broker or a mission."""
