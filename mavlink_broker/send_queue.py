@@ -11,7 +11,7 @@ whoever puts it onto the disk: what has failed once, and what waits behind it.
 
 import random
 from collections import Counter, deque
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from enum import IntEnum
 from itertools import takewhile
@@ -183,11 +183,11 @@ class SendQueue:
         """Whether anything has failed and has not been answered since."""
         return any(lane.failures for lane in self._all)
 
-    def endangered(self, now: float) -> list[Post]:
+    def endangered(self, now: float, *, words: bool = True, pictures: bool = True) -> list[Post]:
         """Give what would be lost with the broker and may wait for long; each lane in order.
 
         That is a lane whose head has failed, what waits for a registration that has failed, and
-        everything while the edge server is not there.
+        everything while the edge server is not there. The most urgent lanes come first.
         """
         lanes = self._all
         is_away = any(lane.cut_off or lane.is_slow(now) for lane in lanes)
@@ -196,16 +196,16 @@ class SendQueue:
             for lane in lanes
             if lane.urgency is Urgency.REGISTRATION and lane.failures
         } - self._registered
-        return [
-            post
+        return _unkept(
+            lane
             for lane in lanes
-            if is_away or lane.failures or lane.vehicle_id in strangers
-            for post in lane.unkept()
-        ]
+            if (is_away or lane.failures or lane.vehicle_id in strangers)
+            and (pictures if lane.urgency is Urgency.PICTURE else words)
+        )
 
     def unkept(self) -> list[Post]:
-        """Give everything that would be lost with the broker; each lane in order."""
-        return [post for lane in self._all for post in lane.unkept()]
+        """Give everything that would be lost with the broker, likewise."""
+        return _unkept(self._all)
 
     def take_settled(self) -> frozenset[int]:
         """Give the numbers on the disk that have been answered since this was asked."""
@@ -244,3 +244,8 @@ class SendQueue:
     @staticmethod
     def _may_drop(lane: _Lane) -> bool:
         return bool(lane.posts) and lane.posts[0].may_be_dropped
+
+
+def _unkept(lanes: Iterable[_Lane]) -> list[Post]:
+    in_turn = sorted(lanes, key=lambda lane: lane.urgency)
+    return [post for lane in in_turn for post in lane.unkept()]

@@ -67,7 +67,7 @@ class Spool:
         except OSError as error:
             raise SpoolError(f"{folder}: {error.strerror or error}") from error
         self._number = max(left, default=0)
-        self.left: Sequence[Post] = [left[number] for number in sorted(left)]
+        self._left = [left[number] for number in sorted(left)]
 
     @property
     def writes(self) -> int:
@@ -76,6 +76,11 @@ class Spool:
 
     def __contains__(self, number: int) -> bool:
         return number in self._words or number in self._pictures
+
+    def take_left(self) -> Sequence[Post]:
+        """Give what an earlier run has left, in order; once."""
+        left, self._left = self._left, []
+        return left
 
     def next_number(self) -> int:
         """Give a number that no post has had."""

@@ -7,7 +7,7 @@ server answers there is nothing to do.
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Final
 
@@ -18,6 +18,8 @@ LOOK_EVERY_S: Final = 1.0
 """An edge server that hangs nudges nobody."""
 TRY_AGAIN_S: Final = 5.0
 """After the disk has refused."""
+MOST_AT_ONCE: Final = 1000
+"""Lines that are written together: some 15 ms of work, also when the disk refuses them again."""
 END_WITHIN_S: Final = 5.0
 """How long an ending program waits for a slow disk."""
 
@@ -38,12 +40,13 @@ class Keeper:
         self._pictures_after = 0.0
         self._refused: set[str] = set()  # What the disk did not take when it was last asked
         self._thread = threading.Thread(target=self._run, name="spool", daemon=True)
-        for post in spool.left:
+        left = spool.take_left()
+        for post in left:
             queue.put(post)
         if spool.damaged:
             _LOG.warning("%s: %d lines cannot be read", spool.folder, spool.damaged)
-        if spool.left:
-            _LOG.info("%d words of an earlier run are still to be told", len(spool.left))
+        if left:
+            _LOG.info("%d words of an earlier run are still to be told", len(left))
 
     def start(self) -> None:
         """Begin."""
@@ -64,30 +67,48 @@ class Keeper:
             self._nudged.wait(LOOK_EVERY_S)
             self._nudged.clear()
             self.go_round(time.monotonic())
-        self._words_after = self._pictures_after = 0.0
-        self.go_round(time.monotonic(), everything=True)
+        self.keep_everything(time.monotonic())
         self._spool.close()
 
-    def go_round(self, now: float, *, everything: bool = False) -> None:
-        """Let go of what has been answered; keep what is endangered, or everything."""
+    def go_round(self, now: float) -> None:
+        """Let go of what has been answered, keep what is endangered."""
+        words, pictures = now >= self._words_after, now >= self._pictures_after
+        self._round(now, lambda: self._queue.endangered(now, words=words, pictures=pictures))
+
+    def keep_everything(self, now: float) -> None:
+        """Keep what waits, whether it is endangered or not."""
+        while self._round(now, self._queue.unkept):
+            continue
+
+    def _round(self, now: float, choose: Callable[[], Sequence[Post]]) -> bool:
+        """Write the first of what is chosen; whether there is more, and it may have room."""
         with self._lock:
             settled = self._queue.take_settled()
-            waiting = self._queue.unkept() if everything else self._queue.endangered(now)
-            waiting.sort(key=lambda post: post.urgency)  # Should not all of it have room
-            words = [p for p in waiting if not _is_picture(p) and now >= self._words_after]
-            pictures = [p for p in waiting if _is_picture(p) and now >= self._pictures_after]
-            for post in (*words, *pictures):
+            waiting = choose()
+            chosen = waiting[:MOST_AT_ONCE]
+            for post in chosen:
                 post.kept_as = self._spool.next_number()
         if settled:
             self._does("answers", partial(self._spool.settle, settled))
+        missing = self._keep(chosen, now)
+        lost = missing | self._spool.take_given_up()
+        if lost:
+            with self._lock:
+                self._queue.unkeep(lost)
+        is_more = len(waiting) > len(chosen)
+        if is_more:
+            self._nudged.set()
+        return is_more and not missing
+
+    def _keep(self, posts: Sequence[Post], now: float) -> frozenset[int]:
+        """Write posts; gives the numbers that are not on the disk."""
+        words = [post for post in posts if not _is_picture(post)]
+        pictures = [post for post in posts if _is_picture(post)]
         if words and not self._does("words", partial(self._spool.keep_words, words)):
             self._words_after = now + TRY_AGAIN_S
         if pictures and not self._does("pictures", partial(self._spool.keep_pictures, pictures)):
             self._pictures_after = now + TRY_AGAIN_S
-        lost = self._missing((*words, *pictures)) | self._spool.take_given_up()
-        if lost:
-            with self._lock:
-                self._queue.unkeep(lost)
+        return self._missing(posts)
 
     def _missing(self, posts: Iterable[Post]) -> frozenset[int]:
         numbers = (post.kept_as for post in posts)

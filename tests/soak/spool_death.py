@@ -47,7 +47,7 @@ def run(cycles: int, folder: Path, seed: int, tell: Callable[[str], None]) -> Ou
             _live_and_die(random.choice((NOWHERE, server.url, server.url)), folder, random, outcome)
             server.failures.clear()
         client, spool = client_in(folder, server.url)
-        tell(f"{len(spool.left)} words left, {spool.damaged} lines damaged")
+        tell(f"{client.waiting} words left, {spool.damaged} lines damaged")
         wait_for(lambda: not client.waiting, "the last word")
         client.stop(1.0)
         _judge(server, outcome)

@@ -1,6 +1,7 @@
 """The edge server over real HTTP: retried until answered, in order, the key when it is there."""
 
 import logging
+import os
 import ssl
 import threading
 import time
@@ -321,3 +322,25 @@ def test_what_the_edge_server_refuses_for_good_is_dropped_and_told(
     wait_until(lambda: "of an earlier run is refused: HTTP 409" in caplog.text)
     wait_until(lambda: (tmp_path / "broker" / WORDS).read_bytes() == b"")
     client.stop(1.0)
+
+
+def test_a_disk_that_hangs_delays_nobody(
+    server: FakeEdgeServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hangs, goes_on = threading.Event(), threading.Event()
+
+    def hang(_descriptor: int) -> None:
+        hangs.set()
+        assert goes_on.wait(60.0)
+
+    monkeypatch.setattr(os, "fdatasync", hang)
+    (tmp_path / "broker.key").write_text(KEY)
+    server.failures.append(503)
+    client = client_of(server, tmp_path, spool=spool_in(tmp_path))
+    client.post(pose(0))
+    assert hangs.wait(60.0)
+    client.post(pose(1))
+    assert numbers(server.wait_for("/pose/", 2)) == [0, 1]
+    goes_on.set()
+    client.stop(1.0)
+    assert (tmp_path / "broker" / WORDS).read_bytes() == b""

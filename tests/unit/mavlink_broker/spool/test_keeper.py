@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from mavlink_broker.send_queue import LONGEST_PAUSE_S, SLOW_AFTER_S, Post, SendQueue, Urgency
 from mavlink_broker.spool.folder import LOCK, WORDS, Spool
-from mavlink_broker.spool.keeper import TRY_AGAIN_S, Keeper
+from mavlink_broker.spool.keeper import MOST_AT_ONCE, TRY_AGAIN_S, Keeper
 from tests.support.spooled_posts import numbers, picture, post, state_vector
 
 LANES = ("mission_report", "alarm", "done")
@@ -311,3 +311,25 @@ def test_when_not_all_has_room_alarms_are_kept_and_refusals_told_once(
     assert left[0] == 77
     assert left[1:] == list(range(len(left) - 1))
     assert caplog.text.count("no more words") == caplog.text.count("no more pictures") == 1
+
+
+def test_much_is_kept_bit_by_bit(tmp_path: Path) -> None:
+    run = Run(tmp_path, 16 * ROOM)
+    for number in range(2 * MOST_AT_ONCE + 1):
+        run.queue.put(post(number=number))
+    run.fail()
+    run.look()
+    assert len(run.queue.unkept()) == MOST_AT_ONCE + 1
+    run.keeper.keep_everything(run.now)
+    with killed(tmp_path) as grave:
+        assert numbers(Run(grave).left()) == list(range(2 * MOST_AT_ONCE + 1))
+
+
+def test_an_ending_broker_keeps_what_has_room_and_ends(tmp_path: Path) -> None:
+    run = Run(tmp_path, 3000)
+    for number in range(MOST_AT_ONCE + 1):
+        run.queue.put(picture(number, 300))
+    run.queue.put(post(number=1))
+    run.keeper.keep_everything(run.now)
+    with killed(tmp_path) as grave:
+        assert numbers(Run(grave, 3000).left()) == [1, 0, 1, 2]
