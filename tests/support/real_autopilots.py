@@ -1,6 +1,7 @@
 """PX4 and ArduCopter as their sources say that they behave, each habit a named trait.
 
-PX4: `mavlink_mission.cpp`, `mission_base.cpp`, `FeasibilityChecker.cpp`, `Commander.cpp`.
+PX4: `mavlink_mission.cpp`, `mission_base.cpp`, `FeasibilityChecker.cpp`, `Commander.cpp`,
+`SYS_STATUS.hpp`, `STATUSTEXT.hpp`, `HEARTBEAT.hpp`, `failsafe.cpp`, `mavlink_receiver.cpp`.
 ArduPilot: `MissionItemProtocol.cpp`, `AP_Mission.cpp`, `GCS_Common.cpp`, `mode_auto.cpp`,
 `GCS_MAVLink_Copter.cpp`.
 """
