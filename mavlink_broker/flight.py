@@ -25,7 +25,6 @@ from mavlink_broker.protocol.plan_kinds import FENCE, RALLY
 from mavlink_broker.reporter import Reporter
 from mavlink_broker.session_states import Event, State
 from mavlink_broker.translation.fence import fence_items, rally_items
-from mavlink_broker.translation.ledger import MESSAGE_LENGTH
 from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.vehicle import Vehicle
 from mavlink_broker.work import EventWork, MissionWork
@@ -177,8 +176,16 @@ class Flight(FlightProgress):
             self._follower = self._performer = None
             self._move(Event.ENDED, now, effects)
             return
-        self._vehicle.homeward = Homeward(mission=self.work.name, reason=reason[:MESSAGE_LENGTH])
         self._leave(coming_home(self._vehicle.vehicle_id), None, now, effects)
+
+    def _leave_failed(self, now: float, effects: Effects) -> None:
+        """Bring a vehicle home that would wait in the air for orders that never come."""
+        snapshot, role = self._vehicle.snapshot, self._vehicle.mode_role
+        is_free = role not in _COMES_DOWN_BY_ITSELF or not self._vehicle.family.knows_modes
+        if self._waits_for_orders and is_free and snapshot.armed and not snapshot.is_on_ground:
+            self._leave(coming_home(self._vehicle.vehicle_id), None, now, effects)
+        else:
+            super()._leave_failed(now, effects)
 
     def _leave(
         self, event: documents.Event, work_id: int | None, now: float, effects: Effects
@@ -187,6 +194,9 @@ class Flight(FlightProgress):
         self._follower = self._performer = None
         event, self._ending_note = within_fence(event, self._area, self._vehicle)
         self._ending, self._ending_work = Ending(event, self._vehicle), work_id
+        if work_id is None:  # An event would be handed out again
+            reason = self.ledger.message or ""
+            self._vehicle.homeward = Homeward(mission=self.work.name, reason=reason)
         self._move(Event.ABORTED, now, effects)
         effects.messages += self._ending.start(now)
 

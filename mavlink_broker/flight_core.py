@@ -92,6 +92,7 @@ class FlightCore:
         self._fault: tuple[str, int | None] = ("", None)
         self._stops_propellers = False  # They turn because we armed it, and it does not take off
         self._is_alarming = False
+        self._waits_for_orders = False  # It failed in the air, and nobody else flies it
         self._entries: Mapping[State, Handler] = {}  # What a state begins with
         self._steps: Mapping[State, Handler] = {}  # What it does as time passes
 
@@ -210,6 +211,8 @@ class FlightCore:
         if self._stops_propellers:
             effects.messages += activities.disarming(self._vehicle)
         self._is_alarming = self._vehicle_cannot_go_on()
+        departed = self._performer is not None and self._performer.has_departed
+        self._waits_for_orders = self.state in _ASKING and self._hovering and not departed
         self._follower = self._performer = None
         self._move(Event.FAULT, now, effects)
 
@@ -234,4 +237,8 @@ class FlightCore:
             effects.for_edge.append(alarm)
         self.ledger.fail(text, command)
         effects.for_edge.append(self._reporter.mission(self.ledger))
+        self._leave_failed(now, effects)
+
+    def _leave_failed(self, now: float, effects: Effects) -> None:
+        """Have done with a mission that has failed."""
         self._move(Event.ENDED, now, effects)

@@ -73,6 +73,7 @@ class Performer:
         self._said_before = False  # Perhaps, by an earlier broker
         self.phase = Phase.BORROWING
         self.reason = ""
+        self.has_departed = False  # Somebody else has ended it
         self._note: str | None = None
 
     @property
@@ -285,6 +286,7 @@ class Performer:
         sign = self._sign_of_departure() if self._action.moves else None
         reason = self._departure.judge(sign, now)
         if reason is not None:
+            self.has_departed = True
             self._fail(reason)
 
     def _sign_of_departure(self) -> str | None:
