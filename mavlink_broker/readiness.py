@@ -50,7 +50,8 @@ def wants_another_mode(vehicle: Vehicle) -> bool:
     """Whether a vehicle may be not ready to arm only because of the mode that it is in.
 
     PX4 judges its readiness for that mode: without a remote control it is never ready to be flown
-    by one, and behind a return or a landing it stays in a mode in which it does not arm.
+    by one, behind a return or a landing it stays in a mode in which it does not arm, and in its
+    mission mode it is ready with a mission only.
     ArduPilot in AUTO would begin a new mission before its propellers turn.
     """
     snapshot = vehicle.snapshot
@@ -60,7 +61,7 @@ def wants_another_mode(vehicle: Vehicle) -> bool:
     return (
         waits
         and vehicle.family.readiness_by_mode
-        and vehicle.mode_role in {ModeRole.OTHER, ModeRole.ENDING}
+        and vehicle.mode_role is not ModeRole.HOLD
     )
 
 

@@ -492,6 +492,8 @@ class ScriptedVehicle:
     @property
     def _may_arm_here(self) -> bool:
         arms_in = self.script.arms_in
+        if self.script.readiness_by_mode and self.in_mission and not self.items:
+            return False
         return arms_in is None or self.custom_mode in arms_in
 
     def _judge_arming(self) -> int:

@@ -20,7 +20,7 @@ from tests.support.broker_world import (
     waypoint,
 )
 from tests.support.real_autopilots import PX4_1_13, PX4_1_14, PX4_1_17
-from tests.support.scripted_vehicle import HOME, PX4_HOLD, Script
+from tests.support.scripted_vehicle import HOME, PX4_HOLD, PX4_MISSION, Script
 
 ATTENDED = dataclasses.replace(
     PX4_1_17, link_loss_action=2, settings={"COM_DL_LOSS_T": 10.0}, item_time_s=30.0
@@ -130,6 +130,15 @@ class TestAVehicleThatDoesNotTellItsVersion:
 
 
 class TestAVehicleThatIsNotReady:
+    def test_in_its_mission_mode_for_want_of_a_mission_is_taken_out_of_it(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=PX4_1_17)
+        vehicle.set_mode(PX4_MISSION)
+        world.edge.plan(first_flight())
+        world.run_until(lambda: vehicle.armed, within_s=20.0)
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+
     def test_is_asked_why(self) -> None:
         """It says why once, when that begins: mostly before there is a broker or a mission."""
         fault = "Preflight Fail: Compass 0 uncalibrated"
