@@ -197,10 +197,12 @@ class SubjectTracker:
         return [told, *begin]
 
     def _circle(self, subject: Subject, now: float) -> list[Message]:
+        place = self._vehicle.snapshot.position
         if self._shot is None:
-            if self._here is None:
+            if self._here is None or place is None:
                 return []
-            self._shot = QuickShot(subject, self._here, self._vehicle)
+            here = Spot(*place[:2], self._here.relative_altitude_m)
+            self._shot = QuickShot(subject, here, self._vehicle)
         messages = self._shot.tick(subject, now, self._time_s(now))
         self.is_over |= self._shot.is_over
         if self._shot.reason is not None:
