@@ -212,7 +212,9 @@ class FlightCore:
             effects.messages += activities.disarming(self._vehicle)
         self._is_alarming = self._vehicle_cannot_go_on()
         departed = self._performer is not None and self._performer.has_departed
-        self._waits_for_orders = self.state in _ASKING and self._hovering and not departed
+        gives_up = self._follower is not None and self._follower.has_given_up
+        waits = self.state in _ASKING and self._hovering and not departed
+        self._waits_for_orders = waits or gives_up
         self._follower = self._performer = None
         self._move(Event.FAULT, now, effects)
 

@@ -65,6 +65,11 @@ class Follower:
         """Whether every command is."""
         return self._progress.is_finished
 
+    @property
+    def has_given_up(self) -> bool:
+        """Whether the vehicle waits where it is, for a mission that it does not go on with."""
+        return self._given_up is not None
+
     def begin(self, now: float) -> list[Told]:
         """Say that it flies, unless that was said when the vehicle was told to start."""
         begins = self._ledger.set_mission(Status.RUNNING)

@@ -20,7 +20,7 @@ from tests.support.broker_world import (
     waypoint,
 )
 from tests.support.real_autopilots import PX4_1_13, PX4_1_14, PX4_1_17
-from tests.support.scripted_vehicle import HOME, PX4_HOLD, PX4_MISSION, Script
+from tests.support.scripted_vehicle import HOME, PX4_HOLD, PX4_MISSION, PX4_RETURN, Script
 
 ATTENDED = dataclasses.replace(
     PX4_1_17, link_loss_action=2, settings={"COM_DL_LOSS_T": 10.0}, item_time_s=30.0
@@ -103,6 +103,8 @@ class TestAVehicleThatGetsANewFenceInFlight:
         statuses = [Status.FINISHED, Status.FAILED, Status.ABORTED, Status.ABORTED]
         assert world.edge.statuses(1201) == statuses
         assert "the vehicle has given up the mission" in world.edge.reports(1201)[-1]["message"]
+        world.run_until(lambda: not vehicle.armed)
+        assert vehicle.custom_mode == PX4_RETURN
 
 
 class TestAVehicleThatIsNotArmed:
