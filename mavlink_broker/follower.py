@@ -129,10 +129,10 @@ class Follower:
         begins_anew = seq == 0 < self._progress.current
         if begins_anew or self._progress.current >= last_leg(self._plan):
             self._progress = self._progress.with_complete()
-        else:
-            self._given_up = f"the vehicle has given up the mission at item {seq}"
             if self._vehicle.stays_on_ground:
                 self._progress = self._progress.with_landing()
+        else:
+            self._given_up = f"the vehicle has given up the mission at item {seq}"
 
     def _finish_commands(self, now: float) -> list[Told]:
         reports: list[Told] = []
