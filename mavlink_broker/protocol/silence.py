@@ -54,6 +54,7 @@ class Voice:
     heard_at: float
     count: int = 1
     interval_s: float = 1.0
+    has_fallen_silent: bool = False  # Until it is heard again, whatever the link is like by then
 
     def heard(self, now: float) -> None:
         """Take that it has spoken."""
@@ -63,6 +64,7 @@ class Voice:
         )
         self.count += 1
         self.heard_at = now
+        self.has_fallen_silent = False
 
     def excuse(self, now: float) -> None:
         """Take that nobody could have heard it."""
@@ -70,7 +72,9 @@ class Voice:
 
     def is_silent(self, now: float, loss: float) -> bool:
         """Whether it has fallen silent, where such a share of its frames is lost by the way."""
-        return self.count >= ARMED_BY and now - self.heard_at >= self._patience_s(loss)
+        if self.count >= ARMED_BY and now - self.heard_at >= self._patience_s(loss):
+            self.has_fallen_silent = True
+        return self.has_fallen_silent
 
     def _patience_s(self, loss: float) -> float:
         expected_s = INTERVALS * self.interval_s

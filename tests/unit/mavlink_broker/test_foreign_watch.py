@@ -173,5 +173,5 @@ def far_apart(script: Script, loss: float) -> tuple[World, ScriptedVehicle]:
     vehicle = world.add_vehicle(script=dataclasses.replace(script, item_time_s=6.0))
     ways = [waypoint(number, 200.0 * number) for number in range(2, 8)]
     world.edge.plan(mission(takeoff(), *ways, go_home(8)))
-    world.run_until(lambda: vehicle.airborne)
+    world.run_until(lambda: vehicle.airborne, within_s=300.0)
     return world, vehicle

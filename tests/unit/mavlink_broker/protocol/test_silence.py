@@ -65,3 +65,12 @@ def test_who_speaks_rarely_may_be_silent_for_longer() -> None:
 
 def test_who_has_spoken_twice_is_not_missed() -> None:
     assert not speaking(2, 1.0).is_silent(1000.0, 0.0)
+
+
+def test_who_has_fallen_silent_is_so_until_heard_again_also_on_a_link_that_gets_worse() -> None:
+    voice = speaking(10, 1.0)
+    now = voice.heard_at + SILENT_S
+    assert voice.is_silent(now, 0.0)
+    assert voice.is_silent(now, 0.8)
+    voice.heard(now)
+    assert not voice.is_silent(now, 0.0)
