@@ -32,6 +32,7 @@ from tests.bench.flight_failures import (
 from tests.bench.flight_orbit import orbit, orbit_too_fast
 from tests.bench.flight_repeat import same_flight_twice
 from tests.bench.flight_track import rms
+from tests.bench.gyro_jump import gyro_jump
 from tests.bench.results import Result, at_least, at_most
 
 SEEDS: Final = range(1, 11)
@@ -154,6 +155,16 @@ FLIGHTS: Final = (
         "battery emergency, 20 m up",
         battery_emergency,
         (Bar("charge", "% left on the ground", 0.5, lower=True), _UNHARMED),
+    ),
+    Flight(
+        "gyroscope bias jumps by 3 deg/s on two axes, wind 8 m/s",
+        gyro_jump,
+        (Bar("off", "m from its place", 1.0), _UNHARMED),
+    ),
+    Flight(
+        "gyroscope bias jumps by 10 deg/s on all axes at 8 m/s, wind 8 m/s",
+        partial(gyro_jump, jump_deg_s=(10.0, -10.0, -10.0), cruise=True),
+        (Bar("off", "m beside its leg", 2.0), _UNHARMED),
     ),
     Flight(
         "motor lost, 10 m up, wind 3 m/s",

@@ -107,6 +107,23 @@ def test_gps_lost_for_good_lands_and_disarms(tmp_path: Path, seed: int) -> None:
     assert not tester.simulation.wrecked
 
 
+def test_a_gyroscope_bias_that_jumps_does_not_carry_the_vehicle_away(tmp_path: Path) -> None:
+    tester = on_mission(tmp_path, wind_speed_m_s=5.0)
+    beside: list[float] = []
+    tester.watch(lambda: beside.append(abs(tester.true_position()[1])))
+    strike(tester, Kind.GYRO_BIAS, x_deg_s=3.0, y_deg_s=3.0)
+    tester.run_for(4.0)
+    assert said(tester, "Gyroscope bias has jumped")
+    assert tester.mode is NavigationState.AUTO_MISSION
+    strike(tester, Kind.GYRO_BIAS, x_deg_s=10.0, y_deg_s=10.0, z_deg_s=-10.0)
+    tester.wait_until(lambda: tester.mode is NavigationState.AUTO_LAND, 15.0, "landing")
+    assert said(tester, "Gyroscope bias beyond its limit: LAND")
+    assert not said(tester, "Wind too strong")
+    assert max(beside) < 1.5
+    tester.wait_until(lambda: not tester.status.armed, 40.0, "disarmed")
+    assert not tester.simulation.wrecked
+
+
 @pytest.mark.parametrize("kind", [Kind.BARO_LOSS, Kind.MAG_LOSS])
 def test_a_lost_barometer_or_compass_does_not_end_the_mission(tmp_path: Path, kind: Kind) -> None:
     tester = on_mission(tmp_path)
