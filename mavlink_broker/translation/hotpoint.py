@@ -12,7 +12,7 @@ from mavlink_broker.translation.borrowed import copter_circle
 from mavlink_broker.translation.families import Family, Orbiting
 from mavlink_broker.translation.geo import offset, shifted
 from mavlink_broker.translation.live import Circled, LiveAction, Turned
-from mavlink_broker.translation.situation import Items, Situation, Spot
+from mavlink_broker.translation.situation import Items, Refusal, Situation, Spot
 
 FULL_TURN_RAD: Final = 2.0 * math.pi
 SPEED_MAX_M_S: Final = 10.0
@@ -21,6 +21,8 @@ ACCELERATION_MAX_M_S2: Final = 0.98 * 0.98 * 2.0
 COPTER_ACCELERATION_MAX_M_S2: Final = 1.25
 """ArduCopter takes half of WPNAV_ACCEL for the way round, 2.5 m/s^2 unless somebody changed it."""
 SLACK_S: Final = 120.0
+SLOWEST_DEG_S: Final = 360.0 / 86_400.0
+"""One turn a day: what is slower stands still, and vehicles refuse it in flight."""
 _START_BEARING_DEG: Final = {
     StartPoint.NORTH: 0.0,
     StartPoint.EAST: 90.0,
@@ -41,9 +43,12 @@ _LOOKS: Final = frozenset({mavlink.MAV_CMD_DO_SET_ROI_LOCATION, mavlink.MAV_CMD_
 _FORWARDS: Final = 3.0  # ORBIT_YAW_BEHAVIOUR_HOLD_FRONT_TANGENT_TO_CIRCLE
 
 
-def hotpoint(command: NavHotpoint, situation: Situation) -> Items | LiveAction:
+def hotpoint(command: NavHotpoint, situation: Situation) -> Items | LiveAction | Refusal:
     """One full turn, begun at the start point if there is one."""
     p = command.parameters
+    if p.angular_velocity < SLOWEST_DEG_S:
+        slow = f"a turn at {p.angular_velocity:g} deg/s takes longer than a day"
+        return Refusal("angular_velocity", slow)
     name, knows = situation.family.name, situation.family.orbit_headings
     if p.orbit_type in _ALWAYS_FLOWN and p.orbit_type not in knows:
         reason = f"orbit_type: flown from point to point, for {name}'s own circle knows no such"

@@ -309,6 +309,13 @@ def test_a_parameter_that_is_not_honoured_is_named(
     assert [note.split(":")[0].split(" ")[0] for note in notes] == [told]
 
 
+def test_a_circle_that_would_take_days_is_refused_before_take_off() -> None:
+    place = {"latitude": 40, "longitude": -3, "orbit_altitude": 5, "radius": 5}
+    slow = {"command_type_id": 7, "parameters": place | {"angular_velocity": 1e-300}}
+    with pytest.raises(RefusedError, match="angular_velocity: a turn at 1e-300 deg/s takes"):
+        translate(mission_with(slow), PX4, HOME)
+
+
 def test_what_flies_behind_a_landing_is_refused_before_take_off() -> None:
     place = {"latitude": 40, "longitude": -3}
     land = {"command_type_id": 2, "parameters": place}
