@@ -18,6 +18,10 @@ from sim.worlds import DEFAULT
 
 FLIGHT_TIMEOUT_S = 900.0
 DELIVERY_TIMEOUT_S = 60.0
+"""Without anything new from a flight that is over; a camera may still make its pictures."""
+CAMERA_IMAGE, CAMERA_PANORAMA = 4, 10
+PANORAMA_PICTURES = {0: 8, 1: 5}
+"""Of a full and of half a circle."""
 FINISHED = 3
 MAXIMUM_MISSIONS = 16
 KEPT_UNTIL_DELIVERED = ("pose", "battery", "image", "observation", "mission_report", "alarm")
@@ -126,8 +130,10 @@ def _fly(system: System, number: int) -> list[dict[str, Any]]:
 
 
 def _await_delivery(system: System, missions: list[dict[str, Any]], arrived: int) -> None:
-    deadline = time.monotonic() + DELIVERY_TIMEOUT_S
+    lacked, deadline = "", 0.0
     while (missing := undelivered(system.client, missions, arrived)) is not None:
+        if missing != lacked:
+            lacked, deadline = missing, time.monotonic() + DELIVERY_TIMEOUT_S
         if time.monotonic() > deadline:
             raise DemoError(f"not delivered: {missing}")
         system.step()
@@ -153,7 +159,7 @@ def undelivered(client: FarmClient, missions: list[dict[str, Any]], arrived: int
 
 
 def _lack_of(mission: dict[str, Any], records: list[dict[str, Any]]) -> str | None:
-    """Say what the cloud lacks of one mission: its last report, and a result per command."""
+    """Say what the cloud lacks of one mission: its last report, results, pictures."""
     mine = [r for r in records if r["body"].get("vehicle_id") == mission["vehicle_id"]]
     reports = [
         r["body"]
@@ -162,11 +168,27 @@ def _lack_of(mission: dict[str, Any], records: list[dict[str, Any]]) -> str | No
     ]
     if not reports or reports[-1]["mission_status_id"] != FINISHED:
         return f"the cloud lacks the last report of mission {mission['mission_id']}"
-    for kind in ("pose", "battery"):
+    commands = mission["command_array"]
+    wanted = {
+        "pose": len(commands),
+        "battery": len(commands),
+        "image": sum(map(pictures, commands)),
+    }
+    for kind, count in wanted.items():
         held = sum(r["kind"] == kind for r in mine)
-        if held != len(mission["command_array"]):
+        if held < count or (held > count and kind != "image"):
             return (
                 f"the cloud holds {held} {kind} records of vehicle {mission['vehicle_id']}, "
-                f"not {len(mission['command_array'])}"
+                f"not {count}"
             )
     return None
+
+
+def pictures(command: dict[str, Any]) -> int:
+    """How many pictures a command takes."""
+    parameters = command.get("parameters") or {}
+    if command["command_type_id"] == CAMERA_IMAGE:
+        return int(parameters.get("photo_count", 1))
+    if command["command_type_id"] == CAMERA_PANORAMA:
+        return PANORAMA_PICTURES[int(parameters.get("panorama_mode", 0))]
+    return 0

@@ -1,9 +1,10 @@
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from sim.camera.develop import develop
-from sim.demo import DemoError, read_plan, show_pictures
+from sim.demo import DemoError, read_plan, show_pictures, undelivered
 from sim.settings import from_environment
 from tests.unit.sim.camera.shots import order, pose
 
@@ -32,6 +33,38 @@ def test_the_pictures_of_this_flight_are_laid_on_sheets(tmp_path: Path) -> None:
     (line,) = said
     assert "vehicle 1: 1 picture, " in line
     assert (tmp_path / "album" / "vehicle-1" / "mosaic.jpg").stat().st_size > 500
+
+
+class Told:
+    """An edge server that keeps nothing, and a cloud that holds these records."""
+
+    def __init__(self, records: list[dict[str, Any]]) -> None:
+        self._records = records
+
+    def edge(self, _path: str) -> list[Any]:
+        return []
+
+    def cloud(self, _path: str) -> list[dict[str, Any]]:
+        return self._records
+
+
+def test_a_flight_is_delivered_with_its_last_picture_and_not_before() -> None:
+    commands = [
+        {"command_type_id": 1, "parameters": {}},
+        {"command_type_id": 4, "parameters": {"photo_count": 3}},
+        {"command_type_id": 10, "parameters": {"panorama_mode": 1}},
+    ]
+    mission = {"mission_id": 7, "vehicle_id": 1, "command_array": commands}
+    report = {"vehicle_id": 1, "mission_id": 7, "mission_status_id": 3}
+    records = [
+        {"kind": "mission_report", "body": report},
+        *({"kind": kind, "body": {"vehicle_id": 1}} for kind in ("pose", "battery") * 3),
+        *({"kind": "image", "body": {"vehicle_id": 1}} for _ in range(7)),
+    ]
+    lacks = "the cloud holds 7 image records of vehicle 1, not 8"
+    assert undelivered(Told(records), [mission], 0) == lacks  # type: ignore[arg-type]  # a stand-in
+    records.append({"kind": "image", "body": {"vehicle_id": 1}})
+    assert undelivered(Told(records), [mission], 0) is None  # type: ignore[arg-type]  # a stand-in
 
 
 def test_without_pictures_nothing_is_said(tmp_path: Path) -> None:
