@@ -4,6 +4,7 @@ Three files by phase, each a class on top of the one before: `flight_preparation
 `flight_progress`, and this one for what comes from outside, messages, time and events.
 """
 
+import logging
 from typing import Final
 
 from afarcloud import plan as documents
@@ -46,6 +47,8 @@ _WITH_ITEMS: Final = frozenset(
 _IN_FLIGHT: Final = frozenset({State.RUNNING, State.PERFORMING})
 _COMES_DOWN_BY_ITSELF: Final = frozenset({ModeRole.ENDING, ModeRole.OTHER})
 """Its own failsafe or a pilot has it: who is nearer knows better."""
+
+_LOG = logging.getLogger(__name__)
 
 
 class Flight(FlightProgress):
@@ -100,6 +103,7 @@ class Flight(FlightProgress):
         if self.work.report is not None:
             self.ledger.restore(self.work.report)
         self._was_running = self.ledger.status == Status.RUNNING
+        self._speeds.has_changed = self._was_running
         if resumed:
             self._vehicle.loan.assume(FENCE, fence_items(self.work.geofence))
             self._vehicle.loan.assume(RALLY, rally_items(self.work.rally_points))

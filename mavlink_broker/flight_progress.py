@@ -68,7 +68,7 @@ class FlightProgress(FlightAttachment, ABC):
             if not self.ledger.commands[index].is_terminal:
                 self.ledger.set_command(index, Status.ABORTED, reason)
         effects.for_edge += self._follower.step(now)
-        self._speeds.hold_behind_circles(self._plan, self._stages.speed_m_s, now, effects)
+        self._speeds.hold(self._plan, self._stages.speed_m_s, now, effects)
         if self._follower.is_finished:
             self._next_stage(now, effects)
             return

@@ -63,7 +63,8 @@ class SpeedOrders:
     vehicle: Vehicle
     _running: tuple[EventWork | None, CommandSequence] | None = field(default=None)
     _may_refuse: bool = False
-    _held_behind: tuple[int, int] | None = None  # The stretch and the item of the last circle
+    has_changed: bool = False  # Or may have, in an earlier run of the broker
+    _held_behind: tuple[int, int] | None = None  # The stretch, and the last item that told one
 
     def give(
         self, work: EventWork, speed_m_s: float, now: float, effects: Effects, *, is_live: bool
@@ -79,21 +80,17 @@ class SpeedOrders:
             effects.for_edge.append(Acknowledgement(self._running[0].work_id, "refused", reason))
         self._order(work, speed_m_s, now, effects)
 
-    def hold_behind_circles(
-        self, plan: FlightPlan, speed_m_s: float, now: float, effects: Effects
-    ) -> None:
-        """Tell the speed that holds now once a circle that is an item has been flown.
-
-        The items behind it go back to the speed of the upload, and an event may have changed it.
-        """
+    def hold(self, plan: FlightPlan, speed_m_s: float, now: float, effects: Effects) -> None:
+        """Tell a speed that came in flight again behind items that tell the one of the upload."""
         mission = self.vehicle.snapshot.mission
-        behind = plan.items[: 0 if mission is None else mission.seq]
-        flown = [i for i, item in enumerate(behind) if item.command == CIRCLE]
-        place = (plan.first_command, flown[-1]) if flown else None
-        if place is None or place == self._held_behind or self._running is not None:
+        if mission is None or self._running is not None:
             return
-        self._held_behind = place
-        self.tell(speed_m_s, now, effects)
+        flown = [seq for seq in _mission_speeds(plan) if seq < mission.seq]
+        place = (plan.first_command, flown[-1]) if flown else None
+        if place is not None and place != self._held_behind:
+            self._held_behind = place
+            if self.has_changed:
+                self.tell(speed_m_s, now, effects)
 
     def tell(self, speed_m_s: float, now: float, effects: Effects) -> None:
         """Tell the vehicle a speed of which no event waits to be done."""
@@ -104,6 +101,7 @@ class SpeedOrders:
     ) -> None:
         ways = ((speed_order(speed_m_s),),)
         sequence = CommandSequence(ways, self.vehicle.route, self.vehicle.round_trip)
+        self.has_changed = True
         self._running = work, sequence
         effects.messages += sequence.start(now)
 
@@ -136,3 +134,15 @@ class SpeedOrders:
             case _:
                 return
         self._running = None
+
+
+def _mission_speeds(plan: FlightPlan) -> list[int]:
+    """Find the items that tell the speed of the mission, not that of a circle behind them."""
+    found, told = [], []
+    for seq, item in enumerate(plan.items):
+        if item.command == mavlink.MAV_CMD_DO_CHANGE_SPEED:
+            told.append(seq)
+        elif item.command <= mavlink.MAV_CMD_NAV_LAST:
+            found += told[:-1] if item.command == CIRCLE else told
+            told = []
+    return found

@@ -6,9 +6,9 @@ positions tell how far it has gone.
 
 from mavlink_broker.dialect import Message
 from mavlink_broker.journal.memo import LiveNote, Pose
-from mavlink_broker.translation.families import Orbiting
 from mavlink_broker.translation.live import Turned
 from mavlink_broker.translation.modes import ModeRole
+from mavlink_broker.translation.orbiting import Orbiting
 from mavlink_broker.turning import Turning
 from mavlink_broker.vehicle import Vehicle
 

@@ -18,6 +18,12 @@ from mavlink_broker.protocol.parameter_write import ParameterEncoding
 from mavlink_broker.translation import borrowed, guarding, modes
 from mavlink_broker.translation.borrowed import Loans
 from mavlink_broker.translation.modes import ModeRole
+from mavlink_broker.translation.orbiting import (
+    ITEM_HEADINGS,
+    OWN_HEADINGS,
+    STANDARD_HEADINGS,
+    Orbiting,
+)
 
 
 def _mode(main: int, sub: int = 0) -> CommandLong:
@@ -48,38 +54,11 @@ _FOLLOW_OF_PX4: Final = _mode(4, 8)
 _FOLLOW_OF_COPTER: Final = _mode(23)
 
 
-class Orbiting(Enum):
-    """How a vehicle goes round a point."""
-
-    COUNTED = auto()  # DO_ORBIT with an angle, after which it holds by itself
-    ENDLESS = auto()  # DO_ORBIT until told otherwise
-    BY_ITEM = auto()  # NAV_LOITER_TURNS in a mission
-
-
 class Following(Enum):
     """How a vehicle is told to follow."""
 
     BY_COMMAND = auto()  # DO_FOLLOW
     BY_MODE = auto()
-
-
-STANDARD_HEADINGS: Final[Mapping[OrbitType, float]] = {
-    OrbitType.ALONG_CIRCLE_LOOKING_FORWARDS: 3.0,
-    OrbitType.TOWARDS_HOT_POINT: 0.0,
-    OrbitType.CONTROLLED_BY_REMOTE_CONTROLLER: 4.0,
-    OrbitType.USING_INITIAL_HEADING: 1.0,
-}
-"""ORBIT_YAW_BEHAVIOUR, the third parameter of DO_ORBIT."""
-ITEM_HEADINGS: Final = {
-    OrbitType.ALONG_CIRCLE_LOOKING_FORWARDS: 3.0,
-    OrbitType.TOWARDS_HOT_POINT: 0.0,
-}
-"""What a circle in a mission knows: along it by a parameter, inwards by a ROI."""
-OWN_HEADINGS: Final = {
-    **STANDARD_HEADINGS,
-    OrbitType.ALONG_CIRCLE_LOOKING_BACKWARDS: 6.0,
-    OrbitType.AWAY_FROM_HOT_POINT: 7.0,
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,6 +94,7 @@ class Family:
     orbiting: Orbiting = Orbiting.ENDLESS
     orbit_headings: Mapping[OrbitType, float] = field(default_factory=lambda: STANDARD_HEADINGS)
     circle_rate_max_deg_s: float = math.inf  # Of its own circle
+    starts_legs_anew: bool = False  # At its own speed, whatever was told before
     speed_by_order: bool = False  # A reposition brings none: DO_CHANGE_SPEED behind it does
     following: Following = Following.BY_COMMAND
     follow_modes: Ways = ()
@@ -225,6 +205,7 @@ ARDUPILOT: Final = Family(
     orbiting=Orbiting.BY_ITEM,
     orbit_headings=ITEM_HEADINGS,
     circle_rate_max_deg_s=20.0,  # CIRCLE_RATE's default, of which AUTO makes no other use
+    starts_legs_anew=True,
     speed_by_order=True,
     following=Following.BY_MODE,
     follow_modes=((_FOLLOW_OF_COPTER,),),

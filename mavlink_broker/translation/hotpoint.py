@@ -9,10 +9,12 @@ from mavlink_broker.dialect import mavlink
 from mavlink_broker.protocol.command import CommandInt
 from mavlink_broker.translation import mission_item
 from mavlink_broker.translation.borrowed import copter_circle
-from mavlink_broker.translation.families import Family, Orbiting
+from mavlink_broker.translation.families import Family
 from mavlink_broker.translation.geo import offset, shifted
 from mavlink_broker.translation.live import Circled, LiveAction, Turned
+from mavlink_broker.translation.orbiting import Orbiting
 from mavlink_broker.translation.situation import Items, Refusal, Situation, Spot
+from mavlink_broker.translation.speeding import speed_items
 
 FULL_TURN_RAD: Final = 2.0 * math.pi
 SPEED_MAX_M_S: Final = 10.0
@@ -171,7 +173,7 @@ def _as_items(p: NavHotpointParameters, situation: Situation) -> Items:
         behind.append(mission_item.look_ahead())
     elif not inwards and p.orbit_type is not OrbitType.ALONG_CIRCLE_LOOKING_FORWARDS:
         notes.append(f"orbit_type {p.orbit_type.name} is not supported: it looks forwards")
-    behind.append(mission_item.change_speed(situation.maximum_speed_m_s))
+    behind += speed_items(situation.maximum_speed_m_s, situation.family)
     spot = _end_point(p, situation) or _north_of(p)
     rate_deg_s = math.degrees(speed_m_s / p.radius) * (1.0 if p.is_clockwise else -1.0)
     loans = copter_circle(rate_deg_s, along=not inwards)

@@ -18,6 +18,7 @@ from mavlink_broker.translation.families import Family
 from mavlink_broker.translation.live import LiveAction
 from mavlink_broker.translation.mission_item import MissionItem
 from mavlink_broker.translation.situation import Home, Items, Refusal, RefusedError, Situation
+from mavlink_broker.translation.speeding import with_speed
 
 __all__ = ["FlightPlan", "Home", "Itinerary", "LiveCommand", "RefusedError", "translate"]
 
@@ -204,7 +205,7 @@ class _Translation:
         stretch = self._stretch
         if not stretch.has_speed and command.command_type_id in FLYING:
             stretch.has_speed = True
-            stretch.add(index, mission_item.change_speed(self._mission.maximum_speed))
+            part = with_speed(part, self._mission.maximum_speed, self._situation.family)
         stretch.take(index, part)
         if part.spot is not None:
             self._at_home = part.at_home

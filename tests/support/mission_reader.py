@@ -75,7 +75,7 @@ class MissionReader:
             if self.holds:
                 raise UnreadableError("something follows the last hold")
             if self._peek() == SPEED and not self._rounds():
-                self.speed_m_s = self._take().param2
+                self._speed()
             elif self._peek() == HOLD:
                 self._take()
                 self.holds = True
@@ -92,6 +92,11 @@ class MissionReader:
                 return
             self._next = begin
         raise UnreadableError(f"item {begin}: command {self._peek()}")
+
+    def _speed(self) -> None:
+        """Take a speed, told once or twice."""
+        while self._peek() == SPEED and not self._rounds():
+            self.speed_m_s = self._take().param2
 
     def _rounds(self) -> bool:
         """Whether a speed is that of the circle behind it."""
@@ -120,6 +125,7 @@ class MissionReader:
         if self._peek() != TAKEOFF:
             return None
         climb = self._take()
+        self._speed()
         way = self._positional(WAYPOINT)
         if way is None or place(way[0]) != place(climb):
             raise UnreadableError("nothing goes to the place of the take-off")
@@ -157,6 +163,7 @@ class MissionReader:
 
     def hotpoint(self) -> dict[str, Any] | None:
         start = place(self._take()) if self._peek() == WAYPOINT else None
+        self._speed()
         slowly = self._peek() == SPEED and self._rounds()
         if slowly:
             self._take()
@@ -171,8 +178,9 @@ class MissionReader:
             if self._peek() != LOOK_AHEAD:
                 raise UnreadableError("it never looks ahead again")
             self._take()
-        if slowly and self._take().command != SPEED:
+        if slowly and self._peek() != SPEED:
             raise UnreadableError("it never flies as fast again")
+        self._speed()
         if start is not None:
             away = metres_between(start[:2], centre[:2])
             if not math.isclose(away, abs(item.param3), rel_tol=0.02, abs_tol=0.5):

@@ -213,19 +213,39 @@ def test_the_speed_is_set_once_in_each_stretch_before_anything_flies(
     mission: Mission, family: Family
 ) -> None:
     for plan in stretches_of(mission, family):
+        if family.starts_legs_anew:
+            continue
         places = [item.is_positional for item in plan.items[plan.first_item :]]
         speeds = [
             i - plan.first_item
             for i, item in enumerate(plan.items)
             if item.command == mavlink.MAV_CMD_DO_CHANGE_SPEED
         ]
-        circles = sum(item.command == mavlink.MAV_CMD_NAV_LOITER_TURNS for item in plan.items)
         flies = any(mission.command_array[c].command_type_id in FLYING for c in plan.commands)
-        assert len(speeds) == int(flies) + 2 * circles  # Its own, and again that of the mission
+        assert len(speeds) == int(flies)
         if flies:
             speed = plan.items[plan.first_item + speeds[0]]
             assert not any(places[: speeds[0]])
             assert speed.parameters[:3] == (1.0, mission.maximum_speed, -1.0)
+
+
+@given(missions())
+def test_no_leg_of_arducopter_begins_at_its_own_speed(mission: Mission) -> None:
+    """Behind its take-off and a circle it forgets what was told before, and is told twice."""
+    speed, forgets = mavlink.MAV_CMD_DO_CHANGE_SPEED, {18}
+    for plan in stretches_of(mission, ARDUPILOT):
+        before, told = 0, []
+        for item in plan.items[plan.first_item :]:
+            if item.command == speed:
+                told.append(item.parameters[1])
+            elif item.command <= mavlink.MAV_CMD_NAV_LAST:
+                if before in forgets and item.command in {16, 17}:
+                    assert told == [mission.maximum_speed] * 2
+                before, told = item.command, []
+        first = plan.items[plan.first_item]
+        if first.command == mavlink.MAV_CMD_NAV_TAKEOFF:
+            behind = plan.items[plan.first_item + 1 : plan.first_item + 3]
+            assert [item.command for item in behind] == [speed] * 2
 
 
 @given(missions(), families)
