@@ -84,11 +84,13 @@ class LiveRecord:
 
     def agree(self) -> None:
         """Note, once, that the vehicle has agreed, and when."""
-        live = self._vehicle.live
-        if self._name is None or live is None or live.name != self._name or live.is_agreed:
+        live, now_s = self._vehicle.live, self._vehicle.snapshot.time_s
+        if self._name is None:
             return
-        going_s = self._vehicle.snapshot.time_s
-        self._vehicle.live = replace(live, is_agreed=True, going_s=going_s)
+        if live is None or live.name != self._name:
+            live = LiveNote(name=self._name, began_s=now_s)
+        if not live.is_agreed:
+            self._vehicle.live = replace(live, is_agreed=True, going_s=now_s)
 
     def keep(self, done: Steps) -> None:
         """Note how far it is."""

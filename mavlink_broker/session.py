@@ -109,12 +109,15 @@ class Session:
         """Take up what an earlier run of the broker has noted of the vehicle."""
         self.vehicle.recall(memo)
         self._failed = memo.homeward
+        if self._flight is not None and not self._flight.work.was_accepted:
+            self.vehicle.live = None
         if memo.homeward is None:
             return
         self._events.recall(memo.homeward)
         flight = self._flight
-        if flight is not None and flight.is_sought and flight.work.name == memo.homeward.mission:
-            flight.fail_again(memo.homeward.reason, now, effects)
+        reason = None if flight is None else self._reason_to_fail(flight)
+        if flight is not None and flight.is_sought and reason is not None:
+            flight.fail_again(reason, now, effects)
             self._flight = None
 
     def change_vehicle(self) -> bool:
@@ -343,8 +346,9 @@ class Session:
         if self._flight is not None or not self._waiting:
             return
         flight = self._waiting[0]
-        if self._failed is not None and flight.work.name == self._failed.mission:
-            self._waiting.popleft().fail_again(self._failed.reason, now, effects)
+        reason = self._reason_to_fail(flight)
+        if reason is not None and self._is_resumed(flight):
+            self._waiting.popleft().fail_again(reason, now, effects)
             return
         if self._events.is_before(flight.work.work_id):
             return
@@ -353,9 +357,16 @@ class Session:
         if resumed or free or not self.vehicle.is_heard(now):
             self._has_flown = True
             self._flight = self._waiting.popleft()
+            if not resumed:
+                self.vehicle.live = None  # It may have the name of one that was flown before
             self._flight.begin(now, effects, hovering=self.vehicle.hovers, resumed=resumed)
         elif flight.is_expired(now):
             self._waiting.popleft().abort("expired before take-off", effects)
+
+    def _reason_to_fail(self, flight: Flight) -> str | None:
+        """Why a mission has failed, as an earlier run has noted it."""
+        failed = self._failed
+        return failed.reason if failed and failed.mission == flight.work.name else None
 
     def _close_flight(self) -> None:
         if self._flight is not None and self._flight.state is State.IDLE:

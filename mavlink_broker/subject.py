@@ -21,6 +21,7 @@ from mavlink_broker.quick_shot import QuickShot, Subject
 from mavlink_broker.series import SeriesRunner, heading_order
 from mavlink_broker.translation.geo import offset
 from mavlink_broker.translation.live import Shift, Tracked
+from mavlink_broker.translation.modes import LIVE_MODES
 from mavlink_broker.translation.situation import Spot
 from mavlink_broker.translation.target import target_message
 from mavlink_broker.vehicle import Vehicle
@@ -54,6 +55,7 @@ class SubjectTracker:
         self._vehicle = vehicle
         self._began_at: float | None = None
         self._looks_since: float | None = None
+        self._is_resumed = False
         self._here: Spot | None = None  # Where it began
         self._asked = 0
         self._ask_at = -math.inf
@@ -71,6 +73,7 @@ class SubjectTracker:
 
     def resume(self, note: LiveNote) -> None:
         """Go on with what an earlier run of the broker has begun; its time counts on."""
+        self._is_resumed = True
         self._began_at = note.going_s if self._vehicle.snapshot.time_s is not None else None
         if note.start is not None:
             self._here = Spot(*note.start[:3])
@@ -193,7 +196,9 @@ class SubjectTracker:
         self._due_at = time_s + TARGET_EVERY_S
         spot = Spot(subject.latitude_deg, subject.longitude_deg, self._end.height_m)
         told = target_message(spot, home, now, velocity_ned_m_s=subject.velocity_ned_m_s)
-        begin = self._order(self._end.follow, now) if self._sequence is None else []
+        follows = self._is_resumed and self._vehicle.mode in LIVE_MODES
+        is_told = self._sequence is not None or follows
+        begin = [] if is_told else self._order(self._end.follow, now)
         return [told, *begin]
 
     def _circle(self, subject: Subject, now: float) -> list[Message]:

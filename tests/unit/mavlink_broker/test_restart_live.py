@@ -12,6 +12,7 @@ from tests.support.broker_world import World, go_home, mission, takeoff
 from tests.support.scripted_vehicle import (
     ARDUPILOT,
     PX4,
+    PX4_HOLD,
     Script,
 )
 from tests.unit.mavlink_broker.test_live_commands import OWN, follow, hotpoint, panorama, track
@@ -163,3 +164,18 @@ class TestPictures:
 def has_noted(folder: Path) -> bool:
     """Whether it has been noted that a live command is about to be told."""
     return any("live" in page.read_text() for page in folder.glob("*.json"))
+
+
+def test_the_same_plan_once_more_is_flown_from_its_beginning(tmp_path: Path) -> None:
+    """Without an edge server a mission has the same number and name whenever it is flown."""
+    world = begun(tmp_path, follow(), script=OWN)
+    world.run_until(lambda: is_running(world))
+    world.run(30.0)
+    world.only_vehicle.armed = world.only_vehicle.airborne = False
+    world.only_vehicle.set_mode(PX4_HOLD)
+    again = World(journal=tmp_path, disk_lag_s=DISK_LAG_S)
+    again.clock.now = world.clock.now
+    again.air.vehicles = world.air.vehicles
+    again.edge.plan(mission(takeoff(), follow(), go_home(9)))
+    again.run_until(lambda: is_running(again))
+    assert time_until_over(again) > 55.0
