@@ -21,10 +21,9 @@ from uav_firmware.modules.estimator.ekf import Array, ErrorStateEkf
 from uav_firmware.modules.estimator.state import ATTITUDE, GYRO_BIAS, POSITION, SIZE, VELOCITY
 from uav_firmware.msg.vectors import Vector3
 
-TILTING: Final[Vector3] = (1.0, 1.0, 0.0)
-"""Axes [FRD] whose bias tilts the estimate."""
+EVERY_AXIS: Final[Vector3] = (1.0, 1.0, 1.0)
 TURNING: Final[Vector3] = (0.0, 0.0, 1.0)
-"""The axis whose bias turns it."""
+"""The axis [FRD] whose bias turns the estimate and does not tilt it."""
 
 _MOMENTS: Final = 8  # Of the mean over tau
 

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2
-from uav_firmware.modules.estimator.bias_jump import TILTING, TURNING, jump_covariance
+from uav_firmware.modules.estimator.bias_jump import EVERY_AXIS, TURNING, jump_covariance
 from uav_firmware.modules.estimator.core import Core
 from uav_firmware.modules.estimator.drift_watch import DriftWatch
 from uav_firmware.modules.estimator.ekf import ErrorStateEkf, Measurement
@@ -33,7 +33,9 @@ _RECENT_S: Final = 1.5  # Changes of velocity longer ago than that are forgotten
 class VelocityWatch:
     """Tells a jump about the roll or pitch axis: the velocity grows with the square of the time.
 
-    Told within 1.3 s when it is of 3 deg/s.
+    Told within 1.3 s when it is of 3 deg/s. What has struck one axis may have struck them all: the
+    yaw axis is opened as well, for the compass to judge, before a heading that runs away spoils
+    what the velocity tells of the tilt.
     """
 
     def __init__(self) -> None:
@@ -54,7 +56,7 @@ class VelocityWatch:
         since_s = min(max(2.0 * drift.age_s, _SHORTEST_S), _LONGEST_S)
         feigned = max(abs(m.innovation) for m in group)
         jump = 2.0 * feigned / (STANDARD_GRAVITY_M_S2 * since_s**2)
-        _reckon_with(ekf, TILTING, jump, since_s)
+        _reckon_with(ekf, EVERY_AXIS, jump, since_s)
         core.tilt_jump_us = now_us
 
     def _change(self, velocity: Vector3, now_us: int) -> float:
