@@ -5,7 +5,7 @@ import random
 import pytest
 
 from mavlink_broker.dialect import Message, mavlink
-from mavlink_broker.protocol.parameter_keeper import ParameterKeeper
+from mavlink_broker.protocol.parameter_keeper import Borrowed, ParameterKeeper
 from mavlink_broker.protocol.parameter_write import ParameterEncoding, Setting
 from mavlink_broker.protocol.round_trip import RoundTrip
 from tests.unit.mavlink_broker.protocol.harness import ROUTE, received
@@ -43,6 +43,7 @@ class Exchange:
         self.keeper = ParameterKeeper()
         self.vehicle = vehicle
         self.now = 0.0
+        self.is_noted = True
         self._loss = loss
         self._dice = random.Random(seed)
 
@@ -54,7 +55,9 @@ class Exchange:
             self.now += 0.05
             arrived = [received(message) for message in sent if self._arrives]
             answers = [a for message in arrived for a in self.vehicle.answer(message)]
-            sent = self.keeper.tick(self.now, ROUTE, trip, ParameterEncoding.C_CAST)
+            sent = self.keeper.tick(
+                self.now, ROUTE, trip, ParameterEncoding.C_CAST, lambda: self.is_noted
+            )
             for answer in answers:
                 if self._arrives:
                     sent += self.keeper.receive(answer, self.now)
@@ -142,3 +145,42 @@ def test_what_cannot_be_given_back_is_tried_again() -> None:
     exchange.vehicle.frozen.clear()
     exchange.run(30.0)
     assert exchange.vehicle.values == {"CIRCLE_RATE": 20.0}
+
+
+def test_nothing_is_set_before_it_has_been_noted_what_it_was() -> None:
+    exchange = Exchange(Vehicle(CIRCLE_RATE=20.0))
+    exchange.is_noted = False
+    exchange.keeper.want((TARGET,))
+    exchange.run()
+    assert exchange.vehicle.writes == []
+    assert exchange.keeper.borrowed == {"CIRCLE_RATE": Borrowed(20.0, (12.0,))}
+    assert not exchange.keeper.refusals
+    exchange.is_noted = True
+    exchange.run(2.0)
+    assert exchange.vehicle.values == {"CIRCLE_RATE": 12.0}
+
+
+def test_what_an_earlier_run_has_borrowed_goes_back_when_nothing_is_wanted_of_it() -> None:
+    exchange = Exchange(Vehicle(CIRCLE_RATE=12.0))
+    exchange.keeper.recall({"CIRCLE_RATE": Borrowed(20.0, (5.0, 12.0))})
+    exchange.run()
+    assert exchange.vehicle.values == {"CIRCLE_RATE": 12.0}
+    exchange.keeper.want(())
+    exchange.run(2.0)
+    assert exchange.vehicle.values == {"CIRCLE_RATE": 20.0}
+    assert exchange.keeper.is_idle
+
+
+def test_what_somebody_else_has_set_is_theirs() -> None:
+    exchange = Exchange(Vehicle(CIRCLE_RATE=15.0))
+    exchange.keeper.recall({"CIRCLE_RATE": Borrowed(20.0, (12.0,))})
+    exchange.keeper.want(())
+    exchange.run(2.0)
+    assert exchange.vehicle.writes == []
+    assert exchange.keeper.is_idle
+
+
+def test_a_value_that_a_vehicle_has_rounded_is_ours() -> None:
+    assert Borrowed(20.0, (7.6,)).is_ours(8.0)
+    assert Borrowed(20.0, (0.1,)).is_ours(0.10000000149011612)
+    assert not Borrowed(20.0, (7.6,)).is_ours(7.0)
