@@ -73,8 +73,8 @@ class Farm:
 @pytest.mark.parametrize(
     ("script", "values", "killed_after_s"),
     [
-        *((PX4, WITH_FOLLOW, at_s) for at_s in (0.5, 1.7, 30.0)),
-        *((ARDUPILOT, WITH_RATE, at_s) for at_s in (0.6, 8.0)),
+        *((PX4, WITH_FOLLOW, at_s) for at_s in (0.5, 30.0)),
+        (ARDUPILOT, WITH_RATE, 0.6),
     ],
 )
 def test_a_vehicle_gets_back_what_was_its_own_whenever_the_broker_dies(
@@ -186,15 +186,13 @@ def test_without_anything_borrowed_nothing_is_written(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("told", ["late", "in the next life"])
-def test_a_vehicle_that_tells_its_number_late_keeps_its_page(tmp_path: Path, told: str) -> None:
+def test_a_vehicle_that_tells_its_number_late_keeps_its_page(tmp_path: Path) -> None:
     farm = Farm(tmp_path, PX4, WITH_FOLLOW)
     farm.world.run_until(lambda: farm.vehicle.custom_mode == PX4_FOLLOW)
     assert [page.name for page in tmp_path.iterdir()] == ["vehicle-1.json"]
     farm.vehicle.uid = 7
-    if told == "late":
-        farm.vehicle.tell_version()
-        farm.world.run(2.0)
+    farm.vehicle.tell_version()
+    farm.world.run(2.0)
     farm.world.restart_broker()
     farm.world.run_until((tmp_path / "vehicle-1-0000000000000007.json").exists)
     farm.world.run_until(lambda: not (tmp_path / "vehicle-1.json").exists())

@@ -109,8 +109,13 @@ class TestHover:
 
 
 class TestReturn:
-    @pytest.mark.parametrize(("script", "mode"), [(PX4, PX4_RETURN), (ARDUPILOT, COPTER_RETURN)])
-    @pytest.mark.parametrize("killed_after_s", [0.0, 0.04, 0.2, 3.0])
+    @pytest.mark.parametrize(
+        ("script", "mode", "killed_after_s"),
+        [
+            *((PX4, PX4_RETURN, after_s) for after_s in (0.0, 0.04, 3.0)),
+            (ARDUPILOT, COPTER_RETURN, 0.2),
+        ],
+    )
     def test_the_order_of_an_alarm_outlives_the_broker(
         self, tmp_path: Path, script: Script, mode: int, killed_after_s: float
     ) -> None:
