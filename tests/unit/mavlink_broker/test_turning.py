@@ -50,9 +50,9 @@ def test_without_a_beginning_the_time_tells() -> None:
 
 def test_off_the_circle_nothing_counts() -> None:
     turning = Turning(turned(is_clockwise=True))
-    turning.take(*CENTRE)
-    assert not turning.is_on_circle
-    turning.take(*at(0.0))
-    turning.take(*at(90.0))
-    assert turning.is_on_circle
+    places = []
+    for place in (CENTRE, at(0.0), at(90.0)):
+        turning.take(*place)
+        places.append(turning.is_on_circle)
+    assert places == [False, True, True]
     assert turning.turned_rad == pytest.approx(math.pi / 2.0, abs=0.01)
