@@ -1,4 +1,7 @@
-"""The broker's configuration: environment variables, overridden by flags, read once."""
+"""The broker's configuration: environment variables, overridden by flags, read once.
+
+SettingError  a value that cannot be meant
+"""
 
 import argparse
 from collections.abc import Mapping, Sequence
@@ -68,20 +71,29 @@ class Config:
         return None if vehicle_id in self.vehicle_of_system else vehicle_id
 
 
+_SYSTEMS: Final = frozenset(range(1, 256))
+
+
+class SettingError(argparse.ArgumentTypeError, ValueError):
+    """A setting that cannot be meant; argparse tells its sentence."""
+
+
 def parse_vehicle_ids(text: str) -> dict[int, int]:
     """Read `7:1,8:2`, vehicle 7 is system 1 and so on, as system id to vehicle id.
 
     Raises:
-        ValueError: if it is written otherwise, or a number comes twice.
+        SettingError: if it is written otherwise, or a number comes twice or is none.
     """
     pairs = [part.partition(":") for part in text.split(",") if part.strip()]
     try:
         numbers = [(int(vehicle), int(system)) for vehicle, _, system in pairs]
     except ValueError:
-        raise ValueError(f"vehicle ids must look like 7:1,8:2, not {text!r}") from None
+        raise SettingError(f"vehicle ids must look like 7:1,8:2, not {text!r}") from None
     of_system = {system: vehicle for vehicle, system in numbers}
     if len(of_system) != len(numbers) or len(set(of_system.values())) != len(numbers):
-        raise ValueError(f"vehicle ids name a vehicle or a system twice: {text!r}")
+        raise SettingError(f"vehicle ids name a vehicle or a system twice: {text!r}")
+    if not (of_system.keys() <= _SYSTEMS and all(vehicle > 0 for vehicle in of_system.values())):
+        raise SettingError(f"vehicles are 1 and above, systems 1 to 255, not {text!r}")
     return of_system
 
 
@@ -89,14 +101,14 @@ def parse_systems(text: str) -> frozenset[int]:
     """Read `3,7` as system ids.
 
     Raises:
-        ValueError: if it is written otherwise, or a number is none of a system.
+        SettingError: if it is written otherwise, or a number is none of a system.
     """
     try:
         systems = frozenset(int(part) for part in text.split(",") if part.strip())
     except ValueError:
-        raise ValueError(f"systems must look like 3,7, not {text!r}") from None
-    if not systems <= frozenset(range(1, 256)):
-        raise ValueError(f"systems are 1 to 255, not {text!r}")
+        raise SettingError(f"systems must look like 3,7, not {text!r}") from None
+    if not systems <= _SYSTEMS:
+        raise SettingError(f"systems are 1 to 255, not {text!r}")
     return systems
 
 
@@ -104,15 +116,15 @@ def parse_targets(text: str) -> dict[int, int | Path]:
     """Read `1:2,3:tractor.csv`: vehicle 1 follows vehicle 2, vehicle 3 the way in a file.
 
     Raises:
-        ValueError: if it is written otherwise, or a vehicle comes twice or follows itself.
+        SettingError: if it is written otherwise, or a vehicle comes twice or follows itself.
     """
     targets: dict[int, int | Path] = {}
     for part in filter(None, (part.strip() for part in text.split(","))):
         follower, _, target = part.partition(":")
         if not (follower.isdecimal() and target) or int(follower) in targets:
-            raise ValueError(f"targets must look like 1:2,3:tractor.csv, not {text!r}")
+            raise SettingError(f"targets must look like 1:2,3:tractor.csv, not {text!r}")
         if target == follower:
-            raise ValueError(f"vehicle {follower} cannot follow itself")
+            raise SettingError(f"vehicle {follower} cannot follow itself")
         targets[int(follower)] = int(target) if target.isdecimal() else Path(target)
     return targets
 

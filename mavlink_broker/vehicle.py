@@ -7,7 +7,7 @@ from typing import Final
 from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.journal.diary import Diary
 from mavlink_broker.journal.memo import Homeward, LiveNote, Memo, Pose, merged
-from mavlink_broker.protocol.heartbeat import LinkState, LinkWatch
+from mavlink_broker.protocol.heartbeat import LinkState, LinkWatch, is_vehicle
 from mavlink_broker.protocol.parameter_keeper import Loan as Wish
 from mavlink_broker.protocol.parameter_keeper import ParameterKeeper
 from mavlink_broker.protocol.parameter_write import ParameterEncoding, encoding_of
@@ -73,6 +73,8 @@ class Vehicle:
     def take(self, message: Message, now: float) -> bool:
         """Learn from a message of the vehicle; true when it proves that it was restarted."""
         kind = message.get_type()
+        if kind == "HEARTBEAT" and not is_vehicle(message):
+            return False  # Who else speaks under its numbers is not the vehicle
         if kind == "HEARTBEAT":
             self.link.heard(now)
             self.autopilot, self.kind = message.autopilot, message.type

@@ -48,10 +48,26 @@ def test_targets_that_make_no_sense_are_refused(text: str) -> None:
         parse_targets(text)
 
 
-@pytest.mark.parametrize("text", ["7", "7:x", "7:1,7:2", "7:1,8:1"])
+@pytest.mark.parametrize("text", ["7", "7:x", "7:1,7:2", "7:1,8:1", "7:256", "0:1"])
 def test_numbers_that_make_no_sense_are_refused(text: str) -> None:
     with pytest.raises(ValueError, match=text):
         parse_vehicle_ids(text)
+
+
+@pytest.mark.parametrize(
+    ("flag", "value", "why"),
+    [
+        ("--vehicle-ids", "7:1,8:1", "name a vehicle or a system twice: '7:1,8:1'"),
+        ("--unsigned-systems", "0", "systems are 1 to 255, not '0'"),
+        ("--follow-targets", "1:1", "vehicle 1 cannot follow itself"),
+    ],
+)
+def test_a_refused_number_is_told_with_its_reason(
+    flag: str, value: str, why: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        load([flag, value], {})
+    assert why in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
