@@ -213,7 +213,8 @@ class FlightCore:
         self._is_alarming = self._vehicle_cannot_go_on()
         departed = self._performer is not None and self._performer.has_departed
         gives_up = self._follower is not None and self._follower.has_given_up
-        waits = self.state in _ASKING and self._hovering and not departed
+        is_begun = self._hovering and self._has_flown  # Else it is left to the next mission
+        waits = self.state in _ASKING and is_begun and not departed
         self._waits_for_orders = waits or gives_up
         self._follower = self._performer = None
         self._move(Event.FAULT, now, effects)

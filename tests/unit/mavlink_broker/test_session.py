@@ -18,7 +18,7 @@ from tests.support.broker_world import (
     takeoff,
     waypoint,
 )
-from tests.support.scripted_vehicle import ARDUPILOT, HOME, PX4, Script
+from tests.support.scripted_vehicle import ARDUPILOT, HOME, PX4, PX4_HOLD, Script
 
 RESULT_PATHS = frozenset({"/pose/", "/battery/", "/mission_report/"})
 
@@ -115,7 +115,9 @@ class TestAWholeMission:
         world.edge.plan(first_flight(mission_id=1202))
         world.run_until_over(1202)
         assert world.edge.status(1202) == Status.FAILED
+        world.run(5.0)
         assert vehicle.airborne
+        assert vehicle.custom_mode == PX4_HOLD
         vehicle.script = PX4
         world.edge.plan(first_flight(mission_id=1203))
         world.run_until_over(1203)
