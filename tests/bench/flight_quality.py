@@ -164,7 +164,7 @@ FLIGHTS: Final = (
     Flight(
         "gyroscope bias jumps by 10 deg/s on all axes at 8 m/s, wind 8 m/s",
         partial(gyro_jump, jump_deg_s=(10.0, -10.0, -10.0), cruise=True),
-        (Bar("off", "m beside its leg", 2.0), _UNHARMED),
+        (Bar("off", "m beside its leg", 4.0), _UNHARMED),
     ),
     Flight(
         "motor lost, 10 m up, wind 3 m/s",

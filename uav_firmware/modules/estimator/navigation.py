@@ -15,12 +15,13 @@ from uav_firmware.modules.estimator.health import Validity
 from uav_firmware.modules.estimator.imu_guard import ImuGuard
 from uav_firmware.modules.estimator.params import EstimatorParams
 from uav_firmware.modules.estimator.rest_aiding import RestAiding
-from uav_firmware.modules.estimator.state import ATTITUDE, DOWN, HEADING
+from uav_firmware.modules.estimator.state import ATTITUDE, DOWN, GYRO_BIAS, HEADING
 from uav_firmware.msg.sensors import SensorBaro, SensorGps, SensorImu, SensorMag
 from uav_firmware.msg.vectors import Vector3
 
 _LARGEST_TILT_SIGMA_RAD = 0.1
 _LARGEST_HEADING_SIGMA_RAD = 0.35
+_CERTAIN = 3.0  # [SD] By which a bias must be beyond its limit, as in PX4's check
 _BROKEN_GYRO_LIMIT = 2.0  # [-] Of EKF2_GYR_B_LIM; a bias up to there is followed, to land with
 
 
@@ -130,10 +131,11 @@ class Navigation:
 
     @property
     def gyro_broken(self) -> bool:
-        """Whether the gyroscope bias is larger than that of a healthy sensor."""
-        limit = self._params.gyro_bias_limit
-        return self.core is not None and any(
-            abs(bias) > limit for bias in self.core.state.gyro_bias_frd
+        """Whether the gyroscope bias is for certain larger than that of a healthy sensor."""
+        core, limit = self.core, self._params.gyro_bias_limit
+        return core is not None and any(
+            abs(bias) > limit + _CERTAIN * core.ekf.sigma(axis)
+            for axis, bias in enumerate(core.state.gyro_bias_frd, start=GYRO_BIAS.start)
         )
 
     def validity(self) -> Validity:
