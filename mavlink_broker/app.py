@@ -28,7 +28,7 @@ from mavlink_broker.traffic import Clock, Link, Traffic
 from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.translation.observables import OBSERVED
 from mavlink_broker.vehicle import Vehicle
-from mavlink_broker.work import EventWork, MissionWork, StateVectorWork
+from mavlink_broker.work import EventWork, MissionWork, StateVectorWork, Verdict
 
 IDLE_WAIT_S: Final = 0.02
 """Longest sleep: what is overdue is noticed that late. Datagrams and work end it at once."""
@@ -109,6 +109,9 @@ class App:
         work = sorted(self._edge.take_work(), key=_number_of)
         for raw in work:
             self._take(raw, now)
+        verdicts = self._edge.take_verdicts()
+        for verdict in verdicts:
+            self._judge(verdict, now)
         self._books.settle(self._session_of)
         finished = self._jobs.take_finished()
         for system, outcome in finished:
@@ -116,7 +119,7 @@ class App:
                 effects = Effects()
                 self._peers[system].session.pictures.take_outcome(outcome, now, effects)
                 self._carry_out(effects, self._peers[system])
-        if work or finished or now >= self._step_all_at:
+        if work or verdicts or finished or now >= self._step_all_at:
             self._step_all_at = now + STEP_ALL_EVERY_S
             self._step(self._peers, now)
         else:
@@ -249,6 +252,13 @@ class App:
         effects = Effects()
         peer.session.take_mission(work, effects)
         self._carry_out(effects, peer)
+
+    def _judge(self, verdict: Verdict, now: float) -> None:
+        """Tell whom it concerns whether an accepted mission may be flown."""
+        for peer in self._peers.values():
+            effects = Effects()
+            peer.session.take_verdict(verdict, now, effects)
+            self._carry_out(effects, peer)
 
     def _take_event(self, work: EventWork, now: float) -> None:
         """Interrupt a vehicle; what has expired, or is for nobody, is refused.

@@ -16,7 +16,7 @@ import time
 from collections.abc import Callable
 from http import HTTPStatus
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import requests
 
@@ -25,6 +25,9 @@ from mavlink_broker.edge_door import TIMEOUT_S, Door, NoKeyError, is_final
 from mavlink_broker.send_queue import Post, SendQueue
 from mavlink_broker.spool.folder import Spool
 from mavlink_broker.spool.keeper import Keeper
+from mavlink_broker.work import Verdict
+
+T = TypeVar("T")
 
 LONG_POLL_S: Final = 20.0
 SENDERS: Final = 2
@@ -32,6 +35,8 @@ RETRY_WORK_S: Final = 0.5
 SHOWN_CHARACTERS: Final = 500
 """Of a refusal's text, in the log."""
 
+_WITHDRAWN: Final = frozenset({HTTPStatus.NOT_FOUND, HTTPStatus.CONFLICT, HTTPStatus.GONE})
+"""Answers to "accepted" that mean: cancelled, expired, ended."""
 _KNOWN: Final = "Idempotency-Key was used"
 """What the edge server says to another body under a key that it has seen."""
 _LOG = logging.getLogger(__name__)
@@ -58,6 +63,7 @@ class EdgeClient:
         self._ca_file = ca_file
         self._wake = wake
         self._work: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
+        self._verdicts: queue.SimpleQueue[Verdict] = queue.SimpleQueue()
         self._posts = SendQueue(random.Random())
         lock = threading.Lock()
         self._changed = threading.Condition(lock)  # For those who send
@@ -95,10 +101,11 @@ class EdgeClient:
 
     def take_work(self) -> list[dict[str, Any]]:
         """Give the work that has come in, as the edge server wrote it."""
-        work = []
-        while not self._work.empty():
-            work.append(self._work.get_nowait())
-        return work
+        return _drain(self._work)
+
+    def take_verdicts(self) -> list[Verdict]:
+        """Give what has been answered to missions that were accepted."""
+        return _drain(self._verdicts)
 
     def post(self, post: Post) -> None:
         """Leave a post to be sent."""
@@ -220,8 +227,13 @@ class EdgeClient:
             concerns_disk = post.kept_as is not None or self._posts.is_in_trouble
         if concerns_disk:
             self._nudge()
-        if status is not None and is_final(status) and status >= HTTPStatus.BAD_REQUEST:
+        if status is None or not is_final(status):
+            return
+        if status >= HTTPStatus.BAD_REQUEST:
             self._tell_refusal(post, status, text)
+        if post.accepts is not None:
+            self._verdicts.put(Verdict(post.accepts, holds=status not in _WITHDRAWN))
+            self._wake()
 
     def _tell_refusal(self, post: Post, status: int, text: str) -> None:
         """Log what the edge server does not take: its words name field and reason."""
@@ -247,3 +259,11 @@ class EdgeClient:
             _LOG.info("waiting for the edge server: %s", why)
         else:
             _LOG.warning("the edge server does not answer: %s", why)
+
+
+def _drain(waiting: queue.SimpleQueue[T]) -> list[T]:
+    """Take everything that waits; nobody else takes from it."""
+    taken = []
+    while not waiting.empty():
+        taken.append(waiting.get_nowait())
+    return taken

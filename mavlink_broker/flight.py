@@ -146,6 +146,15 @@ class Flight(FlightProgress):
         else:
             self._abort_soon(work, now, effects)
 
+    def withdraw(self, now: float, effects: Effects) -> None:
+        """Drop a mission that the edge server has ended; nothing is to be told of it."""
+        _LOG.warning("mission %d was withdrawn", self.work.mission.mission_id)
+        self._give_up_soft_abort(effects)
+        if self.state is State.UPLOADING:
+            effects.messages.append(activities.cancellation(self._vehicle))
+        self._activity = None
+        self._move(Event.ENDED, now, effects)
+
     def _change_speed(
         self, work: EventWork, speed_m_s: float, now: float, effects: Effects
     ) -> None:

@@ -64,6 +64,7 @@ class FlightCore:
         self.state = State.IDLE
         mission = work.mission
         self.ledger = Ledger(mission.mission_id, mission.command_array, name=work.name)
+        self.is_confirmed = work.was_accepted  # The edge server knows that we fly it
         self._vehicle = vehicle
         self._reporter = reporter
         self._hovering = False

@@ -164,6 +164,10 @@ class FlightPreparation(FlightCore):
         if self._hovering and self._is_taken_away:
             self._fail(self._departure, now, effects)
             return
+        self._activity = None
+        if not self.is_confirmed:
+            self._entered_at = now  # Its patience begins when it may arm
+            return
         ways = self._vehicle.family.arming
         self._start(activities.commands(ways, self._vehicle), now, effects)
 
@@ -198,7 +202,8 @@ class FlightPreparation(FlightCore):
             self._vehicle, now, hovering=self._hovering, waited_s=waited_s
         )
         if obstacle is None:
-            self._set_out(now, effects)
+            if self.is_confirmed or not self._acts_at_once:
+                self._set_out(now, effects)
             return
         self._ask_why_not(now, effects)
         if (
@@ -209,6 +214,15 @@ class FlightPreparation(FlightCore):
             effects.messages.append(activities.hold_on_ground(self._vehicle))
         if waited_s >= readiness.WITHIN_S:
             self._fail(f"not ready after {readiness.WITHIN_S:.0f} s: {obstacle}", now, effects)
+
+    @property
+    def _acts_at_once(self) -> bool:
+        """Whether the vehicle does something before it is armed: one that hovers, or a camera.
+
+        What nobody but us knows of must not be done; a transfer to a vehicle that stands may.
+        """
+        is_live = isinstance(self._stages.current, LiveCommand)
+        return is_live or self._hovering
 
     def _ask_why_not(self, now: float, effects: Effects) -> None:
         """Have a vehicle that is not ready to arm say why: most told it before we listened."""
@@ -226,6 +240,8 @@ class FlightPreparation(FlightCore):
             self._fail(error.reason, now, effects, error.command_index)
             return
         is_live = isinstance(self._stages.current, LiveCommand)
+        if self._acts_at_once and not self.is_confirmed:
+            return
         if is_live and not self._flies and self._stages.live.action.moves:
             self._fail("the vehicle is on the ground: a take-off has to come first", now, effects)
         else:
@@ -236,7 +252,7 @@ class FlightPreparation(FlightCore):
 
         It disarms again by itself, mostly after 10 s, if it is not started until then.
         """
-        if self._vehicle.snapshot.armed and not self._hovering:
+        if self._vehicle.snapshot.armed and not self._hovering and self.is_confirmed:
             self._move(Event.ARMED, now, effects)
         elif self._activity is None and now >= self._arm_again_at:
             self._enter_arming(now, effects)

@@ -7,6 +7,7 @@ from mavlink_broker.jobs import Job, JobFailed, JobOutcome
 from mavlink_broker.journal.diary import Note
 from mavlink_broker.journal.memo import Memo, Owner
 from mavlink_broker.send_queue import Post
+from mavlink_broker.work import Verdict
 
 
 class Edge(Protocol):
@@ -17,6 +18,9 @@ class Edge(Protocol):
 
     def post(self, post: Post) -> None:
         """Leave a post to be sent, in order, until it is answered."""
+
+    def take_verdicts(self) -> Sequence[Verdict]:
+        """Give what the edge server has answered to missions that were accepted."""
 
     @property
     def waiting_pictures(self) -> int:

@@ -102,6 +102,7 @@ def _acknowledgement(word: Acknowledgement, vehicle_id: int) -> Post:
         lane=_MISSION_LANE if word.status != "done" else "done",
         urgency=Urgency.REPORT,
         needs_registration=False,
+        accepts=word.work_id if word.status == "accepted" else None,
     )
 
 

@@ -58,11 +58,7 @@ def wants_another_mode(vehicle: Vehicle) -> bool:
     if vehicle.has_run_its_mission:
         return snapshot.can_navigate is not False
     waits = snapshot.armed is False and vehicle.ready_to_arm is False
-    return (
-        waits
-        and vehicle.family.readiness_by_mode
-        and vehicle.mode_role is not ModeRole.HOLD
-    )
+    return waits and vehicle.family.readiness_by_mode and vehicle.mode_role is not ModeRole.HOLD
 
 
 class Attachment(Enum):

@@ -53,6 +53,7 @@ class Post:
     replaces: bool = False  # A newer one of the same lane makes it obsolete
     kept_as: int | None = None  # Its number on the disk, where it is there
     is_inherited: bool = False  # From an earlier run of the broker
+    accepts: int | None = None  # The work that it accepts: what is answered decides
 
     @property
     def is_worth_keeping(self) -> bool:

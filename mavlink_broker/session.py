@@ -32,7 +32,7 @@ from mavlink_broker.translation.families import MOST_ABLE
 from mavlink_broker.translation.mission import Home, RefusedError, translate
 from mavlink_broker.vector_pace import VectorPace
 from mavlink_broker.vehicle import Vehicle
-from mavlink_broker.work import EventWork, MissionWork, StateVectorWork
+from mavlink_broker.work import EventWork, MissionWork, StateVectorWork, Verdict
 
 UPDATE_EVERY_S: Final = 2.0
 UPDATE_LOST_EVERY_S: Final = 30.0
@@ -153,6 +153,19 @@ class Session:
         if not work.was_accepted:
             effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))
         self._waiting.append(flight)
+
+    def take_verdict(self, verdict: Verdict, now: float, effects: Effects) -> None:
+        """Learn whether a mission that was accepted may be flown; one that may not is dropped."""
+        flights = (*self._waiting, *([self._flight] if self._flight else []))
+        flight = next((f for f in flights if f.work.work_id == verdict.work_id), None)
+        if flight is None or verdict.holds:
+            if flight is not None:
+                flight.is_confirmed = True
+        elif flight in self._waiting:
+            self._waiting.remove(flight)
+        elif not flight.is_confirmed:
+            flight.withdraw(now, effects)
+            self._close_flight()
 
     def answer_state_vector(self, work: StateVectorWork, now: float, effects: Effects) -> bool:
         """Report the state at once; false when it is not known."""

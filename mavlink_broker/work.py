@@ -63,4 +63,15 @@ class EventWork:
         return self.event.vehicle_id
 
 
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What the edge server answers to a mission that we have accepted.
+
+    One that does not hold was cancelled, has expired or has ended: it must not be flown.
+    """
+
+    work_id: int
+    holds: bool
+
+
 Work: TypeAlias = MissionWork | StateVectorWork | EventWork

@@ -12,6 +12,7 @@ from afarcloud.enumerations import EventType, Status
 from afarcloud.numbers import format_time
 from afarcloud.plan import Geofence, Mission, RallyPoint
 from mavlink_broker.send_queue import Post
+from mavlink_broker.work import Verdict
 
 _IMAGE: Final = wire.Kind.IMAGE.value
 _REPORT: Final = wire.Kind.MISSION_REPORT.value
@@ -43,6 +44,7 @@ class LocalEdge:
         self._geofence = None if geofence is None else wire.write(geofence)
         self._missions = dict(enumerate(missions, 1))
         self._new: list[dict[str, Any]] = []
+        self._accepted: list[int] = []
         self._next_id = len(self._missions) + 1
         self.statuses = {mission.mission_id: Status.NOT_STARTED for mission in missions}
         self.reasons: dict[int, str] = {}
@@ -87,6 +89,11 @@ class LocalEdge:
         work, self._new = self._new, []
         return work
 
+    def take_verdicts(self) -> list[Verdict]:
+        """Let every mission that was accepted be flown."""
+        accepted, self._accepted = self._accepted, []
+        return [Verdict(number, holds=True) for number in accepted]
+
     @property
     def waiting_pictures(self) -> int:
         """None: they are kept at once."""
@@ -109,6 +116,8 @@ class LocalEdge:
 
     def _acknowledged(self, work_id: int, body: dict[str, Any]) -> None:
         mission = self._missions.get(work_id)
+        if body["status"] == "accepted":
+            self._accepted.append(work_id)
         if mission is not None and body["status"] == "refused":
             self._end(mission.mission_id, Status.FAILED, body.get("message"))
 

@@ -15,6 +15,7 @@ from urllib.parse import parse_qs, urlsplit
 
 from afarcloud.enumerations import Status
 from mavlink_broker.send_queue import Post
+from mavlink_broker.work import Verdict
 
 
 class FakeEdge:
@@ -25,6 +26,8 @@ class FakeEdge:
         self.work: dict[int, dict[str, Any]] = {}
         self.closed: set[int] = set()
         self._new: list[dict[str, Any]] = []
+        self._verdicts: list[Verdict] = []
+        self.answers_acceptances = True  # It may be slow, or away for the moment
 
     # What tests do.
 
@@ -85,6 +88,13 @@ class FakeEdge:
         """Give all unfinished work once more, as to a broker that was restarted."""
         self._new = [dict(w) for n, w in self.work.items() if n not in self.closed]
 
+    def cancel(self, number: int) -> None:
+        """Take work back of which no acceptance was heard."""
+        self.closed.add(number)
+        self._verdicts = [
+            Verdict(v.work_id, v.holds and v.work_id != number) for v in self._verdicts
+        ]
+
     def bodies(self, path: str) -> list[dict[str, Any]]:
         """Everything told at a path, in order."""
         return [post.body for post in self.posts if post.path == path]
@@ -114,6 +124,13 @@ class FakeEdge:
         work, self._new = self._new, []
         return work
 
+    def take_verdicts(self) -> list[Verdict]:
+        """Give the answers to what was accepted."""
+        if not self.answers_acceptances:
+            return []
+        verdicts, self._verdicts = self._verdicts, []
+        return verdicts
+
     waiting_pictures = 0
 
     def post(self, post: Post) -> None:
@@ -126,7 +143,10 @@ class FakeEdge:
 
     def _acknowledged(self, number: int, status: str) -> None:
         if status == "accepted":
-            self.work[number]["state"] = "accepted"
+            holds = number not in self.closed
+            self._verdicts.append(Verdict(number, holds=holds))
+            if holds:
+                self.work[number]["state"] = "accepted"
         else:
             self.closed.add(number)
             self._changed_speed(self.work[number], status)

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,11 @@ import pytest
 
 from mavlink_broker.edge_client import EdgeClient
 from mavlink_broker.edge_door import is_final
+from mavlink_broker.effects import Acknowledgement
+from mavlink_broker.posts import post_for
 from mavlink_broker.send_queue import Post, Urgency
 from mavlink_broker.spool.folder import WORDS, Spool
+from mavlink_broker.work import Verdict
 from tests.support.broker_world import first_flight
 from tests.support.certificates import Authority
 from tests.support.fake_edge import FakeEdgeServer
@@ -128,6 +132,35 @@ def test_a_final_refusal_is_not_repeated(server: FakeEdgeServer, tmp_path: Path)
     client.post(pose(1))
     assert numbers(server.wait_for("/pose/", 1)) == [1]
     client.stop(1.0)
+
+
+@pytest.mark.parametrize(
+    ("failures", "holds"), [([], True), ([404], False), ([503, 409], False), ([503], True)]
+)
+def test_what_is_said_to_an_accepted_mission_is_passed_on(
+    server: FakeEdgeServer, tmp_path: Path, failures: list[int], holds: bool
+) -> None:
+    (tmp_path / "broker.key").write_text(KEY)
+    server.plan(first_flight())
+    server.failures.extend(failures)
+    woken = Woken()
+    client = client_of(server, tmp_path, woken)
+    verdicts: list[Verdict] = []
+
+    def tell(status: str) -> None:
+        word = Acknowledgement(1, status)
+        client.post(post_for(word, vehicle_id=1, recorded_at=datetime.now(UTC), key="none"))
+
+    def has_come() -> bool:
+        verdicts.extend(client.take_verdicts())
+        return bool(verdicts)
+
+    tell("accepted")
+    wait_until(has_come)
+    tell("done")
+    client.stop(5.0)
+    assert [*verdicts, *client.take_verdicts()] == [Verdict(1, holds)]
+    assert woken.event.is_set()
 
 
 def test_the_key_may_come_later_or_change(server: FakeEdgeServer, tmp_path: Path) -> None:
