@@ -97,6 +97,12 @@ class FlightCore:
         self._entries: Mapping[State, Handler] = {}  # What a state begins with
         self._steps: Mapping[State, Handler] = {}  # What it does as time passes
 
+    @property
+    def has_failed_in_flight(self) -> bool:
+        """Whether it was flown, and ended otherwise than it was meant to."""
+        was_flown = self._told_to_start or self._was_running
+        return was_flown and self.ledger.status in {Status.FAILED, Status.ABORTED}
+
     def is_expired(self, now: float) -> bool:
         """Whether it may not be begun any more."""
         return self.work.expires_at is not None and now >= self.work.expires_at

@@ -41,6 +41,11 @@ class Reporter:
             reports.append((of, self._signed(battery, "battery")))
         return [effects.Result(report, name) for name, report in reports]
 
+    def landing(self, of: str) -> list[effects.Told]:
+        """Where the vehicle stands after a mission that did not end as it was meant to."""
+        pose = telemetry.pose(self._vehicle.snapshot, **self._next("pose"))
+        return [] if pose is None else [effects.Result(self._signed(pose, "pose"), of)]
+
     def observations(self, now: float) -> list[effects.Report]:
         """What has been measured lately, on the way."""
         snapshot = self._vehicle.snapshot

@@ -83,6 +83,7 @@ class Session:
         self._events = EventDesk(vehicle)
         self._waiting: deque[Flight] = deque()
         self._flight: Flight | None = None
+        self._landing_of: str | None = None  # The mission behind which the vehicle comes down
         self._failed: Homeward | None = None  # In an earlier run
         self._has_flown = False  # Only the first mission can be one that an earlier run began
         self._was_lost = True
@@ -277,6 +278,7 @@ class Session:
         else:
             self._alarms.forget()
         effects.messages += self._giving_back.step(now, idle=self.state is State.IDLE)
+        self._tell_landing(now, effects)
         self._next_flight(now, effects)
         if self._flight is not None:
             self._flight.step(now, effects)
@@ -385,7 +387,18 @@ class Session:
         if self._flight is not None and self._flight.state is State.IDLE:
             self._note_hover(hovers=self._flight.leaves_hovering)
             self.vehicle.homeward = self.vehicle.live = None
+            if self._flight.has_failed_in_flight:
+                self._landing_of = self._flight.work.name
             self._flight = None
+
+    def _tell_landing(self, now: float, effects: Effects) -> None:
+        """Say where a vehicle has come down whose mission was aborted or has failed."""
+        if self._flight is not None:
+            self._landing_of = None
+        stands = self.vehicle.snapshot.is_on_ground and self.vehicle.is_connected(now)
+        if self._landing_of is not None and stands:
+            effects.for_edge += self._reporter.landing(f"{self._landing_of}/landing")
+            self._landing_of = None
 
     def _note_hover(self, *, hovers: bool) -> None:
         if hovers:

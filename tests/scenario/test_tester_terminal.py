@@ -180,6 +180,7 @@ def test_the_way_through_the_alarms_and_back_and_the_alarm_itself(
     assert alarm["param_array"] == [0.5, 1.5]
     person.reads("The vehicle is down.")
     person.wait_for(lambda: farm.newest("/vehicles/1").get("armed") is False, "disarmed")
+    person.wait_for(lambda: len(farm.edge.bodies("/pose/")) == 2, "the place of the landing")
     assert len(farm.edge.bodies("/alarm/")) == 1
 
 

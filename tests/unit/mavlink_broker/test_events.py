@@ -291,6 +291,25 @@ class TestAnAbort:
         world.run_until_over(1202)
         assert world.edge.status(1202) == Status.FINISHED
 
+    def test_ends_with_the_pose_where_the_vehicle_has_come_down(self) -> None:
+        world = world_at(1)
+        before = len(world.edge.bodies("/pose/"))
+        world.edge.event(ABORT)
+        world.run_until(lambda: not world.only_vehicle.armed)
+        world.run(30.0)
+        poses = world.edge.bodies("/pose/")[before:]
+        assert len(poses) == 1
+        assert poses[0]["altitude"] == pytest.approx(0.0, abs=0.5)
+
+    def test_before_the_start_ends_without_a_pose(self) -> None:
+        world = World()
+        world.add_vehicle(script=dataclasses.replace(PX4, ready_to_arm_after_s=100.0))
+        world.edge.plan(mission(*COMMANDS))
+        world.run(10.0)
+        world.edge.event(ABORT)
+        world.run(30.0)
+        assert world.edge.bodies("/pose/") == []
+
     @pytest.mark.parametrize(("kind", "mode"), [(ABORT, COPTER_LAND), (SOFT_ABORT, COPTER_RETURN)])
     def test_is_understood_by_ardupilot(self, kind: int, mode: int) -> None:
         world = World()
