@@ -64,6 +64,7 @@ class SpeedOrders:
     _running: tuple[EventWork | None, CommandSequence] | None = field(default=None)
     _may_refuse: bool = False
     has_changed: bool = False  # Or may have, in an earlier run of the broker
+    _is_just_told: bool = False
     _held_behind: tuple[int, int] | None = None  # The stretch, and the last item that told one
 
     def give(
@@ -83,10 +84,14 @@ class SpeedOrders:
     def hold(self, plan: FlightPlan, speed_m_s: float, now: float, effects: Effects) -> None:
         """Tell a speed that came in flight again behind items that tell the one of the upload."""
         mission = self.vehicle.snapshot.mission
-        if mission is None or self._running is not None:
+        if mission is None:
             return
         flown = [seq for seq in _mission_speeds(plan) if seq < mission.seq]
         place = (plan.first_command, flown[-1]) if flown else None
+        if self._is_just_told:  # Behind all that has been flown
+            self._is_just_told, self._held_behind = False, place
+        if self._running is not None:
+            return
         if place is not None and place != self._held_behind:
             self._held_behind = place
             if self.has_changed:
@@ -101,7 +106,7 @@ class SpeedOrders:
     ) -> None:
         ways = ((speed_order(speed_m_s),),)
         sequence = CommandSequence(ways, self.vehicle.route, self.vehicle.round_trip)
-        self.has_changed = True
+        self.has_changed = self._is_just_told = True
         self._running = work, sequence
         effects.messages += sequence.start(now)
 

@@ -219,8 +219,8 @@ class TestPx4:
 
     def test_that_misses_a_ground_station_and_does_not_tell_why_has_one_too(self) -> None:
         world = World()
-        quiet = {"link_loss_action": None, "talks_to_stations_only": False}
-        vehicle = world.add_vehicle(script=dataclasses.replace(PX4_1_17, **quiet))
+        quiet = dataclasses.replace(PX4_1_17, link_loss_action=None, talks_to_stations_only=False)
+        vehicle = world.add_vehicle(script=quiet)
         world.run(3.0)
         vehicle.say("Preflight Fail: No connection to the ground control station\t", 4)
         before = len(world.air.sent)
@@ -409,7 +409,8 @@ class TestArduPilot:
         vehicle.silent = False
         world.run_until_over(1201)
         assert world.edge.status(1201) == Status.FINISHED
-        assert len(vehicle.items) == 12
+        assert [item.seq for item in vehicle.items] == list(range(14))
+        assert [i.command for i in vehicle.items].count(mavlink.MAV_CMD_NAV_TAKEOFF) == 1
 
     @COPTERS
     def test_is_no_plane(self, script: Script) -> None:
