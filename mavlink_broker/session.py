@@ -8,13 +8,15 @@ of ours has left it.
 import logging
 from collections import deque
 from collections.abc import Callable, Collection, Iterable
-from typing import Any, Final
+from typing import Final
 
 from afarcloud.enumerations import EventType, Status
-from mavlink_broker import hover, registry
+from mavlink_broker import hover
 from mavlink_broker.attendance import Attendance
+from mavlink_broker.battery_size import BatterySize
+from mavlink_broker.bulletin import Bulletin
 from mavlink_broker.dialect import Message, mavlink, source_of
-from mavlink_broker.effects import Acknowledgement, Effects, VehicleUpdate
+from mavlink_broker.effects import Acknowledgement, Effects
 from mavlink_broker.event_desk import EventDesk, is_abort
 from mavlink_broker.flight import Flight
 from mavlink_broker.giving_back import GivingBack
@@ -22,21 +24,15 @@ from mavlink_broker.interruption import REASONS
 from mavlink_broker.journal.memo import Homeward, Memo
 from mavlink_broker.pictures.desk import HEARD as PICTURED
 from mavlink_broker.pictures.desk import PictureDesk
-from mavlink_broker.protocol.heartbeat import LinkState
-from mavlink_broker.protocol.parameter_read import ParameterRead
 from mavlink_broker.protocol.streams import StreamRequests
 from mavlink_broker.reporter import Reporter
 from mavlink_broker.session_states import State
 from mavlink_broker.translation.alarms import AlarmWatch, Failure
 from mavlink_broker.translation.families import MOST_ABLE
 from mavlink_broker.translation.mission import Home, RefusedError, translate
-from mavlink_broker.vector_pace import VectorPace
 from mavlink_broker.vehicle import Vehicle
 from mavlink_broker.work import EventWork, MissionWork, StateVectorWork, Verdict
 
-UPDATE_EVERY_S: Final = 2.0
-UPDATE_LOST_EVERY_S: Final = 30.0
-"""Of a vehicle that says nothing there is no news."""
 FORGOTTEN_AFTER_S: Final = 60.0
 NO_MISSION: Final = "no active mission"
 PREPARATION: Final = frozenset(
@@ -70,14 +66,17 @@ class Session:
     ) -> None:
         self.vehicle = vehicle
         self._new_session_id = new_session_id
-        self._vector_pace = VectorPace(state_vector_every_s)
-        self._observations_every_s = observations_every_s  # 0: with finished commands alone
-        self._battery_capacity_ah = battery_capacity_ah
         self._reporter = Reporter(vehicle, new_session_id())
+        self._bulletin = Bulletin(
+            vehicle,
+            self._reporter,
+            state_vector_every_s=state_vector_every_s,
+            observations_every_s=observations_every_s,
+        )
         self.pictures = PictureDesk(vehicle, self._reporter)
         self._attendance = Attendance(vehicle)
         self._streams = StreamRequests(vehicle.route, vehicle.round_trip)
-        self._capacity: ParameterRead | None = None
+        self._battery_size = BatterySize(vehicle, battery_capacity_ah)
         self._alarms = AlarmWatch()
         self._giving_back = GivingBack(vehicle)
         self._events = EventDesk(vehicle)
@@ -89,9 +88,6 @@ class Session:
         self._was_lost = True
         self._lost_since: float | None = None
         self._homeless_since: float | None = None
-        self._observed_at = 0.0
-        self._updated_at: float | None = None
-        self._last_update: tuple[Any, ...] = ()
 
     @property
     def state(self) -> State:
@@ -171,7 +167,7 @@ class Session:
     def answer_state_vector(self, work: StateVectorWork, now: float, effects: Effects) -> bool:
         """Report the state at once; false when it is not known."""
         del work
-        return self._post_state_vector(now, effects)
+        return self._bulletin.tell_state(now, effects)
 
     def take_event(self, work: EventWork, now: float, effects: Effects) -> None:
         """Carry out an event on what is flown, as soon as that is known."""
@@ -232,8 +228,7 @@ class Session:
         self._alarms.receive(message, now)
         if message.get_type() in PICTURED:
             self.pictures.receive(message, now, effects)
-        if self._capacity is not None:
-            self._capacity.receive(message)
+        self._battery_size.receive(message)
         effects.messages += self._events.receive(message, now)
         effects.messages += self._giving_back.receive(message, now)
         effects.messages += self.vehicle.parameters.receive(message, now)
@@ -263,17 +258,16 @@ class Session:
     def step(self, now: float, effects: Effects) -> None:
         """Let time pass."""
         self._watch_link(now)
-        self._update(now, effects)
+        self._bulletin.update(self._mission_id, now, effects)
         if self.vehicle.is_heard(now):
             effects.messages += self._attendance.tick(now)
             effects.messages += self._streams.tick(now)
             self.vehicle.is_identified |= self._streams.is_version_settled
-            self._read_capacity(now, effects)
+            effects.messages += self._battery_size.tick(now)
             hover.watch(self.vehicle)
             self._see_events_through(now, effects)
             effects.messages += self._keep_parameters(now)
-            is_connected = self.vehicle.link_state(now) is LinkState.CONNECTED
-            failures = self._alarms.tick(now, is_connected=is_connected)
+            failures = self._alarms.tick(now, is_connected=self.vehicle.is_connected(now))
             self._raise_alarms(failures, now, effects)
         else:
             self._alarms.forget()
@@ -284,18 +278,7 @@ class Session:
             self._flight.step(now, effects)
         self._step_pictures(now, effects)
         self._close_flight()
-        connected = self.vehicle.link_state(now) is LinkState.CONNECTED
-        position_age_s = self.vehicle.age_s("GLOBAL_POSITION_INT", now)
-        if connected and self._vector_pace.is_due(now, position_age_s):
-            self._post_state_vector(now, effects)
-        if connected and self.vehicle.snapshot.armed:
-            self._observe_on_the_way(now, effects)
-
-    def _observe_on_the_way(self, now: float, effects: Effects) -> None:
-        every_s = self._observations_every_s
-        if every_s > 0 and now - self._observed_at >= every_s:
-            self._observed_at = now
-            effects.for_edge += self._reporter.observations(now)
+        self._bulletin.step(now, effects)
 
     def _see_events_through(self, now: float, effects: Effects) -> None:
         self._carry_out_events(now, effects)
@@ -405,47 +388,6 @@ class Session:
             hover.begin(self.vehicle)
         else:
             hover.end(self.vehicle)
-
-    def _read_capacity(self, now: float, effects: Effects) -> None:
-        """Learn the battery's size once; until a vehicle tells, it has the configured one."""
-        snapshot = self.vehicle.snapshot
-        if snapshot.battery_capacity_ah is None:
-            snapshot.battery_capacity_ah = self._battery_capacity_ah
-        if self._capacity is None:
-            name = self.vehicle.family.battery_capacity_parameter
-            if name is None:
-                return
-            vehicle = self.vehicle
-            self._capacity = ParameterRead(
-                name, vehicle.route, vehicle.round_trip, encoding=vehicle.parameter_encoding
-            )
-        effects.messages += self._capacity.tick(now)
-        told_ah = (self._capacity.value or 0.0) / 1e3
-        if 0.0 < told_ah <= 100.0:
-            snapshot.battery_capacity_ah = told_ah
-
-    def _post_state_vector(self, now: float, effects: Effects) -> bool:
-        vector = self._reporter.state_vector()
-        if vector is None or {"position", "attitude"} & {*registry.stale(self.vehicle, now)}:
-            return False
-        effects.for_edge.append(vector)
-        self._vector_pace.told(now)
-        return True
-
-    def _update(self, now: float, effects: Effects) -> None:
-        """Tell the edge server about the vehicle: on a change, and every so often."""
-        vehicle = self.vehicle
-        change = (
-            *(vehicle.link_state(now), vehicle.snapshot.armed, vehicle.mode, self._mission_id),
-            *(vehicle.warning, registry.stale(vehicle, now)),
-        )
-        every_s = UPDATE_EVERY_S if vehicle.is_heard(now) else UPDATE_LOST_EVERY_S
-        due = self._updated_at is None or now - self._updated_at >= every_s
-        if not due and change == self._last_update:
-            return
-        self._updated_at, self._last_update = now, change
-        body = registry.description(vehicle, self._mission_id, now)
-        effects.for_edge.append(VehicleUpdate(vehicle.vehicle_id, body))
 
     @property
     def _mission_id(self) -> int | None:
