@@ -128,6 +128,7 @@ def test_the_broker_confirms_nothing_that_nobody_hears(tmp_path: Path) -> None:
         assert station.rows("telemetry") == len(POSES)
         with running_mqtt_cloud(broker.port) as cloud:
             station.wait_empty()
+            cloud.store.wait_for(len(POSES), PATIENCE_S)  # The broker's word comes before the cloud
             assert cloud.store.stream(1, "pose") == list(POSES)
 
 

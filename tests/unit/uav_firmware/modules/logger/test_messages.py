@@ -25,6 +25,7 @@ NUMBER = st.floats(-1e6, 1e6, width=32)
 SMALL = st.integers(0, 200)
 VALUES: dict[Any, st.SearchStrategy[Any]] = {
     int: SMALL,
+    int | None: st.none() | SMALL,
     bool: st.booleans(),
     float: NUMBER,
     NavigationState: st.sampled_from(NavigationState),
