@@ -25,6 +25,8 @@ SPEED_SLACK: Final = 1.5
 MISSION_ID: Final = 1201
 SLACK_M: Final = 1.5
 BRAKES_WITHIN_M: Final = 6.0
+OBEYS_WITHIN_S: Final = 10.0
+"""Over a link that loses a fifth: an order is repeated, and every repetition may be lost too."""
 PATIENCE_S: Final = 300.0
 
 
@@ -112,9 +114,20 @@ def interrupt(
     elif EVENTS[name].kind == SPEED:
         _judge_speed(world, number)
     else:
+        if EVENTS[name] == EVENTS["abort"] and moment != "landing":
+            before = _place_when_obeyed(world)
         world.run_until(lambda: _said(world, number)[-1:] == ["done"], PATIENCE_S)
         _judge_end(world, name, moment, before)
         _judge_statuses(world, EVENTS[name].kind, running or 0)
+
+
+def _place_when_obeyed(world: FlyingWorld) -> tuple[float, float, float]:
+    """Where an order reached the vehicle: it flies on until then, but must not for long."""
+    sent_at, mode = world.clock.now_s, world.mode
+    while world.mode == mode and world.is_armed:
+        world.go_round()
+    assert world.clock.now_s - sent_at < OBEYS_WITHIN_S, world.outline()
+    return world.place
 
 
 def _said(world: FlyingWorld, number: int) -> list[str]:
