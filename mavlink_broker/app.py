@@ -6,21 +6,18 @@ a day of it in a second.
 
 import logging
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
 from typing import Any, Final
 
 from mavlink_broker.bookkeeping import Bookkeeping
 from mavlink_broker.config import Config
-from mavlink_broker.dialect import Message, Source, source_of
+from mavlink_broker.dialect import Message, source_of
 from mavlink_broker.effects import Acknowledgement, Effects, ForEdge
+from mavlink_broker.fleet import Fleet, Peer
 from mavlink_broker.forwarding.verdict import Tenure
 from mavlink_broker.inbox import Inbox, WorkError
-from mavlink_broker.leads import read_leads
 from mavlink_broker.neighbours import Edge, Jobs, Journal, NoJobs
 from mavlink_broker.pictures.desk import HEARD as PICTURED
 from mavlink_broker.posts import post_for
-from mavlink_broker.protocol.heartbeat import is_vehicle
-from mavlink_broker.protocol.route import Route
 from mavlink_broker.session import Session
 from mavlink_broker.session_states import State
 from mavlink_broker.subject import TRACKED_WORDS as TRACKED
@@ -35,8 +32,6 @@ IDLE_WAIT_S: Final = 0.02
 SWEEP_EVERY_S: Final = 10.0
 STEP_ALL_EVERY_S: Final = 0.015
 """In between only those who have spoken are seen to: twenty vehicles say 500 things a second."""
-AUTOPILOT: Final = 1
-"""MAV_COMP_ID_AUTOPILOT1."""
 PAYLOAD_WORDS: Final = frozenset({"COMMAND_ACK", "HEARTBEAT"}) | OBSERVED | PICTURED | TRACKED
 """What is taken from a vehicle's other components, such as its camera."""
 
@@ -52,15 +47,6 @@ TRANSFERS: Final = frozenset(
 """States in which a mission is sent or read back."""
 
 _LOG = logging.getLogger(__name__)
-
-
-@dataclass(slots=True)
-class _Peer:
-    """A session and the component that it is held with; none before it was heard."""
-
-    session: Session
-    component: int | None = None
-    untold: list[ForEdge] = field(default_factory=list)  # Until what they follow from is noted
 
 
 class App:
@@ -89,8 +75,7 @@ class App:
         self._books = Bookkeeping(journal)
         self._inbox = Inbox()
         self._traffic = Traffic(config, link, clock, self._tenure)
-        self._peers: dict[int, _Peer] = {}
-        self._leads = read_leads(config.follow_targets, self._vehicle)
+        self._fleet = Fleet(config, self._books, new_ulid)
         self._sweep_at = 0.0
         self._step_all_at = 0.0
         self._began_at = clock.monotonic()
@@ -98,7 +83,7 @@ class App:
     @property
     def sessions(self) -> dict[int, Session]:
         """Sessions by MAVLink system id."""
-        return {system: peer.session for system, peer in self._peers.items()}
+        return {peer.system: peer.session for peer in self._fleet}
 
     def step(self, wait_s: float = IDLE_WAIT_S) -> None:
         """Go round once."""
@@ -112,57 +97,51 @@ class App:
         verdicts = self._edge.take_verdicts()
         for verdict in verdicts:
             self._judge(verdict, now)
-        self._books.settle(self._session_of)
+        self._books.settle(self._fleet.session)
         finished = self._jobs.take_finished()
         for system, outcome in finished:
-            if system in self._peers:
+            peer = self._fleet.find(system)
+            if peer is not None:
                 effects = Effects()
-                self._peers[system].session.pictures.take_outcome(outcome, now, effects)
-                self._carry_out(effects, self._peers[system])
+                peer.session.pictures.take_outcome(outcome, now, effects)
+                self._carry_out(effects, peer)
         if work or verdicts or finished or now >= self._step_all_at:
             self._step_all_at = now + STEP_ALL_EVERY_S
-            self._step(self._peers, now)
+            self._step(self._fleet, now)
         else:
-            self._step({source_of(message).system for message in messages}, now)
+            speakers = {source_of(message).system for message in messages}
+            self._step(filter(None, map(self._fleet.find, speakers)), now)
         if now >= self._sweep_at:
             self._sweep_at = now + SWEEP_EVERY_S
-            self._forget_strangers(now)
+            for system in self._fleet.forget_strangers(now):
+                self._traffic.forget(system)
 
-    def _step(self, systems: Iterable[int], now: float) -> None:
+    def _step(self, peers: Iterable[Peer], now: float) -> None:
         """Let time pass for some vehicles."""
         has_room = self._edge.waiting_pictures < PICTURES_WAITING
-        for system in systems:
-            peer = self._peers.get(system)
-            if peer is None:
-                continue
+        for peer in peers:
             effects = Effects()
-            peer.session.watch(self._traffic.asked_of(system, now))
-            peer.session.vehicle.warning = self._traffic.warning_of(system, now)
+            peer.session.watch(self._traffic.asked_of(peer.system, now))
+            peer.session.vehicle.warning = self._traffic.warning_of(peer.system, now)
             peer.session.pictures.has_room = has_room
             self._books.open(peer.session, now, effects)
             peer.session.step(now, effects)
             self._carry_out(effects, peer)
 
-    def _forget_strangers(self, now: float) -> None:
-        """Drop what has sent a heartbeat and nothing else, such as somebody's scan."""
-        for system in [s for s, peer in self._peers.items() if peer.session.is_stranger(now)]:
-            del self._peers[system]
-            self._traffic.forget(system)
-
     def close(self) -> None:
         """Leave no word untold, end what goes on beside the loop; the links are the caller's."""
-        for peer in self._peers.values():
+        for peer in self._fleet:
             self._tell_all(peer)
         self._traffic.close()
 
     def _tenure(self, system: int) -> Tenure:
         """Whose a vehicle is, for ground stations."""
-        peer = self._peers.get(system)
-        if peer is None:
+        session = self._fleet.session(system)
+        if session is None:
             return Tenure.FREE
-        state = peer.session.state
+        state = session.state
         if state is State.IDLE:
-            return Tenure.MISSION if self._may_be_ours(peer.session.vehicle) else Tenure.FREE
+            return Tenure.MISSION if self._may_be_ours(session.vehicle) else Tenure.FREE
         return Tenure.TRANSFER if state in TRANSFERS else Tenure.MISSION
 
     def _may_be_ours(self, vehicle: Vehicle) -> bool:
@@ -171,60 +150,16 @@ class App:
         return not is_settled and vehicle.snapshot.armed is True and vehicle.mode_role in FLYING
 
     def _dispatch(self, message: Message, now: float) -> None:
-        """Hand a message to the session of its vehicle; a heartbeat may introduce a new one."""
-        source = source_of(message)
-        if message.get_type() == "HEARTBEAT" and is_vehicle(message):
-            self._introduce(source)
-        peer = self._peers.get(source.system)
-        if peer is None or peer.component is None:
+        """Hand a message to the session of its vehicle."""
+        peer = self._fleet.speaker(message)
+        if peer is None:
             return
         effects = Effects()
-        if source.component == peer.component:
+        if source_of(message).component == peer.component:
             peer.session.receive(message, now, effects)
         elif message.get_type() in PAYLOAD_WORDS:
             peer.session.receive_payload(message, now, effects)
         self._carry_out(effects, peer)
-
-    def _introduce(self, source: Source) -> None:
-        vehicle_id = self._config.vehicle_id(source.system)
-        if vehicle_id is None:
-            return
-        peer = self._peer(source.system, vehicle_id)
-        if peer.component is None:
-            _LOG.info("vehicle %d is heard", vehicle_id)
-            peer.component = source.component
-            route = peer.session.vehicle.route
-            peer.session.vehicle.route = route._replace(target_component=source.component)
-
-    def _vehicle(self, vehicle_id: int) -> Vehicle | None:
-        """Give a vehicle that has been heard, by its own number."""
-        system = self._config.system_of(vehicle_id)
-        peer = None if system is None else self._peers.get(system)
-        return None if peer is None else peer.session.vehicle
-
-    def _session_of(self, system: int) -> Session | None:
-        peer = self._peers.get(system)
-        return None if peer is None else peer.session
-
-    def _peer(self, system: int, vehicle_id: int) -> _Peer:
-        """Give the peer of a system, a new one if need be."""
-        if system not in self._peers:
-            config = self._config
-            vehicle = Vehicle(
-                vehicle_id,
-                Route(config.system_id, config.component_id, system, AUTOPILOT),
-            )
-            session = Session(
-                vehicle,
-                new_session_id=self._new_ulid,
-                state_vector_every_s=config.state_vector_every_s,
-                observations_every_s=config.observations_every_s,
-                battery_capacity_ah=config.battery_capacity_ah,
-            )
-            vehicle.lead = self._leads.get(vehicle_id)
-            vehicle.diary = self._books.new_diary()
-            self._peers[system] = _Peer(session)
-        return self._peers[system]
 
     def _take(self, raw: dict[str, Any], now: float) -> None:
         try:
@@ -248,14 +183,14 @@ class App:
             reason = f"no system is vehicle {work.vehicle_id}"
             self._tell(Acknowledgement(work.work_id, "refused", reason), work.vehicle_id)
             return
-        peer = self._peer(system, work.vehicle_id)
+        peer = self._fleet.enlist(system, work.vehicle_id)
         effects = Effects()
         peer.session.take_mission(work, effects)
         self._carry_out(effects, peer)
 
     def _judge(self, verdict: Verdict, now: float) -> None:
         """Tell whom it concerns whether an accepted mission may be flown."""
-        for peer in self._peers.values():
+        for peer in self._fleet:
             effects = Effects()
             peer.session.take_verdict(verdict, now, effects)
             self._carry_out(effects, peer)
@@ -267,9 +202,9 @@ class App:
         """
         system = self._config.system_of(work.vehicle_id)
         if system is not None and work.was_accepted:
-            peer: _Peer | None = self._peer(system, work.vehicle_id)
+            peer: Peer | None = self._fleet.enlist(system, work.vehicle_id)
         else:
-            peer = None if system is None else self._peers.get(system)
+            peer = self._fleet.find(system)
         late = work.expires_at is not None and now >= work.expires_at
         expired = late and not work.was_accepted
         if peer is None or expired:
@@ -285,7 +220,7 @@ class App:
         expired = work.expires_at is not None and now >= work.expires_at
         reason = "expired" if expired else "no such vehicle is heard"
         answered = False
-        for peer in self._peers.values():
+        for peer in self._fleet:
             if not expired and work.vehicle_id in {None, peer.session.vehicle.vehicle_id}:
                 effects = Effects()
                 answered |= peer.session.answer_state_vector(work, now, effects)
@@ -293,21 +228,21 @@ class App:
         status, message = ("done", None) if answered else ("refused", reason)
         self._tell(Acknowledgement(work.work_id, status, message), work.vehicle_id or 0)
 
-    def _carry_out(self, effects: Effects, peer: _Peer) -> None:
+    def _carry_out(self, effects: Effects, peer: Peer) -> None:
         if effects.messages:
-            self._traffic.send(peer.session.vehicle.route.target_system, effects.messages)
+            self._traffic.send(peer.system, effects.messages)
         self._tell_when_noted(effects.for_edge, peer)
         for job in effects.jobs:
-            self._jobs.put(peer.session.vehicle.route.target_system, job)
+            self._jobs.put(peer.system, job)
 
-    def _tell_when_noted(self, words: Sequence[ForEdge], peer: _Peer) -> None:
+    def _tell_when_noted(self, words: Sequence[ForEdge], peer: Peer) -> None:
         """Note what is new, and tell what follows from it when that is on the disk."""
         vehicle = peer.session.vehicle
         peer.untold += words
         if self._books.note(vehicle, self._clock.monotonic()):
             self._tell_all(peer)
 
-    def _tell_all(self, peer: _Peer) -> None:
+    def _tell_all(self, peer: Peer) -> None:
         untold, peer.untold = peer.untold, []
         for word in untold:
             self._tell(word, peer.session.vehicle.vehicle_id)

@@ -4,10 +4,10 @@ import dataclasses
 
 import pytest
 
-from mavlink_broker.app import AUTOPILOT
 from mavlink_broker.codec import Encoder
 from mavlink_broker.config import Config
 from mavlink_broker.dialect import mavlink
+from mavlink_broker.fleet import AUTOPILOT
 from tests.support.broker_world import FINISHED, World, first_flight, flying_world
 from tests.support.scripted_vehicle import ARDUPILOT, PX4, PX4_POSITION
 
