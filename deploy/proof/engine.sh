@@ -72,8 +72,10 @@ engine_stop() {
     pgrep --full "^/usr/bin/conmon .*$work/" | xargs --no-run-if-empty kill || true
     if [[ -z ${KEEP:-} && -z ${PROOF_DIR:-} ]]; then
         buildah rm --all >/dev/null 2>&1 || true
-        umount "$work/storage/overlay" 2>/dev/null || true
-        rm -rf "$work"
+        # A container that has just ended may still hold it; what nobody holds any more then goes.
+        umount "$work/storage/overlay" 2>/dev/null ||
+            umount --lazy "$work/storage/overlay" 2>/dev/null || true
+        rm -rf "$work" || printf 'left behind: %s\n' "$work" >&2
     fi
     exit "$code"
 }
