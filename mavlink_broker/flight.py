@@ -24,26 +24,13 @@ from mavlink_broker.interruption import (
 from mavlink_broker.journal.memo import Homeward
 from mavlink_broker.protocol.plan_kinds import FENCE, RALLY
 from mavlink_broker.reporter import Reporter
-from mavlink_broker.session_states import Event, State
+from mavlink_broker.session_states import BEFORE_TAKEOFF, Event, State
 from mavlink_broker.translation.fence import fence_items, rally_items
 from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.vehicle import Vehicle
 from mavlink_broker.work import EventWork, MissionWork
 
-_BEFORE_TAKEOFF: Final = frozenset(
-    {
-        State.FENCING,
-        State.HOLDING,
-        State.UPLOADING,
-        State.VERIFYING,
-        State.SELECTING,
-        State.ARMING,
-        State.STARTING,
-    }
-)
-_WITH_ITEMS: Final = frozenset(
-    {State.UPLOADING, State.VERIFYING, State.SELECTING, State.ARMING, State.STARTING}
-)
+_WITH_ITEMS: Final = BEFORE_TAKEOFF - {State.FENCING, State.HOLDING}
 _IN_FLIGHT: Final = frozenset({State.RUNNING, State.PERFORMING})
 _COMES_DOWN_BY_ITSELF: Final = frozenset({ModeRole.ENDING, ModeRole.OTHER})
 """Its own failsafe or a pilot has it: who is nearer knows better."""
@@ -278,7 +265,7 @@ class Flight(FlightProgress):
     def rebooted(self, now: float, effects: Effects) -> None:
         """Take that the vehicle was restarted."""
         self._is_fenced = False
-        preparing = self.state in _BEFORE_TAKEOFF
+        preparing = self.state in BEFORE_TAKEOFF
         flying = self.state in {State.RUNNING, State.PERFORMING}
         lost_sight_of = self.state is State.ATTACHING and self._looks > 0 and self._has_flown
         if flying or lost_sight_of or (preparing and self._hovering):

@@ -18,7 +18,7 @@ from mavlink_broker.follower import Follower
 from mavlink_broker.performer import Performer
 from mavlink_broker.protocol.heartbeat import LinkState
 from mavlink_broker.reporter import Reporter
-from mavlink_broker.session_states import Event, State, follow
+from mavlink_broker.session_states import BEFORE_TAKEOFF, Event, State, follow
 from mavlink_broker.stages import Stages
 from mavlink_broker.translation.alarms import mission_error
 from mavlink_broker.translation.area_check import AreaCheck
@@ -33,18 +33,7 @@ from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.vehicle import Vehicle
 from mavlink_broker.work import MissionWork
 
-_ASKING: Final = frozenset(
-    {
-        State.FENCING,
-        State.HOLDING,
-        State.UPLOADING,
-        State.VERIFYING,
-        State.SELECTING,
-        State.ARMING,
-        State.STARTING,
-        State.PERFORMING,
-    }
-)
+_ASKING: Final = BEFORE_TAKEOFF | {State.PERFORMING}
 """States in which the vehicle is asked for something, so that a link that is away shows as no."""
 MOST_LOOKS: Final = 5
 """How often a mission may begin such a state again: links come and go, but not for ever."""

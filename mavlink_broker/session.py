@@ -26,7 +26,7 @@ from mavlink_broker.pictures.desk import HEARD as PICTURED
 from mavlink_broker.pictures.desk import PictureDesk
 from mavlink_broker.protocol.streams import StreamRequests
 from mavlink_broker.reporter import Reporter
-from mavlink_broker.session_states import State
+from mavlink_broker.session_states import BEFORE_TAKEOFF, State
 from mavlink_broker.translation.alarms import AlarmWatch, Failure
 from mavlink_broker.translation.families import MOST_ABLE
 from mavlink_broker.translation.mission import Home, RefusedError, translate
@@ -35,18 +35,7 @@ from mavlink_broker.work import EventWork, MissionWork, StateVectorWork, Verdict
 
 FORGOTTEN_AFTER_S: Final = 60.0
 NO_MISSION: Final = "no active mission"
-PREPARATION: Final = frozenset(
-    {
-        State.ATTACHING,
-        State.HOLDING,
-        State.FENCING,
-        State.UPLOADING,
-        State.VERIFYING,
-        State.SELECTING,
-        State.ARMING,
-        State.STARTING,
-    }
-)
+PREPARATION: Final = BEFORE_TAKEOFF | {State.ATTACHING}
 """States in which the link is kept free of pictures."""
 
 _LOG = logging.getLogger(__name__)
@@ -153,16 +142,16 @@ class Session:
 
     def take_verdict(self, verdict: Verdict, now: float, effects: Effects) -> None:
         """Learn whether a mission that was accepted may be flown; one that may not is dropped."""
-        flights = (*self._waiting, *([self._flight] if self._flight else []))
-        flight = next((f for f in flights if f.work.work_id == verdict.work_id), None)
-        if flight is None or verdict.holds:
-            if flight is not None:
-                flight.is_confirmed = True
-        elif flight in self._waiting:
-            self._waiting.remove(flight)
-        elif not flight.is_confirmed:
+        flights = (*self._waiting, self._flight)
+        flight = next((f for f in flights if f and f.work.work_id == verdict.work_id), None)
+        if flight is None or flight.is_confirmed:
+            return
+        flight.is_confirmed = verdict.holds
+        if not verdict.holds and flight is self._flight:
             flight.withdraw(now, effects)
             self._close_flight()
+        elif not verdict.holds:
+            self._waiting.remove(flight)
 
     def answer_state_vector(self, work: StateVectorWork, now: float, effects: Effects) -> bool:
         """Report the state at once; false when it is not known."""

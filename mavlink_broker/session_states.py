@@ -27,6 +27,20 @@ class State(Enum):
     FAILING = auto()  # Something was refused or went wrong; the vehicle may say why
 
 
+BEFORE_TAKEOFF: Final = frozenset(
+    {
+        State.FENCING,
+        State.HOLDING,
+        State.UPLOADING,
+        State.VERIFYING,
+        State.SELECTING,
+        State.ARMING,
+        State.STARTING,
+    }
+)
+"""States of a mission, or of a part of it, that is being given to its vehicle."""
+
+
 class Event(Enum):
     """What moves a session on."""
 

@@ -5,10 +5,10 @@ import os
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from sim.console import TERMINAL, Screen
-from sim.farm_client import FarmClient, NotReadyError, RefusedError, rows
+from sim.farm_client import NotReadyError, RefusedError, rows
 from sim.fleet_plan import for_vehicles
 from sim.launcher import EXAMPLE_PLAN, Stopped, System
 from sim.mosaic.album import write_album
@@ -139,7 +139,17 @@ def _await_delivery(system: System, missions: list[dict[str, Any]], arrived: int
         system.step()
 
 
-def undelivered(client: FarmClient, missions: list[dict[str, Any]], arrived: int) -> str | None:
+class Answering(Protocol):
+    """Edge server and cloud, as far as they are asked what they hold."""
+
+    def edge(self, path: str, /) -> Any:
+        """Give what the edge server answers."""
+
+    def cloud(self, path: str, /) -> Any:
+        """Give what the cloud answers."""
+
+
+def undelivered(client: Answering, missions: list[dict[str, Any]], arrived: int) -> str | None:
     """Say what the cloud lacks of the missions, or what the edge server still keeps.
 
     Args:

@@ -49,6 +49,16 @@ def lose_link(world: World, seconds: float = AWAY_S) -> ScriptedVehicle:
     return vehicle
 
 
+def unheard_behind_the_circle() -> tuple[World, ScriptedVehicle]:
+    """A world whose vehicle has gone silent while its second stretch was on the way to it."""
+    world = world_of(PX4_1_17)
+    run_until_in(world, State.PERFORMING)
+    run_until_in(world, State.UPLOADING)
+    world.only_vehicle.silent = True
+    world.run(AWAY_S)
+    return world, world.only_vehicle
+
+
 @pytest.mark.parametrize(
     ("script", "delay_s"), [(OWN, None), (PX4_1_17, 0.2)], ids=["heard", "unheard"]
 )
@@ -116,12 +126,7 @@ def test_a_mission_that_was_flown_meanwhile_is_finished_and_not_flown_again() ->
 
 
 def test_a_vehicle_that_its_failsafe_brings_home_meanwhile_is_left_to_it() -> None:
-    world = world_of(PX4_1_17)
-    run_until_in(world, State.PERFORMING)
-    run_until_in(world, State.UPLOADING)
-    vehicle = world.only_vehicle
-    vehicle.silent = True
-    world.run(AWAY_S)
+    world, vehicle = unheard_behind_the_circle()
     vehicle.set_mode(PX4_RETURN)
     vehicle.silent = False
     world.run_until_over(1201)
@@ -131,12 +136,7 @@ def test_a_vehicle_that_its_failsafe_brings_home_meanwhile_is_left_to_it() -> No
 
 
 def test_a_vehicle_that_was_restarted_meanwhile_has_failed() -> None:
-    world = world_of(PX4_1_17)
-    run_until_in(world, State.PERFORMING)
-    run_until_in(world, State.UPLOADING)
-    vehicle = world.only_vehicle
-    vehicle.silent = True
-    world.run(AWAY_S)
+    world, vehicle = unheard_behind_the_circle()
     vehicle.reboot(world.clock.now)
     vehicle.silent = False
     world.run_until_over(1201)
