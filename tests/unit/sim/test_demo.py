@@ -56,7 +56,7 @@ def test_a_flight_is_delivered_with_its_last_picture_and_not_before() -> None:
     ]
     mission = {"mission_id": 7, "vehicle_id": 1, "command_array": commands}
     report = {"vehicle_id": 1, "mission_id": 7, "mission_status_id": 3}
-    records = [
+    records: list[dict[str, Any]] = [
         {"kind": "mission_report", "body": report},
         *({"kind": kind, "body": {"vehicle_id": 1}} for kind in ("pose", "battery") * 3),
         *({"kind": "image", "body": {"vehicle_id": 1}} for _ in range(7)),
