@@ -2,16 +2,21 @@
 
 Everything that touches a clock, a socket or the edge server is handed in, so that tests can run
 a day of it in a second.
+
+Every call into a session has a boundary: an exception in one vehicle's session fails the mission
+of that vehicle with its reason, is counted and shown, and no other vehicle notices it.
 """
 
 import logging
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any, Final
 
 from mavlink_broker.bookkeeping import Bookkeeping
 from mavlink_broker.config import Config
 from mavlink_broker.dialect import Message, source_of
 from mavlink_broker.effects import Acknowledgement, Effects, ForEdge
+from mavlink_broker.faults import Faults
 from mavlink_broker.fleet import Fleet, Peer
 from mavlink_broker.forwarding.verdict import Tenure
 from mavlink_broker.inbox import Inbox, WorkError
@@ -35,6 +40,8 @@ STEP_ALL_EVERY_S: Final = 0.015
 PAYLOAD_WORDS: Final = frozenset({"COMMAND_ACK", "HEARTBEAT"}) | OBSERVED | PICTURED | TRACKED
 """What is taken from a vehicle's other components, such as its camera."""
 
+MOST_WARNING: Final = 255
+"""Characters that the edge server takes of a vehicle's warning."""
 PICTURES_WAITING: Final = 8
 """With so many unanswered none is fetched: they are safer on the vehicle than in memory."""
 
@@ -74,7 +81,8 @@ class App:
         self._jobs = jobs or NoJobs()
         self._books = Bookkeeping(journal)
         self._inbox = Inbox()
-        self._traffic = Traffic(config, link, clock, self._tenure)
+        self.faults = Faults()
+        self._traffic = Traffic(config, link, clock, self._tenure, self.faults)
         self._fleet = Fleet(config, self._books, new_ulid)
         self._sweep_at = 0.0
         self._step_all_at = 0.0
@@ -102,9 +110,7 @@ class App:
         for system, outcome in finished:
             peer = self._fleet.find(system)
             if peer is not None:
-                effects = Effects()
-                peer.session.pictures.take_outcome(outcome, now, effects)
-                self._carry_out(effects, peer)
+                self._call(peer, now, partial(peer.session.pictures.take_outcome, outcome, now))
         if work or verdicts or finished or now >= self._step_all_at:
             self._step_all_at = now + STEP_ALL_EVERY_S
             self._step(self._fleet, now)
@@ -120,19 +126,44 @@ class App:
         """Let time pass for some vehicles."""
         has_room = self._edge.waiting_pictures < PICTURES_WAITING
         for peer in peers:
-            effects = Effects()
             peer.session.watch(self._traffic.asked_of(peer.system, now))
-            peer.session.vehicle.warning = self._traffic.warning_of(peer.system, now)
+            peer.session.vehicle.warning = self._warning_of(peer, now)
             peer.session.pictures.has_room = has_room
-            self._books.open(peer.session, now, effects)
-            peer.session.step(now, effects)
-            self._carry_out(effects, peer)
+            self._call(peer, now, partial(self._books.open, peer.session, now))
+            self._call(peer, now, partial(peer.session.step, now))
 
     def close(self) -> None:
         """Leave no word untold, end what goes on beside the loop; the links are the caller's."""
         for peer in self._fleet:
             self._tell_all(peer)
         self._traffic.close()
+
+    def _call(self, peer: Peer, now: float, action: Callable[[Effects], object]) -> bool:
+        """Call one vehicle's session and carry out what it wants; whether it ended well."""
+        effects = Effects()
+        errors = [*_error_of(partial(action, effects)), *self._carry_out(effects, peer)]
+        for error in errors[:1]:
+            self._break_off(peer, error, now)
+        return not errors
+
+    def _break_off(self, peer: Peer, error: Exception, now: float) -> None:
+        """End the mission in which an unexpected error has occurred; the broker goes on.
+
+        Where that fails too, the mission is dropped: the session is free, whatever it was doing.
+        """
+        reason = self.faults.note(_owner(peer), error, now)
+        for end in (peer.session.break_off, peer.session.drop_mission):
+            effects = Effects()
+            errors = _error_of(partial(end, reason, now, effects))
+            for another in (*errors, *self._carry_out(effects, peer)):
+                self.faults.note(_owner(peer), another, now)
+            if not errors:
+                return
+
+    def _warning_of(self, peer: Peer, now: float) -> str | None:
+        """What somebody should know about a vehicle: its link, errors inside the broker."""
+        warnings = (self._traffic.warning_of(peer.system, now), self.faults.warning(_owner(peer)))
+        return "; ".join(warning for warning in warnings if warning)[:MOST_WARNING] or None
 
     def _tenure(self, system: int) -> Tenure:
         """Whose a vehicle is, for ground stations."""
@@ -154,46 +185,57 @@ class App:
         peer = self._fleet.speaker(message)
         if peer is None:
             return
-        effects = Effects()
         if source_of(message).component == peer.component:
-            peer.session.receive(message, now, effects)
+            self._call(peer, now, partial(peer.session.receive, message, now))
         elif message.get_type() in PAYLOAD_WORDS:
-            peer.session.receive_payload(message, now, effects)
-        self._carry_out(effects, peer)
+            self._call(peer, now, partial(peer.session.receive_payload, message, now))
 
     def _take(self, raw: dict[str, Any], now: float) -> None:
         try:
             work = self._inbox.read(raw, now, self._clock.utc())
         except WorkError as error:
             _LOG.warning("work refused: %s", error)
-            if error.work_id is not None:
-                self._tell(Acknowledgement(error.work_id, "refused", str(error)), 0)
+            self._refuse(error.work_id, str(error))
+            return
+        except Exception as error:  # noqa: BLE001  # the boundary of one piece of work
+            number = raw.get("id")
+            reason = self.faults.note("work", error, now)
+            self._refuse(number if isinstance(number, int) else None, reason)
             return
         match work:
             case MissionWork():
-                self._take_mission(work)
+                self._take_mission(work, now)
             case EventWork():
                 self._take_event(work, now)
             case StateVectorWork():
                 self._answer_state_vector(work, now)
 
-    def _take_mission(self, work: MissionWork) -> None:
+    def _refuse(self, work_id: int | None, reason: str) -> None:
+        """Refuse work that cannot be read, where it has a number."""
+        if work_id is not None:
+            self._tell(Acknowledgement(work_id, "refused", reason), 0)
+
+    def _take_mission(self, work: MissionWork, now: float) -> None:
         system = self._config.system_of(work.vehicle_id)
         if system is None:
             reason = f"no system is vehicle {work.vehicle_id}"
             self._tell(Acknowledgement(work.work_id, "refused", reason), work.vehicle_id)
             return
         peer = self._fleet.enlist(system, work.vehicle_id)
-        effects = Effects()
-        peer.session.take_mission(work, effects)
-        self._carry_out(effects, peer)
+        self._call(peer, now, partial(self._accept, peer, work, now))
+
+    def _accept(self, peer: Peer, work: MissionWork, now: float, effects: Effects) -> None:
+        """Hand a mission to its session; one that cannot even be read is refused, and no other."""
+        try:
+            peer.session.take_mission(work, effects)
+        except Exception as error:  # noqa: BLE001  # the boundary of one mission
+            reason = self.faults.note(_owner(peer), error, now)
+            effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
 
     def _judge(self, verdict: Verdict, now: float) -> None:
         """Tell whom it concerns whether an accepted mission may be flown."""
         for peer in self._fleet:
-            effects = Effects()
-            peer.session.take_verdict(verdict, now, effects)
-            self._carry_out(effects, peer)
+            self._call(peer, now, partial(peer.session.take_verdict, verdict, now))
 
     def _take_event(self, work: EventWork, now: float) -> None:
         """Interrupt a vehicle; what has expired, or is for nobody, is refused.
@@ -211,9 +253,9 @@ class App:
             reason = "expired" if expired else f"vehicle {work.vehicle_id} is not known"
             self._tell(Acknowledgement(work.work_id, "refused", reason), work.vehicle_id)
             return
-        effects = Effects()
-        peer.session.take_event(work, now, effects)
-        self._carry_out(effects, peer)
+        if not self._call(peer, now, partial(peer.session.take_event, work, now)):
+            failure = self.faults.warning(_owner(peer))
+            self._tell(Acknowledgement(work.work_id, "refused", failure), work.vehicle_id)
 
     def _answer_state_vector(self, work: StateVectorWork, now: float) -> None:
         """Have one vehicle or all report; done if any of them could."""
@@ -222,30 +264,29 @@ class App:
         answered = False
         for peer in self._fleet:
             if not expired and work.vehicle_id in {None, peer.session.vehicle.vehicle_id}:
-                effects = Effects()
-                answered |= peer.session.answer_state_vector(work, now, effects)
-                self._carry_out(effects, peer)
+                answers: list[bool] = []
+                self._call(peer, now, partial(_answer_state, peer.session, work, now, answers))
+                answered |= any(answers)
         status, message = ("done", None) if answered else ("refused", reason)
         self._tell(Acknowledgement(work.work_id, status, message), work.vehicle_id or 0)
 
-    def _carry_out(self, effects: Effects, peer: Peer) -> None:
-        if effects.messages:
-            self._traffic.send(peer.system, effects.messages)
-        self._tell_when_noted(effects.for_edge, peer)
+    def _carry_out(self, effects: Effects, peer: Peer) -> list[Exception]:
+        """Send, tell and begin what a session wants; gives what could not be put into bytes."""
+        errors = self._traffic.send(peer.system, effects.messages) if effects.messages else []
+        peer.untold += effects.for_edge
+        errors += _error_of(partial(self._tell_when_noted, peer))
         for job in effects.jobs:
             self._jobs.put(peer.system, job)
+        return errors
 
-    def _tell_when_noted(self, words: Sequence[ForEdge], peer: Peer) -> None:
+    def _tell_when_noted(self, peer: Peer) -> None:
         """Note what is new, and tell what follows from it when that is on the disk."""
-        vehicle = peer.session.vehicle
-        peer.untold += words
-        if self._books.note(vehicle, self._clock.monotonic()):
+        if self._books.note(peer.session.vehicle, self._clock.monotonic()):
             self._tell_all(peer)
 
     def _tell_all(self, peer: Peer) -> None:
-        untold, peer.untold = peer.untold, []
-        for word in untold:
-            self._tell(word, peer.session.vehicle.vehicle_id)
+        while peer.untold:
+            self._tell(peer.untold.pop(0), peer.session.vehicle.vehicle_id)
 
     def _tell(self, word: ForEdge, vehicle_id: int) -> None:
         post = post_for(
@@ -255,6 +296,29 @@ class App:
             key=self._new_ulid(),
         )
         self._edge.post(post)
+
+
+def _owner(peer: Peer) -> str:
+    return f"vehicle {peer.session.vehicle.vehicle_id}"
+
+
+def _error_of(action: Callable[[], object]) -> list[Exception]:
+    """Call something; gives the error that it ends by, if any.
+
+    This is the boundary of one vehicle's session: whoever calls it counts and shows the error.
+    """
+    try:
+        action()
+    except Exception as error:  # noqa: BLE001  # nothing that may go wrong in there is left out
+        return [error]
+    return []
+
+
+def _answer_state(
+    session: Session, work: StateVectorWork, now: float, answers: list[bool], effects: Effects
+) -> None:
+    """Report the state of one vehicle; whether it could be is added to the answers."""
+    answers.append(session.answer_state_vector(work, now, effects))
 
 
 def _number_of(raw: dict[str, Any]) -> int:

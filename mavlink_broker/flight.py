@@ -10,7 +10,7 @@ from typing import Final
 from afarcloud import plan as documents
 from afarcloud.enumerations import EventType, Status
 from mavlink_broker import activities
-from mavlink_broker.dialect import Message
+from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.effects import Acknowledgement, Effects
 from mavlink_broker.ending import Ending, coming_home
 from mavlink_broker.flight_progress import FlightProgress
@@ -32,6 +32,8 @@ from mavlink_broker.work import EventWork, MissionWork
 
 _WITH_ITEMS: Final = BEFORE_TAKEOFF - {State.FENCING, State.HOLDING}
 _IN_FLIGHT: Final = frozenset({State.RUNNING, State.PERFORMING})
+_ARMED_BY_US: Final = frozenset({State.ARMING, State.STARTING})
+ON_GROUND: Final[int] = mavlink.MAV_LANDED_STATE_ON_GROUND
 _COMES_DOWN_BY_ITSELF: Final = frozenset({ModeRole.ENDING, ModeRole.OTHER})
 """Its own failsafe or a pilot has it: who is nearer knows better."""
 
@@ -177,6 +179,31 @@ class Flight(FlightProgress):
             self._move(Event.ENDED, now, effects)
             return
         self._leave(coming_home(self._vehicle.vehicle_id), None, now, effects)
+
+    def break_off(self, reason: str, now: float, effects: Effects) -> None:
+        """Fail the mission in which the broker has had an unexpected error, in any state.
+
+        A vehicle that flies it comes home; one that stands with turning propellers is disarmed.
+        """
+        if not self.ledger.status.is_terminal:
+            self.ledger.fail(reason)
+            effects.for_edge.append(self._reporter.mission(self.ledger))
+        self._give_up_soft_abort(effects)
+        self._acknowledge_ending(effects)
+        if self.state is State.UPLOADING:
+            effects.messages.append(activities.cancellation(self._vehicle))
+        if self.state in _ARMED_BY_US and not self._hovering:
+            effects.messages += activities.disarming(self._vehicle)
+        self._follower = self._performer = self._activity = self._ending = None
+        if self.state is State.IDLE:
+            return
+        snapshot, role = self._vehicle.snapshot, self._vehicle.mode_role
+        flies = bool(snapshot.armed) and snapshot.landed_state != ON_GROUND
+        was_ours = self.state in _IN_FLIGHT or (self._hovering and self._told_to_start)
+        if flies and was_ours and role not in _COMES_DOWN_BY_ITSELF:
+            self._leave(coming_home(self._vehicle.vehicle_id), None, now, effects)
+        else:
+            self._move(Event.ENDED, now, effects)
 
     def _leave_failed(self, now: float, effects: Effects) -> None:
         """Bring a vehicle home that would wait in the air for orders that never come."""

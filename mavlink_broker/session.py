@@ -153,6 +153,21 @@ class Session:
         elif not verdict.holds:
             self._waiting.remove(flight)
 
+    def break_off(self, reason: str, now: float, effects: Effects) -> None:
+        """Fail the mission in which an unexpected error has occurred; those that wait stay."""
+        if self._flight is not None:
+            self._flight.break_off(reason, now, effects)
+            self._close_flight()
+
+    def drop_mission(self, reason: str, now: float, effects: Effects) -> None:
+        """Fail it without another look at it, because its end has raised an error too."""
+        del now
+        flight, self._flight = self._flight, None
+        self._events = EventDesk(self.vehicle)
+        if flight is not None and not flight.ledger.status.is_terminal:
+            flight.ledger.fail(reason)
+            effects.for_edge.append(self._reporter.mission(flight.ledger))
+
     def answer_state_vector(self, work: StateVectorWork, now: float, effects: Effects) -> bool:
         """Report the state at once; false when it is not known."""
         del work

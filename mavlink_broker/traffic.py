@@ -6,6 +6,7 @@ and signed with the vehicle's key.
 """
 
 import logging
+import struct
 from collections.abc import Callable, Collection, Iterable, Sequence
 from datetime import datetime
 from typing import Final, Protocol
@@ -14,6 +15,7 @@ from mavlink_broker.address import Address
 from mavlink_broker.codec import Decoder, Encoder
 from mavlink_broker.config import Config
 from mavlink_broker.dialect import Message, Source, mavlink, source_of
+from mavlink_broker.faults import Faults
 from mavlink_broker.forwarding.verdict import Tenure
 from mavlink_broker.frame_log import FrameLog
 from mavlink_broker.frames import unsigned
@@ -65,9 +67,18 @@ class Traffic:
     """Everything that all vehicles' frames have in common."""
 
     def __init__(
-        self, config: Config, link: Link, clock: Clock, tenure: Callable[[int], Tenure]
+        self,
+        config: Config,
+        link: Link,
+        clock: Clock,
+        tenure: Callable[[int], Tenure],
+        faults: Faults | None = None,
     ) -> None:
-        """Use the links; `tenure` tells whose a system is, for its ground stations."""
+        """Use the links; `tenure` tells whose a system is, for its ground stations.
+
+        Errors that a datagram has caused are counted in `faults`.
+        """
+        self._faults = Faults() if faults is None else faults
         self._config = config
         self._link = link
         self._clock = clock
@@ -91,26 +102,43 @@ class Traffic:
         now = self._clock.monotonic()
         heard: list[Message] = []
         for address, data in arrivals:
-            if self._ground.is_at(address):
-                for target, frame in self._ground.take(address, data, self._ways.keys(), now):
-                    self._pass_on(target, frame, now)
-            else:
-                heard += self._from_vehicles(address, data, now)
+            try:
+                heard += self._take(address, data, now)
+            except Exception as error:  # noqa: BLE001  # the boundary of one datagram
+                self._faults.note("a datagram", error, now)
         if now >= self._greet_at:
             self._greet_at = now + INTERVAL_S
             self._greet(now)
         return heard
 
-    def send(self, system: int, messages: Iterable[Message]) -> None:
-        """Send to a vehicle; before it has been heard nobody knows where it is."""
+    def _take(self, address: Address, data: bytes, now: float) -> list[Message]:
+        """Take one datagram: of a ground station, or of vehicles."""
+        if not self._ground.is_at(address):
+            return self._from_vehicles(address, data, now)
+        for target, frame in self._ground.take(address, data, self._ways.keys(), now):
+            self._pass_on(target, frame, now)
+        return []
+
+    def send(self, system: int, messages: Iterable[Message]) -> list[Exception]:
+        """Send to a vehicle; before it has been heard nobody knows where it is.
+
+        A message whose fields do not fit the wire is left out; gives the errors of those.
+        """
         now = self._clock.monotonic()
+        errors: list[Exception] = []
         for message in messages:
             address = self._way_to(system, getattr(message, "target_component", 0), now)
             if address is None:
-                return
+                break
             signing = self._guard.signing_for(system, now)
             marks = None if signing is None else signing.for_sending()
-            self._send(address, self._encoder(address).encode(message, marks))
+            try:
+                frame = self._encoder(address).encode(message, marks)
+            except (struct.error, TypeError, ValueError, OverflowError) as error:
+                errors.append(error)
+            else:
+                self._send(address, frame)
+        return errors
 
     def asked_of(self, system: int, now: float) -> Collection[int] | None:
         """Messages that ground stations have asked a vehicle for; None: nobody watches."""

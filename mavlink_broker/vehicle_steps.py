@@ -6,6 +6,7 @@ an answer can be written down in the order in which it happens.
 StepRefusedError  the vehicle refuses a step, or does not answer
 """
 
+import math
 from collections.abc import Generator
 from dataclasses import dataclass, field
 from typing import Any, Final, Protocol, TypeAlias
@@ -162,11 +163,18 @@ class VehicleSteps:
                 yield from self._prove(kind, items, 0)
 
     def value(self, name: str) -> Step:
-        """Read a parameter; None where the vehicle does not tell it."""
+        """Read a parameter; None where the vehicle does not tell it.
+
+        One that is not a number is refused: nobody could give it back.
+        """
         encoding = self.vehicle.parameter_encoding
         read = ParameterRead(name, *self._link, encoding=encoding, attempts=READ_ATTEMPTS)
         outcome = yield read
-        return outcome.value if isinstance(outcome, Told) else None
+        if not isinstance(outcome, Told):
+            return None
+        if not math.isfinite(outcome.value):
+            raise StepRefusedError(f"parameter {name}: {outcome.value} is not a number")
+        return outcome.value
 
     def set(self, setting: Setting) -> Step:
         """Write a parameter, and see the vehicle show it."""

@@ -10,6 +10,7 @@ in AUTOPILOT_VERSION says which (PARAM_ENCODE_BYTEWISE, PARAM_ENCODE_C_CAST); th
 corrupts them silently.
 """
 
+import math
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -108,7 +109,7 @@ def to_field(value: float, kind: int, encoding: ParameterEncoding) -> float:
 
     Raises:
         KeyError: if values of that type do not fit the message.
-        struct.error, OverflowError: if the value does not fit the type.
+        struct.error, OverflowError, ValueError: if the value does not fit the type.
     """
     layout = _LAYOUTS[kind]
     if kind == mavlink.MAV_PARAM_TYPE_REAL32:
@@ -190,10 +191,15 @@ class ParameterWrite:
             self._refuse(f"its type {message.param_type} cannot be written")
             return []
         value = from_field(message.param_value, message.param_type, self._encoding)
+        if not math.isfinite(value):  # Nobody could give it back
+            self._refuse(f"the vehicle has {value}, which is not a number")
+            return []
         if self._kind is None:
             return self._begin_writing(message.param_type, value, now)
-        if self._awaits_consent:
-            return []
+        return [] if self._awaits_consent else self._compare(value, now)
+
+    def _compare(self, value: float, now: float) -> list[Message]:
+        """Hold what the vehicle shows against what it is to have."""
         if self._is_wanted(value):
             self.outcome = Written(self._previous)
             return []
@@ -212,7 +218,7 @@ class ParameterWrite:
             return []
         try:
             to_field(self._setting.value, kind, self._encoding)
-        except (struct.error, OverflowError):
+        except (struct.error, OverflowError, ValueError):
             self._refuse(f"{self._setting.value:g} does not fit its type")
             return []
         return self._write(now)
