@@ -21,10 +21,11 @@ from typing import Any, Final, TypeVar
 import requests
 
 from afarcloud import wire
-from mavlink_broker.edge_door import TIMEOUT_S, Door, NoKeyError, is_final
+from mavlink_broker.edge_door import Door, NoKeyError, is_final
 from mavlink_broker.send_queue import Post, SendQueue
 from mavlink_broker.spool.folder import Spool
 from mavlink_broker.spool.keeper import Keeper
+from mavlink_broker.supervision import SupervisedThread
 from mavlink_broker.work import Verdict
 
 T = TypeVar("T")
@@ -70,12 +71,13 @@ class EdgeClient:
         self._answered = threading.Condition(lock)  # For those who wait for less to be said
         self._stopping = threading.Event()
         self._reachable: bool | None = None
+        self.failures = 0  # Requests that had no answer
         self._is_held_back = False
         self._keeper = None if spool is None else Keeper(spool, self._posts, self._changed)
         self._threads = [
-            threading.Thread(target=self._poll_work, name="edge-work", daemon=True),
+            SupervisedThread("edge-work", self._poll_work, self._stopping),
             *(
-                threading.Thread(target=self._send_posts, name=f"edge-send-{i}", daemon=True)
+                SupervisedThread(f"edge-send-{i}", self._send_posts, self._stopping)
                 for i in range(SENDERS)
             ),
         ]
@@ -142,7 +144,7 @@ class EdgeClient:
                 wait_s = LONG_POLL_S if self._reachable else 0.0
                 owing = self._owing()
                 path = f"/broker/commands?after={cursor}&wait={wait_s:.0f}"
-                response = door.request("GET", path, wait_s + TIMEOUT_S)
+                response = door.request("GET", path, wait_s)
                 answer = response.json() if response.status_code == HTTPStatus.OK else None
                 if answer is None:
                     self._note(reachable=True)
@@ -200,7 +202,18 @@ class EdgeClient:
                 if post is None:
                     self._changed.wait(timeout=self._pause())
                     continue
-            self._send(door, post)
+            try:
+                self._send(door, post)
+            except Exception:
+                self._put_off(post)  # Else its lane would wait for ever for an answer
+                raise
+
+    def _put_off(self, post: Post) -> None:
+        """Have a post told again later, unless it was answered before the error."""
+        with self._changed:
+            if self._posts.is_in_flight(post):
+                self._posts.failed(post, time.monotonic(), cut_off=True)
+            self._changed.notify_all()
 
     def _pause(self) -> float | None:
         due = self._posts.next_due()
@@ -210,9 +223,7 @@ class EdgeClient:
         headers = {"Idempotency-Key": post.idempotency_key} if post.idempotency_key else {}
         status, text = None, ""
         try:
-            response = door.request(
-                post.method, post.path, TIMEOUT_S, json=post.body, headers=headers
-            )
+            response = door.request(post.method, post.path, body=post.body, headers=headers)
             status, text = response.status_code, response.text[:SHOWN_CHARACTERS]
             self._note(reachable=True)
         except (requests.RequestException, NoKeyError) as error:
@@ -250,6 +261,7 @@ class EdgeClient:
             self._keeper.nudge()
 
     def _note(self, *, reachable: bool, why: Exception | None = None) -> None:
+        self.failures += not reachable
         if reachable == self._reachable:
             return
         at_start, self._reachable = self._reachable is None, reachable

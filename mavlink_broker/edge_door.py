@@ -6,13 +6,19 @@ written it yet, or may have written a new one.
 NoKeyError  there is no key to ask with
 """
 
+from collections.abc import Mapping
 from http import HTTPStatus
 from pathlib import Path
 from typing import Any, Final
 
-import requests
+from mavlink_broker.bounded_http import Answer, BoundedHttp
 
 TIMEOUT_S: Final = 10.0
+"""To connect, and for each read."""
+WHOLE_S: Final = 120.0
+"""For a whole exchange beyond what the edge server was asked to wait: a picture on a slow link."""
+MOST_BYTES: Final = 64 << 20
+"""Of an answer."""
 
 _TRY_AGAIN: Final = frozenset(
     {
@@ -35,27 +41,32 @@ class Door:
     def __init__(self, url: str, key_file: Path, ca_file: Path | None) -> None:
         self._url = url.rstrip("/")
         self._key_file = key_file
-        self._http = requests.Session()
-        self._http.trust_env = False
-        if ca_file is not None:
-            self._http.verify = str(ca_file)
+        self._http = BoundedHttp(True if ca_file is None else str(ca_file))
         self._key: str | None = None
 
-    def request(self, method: str, path: str, timeout_s: float, **how: Any) -> requests.Response:
-        """Ask once.
+    def request(
+        self,
+        method: str,
+        path: str,
+        wait_s: float = 0.0,
+        *,
+        body: Any = None,
+        headers: Mapping[str, str] | None = None,
+    ) -> Answer:
+        """Ask once; the edge server may take `wait_s` longer than usual.
 
         Raises:
-            requests.RequestException: if there is no answer.
+            requests.RequestException: if there is no whole answer, whatever the reason.
             NoKeyError: if there is no key to ask with.
         """
-        headers = {"Authorization": f"Bearer {self._read_key()}", **how.pop("headers", {})}
-        response = self._http.request(
+        response = self._http.exchange(
             method,
             self._url + path,
-            headers=headers,
-            timeout=(TIMEOUT_S, timeout_s),
-            allow_redirects=False,
-            **how,
+            within_s=wait_s + WHOLE_S,
+            timeouts_s=(TIMEOUT_S, wait_s + TIMEOUT_S),
+            most_bytes=MOST_BYTES,
+            headers={"Authorization": f"Bearer {self._read_key()}", **(headers or {})},
+            body=body,
         )
         if response.status_code == HTTPStatus.UNAUTHORIZED:
             self._key = None

@@ -18,6 +18,7 @@ from typing import Final
 from mavlink_broker.dialect import mavlink
 from mavlink_broker.frame_files import FrameFiles
 from mavlink_broker.frames import message_id
+from mavlink_broker.supervision import SupervisedThread
 
 FLUSH_EVERY_S: Final = 0.5
 TRY_AGAIN_S: Final = 5.0
@@ -52,14 +53,14 @@ class FrameLog:
         self._stop = threading.Event()
         self._is_refused = False
         self.dropped = 0  # Frames that could not be kept
-        self._thread = threading.Thread(target=self._run, name="frame-log", daemon=True)
+        self._thread = SupervisedThread("frame-log", self._run, self._stop)
         self._thread.start()
 
     def write(self, frame: bytes, time: datetime) -> None:
         """Leave a frame to be written; never waits for the disk."""
         if message_id(frame) in SECRETS:
             return
-        stamp = _STAMP.pack(round(time.timestamp() * 1e6))
+        stamp = _STAMP.pack(max(0, round(time.timestamp() * 1e6)))
         with self._lock:
             if len(self._waiting) > BUFFER_BYTES:
                 self.dropped += 1

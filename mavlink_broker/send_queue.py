@@ -142,6 +142,10 @@ class SendQueue:
         """When the next waiting post may be tried; None when nothing waits."""
         return min((lane.not_before for lane in self._all if self._may_go(lane)), default=None)
 
+    def is_in_flight(self, post: Post) -> bool:
+        """Whether a post that was taken has not been settled yet."""
+        return self._lanes[post.vehicle_id, post.lane].in_flight is post
+
     def answered(self, post: Post) -> None:
         """Settle a post that has its final answer.
 

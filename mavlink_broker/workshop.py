@@ -12,9 +12,10 @@ import queue
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable, Mapping
+from functools import partial
 from http import HTTPStatus
+from itertools import chain
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -23,14 +24,17 @@ import requests
 from afarcloud.enumerations import ImageFormat
 from afarcloud.state import MAXIMUM_FRAME_BYTES
 from mavlink_broker import shrink
+from mavlink_broker.bounded_http import BoundedHttp, TooLargeError
+from mavlink_broker.faults import reason_of
 from mavlink_broker.jobs import Develop, Developed, Downloaded, FetchUrl, Job, JobFailed, JobOutcome
+from mavlink_broker.supervision import SupervisedThread
 
 CONNECT_S: Final = 5.0
 SILENCE_S: Final = 10.0
 WHOLE_S: Final = 120.0
-CHUNK_BYTES: Final = 64 * 1024
 SHRINK_S: Final = 60.0
-THREADS: Final = 2
+THREADS: Final[Mapping[type[Job], int]] = {FetchUrl: 8, Develop: 2}
+"""Web servers keep a thread waiting, each vehicle's at most one; pictures keep a processor busy."""
 
 _SHRINK: Final = Path(shrink.__file__)
 _LOG = logging.getLogger(__name__)
@@ -92,30 +96,23 @@ def download(job: FetchUrl) -> Downloaded:
     Raises:
         WorkshopError: if it does not come, or is too large.
     """
-    deadline = time.monotonic() + WHOLE_S
     try:
-        with requests.Session() as http:
-            http.trust_env = False
-            how = {"timeout": (CONNECT_S, SILENCE_S), "allow_redirects": False, "stream": True}
-            with http.get(job.url, **how) as response:  # type: ignore[arg-type]  # named options
-                return Downloaded(job.number, _body(response, job.limit_bytes, deadline))
-    except (requests.RequestException, ValueError) as error:
+        answer = BoundedHttp().exchange(
+            "GET",
+            job.url,
+            within_s=WHOLE_S,
+            timeouts_s=(CONNECT_S, SILENCE_S),
+            most_bytes=job.limit_bytes,
+        )
+    except TooLargeError as error:
+        raise WorkshopError(str(error)) from error
+    except requests.RequestException as error:
         raise WorkshopError(f"the web server does not give it: {error}") from error
-
-
-def _body(response: requests.Response, limit_bytes: int, deadline: float) -> bytes:
-    if response.status_code != HTTPStatus.OK:
-        raise WorkshopError(f"the web server answers HTTP {response.status_code}")
-    body = bytearray()
-    for chunk in response.iter_content(CHUNK_BYTES):
-        body += chunk
-        if len(body) > limit_bytes:
-            raise WorkshopError(f"it has more than {limit_bytes} bytes")
-        if time.monotonic() > deadline:
-            raise WorkshopError(f"it has not come within {WHOLE_S:.0f} s")
-    if not body:
+    if answer.status_code != HTTPStatus.OK:
+        raise WorkshopError(f"the web server answers HTTP {answer.status_code}")
+    if not answer.body:
         raise WorkshopError("it is empty")
-    return bytes(body)
+    return Downloaded(job.number, answer.body)
 
 
 class Workshop:
@@ -123,26 +120,36 @@ class Workshop:
 
     def __init__(self, wake: Callable[[], None]) -> None:
         self._wake = wake
-        self._jobs: queue.SimpleQueue[tuple[int, Job] | None] = queue.SimpleQueue()
+        self._jobs: dict[type[Job], queue.SimpleQueue[tuple[int, Job] | None]] = {
+            kind: queue.SimpleQueue() for kind in THREADS
+        }
         self._finished: queue.SimpleQueue[Finished] = queue.SimpleQueue()
-        self._threads = [
-            threading.Thread(target=self._work, name=f"workshop-{number}", daemon=True)
-            for number in range(THREADS)
-        ]
+        self._stopping = threading.Event()
+        self._threads = {
+            kind: [
+                SupervisedThread(
+                    f"{kind.__name__}-{number}", partial(self._work, kind), self._stopping
+                )
+                for number in range(count)
+            ]
+            for kind, count in THREADS.items()
+        }
 
     def start(self) -> None:
         """Begin to work."""
-        for thread in self._threads:
+        for thread in chain.from_iterable(self._threads.values()):
             thread.start()
 
     def stop(self) -> None:
         """Begin no more jobs; daemon threads do not hold the program up."""
-        for _ in self._threads:
-            self._jobs.put(None)
+        self._stopping.set()
+        for kind, threads in self._threads.items():
+            for _ in threads:
+                self._jobs[kind].put(None)
 
     def put(self, system: int, job: Job) -> None:
         """Have a job done for a vehicle."""
-        self._jobs.put((system, job))
+        self._jobs[type(job)].put((system, job))
 
     def take_finished(self) -> list[Finished]:
         """Give what has been done."""
@@ -151,8 +158,8 @@ class Workshop:
             finished.append(self._finished.get_nowait())
         return finished
 
-    def _work(self) -> None:
-        while (task := self._jobs.get()) is not None:
+    def _work(self, kind: type[Job]) -> None:
+        while (task := self._jobs[kind].get()) is not None:
             system, job = task
             self._finished.put(Finished(system, do(job)))
             self._wake()
@@ -165,9 +172,12 @@ _HANDLERS: Final[Mapping[type[Job], Callable[..., JobOutcome]]] = {
 
 
 def do(job: Job) -> JobOutcome:
-    """Do one job; what goes wrong is an outcome too."""
+    """Do one job; what goes wrong is an outcome too, for somebody waits for it."""
     try:
         return _HANDLERS[type(job)](job)
     except WorkshopError as error:
         _LOG.info("picture %d: %s", job.number, error)
         return JobFailed(job.number, str(error))
+    except Exception as error:  # noqa: BLE001  # the boundary of one job, logged
+        _LOG.exception("picture %d", job.number)
+        return JobFailed(job.number, reason_of(error))

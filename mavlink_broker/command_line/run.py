@@ -9,6 +9,7 @@ from ulid import ULID
 from mavlink_broker import config
 from mavlink_broker.app import App
 from mavlink_broker.command_line.program import (
+    FAILED,
     SUCCEEDED,
     Signals,
     SystemClock,
@@ -21,6 +22,7 @@ from mavlink_broker.edge_client import EdgeClient
 from mavlink_broker.journal.folder import JournalFolder
 from mavlink_broker.journal.writer import JournalWriter
 from mavlink_broker.spool.folder import MIB, Spool, SpoolBusyError, SpoolError
+from mavlink_broker.supervision import Alarm
 from mavlink_broker.workshop import Workshop
 
 LAST_POSTS_WITHIN_S: Final = 1.0
@@ -30,7 +32,7 @@ _LOG = logging.getLogger(__name__)
 
 
 def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
-    """Run until told to stop; gives the exit status.
+    """Run until told to stop; gives the exit status, 1 if a thread has failed for good.
 
     Raises:
         UsageError: if the link cannot be opened, or another broker has the state folder.
@@ -39,7 +41,7 @@ def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
     begin_log(settings.log_level)
     spool = open_spool(settings)
     link = open_link(settings)
-    signals = Signals()
+    signals, alarm = Signals(), Alarm(link.wake)
     edge = EdgeClient(
         settings.edge_url,
         settings.key_file,
@@ -53,14 +55,14 @@ def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
     journal = JournalWriter(JournalFolder(settings.journal), link.wake)
     app = App(settings, link, edge, SystemClock(), lambda: str(ULID()), workshop, journal)
     _LOG.info("links %s, edge server %s", " ".join(map(str, link.urls)), settings.edge_url)
-    while not signals.stop:
+    while not (signals.stop or alarm.is_raised):
         app.step()
     workshop.stop()
     app.close()
     edge.stop(LAST_POSTS_WITHIN_S)
     journal.close()
     link.close()
-    return SUCCEEDED
+    return FAILED if alarm.is_raised else SUCCEEDED
 
 
 def open_spool(settings: Config) -> Spool | None:

@@ -10,13 +10,14 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from http import HTTPStatus
 from typing import Any, Final
 
-import requests
 from ulid import ULID
 
 from mavlink_broker import config
 from mavlink_broker.app import App
+from mavlink_broker.bounded_http import BoundedHttp
 from mavlink_broker.command_line.local_edge import LocalEdge
 from mavlink_broker.command_line.program import (
     FAILED,
@@ -37,7 +38,8 @@ from mavlink_broker.traffic_settings import TrafficSettings
 
 LISTEN_S: Final = 5.0
 """Five heartbeats, and time to ask for a version and a position."""
-_ASK_TIMEOUT_S: Final = 5.0
+_ASK_WITHIN_S: Final = 5.0
+_MOST_BYTES: Final = 16 << 20
 
 
 def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
@@ -81,16 +83,21 @@ def _heard(settings: Config, seconds: float) -> list[dict[str, Any]]:
 def _asked(settings: Config) -> list[dict[str, Any]]:
     """Ask the edge server of the broker that has the link."""
     url = f"{settings.edge_url.rstrip('/')}/vehicles/"
-    http = requests.Session()
-    http.trust_env = False
-    http.verify = True if settings.edge_ca_file is None else str(settings.edge_ca_file)
+    http = BoundedHttp(True if settings.edge_ca_file is None else str(settings.edge_ca_file))
     try:
         key = settings.key_file.read_text(encoding="ascii").strip()
-        http.headers["Authorization"] = f"Bearer {key}"
-        answer = http.get(url, timeout=_ASK_TIMEOUT_S)
-        answer.raise_for_status()
+        answer = http.exchange(
+            "GET",
+            url,
+            within_s=_ASK_WITHIN_S,
+            timeouts_s=(_ASK_WITHIN_S, _ASK_WITHIN_S),
+            most_bytes=_MOST_BYTES,
+            headers={"Authorization": f"Bearer {key}"},
+        )
+        if answer.status_code != HTTPStatus.OK:
+            raise UsageError(f"{url} cannot be asked: it answers HTTP {answer.status_code}")
         return list(answer.json())
-    except (OSError, UnicodeDecodeError, ValueError) as error:  # requests' errors are OSErrors
+    except (OSError, UnicodeDecodeError, TypeError) as error:  # requests' errors are OSErrors
         raise UsageError(f"{url} cannot be asked: {error}") from error
 
 

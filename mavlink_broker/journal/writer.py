@@ -9,10 +9,12 @@ import threading
 from collections.abc import Callable
 from typing import Final
 
+from mavlink_broker.faults import reason_of
 from mavlink_broker.journal.diary import Note
 from mavlink_broker.journal.encoding import PageError
 from mavlink_broker.journal.folder import JournalFolder
 from mavlink_broker.journal.memo import NOTHING, Memo, Owner
+from mavlink_broker.supervision import SupervisedThread
 
 TRY_AGAIN_S: Final = 5.0
 END_WITHIN_S: Final = 5.0
@@ -35,7 +37,8 @@ class JournalWriter:
         self._settled: list[tuple[Owner, int]] = []
         self._is_ending = False
         self._is_told = False  # That the disk refuses
-        self._thread = threading.Thread(target=self._run, name="journal", daemon=True)
+        self._stopping = threading.Event()
+        self._thread = SupervisedThread("journal", self._run, self._stopping)
         self._thread.start()
 
     def recall(self, owner: Owner) -> Memo:
@@ -61,6 +64,7 @@ class JournalWriter:
         """Write what waits, if the disk takes it, and end."""
         with self._changed:
             self._is_ending = True
+            self._stopping.set()
             self._changed.notify()
         self._thread.join(END_WITHIN_S)
 
@@ -83,6 +87,9 @@ class JournalWriter:
             self._refuse(note, error.strerror or str(error))
         except PageError as error:
             self._refuse(note, str(error))
+        except Exception as error:  # noqa: BLE001  # the boundary of one page, logged
+            _LOG.exception("the page of %s", note.owner)
+            self._refuse(note, reason_of(error))
         else:
             self._refused.pop(note.owner, None)
             if self._is_told and not self._refused:

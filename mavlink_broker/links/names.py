@@ -41,7 +41,7 @@ class HostName:
     def _look_up(self) -> None:
         try:
             found = socket.getaddrinfo(self._host, None, self._family, socket.SOCK_DGRAM)
-        except OSError:
+        except (OSError, UnicodeError):  # The latter of a name that no name server can have
             return
         self._numeric = str(found[0][4][0])
         self._on_found()

@@ -13,6 +13,7 @@ from typing import Final
 
 from mavlink_broker.send_queue import Post, SendQueue, Urgency
 from mavlink_broker.spool.folder import Spool
+from mavlink_broker.supervision import SupervisedThread
 
 LOOK_EVERY_S: Final = 1.0
 """An edge server that hangs nudges nobody."""
@@ -35,11 +36,11 @@ class Keeper:
         self._queue = queue
         self._lock = lock
         self._nudged = threading.Event()
-        self._stopping = False
+        self._stopping = threading.Event()
         self._words_after = 0.0
         self._pictures_after = 0.0
         self._refused: set[str] = set()  # What the disk did not take when it was last asked
-        self._thread = threading.Thread(target=self._run, name="spool", daemon=True)
+        self._thread = SupervisedThread("spool", self._run, self._stopping)
         left = spool.take_left()
         for post in left:
             queue.put(post)
@@ -58,12 +59,12 @@ class Keeper:
 
     def stop(self) -> None:
         """Put everything onto the disk that waits, and end."""
-        self._stopping = True
+        self._stopping.set()
         self._nudged.set()
         self._thread.join(END_WITHIN_S)
 
     def _run(self) -> None:
-        while not self._stopping:
+        while not self._stopping.is_set():
             self._nudged.wait(LOOK_EVERY_S)
             self._nudged.clear()
             self.go_round(time.monotonic())

@@ -12,9 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import requests
 
+from mavlink_broker import supervision
 from mavlink_broker.edge_client import EdgeClient
-from mavlink_broker.edge_door import is_final
+from mavlink_broker.edge_door import Door, is_final
 from mavlink_broker.effects import Acknowledgement
 from mavlink_broker.posts import post_for
 from mavlink_broker.send_queue import Post, Urgency
@@ -377,3 +379,48 @@ def test_a_disk_that_hangs_delays_nobody(
     goes_on.set()
     client.stop(1.0)
     assert (tmp_path / "broker" / WORDS).read_bytes() == b""
+
+
+@pytest.mark.parametrize(
+    "failure",
+    [OSError("no such file"), requests.ConnectionError("gone"), RuntimeError("?"), MemoryError()],
+    ids=lambda failure: type(failure).__name__,
+)
+def test_whatever_goes_wrong_in_a_request_puts_it_off_and_no_thread_ends(
+    server: FakeEdgeServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failure: Exception
+) -> None:
+    (tmp_path / "broker.key").write_text(KEY)
+    genuine = Door.request
+    failed: list[str] = []
+
+    def request(self: Door, method: str, path: str, *args: Any, **named: Any) -> Any:
+        if len(failed) < 4:
+            failed.append(path)
+            raise failure
+        return genuine(self, method, path, *args, **named)
+
+    monkeypatch.setattr(Door, "request", request)
+    monkeypatch.setattr(supervision, "LONGEST_PAUSE_S", 0.01)
+    client = client_of(server, tmp_path)
+    for number in range(5):
+        client.post(pose(number))
+    server.plan(first_flight())
+    assert numbers(server.wait_for("/pose/", 5)) == list(range(5))
+    assert work_of(client)
+    client.stop(1.0)
+
+
+def test_a_file_of_authorities_may_come_later(tmp_path: Path) -> None:
+    (tmp_path / "broker.key").write_text(KEY)
+    authority, later = Authority(tmp_path / "farm"), tmp_path / "authority.pem"
+    server = FakeEdgeServer(0, KEY)
+    with https(server, authority) as url, server.running():
+        client = EdgeClient(url, tmp_path / "broker.key", Woken(), ca_file=later)
+        client.start()
+        client.post(pose(1))
+        server.plan(first_flight())
+        wait_until(lambda: client.failures > 2)
+        authority.file.rename(later)
+        assert numbers(server.wait_for("/pose/", 1)) == [1]
+        assert work_of(client)
+        client.stop(within_s=1.0)

@@ -1,0 +1,92 @@
+"""No thread of the broker ends unseen."""
+
+import ast
+import logging
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+import mavlink_broker
+from mavlink_broker.supervision import Alarm, SupervisedThread
+
+WITHIN_S = 30.0
+MAKERS = {"supervision.py", "links/names.py"}
+"""Who may make a thread: the supervisor, and look-ups that end by themselves and are made anew."""
+
+
+@pytest.fixture
+def hook() -> Iterator[Callable[..., object]]:
+    genuine = threading.excepthook
+    yield genuine
+    threading.excepthook = genuine
+
+
+@pytest.mark.parametrize("failure", [OSError("no such file"), ValueError("x"), MemoryError()])
+def test_a_thread_that_fails_is_logged_and_begun_again(
+    failure: Exception, caplog: pytest.LogCaptureFixture
+) -> None:
+    calls: list[int] = []
+    done = threading.Event()
+
+    def work() -> None:
+        calls.append(1)
+        if len(calls) < 4:
+            raise failure
+        done.set()
+
+    thread = SupervisedThread("test", work, threading.Event(), first_pause_s=0.001)
+    with caplog.at_level(logging.ERROR):
+        thread.start()
+        assert done.wait(WITHIN_S)
+        thread.join(WITHIN_S)
+    assert not thread.is_alive
+    assert thread.failures == 3
+    assert caplog.text.count("Traceback") == 3
+    assert "thread test has failed" in caplog.text
+
+
+def test_a_thread_that_goes_on_failing_ends_when_it_is_told_to() -> None:
+    stopping, failed = threading.Event(), threading.Event()
+
+    def work() -> None:
+        failed.set()
+        raise ValueError("always")
+
+    thread = SupervisedThread("test", work, stopping, first_pause_s=1000.0)
+    thread.start()
+    assert failed.wait(WITHIN_S)
+    stopping.set()
+    thread.join(WITHIN_S)
+    assert not thread.is_alive
+
+
+@pytest.mark.usefixtures("hook")
+def test_a_thread_that_nobody_supervises_ends_the_program_loudly(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    woken = threading.Event()
+    alarm = Alarm(woken.set)
+
+    def work() -> None:
+        raise RuntimeError("nobody looks after me")
+
+    with caplog.at_level(logging.CRITICAL):
+        thread = threading.Thread(target=work, name="lonely")
+        thread.start()
+        thread.join()
+    assert alarm.is_raised
+    assert woken.is_set()
+    assert "thread lonely has failed" in caplog.text
+
+
+def test_every_thread_of_the_broker_is_supervised() -> None:
+    folder = Path(mavlink_broker.__file__).parent
+    makers = {
+        str(path.relative_to(folder))
+        for path in folder.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("threading.Thread")
+    }
+    assert makers == MAKERS
