@@ -58,6 +58,8 @@ class EstimatorStatus(NamedTuple):
     aligned: bool  # Tilt and heading are initialised
     gyro_broken: bool = False  # Its bias is beyond EKF2_GYR_B_LIM
     gyro_jump_us: int | None = None  # [us] When its bias last jumped
+    accel_bias_frd: Vector3 = (0.0, 0.0, 0.0)  # [m/s^2]
+    accel_broken: bool = False  # Its bias has been beyond EKF2_ABL_LIM; until a restart
 
 
 class WindEstimate(NamedTuple):

@@ -61,6 +61,7 @@ class Cause(Enum):
     ATTITUDE_EXCEEDED = auto()
     GYRO_JUMPED = auto()
     GYRO_BROKEN = auto()
+    ACCEL_BROKEN = auto()
     MOTOR_FAILED = auto()
     FENCE_BREACHED = auto()
     WIND_STRONG = auto()
@@ -284,6 +285,11 @@ ROWS: Final[Mapping[Cause, Row]] = {
     Cause.GYRO_BROKEN: Row(
         "Gyroscope bias beyond its limit",
         lambda moment, _present: moment.view.gyro_broken,
+        _always(Action.LAND),
+    ),
+    Cause.ACCEL_BROKEN: Row(
+        "Accelerometer bias beyond its limit",
+        lambda moment, _present: moment.view.accel_broken,
         _always(Action.LAND),
     ),
     Cause.MOTOR_FAILED: Row(

@@ -36,6 +36,11 @@ def gyro_sound(view: VehicleView, _params: CommanderParams) -> str | None:
     return "Gyroscope bias beyond its limit" if view.gyro_broken else None
 
 
+def accel_sound(view: VehicleView, _params: CommanderParams) -> str | None:
+    """The accelerometer has been biased no more than a healthy one."""
+    return "Accelerometer bias beyond its limit" if view.accel_broken else None
+
+
 def baro_fresh(view: VehicleView, _params: CommanderParams) -> str | None:
     """The barometer delivers."""
     return None if view.ages.baro < SENSOR_STALE_S else "Barometer does not deliver"
@@ -162,6 +167,7 @@ def room_for_log(view: VehicleView, _params: CommanderParams) -> str | None:
 ARMING_CHECKS: Final[tuple[Check, ...]] = (
     imu_fresh,
     gyro_sound,
+    accel_sound,
     baro_fresh,
     mag_fresh,
     estimator_aligned,

@@ -103,7 +103,8 @@ def healthy_bits(view: VehicleView, *, ready: bool) -> int:
     # Without it nobody can tell how the vehicle moves, nor what its rotors do to it
     bits = _propulsion_bits(view.failure if imu_good else None)
     for healthy, bit in (
-        (imu_good, SensorBit.ACCEL_3D | SensorBit.ANGULAR_RATE_CONTROL),
+        (imu_good, SensorBit.ANGULAR_RATE_CONTROL),
+        (imu_good and not view.accel_broken, SensorBit.ACCEL_3D),
         (imu_good and not view.gyro_broken, SensorBit.GYRO_3D),
         (ages.baro < SENSOR_STALE_S, SensorBit.ABSOLUTE_PRESSURE),
         (ages.mag < SENSOR_STALE_S, SensorBit.MAG_3D),

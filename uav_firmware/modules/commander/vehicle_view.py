@@ -68,6 +68,11 @@ class VehicleView(NamedTuple):
         return self.estimator is not None and self.estimator.gyro_broken
 
     @property
+    def accel_broken(self) -> bool:
+        """Whether the accelerometer has been biased as no healthy one is."""
+        return self.estimator is not None and self.estimator.accel_broken
+
+    @property
     def landed(self) -> bool:
         """Whether the vehicle stands on the ground."""
         return self.land is None or self.land.landed

@@ -1,9 +1,13 @@
-"""What a jump of the gyroscope bias some time ago has done to the estimate, as a covariance.
+"""What a jump of an inertial bias some time ago has done to the estimate, as a covariance.
 
 With tau the time since the jump w, R the attitude and f the specific force in NED (the
 transition of `ekf`, integrated):
 
     dtheta = -R tau w        dv = [f]x R tau^2/2 w        dp = [f]x R tau^3/6 w        dw = w
+
+and of a jump a of the accelerometer bias
+
+    dv = -R tau a            dp = -R tau^2/2 a            da = a
 
 When it jumped is not known better than to within the last T, and which way not at all: the
 covariance is the mean of these products over tau from 0 to T, times the variance of w. Added to
@@ -18,7 +22,14 @@ import numpy as np
 
 from uav_firmware.lib.rotation import to_matrix
 from uav_firmware.modules.estimator.ekf import Array, ErrorStateEkf
-from uav_firmware.modules.estimator.state import ATTITUDE, GYRO_BIAS, POSITION, SIZE, VELOCITY
+from uav_firmware.modules.estimator.state import (
+    ACCEL_BIAS,
+    ATTITUDE,
+    GYRO_BIAS,
+    POSITION,
+    SIZE,
+    VELOCITY,
+)
 from uav_firmware.msg.vectors import Vector3
 
 EVERY_AXIS: Final[Vector3] = (1.0, 1.0, 1.0)
@@ -41,5 +52,20 @@ def jump_covariance(ekf: ErrorStateEkf, axes: Vector3, sigma: float, longest_s: 
         effect[ATTITUDE] = -tau * rotation
         effect[VELOCITY] = tau**2 / 2.0 * pushed
         effect[POSITION] = tau**3 / 6.0 * pushed
+        total += effect @ effect.T
+    return total * (sigma * sigma / _MOMENTS)
+
+
+def accel_jump_covariance(
+    ekf: ErrorStateEkf, axes: Vector3, sigma: float, longest_s: float
+) -> Array:
+    """Covariance of an accelerometer jump of `sigma` [m/s^2] along each of `axes` [FRD]."""
+    rotation = np.array(to_matrix(ekf.state.q_ned_frd)) * axes
+    effect, total = np.zeros((SIZE, 3)), np.zeros((SIZE, SIZE))
+    effect[ACCEL_BIAS] = np.diag(axes)
+    for moment in range(_MOMENTS):
+        tau = longest_s * (moment + 0.5) / _MOMENTS
+        effect[VELOCITY] = -tau * rotation
+        effect[POSITION] = -(tau**2) / 2.0 * rotation
         total += effect @ effect.T
     return total * (sigma * sigma / _MOMENTS)

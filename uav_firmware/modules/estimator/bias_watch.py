@@ -5,8 +5,12 @@ a cold solder joint or a supply that fails, the filter would rather reject every
 believe it. What the innovations say is turned into the size of a jump that explains them; twice
 that is what the filter is told to reckon with (`bias_jump`), and it finds the rest by itself.
 
-A velocity that drifts has another cause too: a wrong heading while the vehicle accelerates. What
-0.2 rad of it would do to the latest change of velocity counts as noise here.
+A velocity that drifts has other causes too. A wrong heading while the vehicle accelerates: what
+0.2 rad of it would do to the latest change of velocity counts as noise here. Scale factor and
+misalignment of the gyroscope, while the vehicle turns: what 2 % of the latest angle of rotation
+tilts counts as noise as well. An accelerometer whose bias jumps: `lateral_force` sees it, and the
+jump is then expected there (`accel_watch`). Only the horizontal velocity is watched here: a
+vertical one that drifts is never a matter of tilt.
 """
 
 import math
@@ -14,6 +18,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2
+from uav_firmware.modules.estimator.accel_watch import expect_accel_jump
 from uav_firmware.modules.estimator.bias_jump import EVERY_AXIS, TURNING, jump_covariance
 from uav_firmware.modules.estimator.core import Core
 from uav_firmware.modules.estimator.drift_watch import DriftWatch
@@ -28,14 +33,15 @@ _WINDOW: Final = 1.5  # [-] Longest time since the jump over the likely one
 _HEADING_ERROR_RAD: Final = 0.2
 _TILTED_US: Final = 1_000_000  # A tilt that is wrong has been found after that
 _RECENT_S: Final = 1.5  # Changes of velocity longer ago than that are forgotten
+_SCALE_ERROR: Final = 0.02  # [-] Of the angle turned through: scale factor and misalignment
 
 
 class VelocityWatch:
-    """Tells a jump about the roll or pitch axis: the velocity grows with the square of the time.
+    """Detects a jump about the roll or pitch axis: the velocity grows with the square of the time.
 
-    Told within 1.3 s when it is of 3 deg/s. What has struck one axis may have struck them all: the
-    yaw axis is opened as well, for the compass to judge, before a heading that runs away spoils
-    what the velocity tells of the tilt.
+    Detected within 1.3 s when it is of 3 deg/s. What has struck one axis may have struck them all:
+    the yaw axis is opened as well, for the compass to judge, before a heading that runs away spoils
+    what the velocity says of the tilt.
     """
 
     def __init__(self) -> None:
@@ -44,19 +50,27 @@ class VelocityWatch:
         self._last_us = 0
 
     def look(self, core: Core, group: Sequence[Measurement]) -> None:
-        """Take the velocity of a fix before it is fused."""
+        """Take the velocity of a fix, north, east and down, before it is fused."""
         ekf, now_us = core.ekf, core.time_us
-        turned = _HEADING_ERROR_RAD * self._change(ekf.state.velocity_ned, now_us)
+        horizontal = group[:2]
+        noise = math.hypot(
+            _HEADING_ERROR_RAD * self._change(ekf.state.velocity_ned, now_us),
+            _SCALE_ERROR * STANDARD_GRAVITY_M_S2 * _RECENT_S * core.turned.angle_rad,
+        )
         drift = self._drift.update(
-            [m.innovation / math.hypot(ekf.deviation(m), turned) for m in group], now_us
+            [m.innovation / math.hypot(ekf.deviation(m), noise) for m in horizontal], now_us
         )
         if drift is None:
             return
         # As long again as the innovations have exceeded the slack they grew unseen below it
         since_s = min(max(2.0 * drift.age_s, _SHORTEST_S), _LONGEST_S)
-        feigned = max(abs(m.innovation) for m in group)
+        feigned = max(abs(m.innovation) for m in horizontal)
+        if core.lateral.stepped:
+            expect_accel_jump(core, EVERY_AXIS, feigned / since_s, since_s)
+            return
         jump = 2.0 * feigned / (STANDARD_GRAVITY_M_S2 * since_s**2)
         _reckon_with(ekf, EVERY_AXIS, jump, since_s)
+        core.gyro_jump.expect(ekf.state.gyro_bias_frd, now_us)
         core.tilt_jump_us = now_us
 
     def _change(self, velocity: Vector3, now_us: int) -> float:
@@ -103,6 +117,7 @@ class HeadingWatch:
         if jump <= 0.0:
             return
         _reckon_with(ekf, TURNING, jump, min(abs(measured.innovation) / jump, _LONGEST_S))
+        core.gyro_jump.expect(ekf.state.gyro_bias_frd, now_us)
         core.turn_jump_us = now_us
 
 

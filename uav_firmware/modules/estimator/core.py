@@ -11,6 +11,8 @@ from uav_firmware.modules.estimator.alignment import TiltAlignment
 from uav_firmware.modules.estimator.delay import InertialHistory, Past
 from uav_firmware.modules.estimator.ekf import Array, ErrorStateEkf, Noise
 from uav_firmware.modules.estimator.fuse_rest import RestDetector
+from uav_firmware.modules.estimator.jump_proof import JumpProof
+from uav_firmware.modules.estimator.lateral_force import LateralForce
 from uav_firmware.modules.estimator.params import EstimatorParams
 from uav_firmware.modules.estimator.state import (
     ACCEL_BIAS,
@@ -25,6 +27,7 @@ from uav_firmware.modules.estimator.state import (
     VELOCITY,
     NominalState,
 )
+from uav_firmware.modules.estimator.turned import Turned
 from uav_firmware.msg.vectors import Vector3
 
 RESET_AFTER_S: Final = 5.0
@@ -47,9 +50,14 @@ class Core:
         self.origin: LocalFrame | None = None
         self.declination: float | None = None  # [rad] At the origin
         self.on_ground: bool | None = None  # None while nobody has said
-        self.tilt_jump_us: int | None = None  # When the bias of roll or pitch rate last jumped
-        self.turn_jump_us: int | None = None  # And that of the yaw rate
+        # When a jump of the bias of roll or pitch rate was last suspected, and of the yaw rate
+        self.tilt_jump_us: int | None = None
+        self.turn_jump_us: int | None = None
+        self.gyro_jump = JumpProof()
+        self.accel_jump_us: int | None = None  # When one of the accelerometer was
         self.rest = RestDetector()
+        self.lateral = LateralForce()
+        self.turned = Turned()
         self.history = InertialHistory(time_us, _HISTORY_SAMPLES)
         self.ekf = ErrorStateEkf(
             state, _initial_sigmas(alignment, params), _noise(params, 0.0), STANDARD_GRAVITY_M_S2
@@ -82,6 +90,8 @@ class Core:
         change = ekf.predict(rate_frd, force_frd, dt)
         self.history.push(time_us, change, dt)
         self.rest.update(rate_frd, ekf.acceleration_ned)
+        self.lateral.update(force_frd, dt)
+        self.turned.update(rate_frd, dt)
         self.time_us = time_us
 
     def recall(self, time_us: int) -> Past | None:

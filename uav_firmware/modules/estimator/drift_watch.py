@@ -8,13 +8,15 @@ for each side of each component, of innovations in their own deviations:
     sum <- max(0, sum +- innovation - slack)        told above limit
 
 A step is something else: a source that leaps, for which there is the gate. What has leapt is left
-out until it is back.
+out until it is back. Leaps one after the other to the same side are no step of the source but a
+fast drift, and are told as one.
 """
 
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 _GATE: Final = 5.0  # [SD] An innovation that has leapt is back when it is below
+_LEAPS: Final = 3  # In a row to one side: no step, a drift
 
 
 class Drift(NamedTuple):
@@ -27,13 +29,15 @@ class Drift(NamedTuple):
 class DriftWatch:
     """The sums of a vector of innovations, and since when they have grown."""
 
-    __slots__ = ("_former", "_leap", "_limit", "_onset", "_slack", "_sums", "leapt")
+    __slots__ = ("_former", "_leap", "_leaps_from", "_limit", "_onset", "_slack", "_sums", "leapt")
 
     def __init__(self, *, slack: float, limit: float, leap: float) -> None:
         self._slack = slack  # [SD] Mean that is not told
         self._limit = limit  # [SD] Sum that is told
         self._leap = leap  # [SD] Between two innovations; no drift changes by so much
         self._former: Sequence[float] = ()
+        # Since when, from where, and how many: leaps in a row
+        self._leaps_from: tuple[int, Sequence[float], int] | None = None
         self.leapt = False  # And not back yet
         self.restart()
 
@@ -44,9 +48,13 @@ class DriftWatch:
 
     def update(self, innovations: Sequence[float], now_us: int) -> Drift | None:
         """Take a vector of innovations [SD]; how it drifts, if it does."""
-        if self._leaps(innovations):
+        former = self._former or innovations
+        self._former = innovations
+        if self._leaps(innovations, former):
+            ramp = self._ramp(innovations, former, now_us)
             self.restart()
-            return None
+            return ramp
+        self._leaps_from = None
         slack = self._slack
         if self._onset is None and max(innovations) <= slack and min(innovations) >= -slack:
             return None  # The usual case: nothing adds up
@@ -68,9 +76,8 @@ class DriftWatch:
         self.restart()
         return Drift((now_us - since_us) * 1e-6, growth)
 
-    def _leaps(self, innovations: Sequence[float]) -> bool:
+    def _leaps(self, innovations: Sequence[float], former: Sequence[float]) -> bool:
         """Whether a component has leapt, and is not back yet."""
-        former, self._former = self._former or innovations, innovations
         leap = self._leap
         for new, old in zip(innovations, former, strict=True):
             if abs(new - old) > leap:
@@ -79,3 +86,27 @@ class DriftWatch:
         if self.leapt and max(map(abs, innovations)) < _GATE:
             self.leapt = False
         return self.leapt
+
+    def _ramp(
+        self, innovations: Sequence[float], former: Sequence[float], now_us: int
+    ) -> Drift | None:
+        """Three leaps in a row of one component to one side, away from its mean."""
+        begun, leap = self._leaps_from, self._leap
+        if begun is None:
+            self._leaps_from = (now_us, former, 1)
+            return None
+        since_us, first, count = begun
+        grown = [
+            abs(new - start)
+            for new, old, start in zip(innovations, former, first, strict=True)
+            if (new - old) * (old - start) > 0.0 and abs(new - old) > leap and abs(new) > abs(old)
+        ]
+        if not grown:
+            self._leaps_from = None
+            return None
+        if count + 1 < _LEAPS:
+            self._leaps_from = (since_us, first, count + 1)
+            return None
+        self._leaps_from = None
+        self.leapt = False
+        return Drift((now_us - since_us) * 1e-6, max(grown))

@@ -3,6 +3,7 @@
 import math
 from typing import Final
 
+from uav_firmware.modules.estimator.accel_watch import VerticalWatch
 from uav_firmware.modules.estimator.alignment import OriginAverage
 from uav_firmware.modules.estimator.bias_watch import VelocityWatch
 from uav_firmware.modules.estimator.core import RESET_AFTER_S, Core
@@ -34,6 +35,7 @@ class GpsAiding:
         self.velocity = Aid(params.gps_velocity_gate)
         self._origin = OriginAverage(params.origin_time)
         self._watch = VelocityWatch()
+        self._vertical_watch = VerticalWatch()
         self._last_us = -1
         self._last: tuple[float, float, float, Vector3] | None = None
         self.accuracy_m = (math.nan, math.nan)  # Horizontal, vertical of the last fix used
@@ -102,6 +104,7 @@ class GpsAiding:
         sigma = max(gps.speed_accuracy_m_s, self._params.gps_velocity_noise)
         group = velocity_measurements(past, gps.velocity_ned, sigma)
         self._watch.look(core, group)
+        self._vertical_watch.look(core, group)
         if self._is_stale(core) or (
             not self.velocity.fuse(core.ekf, group, core.time_us)
             and self.velocity.rejected_s(core.time_us) > RESET_AFTER_S

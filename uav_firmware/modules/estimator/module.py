@@ -174,5 +174,7 @@ class EstimatorModule:
                 aligned=core is not None and navigation.compass.aligned,
                 gyro_broken=navigation.gyro_broken,
                 gyro_jump_us=navigation.gyro_jump_us,
+                accel_bias_frd=(0.0, 0.0, 0.0) if core is None else core.state.accel_bias_frd,
+                accel_broken=navigation.accel_broken,
             )
         )

@@ -15,14 +15,16 @@ from uav_firmware.modules.estimator.health import Validity
 from uav_firmware.modules.estimator.imu_guard import ImuGuard
 from uav_firmware.modules.estimator.params import EstimatorParams
 from uav_firmware.modules.estimator.rest_aiding import RestAiding
-from uav_firmware.modules.estimator.state import ATTITUDE, DOWN, GYRO_BIAS, HEADING
+from uav_firmware.modules.estimator.state import ACCEL_BIAS, ATTITUDE, DOWN, GYRO_BIAS, HEADING
 from uav_firmware.msg.sensors import SensorBaro, SensorGps, SensorImu, SensorMag
 from uav_firmware.msg.vectors import Vector3
 
 _LARGEST_TILT_SIGMA_RAD = 0.1
 _LARGEST_HEADING_SIGMA_RAD = 0.35
+_SCALE_ERROR = 0.01  # [1/s] Of the angle turned through of late, taken for a bias
 _CERTAIN = 3.0  # [SD] By which a bias must be beyond its limit, as in PX4's check
 _BROKEN_GYRO_LIMIT = 2.0  # [-] Of EKF2_GYR_B_LIM; a bias up to there is followed, to land with
+_BROKEN_ACCEL_LIMIT_M_S2 = 8.0  # Likewise, once a jump has been suspected
 
 
 class Navigation:
@@ -39,6 +41,9 @@ class Navigation:
         self._params = params
         self._average = RestAverage()
         self._on_ground: bool | None = None
+        # Biased for certain as no healthy sensor is; found once, it stays so until a restart
+        self.gyro_broken = False
+        self.accel_broken = False
 
     def configure(self, params: EstimatorParams) -> None:
         """Work with changed parameters from now on."""
@@ -103,7 +108,24 @@ class Navigation:
             height_lost=not validity.altitude,
         )
         core.state.limit_biases(
-            params.accel_bias_limit, _BROKEN_GYRO_LIMIT * params.gyro_bias_limit
+            params.accel_bias_limit if core.accel_jump_us is None else _BROKEN_ACCEL_LIMIT_M_S2,
+            _BROKEN_GYRO_LIMIT * params.gyro_bias_limit,
+        )
+        self._judge_biases(core)
+
+    def _judge_biases(self, core: Core) -> None:
+        """Which inertial sensor is biased as no healthy one is; what is found stays so."""
+        ekf, state, params = core.ekf, core.state, self._params
+        x, y, z = (ekf.sigma(axis) for axis in range(GYRO_BIAS.start, GYRO_BIAS.stop))
+        turning = _SCALE_ERROR * core.turned.angle_rad
+        core.gyro_jump.update(state.gyro_bias_frd, (x, y, z), turning, core.time_us)
+        self.accel_broken = self.accel_broken or any(
+            abs(bias) > params.accel_bias_limit + _CERTAIN * ekf.sigma(axis)
+            for axis, bias in enumerate(state.accel_bias_frd, start=ACCEL_BIAS.start)
+        )
+        self.gyro_broken = self.gyro_broken or any(
+            abs(bias) > params.gyro_bias_limit + _CERTAIN * ekf.sigma(axis)
+            for axis, bias in enumerate(state.gyro_bias_frd, start=GYRO_BIAS.start)
         )
 
     def accuracy_m(self) -> tuple[float, float]:
@@ -125,18 +147,7 @@ class Navigation:
     @property
     def gyro_jump_us(self) -> int | None:
         """When the gyroscope bias was last seen to have jumped [us]; None if never."""
-        core = self.core
-        jumps = () if core is None else (core.tilt_jump_us, core.turn_jump_us)
-        return max((jump for jump in jumps if jump is not None), default=None)
-
-    @property
-    def gyro_broken(self) -> bool:
-        """Whether the gyroscope bias is for certain larger than that of a healthy sensor."""
-        core, limit = self.core, self._params.gyro_bias_limit
-        return core is not None and any(
-            abs(bias) > limit + _CERTAIN * core.ekf.sigma(axis)
-            for axis, bias in enumerate(core.state.gyro_bias_frd, start=GYRO_BIAS.start)
-        )
+        return None if self.core is None else self.core.gyro_jump.jumped_us
 
     def validity(self) -> Validity:
         """What of the estimate may be used."""
@@ -161,5 +172,5 @@ class Navigation:
             position,
             located and height <= limit_s,
             self.gps.horizontal.rejecting or self.gps.velocity.rejecting,
-            not self.guard.healthy,
+            self.accel_broken or not self.guard.healthy,
         )

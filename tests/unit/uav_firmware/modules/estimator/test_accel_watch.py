@@ -1,0 +1,152 @@
+"""What makes the filter reckon with a jump of an accelerometer, and what proves one of a gyro."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from uav_firmware.lib.rotation import IDENTITY, from_euler
+from uav_firmware.modules.estimator.accel_watch import VerticalWatch
+from uav_firmware.modules.estimator.alignment import TiltAlignment
+from uav_firmware.modules.estimator.bias_jump import EVERY_AXIS, accel_jump_covariance
+from uav_firmware.modules.estimator.bias_watch import VelocityWatch
+from uav_firmware.modules.estimator.core import Core
+from uav_firmware.modules.estimator.drift_watch import DriftWatch
+from uav_firmware.modules.estimator.ekf import ErrorStateEkf, Measurement, Noise
+from uav_firmware.modules.estimator.jump_proof import JumpProof
+from uav_firmware.modules.estimator.lateral_force import LateralForce
+from uav_firmware.modules.estimator.params import EstimatorParams
+from uav_firmware.modules.estimator.state import ACCEL_BIAS, SIZE, VELOCITY, NominalState
+
+FIX_US = 100_000
+GRAVITY = 9.8
+QUIET = Noise(
+    accel=0.0, gyro=0.0, accel_bias_walk=0.0, gyro_bias_walk=0.0, baro_bias_walk=0.0,
+    heading_bias_walk=0.0, gps_height_sigma=0.0, gps_height_time=120.0,
+)  # fmt: skip
+
+
+def hovering() -> Core:
+    """A filter that has known its biases for a while."""
+    core = Core(TiltAlignment(IDENTITY, (0.0, 0.0, 0.0), 1e-3), 0, EstimatorParams())
+    core.ekf.covariance[:] = 1e-6 * np.eye(SIZE)
+    return core
+
+
+def velocity(north: float, down: float) -> list[Measurement]:
+    rows = np.eye(3, SIZE, VELOCITY.start)
+    return [Measurement(off, row, 0.01) for off, row in zip((north, 0.0, down), rows, strict=True)]
+
+
+@pytest.mark.parametrize("bias", [-3.0, -1.0, 1.0, 2.0, 3.0, 20.0])
+def test_a_vertical_jump_is_found_by_the_next_fix_and_is_none_of_the_gyroscope(
+    bias: float,
+) -> None:
+    core, tilt, vertical = hovering(), VelocityWatch(), VerticalWatch()
+    for number in range(30):
+        core.time_us = number * FIX_US
+        group = velocity(0.0, -bias * 0.1 * number)
+        tilt.look(core, group)
+        vertical.look(core, group)
+        if core.accel_jump_us is not None:
+            break
+    assert core.accel_jump_us is not None
+    assert core.time_us <= 1_300_000
+    assert core.tilt_jump_us is None
+    core.ekf.fuse(group)
+    assert core.state.accel_bias_frd[2] == pytest.approx(bias, rel=0.7)
+    assert core.state.gyro_bias_frd == pytest.approx((0.0, 0.0, 0.0), abs=1e-5)
+
+
+def test_a_receiver_whose_vertical_velocity_steps_is_no_bad_accelerometer() -> None:
+    core, vertical = hovering(), VerticalWatch()
+    for number in range(50):
+        core.time_us = number * FIX_US
+        vertical.look(core, velocity(0.0, 3.0 if number > 5 else 0.0))
+    assert core.accel_jump_us is None
+
+
+@given(roll=st.floats(-0.5, 0.5), pitch=st.floats(-0.5, 0.5), yaw=st.floats(-3.0, 3.0))
+def test_the_covariance_of_a_jump_is_what_the_filter_would_have_made_of_it(
+    roll: float, pitch: float, yaw: float
+) -> None:
+    q, sigma, ago_s, moments = from_euler(roll, pitch, yaw), 0.8, 1.2, 8
+    expected = np.zeros((SIZE, SIZE))
+    for moment in range(moments):
+        ekf = ErrorStateEkf(NominalState(q), np.full(SIZE, 1e-9), QUIET, GRAVITY)
+        for axis in range(ACCEL_BIAS.start, ACCEL_BIAS.stop):
+            ekf.forget(axis, sigma)
+        seconds = ago_s * (moment + 0.5) / moments
+        steps = 4 * max(1, round(seconds / 0.016))
+        for _ in range(steps):
+            ekf.predict((0.0, 0.0, 0.0), (0.0, 0.0, -GRAVITY), seconds / steps)
+        expected += ekf.covariance / moments
+    ekf = ErrorStateEkf(NominalState(q), np.full(SIZE, 1e-3), QUIET, GRAVITY)
+    got = accel_jump_covariance(ekf, EVERY_AXIS, sigma, ago_s)
+    assert got == pytest.approx(expected, rel=0.05, abs=1e-3 * sigma**2)
+
+
+@given(pace=st.floats(4.5, 50.0), sign=st.sampled_from([-1.0, 1.0]))
+def test_leaps_in_a_row_to_one_side_are_a_drift(pace: float, sign: float) -> None:
+    watch = DriftWatch(slack=1.0, limit=8.0, leap=4.0)
+    ramp = [sign * pace * number for number in range(8)]
+    told = [watch.update([0.0, z], number * FIX_US) for number, z in enumerate(ramp)]
+    assert any(told[:5])
+
+
+@given(st.lists(st.sampled_from([-30.0, 0.0, 30.0]), min_size=5, max_size=40))
+def test_leaps_to_and_fro_are_none(places: list[float]) -> None:
+    watch = DriftWatch(slack=1.0, limit=8.0, leap=4.0)
+    assert not any(watch.update([z], n * FIX_US) for n, z in enumerate([0.0, *places]))
+
+
+def force_after(seconds: float, step: float, pace: float = 0.0) -> LateralForce:
+    """Five seconds of hover in vibration, then a step and a slope of the force along x."""
+    force, noise = LateralForce(), np.random.default_rng(1)
+    for number in range(round((5.0 + seconds) * 250)):
+        late_s = max(0.0, number * 0.004 - 5.0)
+        x = (step if late_s > 0.0 else 0.0) + pace * late_s
+        force.update((x + 0.4 * noise.standard_normal(), 0.4 * noise.standard_normal(), -9.8), 4e-3)
+    return force
+
+
+def test_a_step_of_the_lateral_force_is_seen_and_vibration_or_growing_drag_is_not() -> None:
+    assert force_after(0.3, 1.0).stepped
+    assert not force_after(10.0, 0.0).stepped
+    assert not force_after(6.0, 0.0, 0.1).stepped  # Two metres per second faster each second
+    assert not force_after(9.0, 1.0).stepped  # Long ago
+
+
+class Bias:
+    """A bias estimate over time, at 10 Hz."""
+
+    def __init__(self) -> None:
+        self.proof = JumpProof()
+        self.now_us = 0
+
+    def hold(self, bias_deg_s: float, seconds: float, turning: float = 0.0) -> None:
+        for _ in range(round(seconds * 10)):
+            self.now_us += FIX_US
+            bias, sigma = math.radians(bias_deg_s), math.radians(0.1)
+            self.proof.update((0.0, bias, 0.0), (sigma, sigma, sigma), turning, self.now_us)
+
+    def suspect(self, bias_deg_s: float = 0.0) -> None:
+        self.proof.expect((0.0, math.radians(bias_deg_s), 0.0), self.now_us)
+
+
+def test_only_a_bias_that_moves_and_stays_is_a_jump() -> None:
+    moved = Bias()
+    moved.suspect()
+    moved.hold(2.0, 2.0)
+    assert moved.proof.jumped_us is not None
+    for bias_deg_s, seconds, turning in ((0.3, 9.0, 0.0), (3.0, 0.3, 0.0), (3.0, 9.0, 0.1)):
+        still = Bias()
+        still.suspect()
+        still.hold(bias_deg_s, seconds, turning)
+        still.hold(0.0, 9.0)
+        assert still.proof.jumped_us is None
+    unsuspected = Bias()
+    unsuspected.hold(5.0, 9.0)
+    assert unsuspected.proof.jumped_us is None
