@@ -9,6 +9,7 @@ import os
 import select
 import subprocess
 import sys
+import threading
 from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
@@ -21,6 +22,8 @@ from sim.camera.order import Frame, Order, to_line
 _COMMAND: Final = (sys.executable, "-m", "sim.camera")
 _ROOT: Final = Path(sim.__file__).resolve().parents[1]
 _CLOSE_S: Final = 5.0
+_PICTURE_S: Final = 60.0
+"""A process that ends no picture for so long hangs: `finished(wait=True)` gives it up."""
 _CHUNK: Final = 65_536
 
 
@@ -73,7 +76,9 @@ class Darkroom:
         found: list[Developed] = []
         while self._pending and self._running is not None and not found:
             ends = self._running.ends
-            if not select.select([ends], [], [], None if wait else 0.0)[0]:
+            if not select.select([ends], [], [], _PICTURE_S if wait else 0.0)[0]:
+                if wait:
+                    return self._died()
                 break
             chunk = os.read(ends.fileno(), _CHUNK)
             if not chunk:
@@ -82,12 +87,28 @@ class Darkroom:
         return found
 
     def close(self) -> None:
-        """End the process; pictures that are pending are given up."""
+        """End the process and wait for its end; pictures that are pending are given up.
+
+        For a program that ends: it may take seconds. In flight it is `stop`.
+        """
+        running = self._give_up()
+        if running is not None:
+            _end(running)
+
+    def stop(self) -> None:
+        """End the process without waiting for it; the next order starts another.
+
+        A control loop may call this. A thread waits instead, and kills what does not end.
+        """
+        running = self._give_up()
+        if running is not None:
+            threading.Thread(target=_end, args=(running,), name="camera-end", daemon=True).start()
+
+    def _give_up(self) -> _Running | None:
         running, self._running = self._running, None
         self._pending.clear()
         self._rest = b""
-        if running is not None:
-            _end(running)
+        return running
 
     def _read(self, chunk: bytes) -> list[Developed]:
         *lines, self._rest = (self._rest + chunk).split(b"\n")
@@ -99,7 +120,7 @@ class Darkroom:
     def _died(self) -> list[Developed]:
         """Every pending picture is lost with the process; the next order starts another."""
         lost = [Developed(number, 0, 0, "the camera has stopped") for number in self._pending]
-        self.close()
+        self.stop()
         return lost
 
 

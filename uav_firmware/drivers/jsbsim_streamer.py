@@ -48,13 +48,18 @@ class JsbsimStreamer:
         return reason
 
     def close(self) -> None:
-        """Show nothing more."""
+        """Show nothing more, and wait for nothing: a view is closed in flight.
+
+        The process beside has the listening socket too and may take seconds to end. `shutdown`
+        ends the listening for both, so the port can be listened on again at once.
+        """
         darkroom, self._darkroom = self._darkroom, None
         listening, self._listening = self._listening, None
-        if darkroom is not None:
-            darkroom.close()
         if listening is not None:
+            listening.shutdown(socket.SHUT_RDWR)
             listening.close()
+        if darkroom is not None:
+            darkroom.stop()
 
     def _open(self) -> Darkroom:
         if self._darkroom is None:

@@ -2,6 +2,8 @@
 
 import io
 import socket
+import subprocess
+import threading
 import urllib.request
 from itertools import count
 from threading import Thread
@@ -52,3 +54,25 @@ def test_a_view_that_is_closed_gives_its_port_back_and_may_begin_again() -> None
         live.show(exposure(), 4.0)
         live.close()
         socket.create_server(("127.0.0.1", port)).close()
+
+
+def test_closing_a_view_waits_for_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The control loop closes it: the process beside may hang as long as it likes."""
+    live, port = streamer()
+    live.show(exposure(), 4.0)
+    main_thread = threading.get_ident()
+    ended = threading.Event()
+    wait = subprocess.Popen.wait
+
+    def watched_wait(process: "subprocess.Popen[bytes]", timeout: float | None = None) -> int:
+        assert threading.get_ident() != main_thread
+        code = wait(process, timeout)
+        ended.set()
+        return code
+
+    monkeypatch.setattr(subprocess.Popen, "wait", watched_wait)
+    live.close()
+    live.show(exposure(), 4.0)  # Its port is free although the former process still ends
+    live.close()
+    assert ended.wait(30.0)
+    socket.create_server(("127.0.0.1", port)).close()
