@@ -11,6 +11,7 @@ from typing import NoReturn
 
 from uav_firmware.config import ConfigError, VehicleConfig, read_config
 from uav_firmware.drivers.jammed_link import JammedLink
+from uav_firmware.drivers.line_writer import LineWriter
 from uav_firmware.drivers.udp_link import UdpLink
 from uav_firmware.modules.mavlink.peers import Peer, Profile
 from uav_firmware.modules.mavlink.power_commands import PowerAction
@@ -52,6 +53,8 @@ def main() -> int:
         hardware = build_hardware(config, boot_time_utc_us)
     except (ConfigError, OSError) as error:
         return _refuse(error)
+    lines = LineWriter(sys.stdout)
+    write = _line_format(config.system_id, lines)
     try:
         autopilot = Autopilot(
             hardware.vehicle,
@@ -60,7 +63,7 @@ def main() -> int:
             system_id=config.system_id,
             peers=peers,
             boot_time_utc_us=boot_time_utc_us,
-            write_line=_line_writer(config.system_id),
+            write_line=write,
             log_store=hardware.log_store,
             card=hardware.card,
             world_us=_world_us,
@@ -69,12 +72,13 @@ def main() -> int:
         )
         if not any(peer.signing_key for peer in peers) and config.bind != _LOOPBACK:
             warning = f"MAVLink on {config.bind} is unsigned: whoever reaches it can fly this"
-            _line_writer(config.system_id)(0, warning)
-        _run(config, hardware, autopilot, stop)
+            write(0, warning)
+        _run(config, hardware, autopilot, stop, write)
     except SigningStoreError as error:
         return _refuse(error)
     finally:
         hardware.close()
+        lines.close()
     if stop.reboots:
         _begin_anew()
     return 0
@@ -111,9 +115,14 @@ def _peers(config: VehicleConfig) -> tuple[Peer, Peer]:
     )
 
 
-def _run(config: VehicleConfig, hardware: Hardware, autopilot: Autopilot, stop: Stop) -> None:
-    """Step and pace until told to stop."""
-    write = _line_writer(config.system_id)
+def _run(
+    config: VehicleConfig,
+    hardware: Hardware,
+    autopilot: Autopilot,
+    stop: Stop,
+    write: Callable[[int, str], None],
+) -> None:
+    """Step and pace until a signal or a peer ends it."""
     vehicle, step = hardware.vehicle, autopilot.scheduler.step
     gc.freeze()  # what lives as long as the process need not be looked through in mid-flight
     pacer = Pacer(
@@ -132,7 +141,7 @@ def _run(config: VehicleConfig, hardware: Hardware, autopilot: Autopilot, stop: 
         pacer.pace(vehicle.time_us)
         if pacer.steps == late.due:
             late.tell(vehicle.time_us)
-    autopilot.parameter_storage.update()
+    autopilot.parameter_storage.finish()
     autopilot.logger.close()
     write(
         vehicle.time_us,
@@ -151,11 +160,11 @@ def _link_server(link: UdpLink | JammedLink, serve: Callable[[], None]) -> Calla
     return wait
 
 
-def _line_writer(system_id: int) -> Callable[[int, str], None]:
+def _line_format(system_id: int, lines: LineWriter) -> Callable[[int, str], None]:
     """Log lines with the vehicle's id and its time."""
 
     def write(time_us: int, text: str) -> None:
-        print(f"vehicle {system_id} {time_us * 1e-6:9.2f} s  {text}", flush=True)
+        lines.write(f"vehicle {system_id} {time_us * 1e-6:9.2f} s  {text}")
 
     return write
 
