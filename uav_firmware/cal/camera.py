@@ -81,8 +81,8 @@ class CameraDevice(Protocol):
     def collect(self, now_us: int) -> Sequence[Outcome]:
         """Outcomes that have come since the last call."""
 
-    def erase(self) -> None:
-        """Remove all pictures; called when no outcome is due.
+    def erase(self) -> bool:
+        """Remove some pictures; called when no outcome is due, until it gives true: none is left.
 
         Raises:
             OSError: if the storage refuses.

@@ -78,12 +78,12 @@ class Pictures:
         self._parts.camera.answers = device.answers
 
     def erase(self, now_us: int) -> None:
-        """Remove the pictures from the device."""
+        """Remove pictures from the device, some at each call while `Parts.erase_due` holds."""
         self._parts.erase_due = self._full_told = False
         if self._device is None:
             return
         try:
-            self._device.erase()
+            self._parts.erase_due = not self._device.erase()
         except OSError as error:
             self._say(now_us, f"Camera storage cannot be formatted: {reason_of(error)}")
         self._look_at_storage(now_us)

@@ -14,7 +14,7 @@ from sim.simulation import Simulation
 from sim.truth import quaternion_from_euler
 from tests.unit.sim.camera.surveyor import read
 from uav_firmware.cal.camera import Exposure, Outcome, SecondPicture
-from uav_firmware.drivers.jsbsim_camera import MEMORY, STORING_US, JsbsimCamera
+from uav_firmware.drivers.jsbsim_camera import ERASED_AT_ONCE, MEMORY, STORING_US, JsbsimCamera
 from uav_firmware.drivers.storage_card import image_folder, image_tree
 from uav_firmware.modules.payload.lens import lens
 
@@ -110,9 +110,26 @@ def test_a_picture_lies_on_the_card_with_what_the_vehicle_believes(
     assert pixels.shape == (864, 1152, 3)
     assert [entry.name for entry in real.images.entries(())] == [name, "thumbnail"]
     assert real.camera.used_bytes == outcome.picture.size_bytes
-    real.camera.erase()
+    assert real.camera.erase()
     assert real.camera.used_bytes == 0
     assert [entry.name for entry in real.images.entries(())] == ["thumbnail"]
+
+
+def test_a_full_card_is_erased_few_files_at_a_time_and_what_comes_meanwhile_stays(
+    tmp_path: Path,
+) -> None:
+    rig = Rig(tmp_path, Notebook(), in_step=False)
+    folder = tmp_path / "image"
+    folder.mkdir(exist_ok=True)
+    for number in range(3 * ERASED_AT_ONCE):
+        (folder / f"{number:03}.jpg").write_bytes(b"picture")
+    assert not rig.camera.erase()
+    assert len(list(folder.glob("*.jpg"))) == 2 * ERASED_AT_ONCE
+    (folder / "new.jpg").write_bytes(b"picture")
+    next(folder.glob("0*.jpg")).unlink()  # By a peer, over MAVFTP
+    assert not rig.camera.erase()
+    assert rig.camera.erase()
+    assert [path.name for path in folder.glob("*.jpg")] == ["new.jpg"]
 
 
 def test_the_picture_is_taken_from_the_true_place_and_attitude(tmp_path: Path) -> None:

@@ -31,6 +31,7 @@ class Device:
         self.under_way: list[int] = []
         self.outcomes: list[Outcome] = []
         self.erased = 0
+        self.erased_at_once = 100 * MIB
 
     def expose(self, exposure: Exposure) -> None:
         if not self.works:
@@ -51,9 +52,10 @@ class Device:
         found, self.outcomes = self.outcomes, []
         return found
 
-    def erase(self) -> None:
+    def erase(self) -> bool:
         self.erased += 1
-        self.used_bytes = 0
+        self.used_bytes = max(self.used_bytes - self.erased_at_once, 0)
+        return self.used_bytes == 0
 
 
 def test_a_picture_is_told_when_it_is_stored_with_its_file_and_its_size() -> None:
@@ -170,6 +172,17 @@ def test_a_format_waits_for_what_is_being_stored() -> None:
     assert bench.ask(FORMAT, 1, 1) == ACCEPTED
     bench.run(0.1)
     assert device.erased == 1
+    assert bench.seen.used_mib == 0.0
+
+
+def test_a_format_goes_on_until_the_card_is_empty() -> None:
+    device = Device(used_bytes=3 * MIB)
+    device.erased_at_once = MIB
+    bench = Bench(device=device)
+    bench.run(0.1)
+    assert bench.ask(FORMAT, 1, 1) == ACCEPTED
+    bench.run(0.5)
+    assert device.erased == 3
     assert bench.seen.used_mib == 0.0
 
 
