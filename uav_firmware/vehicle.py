@@ -5,7 +5,8 @@ Each driver is imported only when it is named, so that a vehicle without a simul
 
 import ipaddress
 import socket
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from uav_firmware.cal.faults import FaultInjector
@@ -16,6 +17,7 @@ from uav_firmware.cal.storage import Storage
 from uav_firmware.cal.vehicle import Vehicle
 from uav_firmware.config import ConfigError, Endpoint, VehicleConfig
 from uav_firmware.drivers.address_book import AddressBook
+from uav_firmware.drivers.background import BackgroundLogs, BackgroundStorage
 from uav_firmware.drivers.file_room import Room
 from uav_firmware.drivers.file_storage import FileStorage
 from uav_firmware.drivers.jammed_link import JammedLink
@@ -37,9 +39,12 @@ class Hardware:
     storage: Storage
     log_store: LogStore
     card: Card
+    background: Sequence[BackgroundStorage | BackgroundLogs] = ()  # What writes beside the loop
 
     def close(self) -> None:
-        """Release files and sockets."""
+        """Write what waits; release files and sockets."""
+        for each in self.background:
+            each.close()
         self.link.close()
         self.vehicle.close()
 
@@ -57,7 +62,7 @@ def build_hardware(config: VehicleConfig, start_time_utc_us: int) -> Hardware:
     try:
         logs, images = LogFolder(config.folder / "log"), image_tree(config.folder)
         vehicle = build_vehicle(config, start_time_utc_us, images.room)
-        return Hardware(
+        hardware = Hardware(
             vehicle=vehicle,
             link=JammedLink(link, vehicle) if isinstance(vehicle, FaultInjector) else link,
             storage=FileStorage(config.folder),
@@ -67,6 +72,13 @@ def build_hardware(config: VehicleConfig, start_time_utc_us: int) -> Hardware:
     except BaseException:
         link.close()
         raise
+    return hardware if config.speed == 0.0 else _in_real_time(hardware)
+
+
+def _in_real_time(hardware: Hardware) -> Hardware:
+    """The same hardware, whose medium a paced control loop never waits for."""
+    storage, logs = BackgroundStorage(hardware.storage), BackgroundLogs(hardware.log_store)
+    return replace(hardware, storage=storage, log_store=logs, background=(storage, logs))
 
 
 def bind_link(config: VehicleConfig) -> UdpLink:

@@ -3,6 +3,8 @@
 import errno
 import os
 
+from uav_firmware.cal.storage import WRITTEN, Write
+
 
 class MemoryStorage:
     """Implements `uav_firmware.cal.storage.Storage`."""
@@ -15,16 +17,18 @@ class MemoryStorage:
         """Contents, or None."""
         return self.files.get(name)
 
-    def save(self, name: str, contents: bytes) -> None:
+    def save(self, name: str, contents: bytes) -> Write:
         """Replace the contents."""
         self._may_refuse()
         self.files[name] = contents
+        return WRITTEN
 
-    def remove(self, name: str) -> None:
+    def remove(self, name: str) -> Write:
         """Forget the contents; a full medium still can."""
         if self.refusal != errno.ENOSPC:
             self._may_refuse()
         self.files.pop(name, None)
+        return WRITTEN
 
     def _may_refuse(self) -> None:
         if self.refusal is not None:

@@ -1,24 +1,56 @@
-"""Files that survive a restart, written whole or not at all."""
+"""Files that survive a restart, written whole or not at all.
 
-from typing import Protocol
+The control loop saves while the vehicle flies, and a medium may take seconds. So a save only
+begins; its outcome is a `Write` that is looked at later and never waited for in the loop.
+"""
+
+from typing import Final, Protocol
+
+
+class Write(Protocol):
+    """A save or a removal that has begun; a `concurrent.futures.Future` is one."""
+
+    def done(self) -> bool:
+        """Whether it has ended."""
+
+    def result(self) -> None:
+        """Its outcome, once it is done; before that this waits.
+
+        Raises:
+            OSError: if the medium has refused; the former contents stay.
+        """
+
+
+class Written:
+    """A `Write` that has succeeded already."""
+
+    def done(self) -> bool:
+        """Always."""
+        return True
+
+    def result(self) -> None:
+        """Success."""
+
+
+WRITTEN: Final = Written()
 
 
 class Storage(Protocol):
-    """Named blobs."""
+    """Named blobs; writes end in the order in which they began."""
 
     def load(self, name: str) -> bytes | None:
-        """Contents stored under `name`, or None."""
+        """Contents stored under `name`, or None; called before the loop begins."""
 
-    def save(self, name: str, contents: bytes) -> None:
-        """Replace the contents atomically.
+    def save(self, name: str, contents: bytes) -> Write:
+        """Begin to replace the contents atomically.
 
         Raises:
-            OSError: if the medium refuses; the former contents stay.
+            OSError: if the medium refuses at once; the former contents stay.
         """
 
-    def remove(self, name: str) -> None:
-        """Forget the contents; nothing stored is no fault.
+    def remove(self, name: str) -> Write:
+        """Begin to remove the contents; nothing stored is no fault.
 
         Raises:
-            OSError: if the medium refuses; the contents stay.
+            OSError: if the medium refuses at once; the contents stay.
         """

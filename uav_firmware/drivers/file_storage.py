@@ -1,9 +1,11 @@
-"""Named files in one folder, replaced atomically."""
+"""Named files in one folder, replaced atomically, by whoever asks: each write is waited for."""
 
 import os
 import re
 import tempfile
 from pathlib import Path
+
+from uav_firmware.cal.storage import WRITTEN, Write
 
 _UNFINISHED = ".unfinished"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
@@ -35,7 +37,7 @@ class FileStorage:
         except FileNotFoundError:
             return None
 
-    def save(self, name: str, contents: bytes) -> None:
+    def save(self, name: str, contents: bytes) -> Write:
         """Replace the contents: the new file is complete on the medium before it takes the name.
 
         Raises:
@@ -56,9 +58,10 @@ class FileStorage:
             Path(temporary).unlink(missing_ok=True)
             raise
         self._sync_folder()
+        return WRITTEN
 
-    def remove(self, name: str) -> None:
-        """Forget a file; one that is not there is no fault.
+    def remove(self, name: str) -> Write:
+        """Remove a file; one that is not there is no fault.
 
         Raises:
             ValueError: if the name is no plain file name.
@@ -66,6 +69,7 @@ class FileStorage:
         """
         self._path(name).unlink(missing_ok=True)
         self._sync_folder()
+        return WRITTEN
 
     def _sync_folder(self) -> None:
         """Bring the folder's names to the medium, where its file system has a way to."""

@@ -11,7 +11,7 @@ from uav_firmware.modules.mavlink.addressing import Outgoing, Sender
 from uav_firmware.modules.mavlink.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.dialect_extensions import MissionCount
 from uav_firmware.modules.mavlink.mission_items import to_message
-from uav_firmware.modules.mavlink.mission_store import ACCEPTED, PlanStore
+from uav_firmware.modules.mavlink.mission_store import ACCEPTED, PlanStore, Verdict
 from uav_firmware.modules.mavlink.mission_upload import (
     ECHO_US,
     Reply,
@@ -145,15 +145,25 @@ class MissionServer:
             return [acknowledge(sender, _INVALID, mission_type)]
         if any(self._uploads[each].is_foreign(sender) for each in types):
             return [acknowledge(sender, _DENIED, mission_type)]
+        if any(self._stores[each].is_writing for each in types):
+            return []  # Too late; it is sent again
         frame = bytes(message.get_msgbuf() or b"")
         if self._is_late_copy(frame, now_us) and any(self._stores[each].items for each in types):
             return []  # What it removed has been replaced since
         self._cleared = (frame, now_us)
-        verdicts = [self._uploads[each].clear(now_us) for each in types]
-        failed = [verdict for verdict in verdicts if verdict.result != ACCEPTED]
-        verdict = (failed or verdicts)[0]
-        reply = Reply((acknowledge(sender, verdict.result, mission_type),), verdict.reason)
-        return self._told(types[0], reply)
+        verdicts: list[Verdict] = []
+
+        def conclude(verdict: Verdict) -> Reply:
+            """One answer for all kinds, when the last is removed or not."""
+            verdicts.append(verdict)
+            if len(verdicts) < len(types):
+                return Reply()
+            failed = [each for each in verdicts if each.result != ACCEPTED]
+            worst = (failed or verdicts)[0]
+            return Reply((acknowledge(sender, worst.result, mission_type),), worst.reason)
+
+        replies = [self._uploads[each].clear(sender, now_us, conclude) for each in types]
+        return [message for reply in replies for message in self._told(types[0], reply)]
 
     def _is_late_copy(self, frame: bytes, now_us: int) -> bool:
         """Whether a CLEAR_ALL is the same frame, number and all, as one carried out just now."""

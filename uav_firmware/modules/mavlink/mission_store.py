@@ -9,7 +9,7 @@ import errno
 from collections.abc import Callable, Generator, Sequence
 from typing import Final, NamedTuple, TypeAlias
 
-from uav_firmware.cal.storage import Storage
+from uav_firmware.cal.storage import WRITTEN, Storage, Write
 from uav_firmware.lib.stepwise import finished
 from uav_firmware.modules.mavlink import plan_file
 from uav_firmware.modules.mavlink.dialect import mavlink
@@ -32,6 +32,8 @@ FILE_NAMES: Final = {
 
 ACCEPTED: Final[int] = mavlink.MAV_MISSION_ACCEPTED
 _PACKED_PER_UNIT: Final = 8  # Items that are converted or packed in 5 us
+_UNTIL_NEXT_CALL: Final = 1_000_000
+"""Work that ends a call, whatever its budget: the medium is looked at again in the next one."""
 _FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT})
 
 Plan: TypeAlias = tuple[int, int, tuple[MissionItem, ...]]
@@ -76,6 +78,8 @@ class PlanStore:
         self._file = FILE_NAMES[mission_type]
         self.items: tuple[StoredItem, ...] = ()
         self.plan_id = 0
+        self.is_writing = False
+        """Whether the medium has begun to take a plan, which can no longer be given up."""
 
     def load(self) -> str:
         """Publish what a former run has stored; gives a sentence when that cannot be used."""
@@ -111,17 +115,19 @@ class PlanStore:
         contents = plan_file.encode(self._mission_type, items) if items else None
         yield packing
         try:
-            self._keep(contents)
+            write = self._keep(contents)
+            self.is_writing = True
+            while not write.done():
+                yield _UNTIL_NEXT_CALL
+            write.result()
         except OSError as error:
             full = error.errno in _FULL
             result = mavlink.MAV_MISSION_NO_SPACE if full else mavlink.MAV_MISSION_ERROR
             return Verdict(result, reason=f"not saved: {error.strerror or error}")
+        finally:
+            self.is_writing = False
         self._replace(now_us, tuple(items), identifier, plan)
         return Verdict(ACCEPTED, identifier)
-
-    def clear(self, now_us: int) -> Verdict:
-        """Remove the plan."""
-        return finished(self.accept((), now_us))
 
     def _replace(
         self,
@@ -133,13 +139,12 @@ class PlanStore:
         self.items, self.plan_id = items, identifier
         self._publish((now_us, identifier, for_flight))
 
-    def _keep(self, contents: bytes | None) -> None:
+    def _keep(self, contents: bytes | None) -> Write:
         if self._storage is None:
-            return
+            return WRITTEN
         if contents is None:
-            self._storage.remove(self._file)  # works on a full medium too
-        else:
-            self._storage.save(self._file, contents)
+            return self._storage.remove(self._file)  # works on a full medium too
+        return self._storage.save(self._file, contents)
 
     def _read(self) -> tuple[StoredItem, ...]:
         contents = None if self._storage is None else self._storage.load(self._file)

@@ -5,7 +5,7 @@ away, and gives up after a silence. Items gather in a second slot; the stored pl
 is until the last item has come and the whole plan has been accepted.
 
     idle       --COUNT------------------------> receiving   ask for item 0
-    idle       --COUNT of 0-------------------> idle        remove the plan, ACCEPTED; or refuse
+    idle       --COUNT of 0, CLEAR_ALL--------> judging     of a plan without items
     idle       --late copy of an ended COUNT--> idle
     receiving  --COUNT, same uploader---------> receiving   begin again
     receiving  --COUNT or ITEM, somebody else-> receiving   DENIED to that one
@@ -15,18 +15,24 @@ is until the last item has come and the whole plan has been accepted.
     receiving  --ITEM that cannot be stored---> idle        refuse
     receiving  --ACK by the uploader----------> idle
     receiving  --15 s without progress--------> idle        OPERATION_CANCELLED, STATUSTEXT
-    judging    --found good-------------------> idle        swap, ACCEPTED
-    judging    --found bad, or not saved------> idle        refuse
+    judging    --found good-------------------> writing
+    judging    --found bad--------------------> idle        refuse
     judging    --COUNT, same uploader---------> receiving   begin again
     judging    --COUNT or ITEM, somebody else-> judging     DENIED to that one
     judging    --ACK by the uploader----------> idle
+    writing    --the medium has it------------> idle        swap, ACCEPTED
+    writing    --the medium refuses-----------> idle        refuse
+    writing    --COUNT, CLEAR_ALL, ACK--------> writing     too late; they are sent again
     idle       --the ITEM that ended it again-> idle        the same answer again
 
-Judging begins at once, and a plan of some hundred items is judged in the same call.
+Judging begins at once, and a plan of some hundred items is judged in the same call. A removal
+is a plan without items. What has begun to be written cannot be given up: the medium would hold
+another plan than the vehicle.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 from uav_firmware.lib.stepwise import Stepwise
 from uav_firmware.modules.mavlink.addressing import Outgoing, Sender
@@ -66,6 +72,7 @@ class _Transfer:
     retries: int = 0  # How often it was asked for again
     items: list[StoredItem] = field(default_factory=list)
     judging: Stepwise[Verdict] | None = None  # When all items are here
+    conclude: "Conclude | None" = None  # Of a removal: what its verdict leads to
 
     @property
     def retry_us(self) -> int:
@@ -101,6 +108,9 @@ class Reply(NamedTuple):
     refusal: str = ""  # A sentence for the operator
 
 
+Conclude: TypeAlias = Callable[[Verdict], Reply]
+
+
 class UploadReceiver:
     """Receives uploads of one mission type."""
 
@@ -124,7 +134,7 @@ class UploadReceiver:
         opening = bytes(message.get_msgbuf() or b"")
         if self.is_foreign(sender):
             return Reply((self._ack(sender, Verdict(_DENIED)),))
-        if self._is_echo(opening, now_us):
+        if self._is_echo(opening, now_us) or self._store.is_writing:
             return Reply()
         if message.count > MAX_ITEMS:
             self._transfer = None
@@ -132,18 +142,21 @@ class UploadReceiver:
             text = f"{message.count} items, {MAX_ITEMS} fit"
             return Reply((self._ack(sender, verdict),), text)
         if message.count == 0:
-            verdict = self.clear(now_us)
-            return Reply((self._ack(sender, verdict),), verdict.reason)
+            return self.clear(sender, now_us, lambda verdict: self._answer(sender, verdict))
         self._ending = None
         self._transfer = _Transfer(
             sender, message.count, opening, now_us, now_us, first_asked_us=now_us
         )
         return Reply((self._request(self._transfer),))
 
-    def clear(self, now_us: int) -> Verdict:
-        """Remove the plan, and end an upload of it."""
-        self._transfer = self._ending = None
-        return self._store.clear(now_us)
+    def clear(self, sender: Sender, now_us: int, conclude: Conclude) -> Reply:
+        """Remove the plan, and end an upload of it; the reply comes now or from a tick."""
+        removal = Stepwise(self._store.accept((), now_us))
+        self._ending = None
+        self._transfer = _Transfer(
+            sender, 0, b"", now_us, now_us, judging=removal, conclude=conclude
+        )
+        return self._judge(self._transfer, removal, now_us)
 
     def item(self, message: Message, sender: Sender, now_us: int) -> Reply:
         """Take MISSION_ITEM_INT or MISSION_ITEM."""
@@ -166,8 +179,9 @@ class UploadReceiver:
 
     def cancel(self, sender: Sender) -> None:
         """Take a MISSION_ACK by the uploader: it ends its upload."""
-        if self._transfer is not None and not self.is_foreign(sender):
-            self._transfer = None
+        if self.is_foreign(sender) or self._store.is_writing:
+            return
+        self._transfer = None
 
     def tick(self, now_us: int) -> Reply:
         """Judge, ask again, or give up."""
@@ -220,7 +234,10 @@ class UploadReceiver:
     def _judge(self, transfer: _Transfer, judging: Stepwise[Verdict], now_us: int) -> Reply:
         if not judging.advance(JUDGING_BUDGET):
             return Reply()
-        return self._end(transfer, transfer.items[-1], judging.result, now_us)
+        if transfer.conclude is None:
+            return self._end(transfer, transfer.items[-1], judging.result, now_us)
+        self._transfer = None
+        return transfer.conclude(judging.result)
 
     def _end(
         self, transfer: _Transfer, item: StoredItem | ItemFault, verdict: Verdict, now_us: int
@@ -229,6 +246,9 @@ class UploadReceiver:
         seq = len(transfer.items) - (not isinstance(item, ItemFault))
         self._transfer = None
         self._ending = _Ending(now_us, transfer.opening, sender.identity, seq, item, verdict)
+        return self._answer(sender, verdict)
+
+    def _answer(self, sender: Sender, verdict: Verdict) -> Reply:
         return Reply((self._ack(sender, verdict),), verdict.reason)
 
     def _request(self, transfer: _Transfer) -> Outgoing:

@@ -16,7 +16,7 @@ from uav_firmware.modules.mavlink.mission_progress import ReachedAnnouncer
 from uav_firmware.modules.mavlink.peers import Peer, PeerTable
 from uav_firmware.modules.mavlink.power_commands import PowerAction
 from uav_firmware.modules.mavlink.reception import Reception, SigningOptions
-from uav_firmware.modules.mavlink.signing_setup import SetupTrust, SigningSetup
+from uav_firmware.modules.mavlink.signing_setup import SigningSetup
 from uav_firmware.modules.mavlink.status_text import StatusTexts
 from uav_firmware.modules.mavlink.streams import default_intervals_us
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
@@ -98,6 +98,15 @@ class MavlinkModule:
             topics=topics,
         )
         self.refused = self._reception.refused
+        self._signing_setup = SigningSetup(
+            system_id=system_id,
+            trust=options.setup,
+            security=self._reception.security,
+            store=self._reception.store,
+            clock=self._reception.clock,
+            vehicle_status=topics.vehicle_status,
+            texts=self._texts,
+        )
         self._reached = ReachedAnnouncer()
         self._vibration = VibrationMeter()
         self._dispatcher = Dispatcher(
@@ -112,7 +121,7 @@ class MavlinkModule:
             texts=self._texts,
             card=card,
             request_power=request_power,
-            set_up_signing=self._signing_setup(options.setup).handle,
+            set_up_signing=self._signing_setup.handle,
         )
         self._battery_thresholds = BatteryThresholds(0.0, 0.0, 0.0)
         self._parameter_version = -1
@@ -174,21 +183,11 @@ class MavlinkModule:
     def _due(self, now_us: int) -> list[Outgoing]:
         """Protocol messages due now: answers, repetitions, texts."""
         outgoing = self._dispatcher.tick(now_us)
+        outgoing += self._signing_setup.tick()
         outgoing += self._reached.tick(self._topics.mission_progress.value, now_us)
         for text in self._topics.status_text.drain():
             outgoing += self._texts.say(text.severity, text.text)
         return outgoing
-
-    def _signing_setup(self, trust: SetupTrust) -> SigningSetup:
-        return SigningSetup(
-            system_id=self._system_id,
-            trust=trust,
-            security=self._reception.security,
-            store=self._reception.store,
-            clock=self._reception.clock,
-            vehicle_status=self._topics.vehicle_status,
-            texts=self._texts,
-        )
 
     def _context(self, now_us: int) -> Context:
         if self._registry.version != self._parameter_version:

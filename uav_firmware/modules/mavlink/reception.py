@@ -63,7 +63,7 @@ class Reception:
         )
         self.refused = RefusalCounter()
         self._is_medium_bad = False
-        self._keep_time(0)
+        self._keep_time(0, wait=True)
         self.security.refresh()
 
     def admit(self, message: Message, address: Address, now_us: int) -> Channel | None:
@@ -102,12 +102,13 @@ class Reception:
         if sentence is not None:
             self._warn(now_us, sentence)
 
-    def _keep_time(self, now_us: int) -> None:
+    def _keep_time(self, now_us: int, *, wait: bool = False) -> None:
         used = max(self.clock.used, self.clock.now())
-        if not self.security.has_key or not self.store.is_due(used):
-            return
         try:
-            self.store.renew(used)
+            self.store.settle()
+            if self.security.has_key and self.store.is_due(used):
+                self.store.renew(used)
+                self.store.settle(wait=wait)
         except OSError as error:
             if not self._is_medium_bad:
                 self._warn(now_us, f"Signing time not stored: {error.strerror or error}")

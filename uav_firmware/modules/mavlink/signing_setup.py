@@ -4,7 +4,6 @@ The message carries the secret in the clear, so it is never forwarded, answered 
 words, and which links may bring it is told by configuration: none unless asked for.
 """
 
-from collections.abc import Callable
 from enum import Enum
 from typing import Final
 
@@ -50,25 +49,46 @@ class SigningSetup:
         self._clock = clock
         self._vehicle_status = vehicle_status
         self._texts = texts
+        self._storing: tuple[bytes, int] | None = None  # Key and time that the medium takes
 
     def handle(self, message: Message, sender: Sender, _now_us: int) -> list[Outgoing]:
-        """Take the key, or say why not; the sender hears of it by STATUSTEXT alone."""
+        """Take the key, or say why not; the sender learns it by STATUSTEXT alone."""
         if not is_for_us(message, self._system_id):
             return []
         key = bytes(message.secret_key)
         refusal = self._refusal(message, sender)
-        if refusal is None:
-            refusal = _failure_of(lambda: self._store.keep_key(key if any(key) else None))
         if refusal is not None:
-            text = f"SETUP_SIGNING refused: {refusal}"
-            return self._texts.say(mavlink.MAV_SEVERITY_WARNING, text)
+            return self._refuse(refusal)
+        try:
+            self._store.keep_key(key if any(key) else None)
+        except OSError as error:
+            return self._refuse(_unstored(error))
+        self._storing = (key, message.initial_timestamp)
+        return self.tick()
+
+    def tick(self) -> list[Outgoing]:
+        """Use a key once it is stored: one lost by a restart would lock its sender out."""
+        if self._storing is None:
+            return []
+        try:
+            if not self._store.settle():
+                return []
+        except OSError as error:
+            self._storing = None
+            return self._refuse(_unstored(error))
+        (key, timestamp), self._storing = self._storing, None
+        if (self._store.state.key or bytes(len(key))) != key:
+            return self._refuse("it cannot be stored")
         self._security.share(key)
         self._security.refresh()
-        self._clock.hear(message.initial_timestamp)
+        self._clock.hear(timestamp)
         return self._texts.say(
             mavlink.MAV_SEVERITY_NOTICE,
             "Signing key set" if any(key) else "Signing key removed",
         )
+
+    def _refuse(self, reason: str) -> list[Outgoing]:
+        return self._texts.say(mavlink.MAV_SEVERITY_WARNING, f"SETUP_SIGNING refused: {reason}")
 
     def _refusal(self, message: Message, sender: Sender) -> str | None:
         status = self._vehicle_status.value
@@ -88,10 +108,5 @@ class SigningSetup:
         return self._trust is SetupTrust.LOOPBACK and is_loopback(sender.address)
 
 
-def _failure_of(action: Callable[[], None]) -> str | None:
-    """Why a medium refused; None when it did not."""
-    try:
-        action()
-    except OSError as error:
-        return f"it cannot be stored: {error.strerror or error}"
-    return None
+def _unstored(error: OSError) -> str:
+    return f"it cannot be stored: {error.strerror or error}"

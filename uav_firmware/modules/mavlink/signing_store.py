@@ -9,7 +9,7 @@ import json
 from dataclasses import dataclass
 from typing import Final
 
-from uav_firmware.cal.storage import Storage
+from uav_firmware.cal.storage import WRITTEN, Storage, Write
 from uav_firmware.modules.mavlink.signing import KEY_LENGTH, LATEST, TICK_US
 
 FILE_NAME: Final = "signing.json"
@@ -42,7 +42,10 @@ class SigningStore:
     def __init__(self, storage: Storage | None) -> None:
         """Use a storage; without one nothing is kept."""
         self._storage = storage
+        self._write: Write = WRITTEN
+        self._writing = SigningState()
         self.state = SigningState()
+        """What the medium has for certain."""
 
     def load(self) -> SigningState:
         """Read what an earlier run has left.
@@ -53,35 +56,57 @@ class SigningStore:
         """
         contents = None if self._storage is None else self._storage.load(FILE_NAME)
         if contents is not None:
-            self.state = _read(contents)
+            self.state = self._writing = _read(contents)
         return self.state
 
     def is_due(self, used: int) -> bool:
         """Whether the stored time must be moved, `used` [ticks] being in use."""
-        return self.state.sent_before - used < RENEW_WITHIN
+        return self._writing.sent_before - used < RENEW_WITHIN
 
     def renew(self, used: int) -> None:
-        """Move the stored time ahead of the one in use [ticks].
+        """Begin to move the stored time ahead of the one in use [ticks].
 
         Raises:
-            OSError: if the medium refuses.
+            OSError: if the medium refuses at once.
         """
-        self._save(SigningState(used + AHEAD, self.state.key))
+        self._save(SigningState(used + AHEAD, self._writing.key))
 
     def keep_key(self, key: bytes | None) -> None:
-        """Keep a key, or none.
+        """Begin to keep a key, or none.
 
         Raises:
-            OSError: if the medium refuses; the former key stays.
+            OSError: if the medium refuses at once; the former key stays.
         """
-        self._save(SigningState(self.state.sent_before, key))
+        self._save(SigningState(self._writing.sent_before, key))
+
+    def settle(self, *, wait: bool = False) -> bool:
+        """Take the outcome of what is being written; whether nothing is.
+
+        Args:
+            wait: Wait for it: at the start, never in the control loop.
+
+        Raises:
+            OSError: if the medium has refused it; what was stored before stays.
+        """
+        if not (wait or self._write.done()):
+            return False
+        write, self._write = self._write, WRITTEN
+        try:
+            write.result()
+        except OSError:
+            self._writing = self.state
+            raise
+        self.state = self._writing
+        return True
 
     def _save(self, state: SigningState) -> None:
         if self._storage is not None:
             key = None if state.key is None else state.key.hex()
             document = {"sent_before": state.sent_before, "key": key}
-            self._storage.save(FILE_NAME, json.dumps(document).encode())
-        self.state = state
+            self._write = self._storage.save(FILE_NAME, json.dumps(document).encode())
+        self._writing = state
+        if self._write.done():
+            self.settle()
 
 
 def _read(contents: bytes) -> SigningState:

@@ -1,11 +1,11 @@
-"""Loads the changed parameters at start, saves them after each change."""
+"""Loads the changed parameters at start, saves them after each change, without waiting."""
 
 import json
 from collections.abc import Callable
 from typing import Final
 
 from uav_firmware.bus import Queue
-from uav_firmware.cal.storage import Storage
+from uav_firmware.cal.storage import Storage, Write
 from uav_firmware.msg.status import StatusText
 from uav_firmware.parameters import Registry
 
@@ -30,14 +30,19 @@ class ParameterStorageModule:
         self._status_text = status_text
         self._time_us = time_us
         self._failed = False
+        self._write: Write | None = None
+        self._writing_version = 0
         for fault in self._load():
             self._warn(fault)
         self._saved_version = registry.version
 
     def update(self) -> None:
-        """Save if something has changed; a medium that refuses is tried again next time."""
-        if self._registry.version == self._saved_version:
-            return
+        """Begin to save what has changed; a medium that refuses is tried again next time."""
+        if self._write is None or self._write.done():
+            self.finish()
+
+    def finish(self) -> None:
+        """As `update`, but behind a save that has not ended: the vehicle is being switched off."""
         try:
             self.save()
         except OSError as error:
@@ -46,15 +51,29 @@ class ParameterStorageModule:
             self._failed = True
 
     def save(self) -> None:
-        """Save now.
+        """Begin to save now, behind what is being saved.
 
         Raises:
-            OSError: if the medium refuses; what was stored before stays.
+            OSError: if the medium refuses this, or has refused the last; what was stored before
+                stays.
         """
+        self._look()
         version = self._registry.version
+        if version == (self._saved_version if self._write is None else self._writing_version):
+            return
         contents = json.dumps(self._registry.changed(), indent=2, sort_keys=True) + "\n"
-        self._storage.save(FILE_NAME, contents.encode())
-        self._saved_version = version
+        self._write = self._storage.save(FILE_NAME, contents.encode())
+        self._writing_version = version
+        self._look()
+
+    def _look(self) -> None:
+        """Take the outcome of the last write, if there is one by now."""
+        write = self._write
+        if write is None or not write.done():
+            return
+        self._write = None
+        write.result()
+        self._saved_version = self._writing_version
         self._failed = False
 
     def _load(self) -> list[str]:

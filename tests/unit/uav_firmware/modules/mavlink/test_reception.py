@@ -8,6 +8,7 @@ import pytest
 from tests.support.memory_storage import MemoryStorage
 from tests.unit.uav_firmware.modules.mavlink.harness import SYSTEM, Bench, command_long, status
 from uav_firmware.cal.link import Address
+from uav_firmware.cal.storage import Write
 from uav_firmware.modules.mavlink.dialect import is_signed, mavlink
 from uav_firmware.modules.mavlink.peers import Peer, Profile
 from uav_firmware.modules.mavlink.reception import SigningOptions
@@ -38,9 +39,9 @@ class CountingStorage(MemoryStorage):
         super().__init__()
         self.saves = 0
 
-    def save(self, name: str, contents: bytes) -> None:
-        super().save(name, contents)
+    def save(self, name: str, contents: bytes) -> Write:
         self.saves += 1
+        return super().save(name, contents)
 
 
 def signer(key: bytes = KEY, *, behind_us: int = 0) -> Signer:

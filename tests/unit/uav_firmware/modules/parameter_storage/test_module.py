@@ -2,6 +2,7 @@ import json
 from dataclasses import dataclass
 
 from uav_firmware.bus import Queue
+from uav_firmware.cal.storage import WRITTEN, Write
 from uav_firmware.modules.parameter_storage.module import FILE_NAME, ParameterStorageModule
 from uav_firmware.msg.status import StatusText
 from uav_firmware.parameters import Registry, param
@@ -25,16 +26,18 @@ class Memory:
         assert name == FILE_NAME
         return self.contents
 
-    def save(self, name: str, contents: bytes) -> None:
+    def save(self, name: str, contents: bytes) -> Write:
         assert name == FILE_NAME
         if self.refuses:
             raise OSError(28, "No space left on device")
         self.saves += 1
         self.contents = contents
+        return WRITTEN
 
-    def remove(self, name: str) -> None:
+    def remove(self, name: str) -> Write:
         assert name == FILE_NAME
         self.contents = None
+        return WRITTEN
 
 
 class Vehicle:
