@@ -32,7 +32,7 @@ def main(arguments: list[str]) -> int:
     logs.configure(config.log_level, config.log_format)
     logs.redact_with(redaction.redact)
     if options.command is None:
-        return Supervisor(arguments).run()
+        return Supervisor(arguments, config).run()
     if parent := os.environ.get(PARENT_VARIABLE):
         from edge_server import children  # noqa: PLC0415  # only a part needs it
 

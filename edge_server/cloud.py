@@ -7,6 +7,9 @@ one JSON object per line, `{"kind": "pose", "record": {...}}`, and answers with
 `{"results": [{"message_id": ..., "status": 200}, ...]}`, one result per line in its order.
 """
 
+import http.client
+import io
+import logging
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -16,6 +19,7 @@ from pathlib import Path
 from typing import Final
 
 import requests
+import urllib3
 from requests.utils import get_environ_proxies
 
 from edge_server.config import Config
@@ -29,6 +33,23 @@ MAXIMUM_ANSWER_BYTES: Final = 65_536
 NO_BATCHES_S: Final = 600.0
 """How long an offer of batches is not believed after a batch was refused as a whole."""
 _BATCH_REFUSED: Final = frozenset({400, 404, 405, 410, 411, 413, 415, 422, 501})
+_BODILESS: Final = frozenset({204, 205, 304})
+_FAILURES: Final = (
+    requests.exceptions.RequestException,
+    urllib3.exceptions.HTTPError,
+    http.client.HTTPException,
+    OSError,
+    ValueError,
+)
+"""Whatever a network, or a server that speaks no proper HTTP, makes requests raise.
+
+`response.raw` raises urllib3's errors, not those of requests, and http.client's where a header
+cannot be read. A ValueError is a header or an address that cannot be decoded.
+"""
+
+
+# It warns with a traceback of each header that it cannot read; the reason is in our own lines
+logging.getLogger("urllib3").setLevel(logging.ERROR)
 
 
 class HttpUplink:
@@ -90,21 +111,15 @@ class HttpUplink:
         try:
             with self._session().post(
                 f"{self._config.cloud_url}/{place}",
-                data=body,
+                data=io.BytesIO(body),  # In pieces, each of which has the timeout for itself
                 headers={**self._headers(media_type), **headers},
                 timeout=(self._config.connect_timeout_s, self._config.read_timeout_s),
                 allow_redirects=False,
                 stream=True,
             ) as response:
                 return self._read(response)
-        except requests.exceptions.SSLError:
-            return Unreachable("the cloud's certificate is not accepted")
-        except requests.exceptions.ConnectTimeout:
-            return Unreachable("no connection in time")
-        except requests.exceptions.ReadTimeout:
-            return Unreachable("no answer in time")
-        except (requests.exceptions.RequestException, OSError) as error:
-            return Unreachable(f"no connection ({type(error).__name__})")
+        except _FAILURES as error:
+            return Unreachable(_reason(error))
 
     def _session(self) -> requests.Session:
         """The connection of this thread."""
@@ -138,14 +153,13 @@ class HttpUplink:
         return headers
 
     def _read(self, response: requests.Response) -> Reply:
-        deadline = self._monotonic() + self._config.read_timeout_s
         body = b""
         for chunk in response.raw.stream(16_384, decode_content=False):
             body += chunk
             if len(body) > MAXIMUM_ANSWER_BYTES:
                 return Unreachable(f"{response.status_code} with an answer that is too long")
-            if self._monotonic() > deadline:
-                return Unreachable("the answer took too long")
+        if not body and not _has_proved_end(response):
+            return Unreachable(f"{response.status_code} with an answer that may be cut off")
         answer = Answer(
             response.status_code,
             response.headers.get("Content-Type", ""),
@@ -155,6 +169,46 @@ class HttpUplink:
         if judge(answer).meaning is Meaning.CONFIRMED:
             self._offer = offer_of(response.headers.get("Accept-Batch"))
         return answer
+
+
+def _reason(error: Exception) -> str:
+    """Say what has failed, in words that are the same for every record that meets it."""
+    causes = _causes(error)
+    if any(isinstance(one, requests.exceptions.SSLError) for one in causes):
+        return "the cloud's certificate is not accepted"
+    if any(isinstance(one, requests.exceptions.ConnectTimeout) for one in causes):
+        return "no connection in time"
+    if any(isinstance(one, requests.exceptions.Timeout | TimeoutError) for one in causes):
+        return "no answer in time"
+    if any(isinstance(one, urllib3.exceptions.ReadTimeoutError) for one in causes):
+        return "no answer in time"
+    if any(isinstance(one, _CUT) for one in causes):
+        return f"the answer is cut off or broken ({type(error).__name__})"
+    return f"no connection ({type(error).__name__})"
+
+
+_CUT: Final = (
+    http.client.HTTPException,
+    urllib3.exceptions.ProtocolError,
+    urllib3.exceptions.DecodeError,
+    requests.exceptions.ChunkedEncodingError,
+    requests.exceptions.ContentDecodingError,
+)
+
+
+def _causes(error: BaseException | None) -> list[BaseException]:
+    """Give an error and what it was raised from."""
+    found: list[BaseException] = []
+    while error is not None and error not in found:
+        found.append(error)
+        error = error.__cause__ or error.__context__
+    return found
+
+
+def _has_proved_end(response: requests.Response) -> bool:
+    """Whether an empty body is known to be all: else a cut behind the headers looks the same."""
+    framed = {"Content-Length", "Transfer-Encoding"} & {name.title() for name in response.headers}
+    return bool(framed) or response.status_code in _BODILESS
 
 
 def offer_of(header: str | None) -> Offer:
@@ -175,7 +229,7 @@ def retry_after_s(header: str | None, now: datetime) -> float | None:
         return float(text[:9])
     try:
         moment = parsedate_to_datetime(text)
-    except ValueError:
+    except (ValueError, OverflowError):
         return None
     if moment.tzinfo is None:
         return None

@@ -101,6 +101,11 @@ class Config:
         return self.edge_dir / "relay.tally"
 
     @property
+    def supervisor_tally_path(self) -> Path:
+        """What the supervisor of both has counted."""
+        return self.edge_dir / "supervisor.tally"
+
+    @property
     def relay_lock_path(self) -> Path:
         """Held by the one relay of this state folder."""
         return self.edge_dir / "relay.lock"

@@ -6,8 +6,6 @@ index; it is made again only after a hundred times the time it took, so that wat
 most one percent, and a small backlog is always told as it is.
 """
 
-import fcntl
-import os
 import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -27,10 +25,10 @@ from prometheus_client.metrics_core import Metric
 from prometheus_client.registry import Collector
 from sqlalchemy import text
 
-from edge_server import tally
+from edge_server import relay_health, tally
 from edge_server.config import Config
 from edge_server.outbox import figures
-from edge_server.outbox.counting import DELIVERY_BUCKETS_S, UPLINK, Uplink
+from edge_server.outbox.counting import DELIVERY_BUCKETS_S
 from edge_server.outbox.figures import Waiting
 from edge_server.outbox.queue import PRIORITY
 from edge_server.store.database import Database
@@ -44,6 +42,7 @@ _COUNTED: Final = {
     "fm_retries": ("Tries that were no confirmation and no rejection", ["reason"]),
     "fm_rejected": ("Records that the cloud has rejected: dead letters made", ["kind", "status"]),
     "fm_dropped": ("Records given up to keep within the disk budget", ["kind", "reason"]),
+    "fm_part_deaths": ("Times that a process of the edge server ended by itself", ["part"]),
     "fm_ingest_rejected": ("Reports that were not taken, by the status of the answer", ["code"]),
 }
 """Name of a count, as in the tallies, what it says, and its labels."""
@@ -110,7 +109,11 @@ class _EdgeCollector(Collector):
         """Give all figures as they are now."""
         counts = _sum(
             tally.read(path)
-            for path in (self._config.server_tally_path, self._config.relay_tally_path)
+            for path in (
+                self._config.server_tally_path,
+                self._config.relay_tally_path,
+                self._config.supervisor_tally_path,
+            )
         )
         yield from self._outbox()
         yield from _counters(counts)
@@ -118,7 +121,7 @@ class _EdgeCollector(Collector):
         yield _gauge(
             "fm_uplink_state",
             "0 no relay runs, 1 open, 2 blocked: the cloud is away, 3 paused: it refuses our key",
-            self._uplink(counts),
+            relay_health.look(self._config).uplink,
         )
         yield from self._storage()
 
@@ -142,26 +145,6 @@ class _EdgeCollector(Collector):
         for (kind, status), number in self._waiting.dead.items():
             dead.add_metric([kind, status], number)
         yield dead
-
-    def _uplink(self, counts: _Counts) -> float:
-        if not self._relay_runs():
-            return Uplink.STOPPED
-        return counts.get(UPLINK, {}).get((), Uplink.OPEN)
-
-    def _relay_runs(self) -> bool:
-        """Whether somebody holds the relay's lock."""
-        try:
-            descriptor = os.open(self._config.relay_lock_path, os.O_RDONLY | os.O_CLOEXEC)
-        except FileNotFoundError:
-            return False
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return True
-        else:
-            return False
-        finally:
-            os.close(descriptor)
 
     def _storage(self) -> Iterator[Metric]:
         size = self._database_bytes()

@@ -21,6 +21,8 @@ LOG = logging.getLogger(__name__)
 Labels: TypeAlias = tuple[str, ...]
 """Values of the labels of a figure, in the order in which the page names them."""
 
+PART_DEATHS: Final = "fm_part_deaths"
+"""Name of the supervisor's count: by part, how often its process has ended by itself."""
 _SLOT_BYTES: Final = 128
 _NAME_BYTES: Final = 120
 _SLOTS: Final = 512

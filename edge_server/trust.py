@@ -8,9 +8,14 @@ from typing import Any
 
 from requests.adapters import HTTPAdapter
 
+from edge_server.bounded_http import POOLS
+
 
 class PinnedAdapter(HTTPAdapter):
-    """One kept-alive connection, never tried twice; its TLS checks the pin when there is one."""
+    """One kept-alive connection, never tried twice; its TLS checks the pin when there is one.
+
+    An answer has the request's read timeout for the whole of it.
+    """
 
     def __init__(self, fingerprint: str | None) -> None:
         self._pin = {"assert_fingerprint": fingerprint} if fingerprint else {}
@@ -25,7 +30,10 @@ class PinnedAdapter(HTTPAdapter):
     ) -> None:
         """Make direct connections."""
         super().init_poolmanager(connections, maxsize, block, **options, **self._pin)
+        self.poolmanager.pool_classes_by_scheme = POOLS
 
     def proxy_manager_for(self, proxy: str, **options: Any) -> Any:
         """Make connections through a proxy."""
-        return super().proxy_manager_for(proxy, **options, **self._pin)
+        manager = super().proxy_manager_for(proxy, **options, **self._pin)
+        manager.pool_classes_by_scheme = POOLS
+        return manager

@@ -7,6 +7,7 @@ from flask.typing import ResponseReturnValue
 from sqlalchemy import text
 from sqlalchemy.exc import SQLAlchemyError
 
+from edge_server import relay_health
 from edge_server.api import bodies, urls
 from edge_server.api.auth import PUBLIC, allow
 from edge_server.api.contract import Contract, describe
@@ -30,12 +31,17 @@ def healthz() -> dict[str, Any]:
 @allow(PUBLIC)
 @describe(Contract({200: "Health", 503: "Health"}))
 def readyz() -> ResponseReturnValue:
-    """Say whether requests can be served now; not while the server ends."""
+    """Say whether requests can be served now, not while the server ends; and how the relay is.
+
+    Without a relay nothing reaches the cloud, but reports, plans and aborts are served: 200.
+    """
+    relay = relay_health.look(bodies.context().config)
+    uplink = {"uplink": relay.uplink.name.lower(), "relay_deaths": relay.deaths}
     if bodies.context().bell.closed:
-        return {"status": "stopping", "database": "ok"}, 503
+        return {"status": "stopping", "database": "ok", **uplink}, 503
     if _database_answers():
-        return {"status": "ready", "database": "ok"}, 200
-    return {"status": "not ready", "database": "unavailable"}, 503
+        return {"status": "ready", "database": "ok", **uplink}, 200
+    return {"status": "not ready", "database": "unavailable", **uplink}, 503
 
 
 def _database_answers() -> bool:

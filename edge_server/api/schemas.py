@@ -275,7 +275,12 @@ def _work() -> dict[str, Any]:
         },
         "Health": {
             "type": "object",
-            "properties": {"status": _TEXT, "database": _TEXT},
+            "properties": {
+                "status": _TEXT,
+                "database": _TEXT,
+                "uplink": {"type": "string", "enum": ["stopped", "open", "blocked", "paused"]},
+                "relay_deaths": {"type": "integer", "minimum": 0},
+            },
             "required": ["status", "database"],
         },
         "OpenApi": {"type": "object"},

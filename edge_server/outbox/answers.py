@@ -21,7 +21,13 @@ class Unreachable(NamedTuple):
     reason: str
 
 
-Reply: TypeAlias = Answer | Unreachable
+class Failed(NamedTuple):
+    """No answer, since an error of our own has prevented the try."""
+
+    reason: str
+
+
+Reply: TypeAlias = Answer | Unreachable | Failed
 
 
 class Meaning(StrEnum):
@@ -60,6 +66,8 @@ def judge(reply: Reply) -> Verdict:
     """Classify a reply."""
     if isinstance(reply, Unreachable):
         return Verdict(Meaning.NO_CLOUD, reply.reason)
+    if isinstance(reply, Failed):
+        return Verdict(Meaning.TRY_LATER, reply.reason)
     meaning, reason = _meaning(reply)
     return Verdict(meaning, reason, reply.status, reply.retry_after_s)
 

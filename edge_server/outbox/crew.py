@@ -1,6 +1,6 @@
 """The relay's threads that talk to the cloud: shipments in, verdicts out, a byte for each answer.
 
-WorkerDiedError  a thread has failed; the relay should start again
+WorkerDiedError  the uplink has ended; the relay should start again
 """
 
 import logging
@@ -10,15 +10,15 @@ import threading
 from typing import NamedTuple
 
 from edge_server.outbox import wakeup
-from edge_server.outbox.answers import Verdict, judge
+from edge_server.outbox.answers import Failed, Verdict, judge
 from edge_server.outbox.schedule import Shipment
-from edge_server.outbox.uplink import Uplink
+from edge_server.outbox.uplink import Uplink, UplinkEndedError
 
 LOG = logging.getLogger(__name__)
 
 
 class WorkerDiedError(Exception):
-    """A thread that talks to the cloud has failed; its error is in the log."""
+    """The uplink has ended; its error is in the log."""
 
 
 class Answered(NamedTuple):
@@ -62,7 +62,7 @@ class Crew:
         """Take what has been answered; raises WorkerDiedError."""
         wakeup.drain(self._bell_read)
         if self._one_left.is_set():
-            raise WorkerDiedError("a thread of the relay ended; see the error above")
+            raise WorkerDiedError("the uplink has ended; see the error above")
         found = []
         while not self._answers.empty():
             found.append(self._answers.get())
@@ -76,12 +76,27 @@ class Crew:
 
     def _work(self) -> None:
         """One thread: take a shipment, send it, hand the verdicts back."""
-        try:
-            while (shipment := self._orders.get()) is not None:
-                replies = self._uplink.send(shipment.parcels)
-                self._answers.put(Answered(shipment, [judge(reply) for reply in replies]))
-                self.ring()
-        except Exception:  # Whatever it was, the relay has to end: `answers` raises for it
-            LOG.exception("a thread that talks to the cloud has failed")
-            self._one_left.set()
+        while (shipment := self._orders.get()) is not None:
+            try:
+                verdicts = self._verdicts(shipment)
+            except UplinkEndedError:
+                LOG.exception("the uplink has ended")
+                self._one_left.set()
+            else:
+                self._answers.put(Answered(shipment, verdicts))
             self.ring()
+
+    def _verdicts(self, shipment: Shipment) -> list[Verdict]:
+        """Send a shipment; an error that nobody has foreseen puts off its streams and no others.
+
+        It is logged with its traceback each time. The thread goes on, since whatever one record
+        does must not keep the others, alarms among them, from the cloud.
+        """
+        try:
+            return [judge(reply) for reply in self._uplink.send(shipment.parcels)]
+        except UplinkEndedError:
+            raise
+        except Exception as error:
+            LOG.exception("%d records could not be sent", len(shipment.parcels))
+            reason = f"an error in the edge server ({type(error).__name__})"
+            return [judge(Failed(reason))] * len(shipment.parcels)

@@ -2,6 +2,8 @@
 
 `HttpUplink` (`edge_server/cloud.py`) is one; the replies of every other are said in the same words,
 a status of HTTP or the reason why there was no answer.
+
+UplinkEndedError  this uplink sends nothing any more; the relay should start again
 """
 
 from collections.abc import Sequence
@@ -26,6 +28,10 @@ HELD_BACK: Final = Answer(424)
 """Reply to a parcel that was not sent, since one before it in its stream has to go first."""
 
 
+class UplinkEndedError(Exception):
+    """This uplink sends nothing any more; a new one may."""
+
+
 class Uplink(Protocol):
     """How records get to the cloud; all methods may be called by several threads at once."""
 
@@ -38,6 +44,9 @@ class Uplink(Protocol):
         Never raises for what the network does. The relay has at most one `send` under way per
         stream. After a parcel that has to be tried again, later ones of its stream in the same
         call are not sent but answered with `HELD_BACK`.
+
+        Raises:
+            UplinkEndedError: if it can send nothing any more.
         """
 
     def close(self) -> None:

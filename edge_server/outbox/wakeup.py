@@ -4,12 +4,14 @@ A byte means "look"; a byte lost costs only the time until the relay looks by it
 """
 
 import errno
+import logging
 import os
 import stat
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+LOG = logging.getLogger(__name__)
 CHANGED: Final = b"!"
 """Rows that were there before have been changed or deleted."""
 _ADDED: Final = b"+"
@@ -40,17 +42,19 @@ def drain(descriptor: int) -> bytes:
 
 
 def wake(path: Path, *, changed: bool = False) -> None:
-    """Tell the relay that something is due, or has changed; harmless when there is no relay."""
+    """Notify the relay that something is due, or has changed; harmless when there is no relay.
+
+    It never raises: what it is about is committed, and whoever asked for it must get its answer.
+    """
     try:
         descriptor = os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        try:
+            write(descriptor, changed=changed)
+        finally:
+            os.close(descriptor)
     except OSError as error:
-        if error.errno in _NOBODY_LISTENS:
-            return
-        raise
-    try:
-        write(descriptor, changed=changed)
-    finally:
-        os.close(descriptor)
+        if error.errno not in _NOBODY_LISTENS:
+            LOG.warning("the relay cannot be notified, it looks by itself later: %s", error)
 
 
 def write(descriptor: int, *, changed: bool) -> None:

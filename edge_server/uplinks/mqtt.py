@@ -109,5 +109,6 @@ def broker_settings(config: Config) -> BrokerSettings:
         fingerprint=config.cloud_fingerprint,
         certificate_file=config.cloud_client_certificate_file,
         connect_timeout_s=config.connect_timeout_s,
+        packet_timeout_s=config.read_timeout_s,
         keep_alive_s=config.mqtt_keep_alive_s,
     )

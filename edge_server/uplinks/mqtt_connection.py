@@ -5,10 +5,13 @@ was under way is in the outbox, and nothing else may send it again.
 """
 
 import json
+import logging
 import re
 import select
 import socket
 import ssl
+import struct
+import time
 from hashlib import sha256
 from hmac import compare_digest
 from pathlib import Path
@@ -22,6 +25,7 @@ from paho.mqtt.client import (
     MQTTv5,
 )
 from paho.mqtt.enums import CallbackAPIVersion
+from paho.mqtt.exception import MQTTException
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
@@ -44,8 +48,20 @@ from edge_server.uplinks.mqtt_messages import (
 )
 from edge_server.uplinks.mqtt_topics import MqttAddress
 
+LOG = logging.getLogger(__name__)
 _HEADROOM_BYTES: Final = 1024  # Topic and properties beside an answer's payload
 _QOS: Final = 1
+_UNDECODABLE: Final = (
+    MQTTException,
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    LookupError,
+    TypeError,
+    ValueError,
+    struct.error,
+)
+"""What paho's decoder raises for bytes that are no MQTT 5; it checks few lengths itself."""
 
 
 class BrokerSettings(NamedTuple):
@@ -59,6 +75,7 @@ class BrokerSettings(NamedTuple):
     fingerprint: str | None
     certificate_file: Path | None
     connect_timeout_s: float
+    packet_timeout_s: float  # From the first byte of a packet to its last one
     keep_alive_s: int
 
 
@@ -68,6 +85,7 @@ class Connection:
     def __init__(self, settings: BrokerSettings) -> None:
         self._settings = settings
         self.events: list[Event] = []
+        self._incomplete_since: float | None = None
         self._client = Client(
             CallbackAPIVersion.VERSION2,
             client_id=settings.client_id,
@@ -150,12 +168,34 @@ class Connection:
             timeout_s = 0.0  # Bytes that select does not see any more
         writers = [sock] if self._client.want_write() else []
         readable, writable, _ = select.select([wake, sock], writers, [], timeout_s)
-        if sock in readable or (isinstance(sock, ssl.SSLSocket) and sock.pending()):
-            self._client.loop_read()
-            _acknowledge_at_once(sock)
-        if writable:
-            self._client.loop_write()
-        self._client.loop_misc()
+        try:
+            if sock in readable or (isinstance(sock, ssl.SSLSocket) and sock.pending()):
+                self._client.loop_read()
+                _acknowledge_at_once(sock)
+            if writable:
+                self._client.loop_write()
+            self._client.loop_misc()
+        except _UNDECODABLE as error:
+            LOG.debug("what the broker sends cannot be decoded", exc_info=error)
+            self.events.append(Lost(f"the broker sends no MQTT 5 ({type(error).__name__})"))
+        self._check_packet(time.monotonic())
+
+    def _check_packet(self, now: float) -> None:
+        """Give up a connection whose packet is too large, or takes too long to its last byte.
+
+        The greeting names our maximum packet size, but a broker may not keep to it, and paho keeps
+        whatever part of a packet it has.
+        """
+        packet = self._client._in_packet  # noqa: SLF001  # paho offers no other way to see a part
+        if not packet["command"]:
+            self._incomplete_since = None
+            return
+        if self._incomplete_since is None:
+            self._incomplete_since = now
+        if packet["remaining_length"] > MAXIMUM_ANSWER_BYTES + _HEADROOM_BYTES:
+            self.events.append(Lost("a packet of the broker is too large"))
+        elif now - self._incomplete_since > self._settings.packet_timeout_s:
+            self.events.append(Lost("a packet of the broker took too long"))
 
     def leave(self) -> None:
         """Go in order: the broker publishes the Will, as we are offline from now on."""

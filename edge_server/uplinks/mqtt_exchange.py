@@ -155,9 +155,13 @@ class Exchange:
             self._waiting.clear()
             self._settle_all(list(self._pending), reply, now)
 
-    def largest_sent(self) -> str | None:
-        """Key of the largest packet that is under way."""
-        sent = [p.packet for p in self._pending.values() if p.packet_id is not None]
+    def largest_sent(self, least_bytes: int = 0) -> str | None:
+        """Key of the largest packet that is under way, if it has so many bytes."""
+        sent = [
+            pending.packet
+            for pending in self._pending.values()
+            if pending.packet_id is not None and pending.packet.size_bytes() >= least_bytes
+        ]
         return max(sent, key=RecordPacket.size_bytes).key if sent else None
 
     def settled(self) -> list[Settled]:

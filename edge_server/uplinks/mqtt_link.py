@@ -17,6 +17,7 @@ from typing import Final, NamedTuple
 
 from edge_server.outbox import wakeup
 from edge_server.outbox.answers import Reply, Unreachable
+from edge_server.outbox.uplink import UplinkEndedError
 from edge_server.uplinks.mqtt_connection import BrokerSettings, Connection
 from edge_server.uplinks.mqtt_login import LoginError
 from edge_server.uplinks.mqtt_messages import (
@@ -41,7 +42,7 @@ LONGEST_STEP_S: Final = 1.0  # Keep-alive is looked after this often
 STOP_WAIT_S: Final = 2.0
 
 
-class LinkEndedError(Exception):
+class LinkEndedError(UplinkEndedError):
     """The thread that keeps the connection has ended."""
 
 

@@ -33,6 +33,8 @@ from edge_server.uplinks.mqtt_states import LinkHappening, LinkState, follow_lin
 
 STRIKES: Final = 3
 """So many protocol errors in a row over the same packet, and it is the packet's fault."""
+LEAST_SUSPECT_BYTES: Final = 4096
+"""A smaller packet is too large for no broker: it is put off, however often a connection breaks."""
 _SILENT: Final = "the broker did not answer in time"
 
 
@@ -146,7 +148,9 @@ class Session:
             return True
         if code not in mqtt_reasons.SUSPICIOUS:
             return False
-        suspect = self._exchange.largest_sent()
+        suspect = self._exchange.largest_sent(LEAST_SUSPECT_BYTES)
+        if suspect is None:
+            return False
         self._strikes = self._strikes + 1 if suspect == self._suspect else 1
         self._suspect = suspect
         return self._strikes >= STRIKES

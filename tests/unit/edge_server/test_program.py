@@ -12,11 +12,13 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import requests
 
 from edge_server.store import integrity
+from edge_server.supervisor import DEATHS
 from tests.support.fake_cloud import running_cloud
 from tests.support.process_tree import descendants, gone
 from tests.support.system import PATIENCE_S, wait_for
@@ -236,12 +238,32 @@ def test_a_relay_started_first_waits_for_the_database(program: Program) -> None:
         program.end()
 
 
-def test_a_hopeless_part_ends_everything_with_a_reason(program: Program) -> None:
-    (program.state_dir / "edge" / "relay.wake").mkdir(parents=True)
-    program.begin()
-    code, errors = program.wait()
-    assert code == 1
-    assert "relay died 5 times" in errors
+def test_a_relay_that_dies_again_and_again_never_ends_the_server(program: Program) -> None:
+    """So many deaths of the server would end the program."""
+    blocked = program.state_dir / "edge" / "relay.wake"
+    blocked.mkdir(parents=True)
+    program.start()
+    wait_for(lambda: _readiness_of(program)["relay_deaths"] >= DEATHS, "the relay's deaths")
+    ready = _readiness_of(program)
+    assert (ready["status"], ready["uplink"]) == ("ready", "stopped")
+    post(program, "pose", 0)
+    headers = {"X-API-Key": program.key("admin")}
+    page = requests.get(f"{program.url}/metrics", headers=headers, timeout=30.0).text
+    assert 'fm_part_deaths_total{part="relay"}' in page
+    assert "fm_uplink_state 0.0" in page
+    blocked.rmdir()
+    wait_for(lambda: _readiness_of(program)["uplink"] == "blocked", "the relay at work again")
+    code, errors = program.end()
+    assert code == 0, errors
+    assert "started again in" in errors
+
+
+def _readiness_of(program: Program) -> dict[str, Any]:
+    """What /readyz says; the program must be up."""
+    answer = requests.get(f"{program.url}/readyz", timeout=30.0)
+    assert answer.status_code == 200
+    found: dict[str, Any] = answer.json()
+    return found
 
 
 def test_a_database_of_a_newer_version_is_told_in_one_sentence(program: Program) -> None:

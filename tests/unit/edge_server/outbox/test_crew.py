@@ -5,17 +5,17 @@ from collections.abc import Iterator, Sequence
 
 import pytest
 
-from edge_server.outbox.answers import Answer, Meaning, Reply
+from edge_server.outbox.answers import Answer, Meaning, Reply, Verdict
 from edge_server.outbox.crew import Answered, Crew, WorkerDiedError
 from edge_server.outbox.queue import Parcel, Stream
 from edge_server.outbox.schedule import Shipment
-from edge_server.outbox.uplink import ONE_BY_ONE, Offer
+from edge_server.outbox.uplink import ONE_BY_ONE, Offer, UplinkEndedError
 
 PATIENCE_S = 60.0
 
 
 class Uplink:
-    """Confirms records of vehicle 1, rejects others, breaks on those of vehicle 0."""
+    """Confirms records of vehicle 1, rejects others, fails on those of vehicle 0, ends at 9."""
 
     def offer(self) -> Offer:
         return ONE_BY_ONE
@@ -23,6 +23,8 @@ class Uplink:
     def send(self, parcels: Sequence[Parcel]) -> list[Reply]:
         if any(parcel.stream.vehicle_id == 0 for parcel in parcels):
             raise RuntimeError("broken")
+        if any(parcel.stream.vehicle_id == 9 for parcel in parcels):
+            raise UplinkEndedError("gone")
         return [Answer(200 if parcel.stream.vehicle_id == 1 else 422) for parcel in parcels]
 
     def close(self) -> None:
@@ -68,8 +70,23 @@ def test_every_shipment_comes_back(crew: Crew) -> None:
     assert len(collect(crew, 50)) == 50
 
 
-def test_a_thread_that_breaks_is_told(crew: Crew, caplog: pytest.LogCaptureFixture) -> None:
-    crew.send(shipment(0))
+def test_an_unforeseen_error_puts_off_its_own_stream_and_the_others_go_on(
+    crew: Crew, caplog: pytest.LogCaptureFixture
+) -> None:
+    for _ in range(5):  # More than there are threads
+        crew.send(shipment(0))
+    crew.send(shipment(1))
+    found: dict[int, list[Verdict]] = {0: [], 1: []}
+    for answered in collect(crew, 6):
+        found[answered.shipment.parcels[0].stream.vehicle_id] += answered.verdicts
+    assert [verdict.meaning for verdict in found[0]] == [Meaning.TRY_LATER] * 5
+    assert [verdict.meaning for verdict in found[1]] == [Meaning.CONFIRMED]
+    assert "RuntimeError" in found[0][0].reason
+    assert "RuntimeError: broken" in caplog.text
+
+
+def test_an_uplink_that_has_ended_is_reported(crew: Crew, caplog: pytest.LogCaptureFixture) -> None:
+    crew.send(shipment(9))
     with pytest.raises(WorkerDiedError):
         collect(crew, 1)
-    assert "RuntimeError: broken" in caplog.text
+    assert "UplinkEndedError: gone" in caplog.text

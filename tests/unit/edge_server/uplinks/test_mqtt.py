@@ -4,6 +4,7 @@ import gc
 import random
 import socket
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -11,13 +12,14 @@ from pathlib import Path
 import pytest
 
 from edge_server.config import Config
-from edge_server.outbox.answers import Reply, Unreachable
+from edge_server.outbox.answers import Answer, Reply, Unreachable
 from edge_server.outbox.queue import Parcel, Stream
 from edge_server.outbox.uplink import MOST
 from edge_server.uplinks.mqtt import MqttUplink
 from tests.support.system import free_ports
 
 WELCOME = bytes([0x20, 3, 0, 0, 0])
+GRANTED = bytes([0x90, 4, 0, 1, 0, 1])
 PARCELS = [Parcel(1, 1, "one", Stream(1, "pose"), "{}", 0)]
 
 
@@ -111,3 +113,91 @@ def test_after_its_end_it_takes_nothing_and_says_so(tmp_path: Path) -> None:
         uplink.close()
         assert isinstance(replies(uplink, 1)[0], Unreachable)
         assert uplink.offer() == MOST
+
+
+def answer_packet() -> bytes:
+    """A PUBLISH of MQTT 5, QoS 0, that answers the record (MQTT 5.0 section 3.3)."""
+    topic, payload = b"answers", b'{"status": 200}'
+    properties = b"\x09\x00\x03one" + b"\x26\x00\x0cAccept-Batch\x00\x0250"
+    body = b"\x00\x07" + topic + bytes([len(properties)]) + properties + payload
+    return bytes([0x30, len(body)]) + body
+
+
+def broker(
+    next_answer: Callable[[], bytes], end: Callable[[socket.socket], None]
+) -> Callable[[socket.socket], None]:
+    """Welcome a gateway, grant its subscription, answer what it publishes, then end so."""
+
+    def speak(connection: socket.socket) -> None:
+        connection.settimeout(5.0)
+        for part in (WELCOME, GRANTED):
+            connection.recv(4096)
+            connection.sendall(part)
+        received = b""
+        while b"one" not in received:  # The record's own key
+            if not (part := connection.recv(4096)):
+                return
+            received += part
+        connection.sendall(next_answer())
+        end(connection)
+
+    return speak
+
+
+def close_at_once(_: socket.socket) -> None:
+    """Say nothing more."""
+
+
+def test_a_whole_answer_confirms(tmp_path: Path) -> None:
+    with stranger(broker(answer_packet, close_at_once)) as url, uplink_to(url, tmp_path) as uplink:
+        (reply,) = replies(uplink, 1)
+        assert isinstance(reply, Answer)
+        assert reply.status == 200
+
+
+def test_an_answer_cut_at_any_byte_is_a_reason(tmp_path: Path) -> None:
+    whole = answer_packet()
+    parts = iter([whole[:length] for length in range(len(whole))])
+    with (
+        stranger(broker(lambda: next(parts), close_at_once)) as url,
+        uplink_to(url, tmp_path) as uplink,
+    ):
+        for reply in replies(uplink, len(whole)):
+            assert isinstance(reply, Unreachable)
+
+
+def test_an_answer_with_any_byte_broken_ends_nothing(tmp_path: Path) -> None:
+    whole = answer_packet()
+    broken = [
+        whole[:place] + bytes([value]) + whole[place + 1 :]
+        for place in range(len(whole))
+        for value in (0, 0x7F, 0xFF, whole[place] ^ 1)
+    ]
+    parts = iter(broken)
+    with (
+        stranger(broker(lambda: next(parts, whole), close_at_once)) as url,
+        uplink_to(url, tmp_path) as uplink,
+    ):
+        for reply in replies(uplink, len(broken)):
+            assert isinstance(reply, Answer | Unreachable)
+
+
+@pytest.mark.parametrize(
+    "start", [b"\x30\xff\xff\xff\x7f", b"\x30\xff\x7f", b"\x30\x7f\x00\x07answers"]
+)
+def test_a_packet_without_end_is_given_up(start: bytes, tmp_path: Path) -> None:
+    """One byte at a time, each in time for any timeout that begins again with a byte."""
+    gone = threading.Event()
+
+    def drip(connection: socket.socket) -> None:
+        try:
+            for _ in range(4000):
+                connection.sendall(b"x")
+                time.sleep(0.005)
+        except OSError:
+            gone.set()
+            raise
+
+    with stranger(broker(lambda: start, drip)) as url, uplink_to(url, tmp_path) as uplink:
+        assert isinstance(replies(uplink, 1)[0], Unreachable)
+        assert gone.wait(15.0)

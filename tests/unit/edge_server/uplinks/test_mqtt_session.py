@@ -23,7 +23,7 @@ from edge_server.uplinks.mqtt_messages import (
     Subscribe,
     Subscribed,
 )
-from edge_server.uplinks.mqtt_session import STRIKES, Session
+from edge_server.uplinks.mqtt_session import LEAST_SUSPECT_BYTES, STRIKES, Session
 from edge_server.uplinks.mqtt_states import LinkState
 
 CAP_S = 10.0
@@ -187,17 +187,29 @@ def test_what_is_under_way_when_we_leave_gets_a_reason(*, connected: bool) -> No
     assert meanings(gateway) == {"1": Meaning.NO_CLOUD}
 
 
-def test_a_broker_that_names_no_culprit_is_believed_after_a_few_times() -> None:
+def replies_to_protocol_errors(sent: RecordPacket, times: int) -> list[Meaning]:
+    """Meanings of a record that is sent again and again, and each time the connection ends so."""
     gateway, now, found = session(), 0.0, []
-    for _ in range(STRIKES):
+    for _ in range(times):
         connect(gateway, now)
-        gateway.offer(record(), now)
+        gateway.offer(sent, now)
         gateway.turn(now)
-        gateway.sent("1", 1, now)
+        gateway.sent(sent.key, 1, now)
         gateway.handle(Lost("no MQTT", 0x82), now)
         found += list(meanings(gateway).values())
         now += CAP_S
+    return found
+
+
+def test_a_broker_that_names_no_culprit_is_believed_after_a_few_times() -> None:
+    large = record()._replace(payload=b"x" * LEAST_SUSPECT_BYTES)
+    found = replies_to_protocol_errors(large, STRIKES)
     assert found == [Meaning.NO_CLOUD] * (STRIKES - 1) + [Meaning.REJECTED]
+
+
+def test_a_small_record_is_never_the_reason_of_a_broken_connection() -> None:
+    found = replies_to_protocol_errors(record(), 5 * STRIKES)
+    assert found == [Meaning.NO_CLOUD] * 5 * STRIKES
 
 
 def test_a_broker_that_names_a_culprit_is_believed_at_once() -> None:

@@ -1,0 +1,193 @@
+"""An answer that is cut off, stalled, endless or broken is a put-off, whatever the byte."""
+
+import json
+import random
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+
+import pytest
+
+from edge_server.bounded_http import MAXIMUM_RAW_BYTES
+from edge_server.cloud import HttpUplink
+from edge_server.config import Config
+from edge_server.outbox.answers import Meaning, Reply, judge
+from edge_server.outbox.queue import Parcel, Stream
+from tests.support import scripted_answers
+from tests.support.scripted_answers import ScriptedAnswers, Speaker
+
+READ_TIMEOUT_S = 0.1
+PARCELS = [
+    Parcel(number, number, f"{number:026d}", Stream(number, "pose"), "{}", 0) for number in (1, 2)
+]
+RESULTS = json.dumps(
+    {"results": [{"message_id": parcel.message_id, "status": 200} for parcel in PARCELS]}
+).encode()
+HEAD = b"HTTP/1.1 200 OK\r\nServer: cloud\r\nContent-Type: application/json\r\n"
+
+
+def sized(body: bytes) -> bytes:
+    return HEAD + b"Content-Length: %d\r\n\r\n%b" % (len(body), body)
+
+
+def chunked(body: bytes) -> bytes:
+    half = len(body) // 2
+    parts = [body[:half], body[half:]]
+    chunks = b"".join(b"%x\r\n%b\r\n" % (len(part), part) for part in parts if part)
+    return HEAD + b"Transfer-Encoding: chunked\r\n\r\n" + chunks + b"0\r\n\r\n"
+
+
+def until_the_end(body: bytes) -> bytes:
+    return HEAD + b"\r\n" + body
+
+
+ONE = b'{"stored": true}'
+ANSWERS = {
+    "a length": (sized(ONE), PARCELS[:1]),
+    "chunks": (chunked(ONE), PARCELS[:1]),
+    "no length": (until_the_end(ONE), PARCELS[:1]),
+    "a batch in chunks": (chunked(RESULTS), PARCELS),
+}
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[ScriptedAnswers]:
+    """A server for all tests of this file."""
+    with scripted_answers.scripted_answers() as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def uplink(server: ScriptedAnswers) -> Iterator[HttpUplink]:
+    """One client for all of them: what one answer did to it, the next one shows."""
+    made = HttpUplink(
+        Config(cloud_url=server.url, connect_timeout_s=5.0, read_timeout_s=READ_TIMEOUT_S)
+    )
+    yield made
+    made.close()
+
+
+def meanings(
+    server: ScriptedAnswers, uplink: HttpUplink, speak: Speaker, parcels: Sequence[Parcel]
+) -> list[Meaning]:
+    server.speak = speak
+    replies: list[Reply] = uplink.send(parcels)
+    assert len(replies) == len(parcels)
+    return [judge(reply).meaning for reply in replies]
+
+
+@pytest.mark.parametrize("end", [scripted_answers.cut, scripted_answers.reset])
+@pytest.mark.parametrize("name", ANSWERS)
+def test_an_answer_cut_at_any_byte_is_a_put_off(
+    server: ScriptedAnswers,
+    uplink: HttpUplink,
+    name: str,
+    end: Callable[[bytes], Speaker],
+) -> None:
+    answer, parcels = ANSWERS[name]
+    needed = len(answer) - (2 if name.endswith("chunks") else 0)
+    for length in range(len(answer)):
+        found = meanings(server, uplink, end(answer[:length]), parcels)
+        if length < needed:
+            assert set(found) == {Meaning.NO_CLOUD}, answer[:length]
+        else:  # Only the line break behind the last chunk is missing
+            assert set(found) <= {Meaning.NO_CLOUD, Meaning.CONFIRMED}, answer[:length]
+    whole = meanings(server, uplink, scripted_answers.cut(answer), parcels)
+    assert set(whole) == {Meaning.CONFIRMED}
+
+
+@pytest.mark.parametrize("name", ANSWERS)
+def test_an_answer_that_stalls_at_any_place_is_a_put_off(
+    server: ScriptedAnswers, uplink: HttpUplink, name: str
+) -> None:
+    answer, parcels = ANSWERS[name]
+    draw = random.Random(name)
+    for length in (0, 9, *draw.sample(range(len(answer) - 5), 4)):
+        began = time.monotonic()
+        found = meanings(server, uplink, scripted_answers.stall(answer[:length]), parcels)
+        assert set(found) == {Meaning.NO_CLOUD}, answer[:length]
+        assert time.monotonic() - began < 5.0
+
+
+CHUNKED = HEAD + b"Transfer-Encoding: chunked\r\n\r\n"
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        CHUNKED + b"zz\r\n{}\r\n0\r\n\r\n",
+        CHUNKED + b"-2\r\n{}\r\n0\r\n\r\n",
+        CHUNKED + b"\r\n{}\r\n0\r\n\r\n",
+        CHUNKED + b"1" * 100 + b"\r\n{}\r\n0\r\n\r\n",
+        CHUNKED + b"2\r\n{}0\r\n\r\n",
+        HEAD + b"Content-Length: 3\r\nContent-Length: 2\r\n\r\n{}",
+        HEAD + b"Content-Length: 1000000000000\r\n\r\n{}",
+        HEAD + b"Content-Encoding: gzip\r\nContent-Length: 2\r\n\r\n\x1f\x8b",
+        HEAD + b"\xff\xfe: \x00\r\n" * 200 + b"\r\n",
+        b"HTTP/1.1 200 OK\r\n" + b"X: y\r\n" * 300 + b"\r\n",
+        b"HTTP/1.1 99999 OK\r\n\r\n",
+        b"HTTP/1.1 abc\r\n\r\n",
+        b"SSH-2.0-OpenSSH_9.2\r\n",
+        b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03",
+        sized(b'{"results": 1}') + b"and more that belongs to nothing",
+    ],
+)
+def test_a_broken_answer_is_a_put_off(
+    server: ScriptedAnswers, uplink: HttpUplink, answer: bytes
+) -> None:
+    found = meanings(server, uplink, scripted_answers.cut(answer), PARCELS[:1])
+    assert found in ([Meaning.NO_CLOUD], [Meaning.CONFIRMED])
+    assert (found == [Meaning.CONFIRMED]) == answer.startswith(sized(b'{"results": 1}'))
+    whole = meanings(server, uplink, scripted_answers.cut(sized(ONE)), PARCELS[:1])
+    assert whole == [Meaning.CONFIRMED]
+
+
+def test_random_bytes_are_a_put_off(server: ScriptedAnswers, uplink: HttpUplink) -> None:
+    draw = random.Random(12)
+    for _ in range(200):
+        answer = bytearray(draw.choice([sized(ONE), chunked(ONE), until_the_end(ONE)]))
+        for _ in range(draw.randrange(1, 6)):
+            answer[draw.randrange(len(answer))] = draw.randrange(256)
+        found = meanings(server, uplink, scripted_answers.cut(bytes(answer)), PARCELS[:1])
+        assert found[0] in set(Meaning)
+
+
+@pytest.mark.parametrize(
+    ("answer", "forever"),
+    [
+        (b"", b"HTTP/1.1 100 Continue\r\n\r\n"),
+        (b"HTTP/1.1 200 OK\r\n", b"X"),
+        (HEAD + b"\r\n", b" "),
+        (HEAD + b"Content-Length: 60000\r\n\r\n", b" "),
+        (CHUNKED, b"1\r\n \r\n"),
+        (CHUNKED + b"1;", b"x"),
+    ],
+)
+def test_an_answer_without_end_has_a_deadline_for_the_whole(
+    server: ScriptedAnswers, uplink: HttpUplink, answer: bytes, forever: bytes
+) -> None:
+    enough = threading.Event()
+    threading.Timer(20.0, enough.set).start()
+    server_had = server.requests
+    found = meanings(server, uplink, scripted_answers.drip(answer, forever, enough), PARCELS[:1])
+    assert found == [Meaning.NO_CLOUD]
+    assert not enough.is_set()
+    assert server.requests == server_had + 1
+
+
+@pytest.mark.parametrize("start", [CHUNKED + b"1;", CHUNKED + b"2\r\n{}\r\n0\r\n", HEAD + b"\r\n"])
+def test_a_flood_is_not_kept(server: ScriptedAnswers, uplink: HttpUplink, start: bytes) -> None:
+    flood = start + b"x" * (4 * MAXIMUM_RAW_BYTES)
+    assert meanings(server, uplink, scripted_answers.cut(flood), PARCELS[:1]) == [Meaning.NO_CLOUD]
+
+
+def test_a_large_record_has_its_timeout_for_each_piece(server: ScriptedAnswers) -> None:
+    """A picture over a slow link takes longer than any timeout of ours, and arrives."""
+    frame = "A" * 10_000_000  # More than the kernel's buffers take at once
+    picture = Parcel(3, 3, f"{3:026d}", Stream(1, "image"), f'{{"frame":"{frame}"}}', 0)
+    uplink = HttpUplink(Config(cloud_url=server.url, connect_timeout_s=0.3, read_timeout_s=5.0))
+    server.read_pause_s = 0.01
+    found = meanings(server, uplink, scripted_answers.cut(sized(ONE)), [picture])
+    server.read_pause_s = 0.0
+    uplink.close()
+    assert found == [Meaning.CONFIRMED]
