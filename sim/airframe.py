@@ -1,8 +1,9 @@
 """The bundled F450 as this simulation flies it: forces from outside added, idle parts left out.
 
 JSBSim takes forces from outside its own models only from the airframe's own file, so the
-installed airframe is copied to a passing folder. The copy has one element more, and three
-elements are put in short:
+installed airframe is copied to a passing folder and the copy is edited; the installed files
+stay as they are. The copy has one element more, external reactions for rotor drag and ground
+effect (`sim/rotor_effects.py`), and five elements are put in short:
 
 * The bundled flight controller and sensors, some fifty components, run in every physics step for
   nothing: the motors are driven through the external inputs beside them. What stays of them is
@@ -10,7 +11,8 @@ elements are put in short:
 * Of the aerodynamics all coefficients are zero but that of drag, which is one: drag is the
   dynamic pressure times the reference area, opposed to the motion.
 
-The vehicle flies the same to the last bit, and a physics step costs three fifths.
+The shortening alone changes nothing: with and without it the vehicle flies the same to the last
+bit, and a physics step costs three fifths. The external reactions do change the flight.
 """
 
 import shutil
@@ -20,12 +22,22 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
+from sim.rotor_effects import ROTOR_ABOVE_CENTRE_M
+
 AIRFRAME: Final = "F450"
 
 _END: Final = "</fdm_config>"
 _MOTORS: Final = ("FR", "AL", "FL", "AR")
-_OUTSIDE_FORCES: Final = """
+_OUTSIDE_FORCES: Final = f"""
     <external_reactions>
+        <force name="rotor-drag-forward" frame="BODY">
+            <location unit="M"> <x>0</x> <y>0</y> <z>{ROTOR_ABOVE_CENTRE_M}</z> </location>
+            <direction> <x>1</x> <y>0</y> <z>0</z> </direction>
+        </force>
+        <force name="rotor-drag-right" frame="BODY">
+            <location unit="M"> <x>0</x> <y>0</y> <z>{ROTOR_ABOVE_CENTRE_M}</z> </location>
+            <direction> <x>0</x> <y>1</y> <z>0</z> </direction>
+        </force>
         <moment name="rotor-drag" frame="BODY">
             <direction> <x>0</x> <y>0</y> <z>1</z> </direction>
         </moment>

@@ -27,6 +27,8 @@ WIND_NED_FPS: Final = (
     "atmosphere/wind-east-fps",
     "atmosphere/wind-down-fps",
 )
+ROTOR_DRAG_FORWARD_LBS: Final = "external_reactions/rotor-drag-forward/magnitude"
+ROTOR_DRAG_RIGHT_LBS: Final = "external_reactions/rotor-drag-right/magnitude"
 ROTOR_DRAG_LBFFT: Final = "external_reactions/rotor-drag/magnitude-lbsft"
 GROUND_EFFECT_LBS: Final = "external_reactions/ground-effect/magnitude"
 ROLLING_FRICTION: Final = "gear/unit[{}]/rolling_friction_coeff"
@@ -54,6 +56,11 @@ INERTIAL_RATE_FRD_RAD_S: Final = (
     "velocities/qi-rad_sec",
     "velocities/ri-rad_sec",
 )
+AIR_VELOCITY_FRD_FPS: Final = (
+    "velocities/u-aero-fps",
+    "velocities/v-aero-fps",
+    "velocities/w-aero-fps",
+)
 AERODYNAMIC_FORCE_FRD_LBS: Final = (
     "forces/fbx-aero-lbs",
     "forces/fby-aero-lbs",
@@ -69,9 +76,15 @@ GEAR_FORCE_FRD_LBS: Final = (
     "forces/fby-gear-lbs",
     "forces/fbz-gear-lbs",
 )
+EXTERNAL_FORCE_FRD_LBS: Final = (
+    "forces/fbx-external-lbs",
+    "forces/fby-external-lbs",
+    "forces/fbz-external-lbs",
+)
 MASS_SLUGS: Final = "inertia/mass-slugs"
 TRUE_AIRSPEED_FPS: Final = "velocities/vt-fps"
 PRESSURE_PSF: Final = "atmosphere/P-psf"
+DENSITY_SLUGS_FT3: Final = "atmosphere/rho-slugs_ft3"
 TEMPERATURE_R: Final = "atmosphere/T-R"
 ROTOR_SPEED_RPM: Final = "propulsion/engine[{}]/propeller-rpm"
 MOTOR_CURRENT_A: Final = "propulsion/engine[{}]/current-amperes"

@@ -31,7 +31,7 @@ from sim import properties
 from sim.airframe import AIRFRAME, extended_airframe
 from sim.config import SimulationConfig
 from sim.earth import degrees_per_metre, wrapped_longitude_deg
-from sim.rotor_effects import ground_effect_factor, yaw_brake_nm
+from sim.rotor_effects import ground_effect_factor, rotor_drag
 from sim.state_reader import StateReader
 from sim.truth import Motors, Quaternion, Truth, Vector3, body_from_ned
 from sim.units import METRES_PER_FOOT, NEWTONS_PER_POUND
@@ -105,8 +105,19 @@ class Quadrotor:
         self._set_wind = _setters(fdm, properties.WIND_NED_FPS)
         self._motors: Motors = (0.0, 0.0, 0.0, 0.0)
         self._wreck: Truth | None = None
-        (self._set_yaw_brake, self._set_ground_lift) = _setters(
-            fdm, (properties.ROTOR_DRAG_LBFFT, properties.GROUND_EFFECT_LBS)
+        (
+            self._set_drag_forward,
+            self._set_drag_right,
+            self._set_yaw_brake,
+            self._set_ground_lift,
+        ) = _setters(
+            fdm,
+            (
+                properties.ROTOR_DRAG_FORWARD_LBS,
+                properties.ROTOR_DRAG_RIGHT_LBS,
+                properties.ROTOR_DRAG_LBFFT,
+                properties.GROUND_EFFECT_LBS,
+            ),
         )
         self._ground_effect = config.ground_effect
         self.advance(round(_SETTLING_TIME_S * config.physics_rate_hz))
@@ -134,15 +145,21 @@ class Quadrotor:
         down(wind_ned[2] / METRES_PER_FOOT)
 
     def set_rotor_effects(self, truth: Truth) -> None:
-        """Let the rotors brake the vehicle's turning and feel the ground, as the truth is.
+        """Let the rotors drag in the air and feel the ground, as the truth is.
 
-        They are held for a control step; the slowest takes seconds to act.
+        The forces are held for a control step, 4 ms: they change the velocity by a third of it
+        in a second.
         """
-        brake_nm = yaw_brake_nm(truth.rotor_rpm, truth.rate_frd[2])
-        self._set_yaw_brake(brake_nm / (NEWTONS_PER_POUND * METRES_PER_FOOT))
+        state = self._state
+        drag = rotor_drag(
+            truth.rotor_rpm, state.air_velocity_frd(), truth.rate_frd, state.density_kg_m3()
+        )
+        self._set_drag_forward(drag.forward_n / NEWTONS_PER_POUND)
+        self._set_drag_right(drag.right_n / NEWTONS_PER_POUND)
+        self._set_yaw_brake(drag.yaw_nm / (NEWTONS_PER_POUND * METRES_PER_FOOT))
         if self._ground_effect:
-            more = ground_effect_factor(self._state.height_above_ground_m()) - 1.0
-            self._set_ground_lift(more * self._state.thrust_lbs())
+            more = ground_effect_factor(state.height_above_ground_m()) - 1.0
+            self._set_ground_lift(more * state.thrust_lbs())
 
     def advance(self, steps: int) -> None:
         """Let `steps` physics steps pass.

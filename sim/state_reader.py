@@ -10,6 +10,7 @@ from typing import TypeAlias
 from sim import properties
 from sim.truth import Motors, Truth, Vector3, quaternion_from_euler
 from sim.units import (
+    KILOGRAMS_M3_PER_SLUG_FT3,
     KILOGRAMS_PER_SLUG,
     METRES_PER_FOOT,
     NEWTONS_PER_POUND,
@@ -39,6 +40,8 @@ class StateReader:
         self._airspeed_fps = find(properties.TRUE_AIRSPEED_FPS)
         self._pressure_psf = find(properties.PRESSURE_PSF)
         self._temperature_r = find(properties.TEMPERATURE_R)
+        self._density_slugs_ft3 = find(properties.DENSITY_SLUGS_FT3)
+        self._air_velocity_fps = [find(path) for path in properties.AIR_VELOCITY_FRD_FPS]
         self._velocity_fps = [find(path) for path in properties.VELOCITY_NED_FPS]
         self._attitude = [find(path) for path in properties.ATTITUDE_RAD]
         self._rate = [find(path) for path in properties.RATE_FRD_RAD_S]
@@ -49,7 +52,7 @@ class StateReader:
                 *properties.AERODYNAMIC_FORCE_FRD_LBS,
                 *properties.PROPULSIVE_FORCE_FRD_LBS,
                 *properties.GEAR_FORCE_FRD_LBS,
-                properties.GROUND_EFFECT_LBS,
+                *properties.EXTERNAL_FORCE_FRD_LBS,
             )
         ]
         self._rpm = [find(properties.ROTOR_SPEED_RPM.format(engine)) for engine in _ENGINES]
@@ -69,6 +72,15 @@ class StateReader:
         """Cosine of the angle between the body's down axis and the world's."""
         roll, pitch, _ = self._attitude
         return math.cos(roll()) * math.cos(pitch())
+
+    def density_kg_m3(self) -> float:
+        """Density [kg/m^3] of the air around the vehicle."""
+        return self._density_slugs_ft3() * KILOGRAMS_M3_PER_SLUG_FT3
+
+    def air_velocity_frd(self) -> Vector3:
+        """Velocity [m/s, FRD] of the centre of gravity through the air, in the last step."""
+        forward, right, down = self._air_velocity_fps
+        return (forward() * METRES_PER_FOOT, right() * METRES_PER_FOOT, down() * METRES_PER_FOOT)
 
     def thrust_lbs(self) -> float:
         """Thrust of all rotors [lbf] along the body's up axis."""
@@ -114,10 +126,10 @@ class StateReader:
         JSBSim's own accelerometer component lags this by one physics step, because it runs
         before the forces of its step are known.
         """
-        ax, ay, az, px, py, pz, gx, gy, gz, lift = self._force_lbs
+        ax, ay, az, px, py, pz, gx, gy, gz, ex, ey, ez = self._force_lbs
         scale = self._acceleration_per_pound
         return (
-            (ax() + px() + gx()) * scale,
-            (ay() + py() + gy()) * scale,
-            (az() + pz() + gz() - lift()) * scale,
+            (ax() + px() + gx() + ex()) * scale,
+            (ay() + py() + gy() + ey()) * scale,
+            (az() + pz() + gz() + ez()) * scale,
         )

@@ -68,4 +68,4 @@ class WindEstimate(NamedTuple):
     time_us: int  # [us]
     velocity_north_m_s: float  # [m/s] Where the air goes to
     velocity_east_m_s: float  # [m/s]
-    accuracy_m_s: float = 3.5  # [m/s] One sigma near calm: what half a degree of tilt hides
+    accuracy_m_s: float = 0.5  # [m/s] One sigma: half a degree of tilt is 0.3, the gusts' mean more

@@ -6,7 +6,7 @@ import pytest
 
 from sim.config import SimulationConfig
 from sim.quadrotor import MotorCommandError, Quadrotor
-from sim.truth import Motors, Truth
+from sim.truth import Motors, Truth, body_from_ned
 
 HOVER = 0.418
 RATE_HZ = 500
@@ -186,6 +186,25 @@ def test_the_feet_bear_a_firm_landing_but_no_fall(
     dropped = Quadrotor(SimulationConfig())
     assert dropped.wrecked == wrecked
     assert dropped.truth(0).height_above_home_m < 0.22
+
+
+@pytest.mark.parametrize("wind_m_s", [3.0, 6.0, 10.0])
+def test_wind_pushes_a_vehicle_by_rotors_and_body_and_the_accelerometer_feels_it(
+    quadrotor: Quadrotor, wind_m_s: float
+) -> None:
+    lift_off(quadrotor)
+    quadrotor.set_wind((-wind_m_s, 0.0, 0.0))
+    for _ in range(5):  # JSBSim knows the airspeed one step later
+        quadrotor.set_rotor_effects(quadrotor.truth(0))
+        quadrotor.advance(2)
+    truth = quadrotor.truth(0)
+    north, east, down = truth.velocity_ned
+    forward, _, _ = body_from_ned(truth.q_ned_frd, (north + wind_m_s, east, down))
+    rotors = 0.1 * sum(truth.rotor_rpm) / 5065.0
+    body = 0.5 * 1.15 * 0.0161 * truth.airspeed_m_s
+    expected = -(rotors + body) * forward / 1.4
+    assert forward == pytest.approx(wind_m_s, abs=1.0)
+    assert truth.specific_force_frd[0] == pytest.approx(expected, rel=0.02)
 
 
 def test_hover_draws_what_a_quadrotor_of_its_weight_draws(quadrotor: Quadrotor) -> None:

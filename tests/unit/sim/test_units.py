@@ -7,7 +7,7 @@ from sim import units
 
 def test_a_cubic_foot_of_water_weighs_what_it_should() -> None:
     density_slug_ft3 = 1.940320
-    density = density_slug_ft3 * units.KILOGRAMS_PER_SLUG / units.METRES_PER_FOOT**3
+    density = density_slug_ft3 * units.KILOGRAMS_M3_PER_SLUG_FT3
     assert density == pytest.approx(1000.0, rel=1e-5)
 
 

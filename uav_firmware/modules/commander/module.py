@@ -110,7 +110,7 @@ class CommanderModule:
         for command in [] if self._waited else self._topics.vehicle_command.drain():
             self._answer(command, view)
             view = view._replace(home=self._topics.home_position.value)
-        self._observer.observe_wind(view, self._params.ballistic_coefficient)
+        self._observer.observe_wind(view, self._params.drag)
         self._supervise(view)
         self._publish(view)
 

@@ -5,6 +5,7 @@ from typing import Any, Final
 
 from uav_firmware.bus import Topic
 from uav_firmware.lib.atmosphere import air_density, pressure_from_altitude
+from uav_firmware.lib.drag import DragModel
 from uav_firmware.modules.commander.failsafe_params import FailsafeParams
 from uav_firmware.modules.commander.sensor_watch import Freshness
 from uav_firmware.modules.commander.topics import CommanderTopics
@@ -68,7 +69,7 @@ class Observer:
             _is_finite(topics.sensor_imu.value),
         )
 
-    def observe_wind(self, view: VehicleView, ballistic_coefficient: float) -> None:
+    def observe_wind(self, view: VehicleView, drag: DragModel) -> None:
         """Ten times a second in the air: learn the wind and publish it."""
         if view.landed:
             self._wind.restart()
@@ -87,7 +88,7 @@ class Observer:
             min(elapsed_us * 1e-6, 1.0),
         )
         altitude = estimate.origin_altitude_amsl_m - estimate.position_ned[2]
-        wind = self._wind.wind(ballistic_coefficient, _density(altitude))
+        wind = self._wind.wind(drag, _density(altitude))
         if wind is not None:
             self._topics.wind.publish(WindEstimate(view.now_us, *wind))
 

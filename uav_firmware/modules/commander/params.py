@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from uav_firmware.lib.drag import DragModel
 from uav_firmware.parameters import param
 
 
@@ -49,3 +50,12 @@ class CommanderParams:
         "EKF2_BCOEF_X", 87.0, unit="kg/m^2", minimum=1.0, maximum=200.0,
         short="Ballistic coefficient of the body, by which tilt tells the wind",
     )  # fmt: skip
+    momentum_drag: float = param(
+        "EKF2_MCOEF", 0.295, unit="1/s", minimum=0.0, maximum=1.0,
+        short="Momentum drag of the rotors per airspeed, at sea level's density",
+    )  # fmt: skip
+
+    @property
+    def drag(self) -> DragModel:
+        """Drag of the airframe by its airspeed."""
+        return DragModel(self.ballistic_coefficient, self.momentum_drag)

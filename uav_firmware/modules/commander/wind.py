@@ -3,17 +3,18 @@
 The rotors push along the body's axis; the acceleration that this does not explain is drag:
 
     drag = a + (g - a_down) (b_north, b_east) / b_down        b: body down axis in NED
-    |drag| = k v_air^2,  k = rho / (2 B)
     wind = v + drag / |drag| * v_air
 
-B is the ballistic coefficient m / (c_d A) [kg/m^2], EKF2_BCOEF_X; air density is that of the
-standard atmosphere at the vehicle's altitude. Velocity and drag are low-passed, since the
-equations hold at steady state; a tilt error of half a degree hides 3.5 m/s of wind.
+with the airspeed v_air of that drag by `uav_firmware/lib/drag.py` (EKF2_MCOEF, EKF2_BCOEF_X); air
+density is that of the standard atmosphere at the vehicle's altitude. Velocity and drag are
+low-passed, since the equations hold at steady state; a tilt error of half a degree is 0.3 m/s of
+wind.
 """
 
 import math
 from typing import Final
 
+from uav_firmware.lib.drag import DragModel
 from uav_firmware.lib.rotation import rotate
 from uav_firmware.msg.vectors import Quaternion, Vector3
 
@@ -34,14 +35,14 @@ def drag_acceleration(q_ned_frd: Quaternion, acceleration_ned: Vector3) -> tuple
 def wind_of(
     drag: tuple[float, float],
     velocity: tuple[float, float],
-    ballistic_coefficient: float,
+    model: DragModel,
     density: float,
 ) -> tuple[float, float]:
     """Wind [m/s, north and east: where the air goes to] of a steady drag and velocity."""
     size = math.hypot(*drag)
     if size == 0.0:
         return velocity
-    airspeed = math.sqrt(2.0 * ballistic_coefficient * size / density)
+    airspeed = model.airspeed_m_s(size, density)
     return (
         velocity[0] + drag[0] / size * airspeed,
         velocity[1] + drag[1] / size * airspeed,
@@ -69,9 +70,9 @@ class WindEstimator:
         self._mean = (a, b, c, d)
         self._age_s += dt
 
-    def wind(self, ballistic_coefficient: float, density: float) -> tuple[float, float] | None:
+    def wind(self, model: DragModel, density: float) -> tuple[float, float] | None:
         """Wind [m/s, north and east]; None until the filter has settled."""
         if self._age_s < _SETTLED * TIME_CONSTANT_S:
             return None
         north, east, v_north, v_east = self._mean
-        return wind_of((north, east), (v_north, v_east), ballistic_coefficient, density)
+        return wind_of((north, east), (v_north, v_east), model, density)

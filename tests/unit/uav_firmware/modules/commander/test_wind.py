@@ -6,11 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from uav_firmware.lib.drag import DragModel
 from uav_firmware.lib.rotation import from_thrust_direction_and_yaw
 from uav_firmware.modules.commander.wind import GRAVITY, WindEstimator, drag_acceleration, wind_of
 from uav_firmware.msg.vectors import Quaternion
 
-COEFFICIENT, DENSITY = 87.0, 1.15
+MODEL, DENSITY = DragModel(87.0, 0.295), 1.15
 speeds = st.floats(-15.0, 15.0)
 
 
@@ -20,16 +21,16 @@ def leaning(drag: tuple[float, float], yaw: float) -> Quaternion:
 
 
 def drag_of(wind: tuple[float, float], velocity: tuple[float, float]) -> tuple[float, float]:
-    """Drag of a steady flight: the square of the airspeed, against it."""
+    """Drag of a steady flight against the airspeed: rotors linear, body by the square."""
     air = (velocity[0] - wind[0], velocity[1] - wind[1])
-    size = 0.5 * DENSITY / COEFFICIENT * math.hypot(*air)
+    size = 0.295 * math.sqrt(DENSITY / 1.225) + 0.5 * DENSITY / 87.0 * math.hypot(*air)
     return (-size * air[0], -size * air[1])
 
 
 def test_leaning_west_means_wind_from_the_west() -> None:
-    drag = drag_acceleration(leaning((0.0, 0.24), 0.0), (0.0, 0.0, 0.0))
-    assert drag == pytest.approx((0.0, 0.24))
-    north, east = wind_of(drag, (0.0, 0.0), COEFFICIENT, DENSITY)
+    drag = drag_acceleration(leaning((0.0, 1.95), 0.0), (0.0, 0.0, 0.0))
+    assert drag == pytest.approx((0.0, 1.95))
+    north, east = wind_of(drag, (0.0, 0.0), MODEL, DENSITY)
     assert north == 0.0
     assert east == pytest.approx(6.0, abs=0.1)
 
@@ -41,7 +42,7 @@ def test_a_wind_put_in_is_found_again(
     wind, velocity = (north, east), (v_north, v_east)
     q = leaning(drag_of(wind, velocity), yaw)
     drag = drag_acceleration(q, (0.0, 0.0, 0.0))
-    assert wind_of(drag, velocity, COEFFICIENT, DENSITY) == pytest.approx(wind, abs=1e-3)
+    assert wind_of(drag, velocity, MODEL, DENSITY) == pytest.approx(wind, abs=1e-3)
 
 
 def test_nothing_is_said_before_the_filter_has_settled() -> None:
@@ -50,11 +51,11 @@ def test_nothing_is_said_before_the_filter_has_settled() -> None:
     found = []
     for _ in range(300):
         estimator.update(q, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.1)
-        found.append(estimator.wind(COEFFICIENT, DENSITY))
+        found.append(estimator.wind(MODEL, DENSITY))
     assert found[50] is None
     assert found[-1] == pytest.approx((0.0, 8.0), abs=0.05)
     estimator.restart()
-    assert estimator.wind(COEFFICIENT, DENSITY) is None
+    assert estimator.wind(MODEL, DENSITY) is None
 
 
 def test_a_gust_of_a_second_moves_the_mean_a_little() -> None:
@@ -63,6 +64,6 @@ def test_a_gust_of_a_second_moves_the_mean_a_little() -> None:
     for step in range(400):
         q = blown if 300 <= step < 310 else calm
         estimator.update(q, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.1)
-    wind = estimator.wind(COEFFICIENT, DENSITY)
+    wind = estimator.wind(MODEL, DENSITY)
     assert wind is not None
     assert math.hypot(*wind) < 2.5
