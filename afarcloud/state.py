@@ -98,12 +98,29 @@ class CommandReport(Model):
 
 
 class MissionReport(Report):
-    """How far a mission and each of its commands are."""
+    """How far a mission and each of its commands are.
+
+    `plan_id` and `work_id` name the one flight that is meant: a `mission_id` may be flown again.
+    """
 
     mission_id: Int32
+    plan_id: Ulid | None = None
+    work_id: Annotated[int, Field(ge=1, le=2**63 - 1), BeforeValidator(json_integer)] | None = None
     mission_status_id: Annotated[Status, BeforeValidator(json_integer)]
     command_report_array: Annotated[tuple[CommandReport, ...], Field(max_length=700)]
     message: str | None = Field(default=None, max_length=1000)
+
+    @model_validator(mode="after")
+    def _every_command_once(self) -> "MissionReport":
+        first: dict[int, int] = {}
+        for index, report in enumerate(self.command_report_array):
+            earlier = first.setdefault(report.command_id, index)
+            if earlier != index:
+                raise field_error(
+                    f"command_report_array.{index}.command_id",
+                    f"{report.command_id} is already in command_report_array.{earlier}",
+                )
+        return self
 
 
 _CODE_FITS_TYPE: Final[dict[str, Any]] = {

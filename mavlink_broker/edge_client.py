@@ -243,7 +243,9 @@ class EdgeClient:
         if status >= HTTPStatus.BAD_REQUEST:
             self._tell_refusal(post, status, text)
         if post.accepts is not None:
-            self._verdicts.put(Verdict(post.accepts, holds=status not in _WITHDRAWN))
+            holds = status not in _WITHDRAWN
+            reason = "" if holds else text
+            self._verdicts.put(Verdict(post.accepts, holds=holds, reason=reason))
             self._wake()
 
     def _tell_refusal(self, post: Post, status: int, text: str) -> None:

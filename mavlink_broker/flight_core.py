@@ -52,7 +52,13 @@ class FlightCore:
         self.work = work
         self.state = State.IDLE
         mission = work.mission
-        self.ledger = Ledger(mission.mission_id, mission.command_array, name=work.name)
+        self.ledger = Ledger(
+            mission.mission_id,
+            mission.command_array,
+            name=work.name,
+            work_id=work.work_id,
+            plan_id=work.plan_ulid,
+        )
         self.is_confirmed = work.was_accepted  # The edge server knows that we fly it
         self._vehicle = vehicle
         self._reporter = reporter

@@ -122,7 +122,10 @@ class Session:
         return self._giving_back.is_owed
 
     def take_mission(self, work: MissionWork, effects: Effects) -> None:
-        """Accept a mission, or refuse one that cannot be flown.
+        """Line a mission up, or refuse one that cannot be flown.
+
+        It is accepted when its turn comes: until then the edge server may cancel or change it, and
+        it may hold the vehicle.
 
         A vehicle that has not told its kind yet may be one that takes everything: its own refusals
         wait until it has. A refusal's report goes out before the acknowledgement, which closes
@@ -136,8 +139,6 @@ class Session:
             flight.refuse(error, effects)
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", str(error)))
             return
-        if not work.was_accepted:
-            effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))
         self._waiting.append(flight)
 
     def take_verdict(self, verdict: Verdict, now: float, effects: Effects) -> None:
@@ -147,6 +148,13 @@ class Session:
         if flight is None or flight.is_confirmed:
             return
         flight.is_confirmed = verdict.holds
+        if not verdict.holds:
+            _LOG.warning(
+                "vehicle %d: mission %d is not flown: %s",
+                self.vehicle.vehicle_id,
+                flight.work.mission.mission_id,
+                verdict.reason or "the edge server has withdrawn it",
+            )
         if not verdict.holds and flight is self._flight:
             flight.withdraw(now, effects)
             self._close_flight()
@@ -359,6 +367,9 @@ class Session:
         if resumed or free or not self.vehicle.is_heard(now):
             self._has_flown = True
             self._flight = self._waiting.popleft()
+            if not self._flight.work.was_accepted:
+                accepted = Acknowledgement(self._flight.work.work_id, "accepted")
+                effects.for_edge.append(accepted)
             if not resumed:
                 self.vehicle.live = None  # It may have the name of one that was flown before
             self._flight.begin(now, effects, hovering=self.vehicle.hovers, resumed=resumed)

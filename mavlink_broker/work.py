@@ -1,11 +1,14 @@
 """Work as the edge server hands it out."""
 
+import re
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 from afarcloud.plan import Event, Geofence, Mission, RallyPoint
 from afarcloud.state import MissionReport
 from mavlink_broker.translation.situation import Spot
+
+_ULID: Final = re.compile(r"[0-7][0-9A-HJKMNP-TV-Z]{25}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,6 +30,11 @@ class MissionWork:
     def key(self) -> tuple[int, str, int]:
         """What tells it from every other; the number alone restarts with a fresh edge server."""
         return self.work_id, self.plan_id, self.mission.mission_id
+
+    @property
+    def plan_ulid(self) -> str | None:
+        """The plan's id, where it has the form that a report may carry."""
+        return self.plan_id if _ULID.fullmatch(self.plan_id) else None
 
     @property
     def rally_spots(self) -> tuple[Spot, ...]:
@@ -72,6 +80,7 @@ class Verdict:
 
     work_id: int
     holds: bool
+    reason: str = ""  # Why it must not be flown, in the edge server's words
 
 
 Work: TypeAlias = MissionWork | StateVectorWork | EventWork

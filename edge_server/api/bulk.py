@@ -19,8 +19,8 @@ from edge_server.api import bodies, errors, scopes, urls
 from edge_server.api.auth import BROKER, KEY_RULE, allow, is_idempotency_key
 from edge_server.api.contract import Contract, describe
 from edge_server.services import telemetry
-from edge_server.services.errors import FullError, KeyReusedError
-from edge_server.services.telemetry import Arrival
+from edge_server.services.errors import ServiceError
+from edge_server.services.telemetry import Arrival, Refusal
 
 MOST_RECORDS: Final = 500
 _KEY: Final = "idempotency_key"
@@ -85,14 +85,21 @@ def _kind_of(envelope: dict[str, Any]) -> Kind | None:
 
 def _answer(
     read: Arrival | DocumentError | Forbidden,
-    kept: Iterator[dict[str, Any] | KeyReusedError | FullError],
+    kept: Iterator[dict[str, Any] | Refusal],
 ) -> dict[str, Any]:
     """What a report is answered: its receipt, or the error it would have got alone."""
     if isinstance(read, DocumentError):
-        return {"status": 422, **errors.body("the document cannot be used", read.faults)}
+        return _unusable(read)
     if isinstance(read, Forbidden):
         return {"status": 403, **errors.body(read.description or "")}
     outcome = next(kept)
-    if isinstance(outcome, KeyReusedError | FullError):
-        return {"status": errors.STATUS[type(outcome)], **errors.body(str(outcome))}
+    if isinstance(outcome, DocumentError):
+        return _unusable(outcome)
+    if isinstance(outcome, ServiceError):
+        status = errors.STATUS[type(outcome)]
+        return {"status": status, **errors.body(str(outcome), outcome.faults)}
     return {"status": 201, **outcome}
+
+
+def _unusable(error: DocumentError) -> dict[str, Any]:
+    return {"status": 422, **errors.body("the document cannot be used", error.faults)}

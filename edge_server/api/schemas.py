@@ -10,6 +10,7 @@ from afarcloud.state import Report
 from afarcloud.wire import MODELS, TELEMETRY, Kind
 from edge_server.api import field_schemas
 from edge_server.api.broker import Acknowledged
+from edge_server.api.vehicles import Release
 from edge_server.exchange.field import Field
 from edge_server.services.event_states import State
 from edge_server.services.keys import KeyRequest
@@ -21,6 +22,18 @@ _TIME: Final = {"type": "string", "format": "date-time"}
 _ID: Final = {"type": "integer", "minimum": 1}
 _TEXT: Final = {"type": "string"}
 _STATUS: Final = {"$ref": REFERENCE.format(model="Status")}
+
+_HELD: Final = {
+    "type": ["object", "null"],
+    "description": "Why its missions wait for an operator; null: they do not.",
+    "properties": {
+        "reason": _TEXT,
+        "since": _TIME,
+        "mission_id": {"type": ["integer", "null"]},
+        "plan_id": {"type": ["string", "null"]},
+    },
+    "required": ["reason", "since", "mission_id", "plan_id"],
+}
 
 ERROR: Final[dict[str, Any]] = {
     "type": "object",
@@ -60,7 +73,14 @@ def stored_name(kind: Kind) -> str:
 
 def components() -> dict[str, Any]:
     """Give every schema by name."""
-    own: list[type[Model]] = [Field, KeyRequest, VehicleState, Acknowledged, SurveyOrder]
+    own: list[type[Model]] = [
+        Field,
+        KeyRequest,
+        VehicleState,
+        Release,
+        Acknowledged,
+        SurveyOrder,
+    ]
     _, document = models_json_schema(
         [(model, "validation") for model in [*MODELS.values(), *own]], ref_template=REFERENCE
     )
@@ -71,7 +91,7 @@ def components() -> dict[str, Any]:
     found["StoredEvent"] = _stored_event(found["Event"])
     found["Vehicle"] = _with(
         found["VehicleState"],
-        {"vehicle_id": _ID, "registered_at": _TIME, "updated_at": _TIME},
+        {"vehicle_id": _ID, "held": _HELD, "registered_at": _TIME, "updated_at": _TIME},
         closed=False,
     )
     found |= _bulk() | _work() | _dead_letters()
@@ -119,6 +139,7 @@ def _stored_plan(schema: Mapping[str, Any]) -> dict[str, Any]:
             "mission_id": {"type": "integer"},
             "vehicle_id": {"type": "integer"},
             "dispatch_state": {"enum": ["held", "queued", "accepted", "closed"]},
+            "waiting": {**_TEXT, "description": "Why it is not handed out to the broker."},
             "mission_status_id": _STATUS,
             "mission_status_name": _TEXT,
             "message": _TEXT,
@@ -174,7 +195,7 @@ def _bulk() -> dict[str, Any]:
     judged_alone = {"description": "Anything else: it spoils nothing but its own entry."}
     receipt = {
         "type": "object",
-        "properties": {"status": {"enum": [201, 422, 507]}},
+        "properties": {"status": {"enum": [201, 403, 409, 422, 507]}},
         "required": ["status"],
     }
     return {

@@ -37,9 +37,10 @@ def blueprint() -> APIBlueprint:
 
 def _add_kind(routes: APIBlueprint, kind: Kind) -> None:
     name, stored = kind.value, stored_name(kind)
+    errors = (409,) if kind is Kind.MISSION_REPORT else ()
 
     @allow(BROKER)
-    @describe(Contract({201: stored}, body=name_of(kind), repeatable=True))
+    @describe(Contract({201: stored}, body=name_of(kind), repeatable=True, errors=errors))
     def create() -> ResponseReturnValue:
         """Keep a report."""
         report = _report(kind)

@@ -7,13 +7,21 @@ from flask import url_for
 from flask.typing import ResponseReturnValue
 
 from afarcloud.faults import Fault, InvalidError
-from afarcloud.numbers import INT32_MAX
+from afarcloud.model import Model
+from afarcloud.numbers import INT32_MAX, ShortText
 from edge_server.api import bodies, etags, scopes, urls
 from edge_server.api.auth import ADMIN, PLANNERS, READERS, allow, audit, caller
 from edge_server.api.contract import Contract, describe
-from edge_server.services import vehicles
+from edge_server.services import vehicle_holds, vehicles
 from edge_server.services.vehicles import VehicleState
 from edge_server.store.keys import Role
+
+
+class Release(Model):
+    """Body of a release: what was done about the fault."""
+
+    reason: ShortText
+
 
 WORDS = ("vehicles", "vehicle")
 ITEM = "int64:vehicle_id"
@@ -26,6 +34,7 @@ def blueprint() -> APIBlueprint:
     urls.add(routes, WORDS, "get", get, "GET", item=ITEM)
     urls.add(routes, WORDS, "put", put, "PUT", item=ITEM)
     urls.add(routes, WORDS, "delete", delete, "DELETE", item=ITEM)
+    urls.add(routes, WORDS, "release", release, "POST", item=ITEM, action="release")
     return routes
 
 
@@ -59,6 +68,17 @@ def put(vehicle_id: int) -> ResponseReturnValue:
     if not is_new:
         return stored, 200
     return stored, 201, {"Location": url_for("vehicles.get", vehicle_id=vehicle_id)}
+
+
+@allow(PLANNERS)
+@describe(Contract({200: "Vehicle"}, body="Release"))
+def release(vehicle_id: int) -> ResponseReturnValue:
+    """Let a vehicle fly again that is held after a fault; one that is not held stays as it is."""
+    scopes.check(vehicle_id)
+    reason = bodies.model(Release).reason
+    stored = vehicle_holds.release(bodies.context(), vehicle_id, reason)
+    audit(f"released vehicle {vehicle_id}")
+    return etags.tagged(stored)
 
 
 @allow(ADMIN)

@@ -11,7 +11,7 @@ from afarcloud.annex import in_seconds
 from afarcloud.enumerations import Profile, Status
 from afarcloud.plan import LatestStateVector, Mission
 from afarcloud.wire import Kind, write
-from edge_server.services import event_states, progress, telemetry
+from edge_server.services import event_states, progress, telemetry, vehicle_holds
 from edge_server.services.attempts import repeatable
 from edge_server.services.context import Context, show_time
 from edge_server.services.errors import ConflictError, NotFoundError, TooMuchError
@@ -104,7 +104,7 @@ def _look(context: Context, after_id: int, vehicle_ids: frozenset[int] | None) -
         # A cursor beyond all work comes from a database that is gone: begin again.
         cursor = after_id if after_id <= work.newest_id(connection) else 0
         events = work.live_events(connection, context.clock(), after_id=cursor)
-        found = work.unfinished(connection, after_id=cursor, limit=PAGE)
+        found = work.unfinished(connection, after_id=cursor, limit=PAGE, may_fly=True)
         commands = [
             _show(connection, item)
             for item in (*events, *found)
@@ -206,6 +206,8 @@ def _acknowledge_mission(
     elif item.state == work.CLOSED:
         raise ConflictError(f"work {item.id} has ended: {item.message or 'see the plan'}")
     else:
+        if item.state == work.QUEUED:
+            vehicle_holds.check_free(connection, item)
         work.change(connection, item.id, state=work.ACCEPTED)
 
 

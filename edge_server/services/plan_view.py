@@ -6,6 +6,7 @@ from typing import Any, Final
 from afarcloud.enumerations import Status
 from edge_server.services.context import show_time
 from edge_server.store.plans import StoredPlan
+from edge_server.store.vehicle_holds import VehicleHold
 from edge_server.store.work import QUEUED, CommandProgress, Work
 
 HELD: Final = "held"
@@ -15,8 +16,9 @@ def show(
     stored: StoredPlan,
     missions: Sequence[Work],
     progress: Mapping[int, Mapping[int, CommandProgress]],
+    holds: Mapping[int, VehicleHold],
 ) -> dict[str, Any]:
-    """Join a plan, its missions and the progress of their commands (by work id)."""
+    """Join a plan, its missions, the progress of their commands (by work id) and held vehicles."""
     status = overall(Status(item.status_id) for item in missions if item.status_id)
     return {
         "id": stored.id,
@@ -26,7 +28,7 @@ def show(
         "expires_at": show_time(stored.expires_at),
         "plan_status_id": int(status),
         "plan_status_name": status.name,
-        "missions": [_mission(item, progress[item.id]) for item in missions],
+        "missions": [_mission(item, progress[item.id], holds) for item in missions],
         "warnings": stored.warnings,
     }
 
@@ -44,15 +46,35 @@ def overall(statuses: Iterable[Status]) -> Status:
     return Status.FINISHED
 
 
-def _mission(item: Work, progress: Mapping[int, CommandProgress]) -> dict[str, Any]:
+def _mission(
+    item: Work, progress: Mapping[int, CommandProgress], holds: Mapping[int, VehicleHold]
+) -> dict[str, Any]:
     body = dict(item.body or {})
     commands = body.pop("command_array", [])
     return {
         **body,
         "dispatch_state": HELD if item.held and item.state == QUEUED else item.state,
+        **_waiting(item, holds),
         **_status("mission", item.status_id, item.message),
         "command_array": [_command(entry, progress[entry["command_id"]]) for entry in commands],
     }
+
+
+def _waiting(item: Work, holds: Mapping[int, VehicleHold]) -> dict[str, str]:
+    """Say why a mission in the queue is not handed out."""
+    hold = holds.get(item.vehicle_id or 0)
+    if hold is None or item.state != QUEUED or item.held:
+        return {}
+    return {"waiting": explain(hold)}
+
+
+def explain(hold: VehicleHold) -> str:
+    """Say why a vehicle is held, and what lets it fly again."""
+    after = "" if hold.mission_id is None else f" after mission {hold.mission_id}"
+    return (
+        f"vehicle {hold.vehicle_id} is held since {show_time(hold.since)}{after}: {hold.reason}; "
+        f"an operator releases it with POST /vehicles/{hold.vehicle_id}/release"
+    )
 
 
 def _command(entry: dict[str, Any], progress: CommandProgress) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from edge_server.services.attempts import repeatable
 from edge_server.services.context import Caller, Context, Precondition, moment, unconditionally
 from edge_server.services.errors import ConflictError, NotFoundError
 from edge_server.services.plan_view import show
-from edge_server.store import plans, vehicles, work
+from edge_server.store import plans, vehicle_holds, vehicles, work
 from edge_server.store.idempotency import Answered
 from edge_server.store.locks import WORK
 from edge_server.store.plans import StoredPlan
@@ -257,6 +257,7 @@ def _queue(
             now=now,
             expires_at=stored.expires_at,
             held=not plan.dispatch,
+            place=index,
         )
 
 
@@ -288,4 +289,4 @@ def _find(connection: Connection, reference: int | str) -> StoredPlan:
 def _show(connection: Connection, stored: StoredPlan) -> dict[str, Any]:
     missions = work.of_plan(connection, stored.id)
     progress = {item.id: work.commands(connection, item.id) for item in missions}
-    return show(stored, missions, progress)
+    return show(stored, missions, progress, vehicle_holds.everyone(connection))

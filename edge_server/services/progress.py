@@ -1,18 +1,29 @@
 """How mission reports move missions and commands; pure but for `apply`.
 
-A status only grows: NOT_STARTED, RUNNING, then one terminal status for good. A late or repeated
-report changes nothing. When a mission ends, commands that nobody reported ended are ABORTED.
+A status only grows: NOT_STARTED, RUNNING, then one terminal status for good. A repeated report
+changes nothing, and one that contradicts a terminal status is refused (`report_matching`). When a
+mission ends, commands that nobody reported ended are ABORTED.
 """
 
 from collections.abc import Iterable, Mapping
+from typing import NamedTuple
 
 from sqlalchemy import Connection
 
 from afarcloud.enumerations import Status
 from afarcloud.state import CommandReport, MissionReport
 from afarcloud.wire import write
+from edge_server.services import report_matching
 from edge_server.store import work
 from edge_server.store.work import CommandProgress, Work
+
+
+class Change(NamedTuple):
+    """What a report has been taken for."""
+
+    mission: Work  # As it was before
+    commands: Mapping[int, CommandProgress]  # As they were before
+    ended: bool  # By this report
 
 
 def advances(current: int, reported: int) -> bool:
@@ -23,7 +34,7 @@ def advances(current: int, reported: int) -> bool:
 def advance_commands(
     current: Mapping[int, CommandProgress], reports: Iterable[CommandReport]
 ) -> dict[int, CommandProgress]:
-    """Give the commands that a report changes; unknown command_ids are passed over."""
+    """Give the commands that a report changes; command_ids that are not known are left out."""
     changed = {}
     for report in reports:
         known = current.get(report.command_id)
@@ -51,14 +62,33 @@ def abort_the_rest(
     }
 
 
-def apply(connection: Connection, report: MissionReport) -> bool:
-    """Move the unfinished mission that a report is about; says whether one ended."""
-    mission = _mission_of(connection, report)
-    if mission is None or mission.status_id is None:
-        return False
+def apply(connection: Connection, report: MissionReport) -> Change | None:
+    """Move the mission that a report is about; None when no such mission is known here.
+
+    Raises:
+        InvalidError: if it names a command that the mission does not have.
+        ConflictError: if it must not be said of the mission; nothing has changed.
+    """
+    candidates = work.missions_of(connection, report.vehicle_id, report.mission_id)
+    mission = report_matching.find(candidates, report)
+    if mission is None:
+        return None
     current = work.commands(connection, mission.id)
+    report_matching.check(mission, current, report)
+    was_open = mission.state != work.CLOSED
+    if was_open:
+        _move(connection, mission, current, report)
+    return Change(mission, current, ended=was_open and report.mission_status_id.is_terminal)
+
+
+def _move(
+    connection: Connection,
+    mission: Work,
+    current: Mapping[int, CommandProgress],
+    report: MissionReport,
+) -> None:
     changed = advance_commands(current, report.command_report_array)
-    status = mission.status_id
+    status = int(mission.status_id or Status.NOT_STARTED)
     if advances(status, report.mission_status_id):
         status = int(report.mission_status_id)
     ended = Status(status).is_terminal
@@ -73,7 +103,6 @@ def apply(connection: Connection, report: MissionReport) -> bool:
         message=report.message or mission.message,
         report=write(report),
     )
-    return ended
 
 
 def close(connection: Connection, mission: Work, status: Status, message: str) -> None:
@@ -81,9 +110,3 @@ def close(connection: Connection, mission: Work, status: Status, message: str) -
     current = work.commands(connection, mission.id)
     work.change_commands(connection, mission.id, list(abort_the_rest(current, message).values()))
     work.change(connection, mission.id, state=work.CLOSED, status_id=int(status), message=message)
-
-
-def _mission_of(connection: Connection, report: MissionReport) -> Work | None:
-    open_work = work.unfinished(connection, vehicle_id=report.vehicle_id)
-    matching = [item for item in open_work if item.mission_id == report.mission_id]
-    return matching[-1] if matching else None

@@ -1,17 +1,18 @@
 """Reports of vehicles: kept until the cloud has them. One transaction, then 201."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any, NamedTuple
 
 from sqlalchemy import Connection
 from ulid import ULID
 
-from afarcloud.state import Image, MissionReport, Report
+from afarcloud.faults import InvalidError
+from afarcloud.state import Alarm, Image, MissionReport, Report
 from afarcloud.wire import Kind, write
 from edge_server.outbox import queue
 from edge_server.outbox.queue import Stream
-from edge_server.services import intake, once, progress
+from edge_server.services import intake, once, progress, vehicle_holds
 from edge_server.services.attempts import repeatable
 from edge_server.services.context import (
     Caller,
@@ -27,11 +28,14 @@ from edge_server.services.errors import (
     NotFoundError,
 )
 from edge_server.services.intake import Entry
-from edge_server.store import telemetry
+from edge_server.store import idempotency, telemetry
 from edge_server.store.database import to_json
 from edge_server.store.idempotency import Answered
 from edge_server.store.locks import WORK, Lock, of_stream
 from edge_server.store.telemetry import Record
+
+Refusal = KeyReusedError | FullError | ConflictError | InvalidError
+"""Why one report of many is not kept."""
 
 
 class Arrival(NamedTuple):
@@ -49,13 +53,14 @@ def ingest(context: Context, kind: Kind, report: Report, caller: Caller) -> dict
     Raises:
         KeyReusedError: if the idempotency key belongs to another request.
         FullError: if there is no room for it.
+        InvalidError, ConflictError: if it must not be said of its mission (`progress.apply`).
     """
-    body = write(report)
+    body = _payload(report)
     context.space.admit(kind.value, _picture_bytes(report))
     now = context.clock()
     answered = context.database.write_together(
         lambda connection: _keep(connection, kind, report, body, caller, now),
-        *_locks(kind, report.vehicle_id),
+        *_locks(report, kind),
     )
     context.wake_relay()
     return {"id": answered.object_id, **body, **_receipt(answered)}
@@ -64,26 +69,52 @@ def ingest(context: Context, kind: Kind, report: Report, caller: Caller) -> dict
 @repeatable
 def ingest_all(
     context: Context, arrivals: Sequence[Arrival], role: str
-) -> list[dict[str, Any] | KeyReusedError | FullError]:
+) -> list[dict[str, Any] | Refusal]:
     """Keep many reports in one transaction, in their order; returns a receipt or fault for each.
 
-    A key that belongs to another request spoils its own report only, and so does a lack of room.
+    A key that belongs to another request spoils its own report only, and so do a lack of room and
+    a report that must not be said of its mission.
     """
-    refused = _without_room(context, arrivals)
-    admitted = [one for number, one in enumerate(arrivals) if number not in refused]
-    entries = [Entry(one.kind.value, write(one.report), one.idempotency_key) for one in admitted]
-    wanted = {lock for one in admitted for lock in _locks(one.kind, one.report.vehicle_id)}
+    refused: dict[int, Refusal] = dict(_without_room(context, arrivals))
+    wanted = {lock for one in arrivals for lock in _locks(one.report, one.kind)}
     with context.database.write(*wanted) as connection:
-        kept = intake.keep_all(connection, entries, role, context.clock())
-        for arrival, outcome in zip(admitted, kept, strict=True):
-            if outcome.is_new and isinstance(arrival.report, MissionReport):
-                progress.apply(connection, arrival.report)
+        now = context.clock()
+        refused |= _apply_all(connection, arrivals, refused, role, now)
+        admitted = [one for number, one in enumerate(arrivals) if number not in refused]
+        entries = [
+            Entry(one.kind.value, _payload(one.report), one.idempotency_key) for one in admitted
+        ]
+        kept = intake.keep_all(connection, entries, role, now)
     context.wake_relay()
     answers = iter(kept)
     return [
         refused[number] if number in refused else _told(next(answers).answer)
         for number in range(len(arrivals))
     ]
+
+
+def _apply_all(
+    connection: Connection,
+    arrivals: Sequence[Arrival],
+    refused: Collection[int],
+    role: str,
+    now: float,
+) -> dict[int, Refusal]:
+    """Do what follows from the reports that are new; gives those that are refused, by place."""
+    keys = [one.idempotency_key for one in arrivals if one.idempotency_key]
+    known = set(idempotency.find_all(connection, keys, role))
+    faults: dict[int, Refusal] = {}
+    for number, arrival in enumerate(arrivals):
+        if number in refused or not _moves_work(arrival.report) or arrival.idempotency_key in known:
+            continue
+        try:
+            _apply(connection, arrival.report, now)
+        except (InvalidError, ConflictError) as error:
+            faults[number] = error
+        else:
+            if arrival.idempotency_key is not None:
+                known.add(arrival.idempotency_key)
+    return faults
 
 
 def _told(answer: Answered | KeyReusedError) -> dict[str, Any] | KeyReusedError:
@@ -107,10 +138,32 @@ def _picture_bytes(report: Report) -> int:
     return len(report.frame) if isinstance(report, Image) else 0
 
 
-def _locks(kind: Kind, vehicle_id: int) -> tuple[Lock, ...]:
+def _locks(report: Report, kind: Kind) -> tuple[Lock, ...]:
     """What a report needs: the end of its stream, and what it may move besides."""
-    stream = of_stream(vehicle_id, kind.value)
-    return (WORK, stream) if kind is Kind.MISSION_REPORT else (stream,)
+    stream = of_stream(report.vehicle_id, kind.value)
+    return (WORK, stream) if _moves_work(report) else (stream,)
+
+
+def _moves_work(report: Report) -> bool:
+    """Whether a report may change a mission, or hold its vehicle."""
+    is_about_mission = isinstance(report, Alarm) and report.mission_id is not None
+    return is_about_mission or isinstance(report, MissionReport)
+
+
+def _apply(connection: Connection, report: Report, now: float) -> None:
+    """Do what follows from a report; raises InvalidError or ConflictError, nothing being done."""
+    if isinstance(report, MissionReport):
+        change = progress.apply(connection, report)
+        vehicle_holds.after_report(connection, report, change, now)
+    elif isinstance(report, Alarm):
+        vehicle_holds.after_alarm(connection, report, now)
+
+
+def _payload(report: Report) -> dict[str, Any]:
+    """A report as the cloud gets it: the number of our own piece of work is nothing to it."""
+    body = write(report)
+    body.pop("work_id", None)
+    return body
 
 
 def _keep(  # a record, who sent it and when
@@ -126,11 +179,10 @@ def _keep(  # a record, who sent it and when
     answered = once.earlier(connection, caller, kind.value, body_sha256)
     if answered is not None:
         return answered
+    _apply(connection, report, now)
     record = store(connection, kind, body, now)
     answered = Answered(kind.value, body_sha256, record.id, record.message_id, now)
     once.remember(connection, caller, answered)
-    if isinstance(report, MissionReport):
-        progress.apply(connection, report)
     return answered
 
 

@@ -3,6 +3,7 @@
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
+from sqlalchemy import Connection
 
 from afarcloud.model import Model
 from afarcloud.numbers import (
@@ -19,8 +20,9 @@ from afarcloud.numbers import (
 from edge_server.services.attempts import repeatable
 from edge_server.services.context import Context, Precondition, show_time, unconditionally
 from edge_server.services.errors import ConflictError, NotFoundError
-from edge_server.store import vehicles, work
+from edge_server.store import vehicle_holds, vehicles, work
 from edge_server.store.locks import WORK, of_vehicle
+from edge_server.store.vehicle_holds import VehicleHold
 from edge_server.store.vehicles import StoredVehicle
 
 Age = Annotated[float, Field(ge=0), BeforeValidator(json_number)]
@@ -66,26 +68,31 @@ def put(
     now = context.clock()
     with context.database.write(of_vehicle(vehicle_id)) as connection:
         known = vehicles.get(connection, vehicle_id)
-        precondition(show(known) if known else {})
+        precondition(shown(connection, vehicle_id) if known else {})
         merged = {**known.state, **said} if known else said
         vehicles.put(connection, vehicle_id, merged, now)
-    registered_at = known.registered_at if known else now
-    return show(StoredVehicle(vehicle_id, merged, registered_at, now)), known is None
+        return shown(connection, vehicle_id), known is None
 
 
 def everyone(context: Context) -> list[dict[str, Any]]:
     """List all vehicles."""
     with context.database.read() as connection:
-        return [show(item) for item in vehicles.everyone(connection)]
+        holds = vehicle_holds.everyone(connection)
+        return [show(item, holds.get(item.vehicle_id)) for item in vehicles.everyone(connection)]
 
 
 def find(context: Context, vehicle_id: int) -> dict[str, Any]:
     """Give one vehicle; raises NotFoundError."""
     with context.database.read() as connection:
-        known = vehicles.get(connection, vehicle_id)
+        return shown(connection, vehicle_id)
+
+
+def shown(connection: Connection, vehicle_id: int) -> dict[str, Any]:
+    """Give one vehicle inside a transaction; raises NotFoundError."""
+    known = vehicles.get(connection, vehicle_id)
     if known is None:
         raise NotFoundError(f"vehicle {vehicle_id} is not registered")
-    return show(known)
+    return show(known, vehicle_holds.get(connection, vehicle_id))
 
 
 @repeatable
@@ -99,11 +106,21 @@ def remove(context: Context, vehicle_id: int) -> None:
         vehicles.remove(connection, vehicle_id)
 
 
-def show(stored: StoredVehicle) -> dict[str, Any]:
-    """Give a vehicle as the API shows it."""
+def show(stored: StoredVehicle, hold: VehicleHold | None = None) -> dict[str, Any]:
+    """Give a vehicle as the API shows it; `held` says why its queue waits, null if it does not."""
     return {
         "vehicle_id": stored.vehicle_id,
         **stored.state,
+        "held": None if hold is None else _hold(hold),
         "registered_at": show_time(stored.registered_at),
         "updated_at": show_time(stored.updated_at),
+    }
+
+
+def _hold(hold: VehicleHold) -> dict[str, Any]:
+    return {
+        "reason": hold.reason,
+        "since": show_time(hold.since),
+        "mission_id": hold.mission_id,
+        "plan_id": hold.plan_id,
     }

@@ -154,6 +154,7 @@ work = Table(
     Column("created_at", Float, nullable=False),
     Column("expires_at", Float, nullable=False),
     Column("held", Boolean, nullable=False, server_default=false()),  # Waits for dispatch
+    Column("place", Integer, nullable=False, server_default="0"),  # Of a mission in its plan
     CheckConstraint("kind IN ('mission', 'latest_state_vector', 'event')", name="kind"),
     CheckConstraint("state IN ('queued', 'accepted', 'closed')", name="state"),
     CheckConstraint("(state = 'closed') = (status_id >= 3) OR status_id IS NULL", name="terminal"),
@@ -167,6 +168,17 @@ work = Table(
     sqlite_autoincrement=True,
 )
 """What the broker has to do: missions of plans, events, and requests for a state vector."""
+
+vehicle_hold = Table(
+    "vehicle_hold",
+    METADATA,
+    Column("vehicle_id", _ID, primary_key=True, autoincrement=False),
+    Column("reason", Text, nullable=False),
+    Column("mission_id", Integer),  # That ended by a fault
+    Column("plan_id", String(26)),
+    Column("since", Float, nullable=False),
+)
+"""Vehicles whose missions wait until an operator releases them."""
 
 command = Table(
     "command",

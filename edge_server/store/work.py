@@ -8,7 +8,7 @@ from sqlalchemy import Connection, and_, delete, func, insert, or_, select, upda
 
 from afarcloud.enumerations import Status
 from edge_server.store.database import new_id, to_json
-from edge_server.store.tables import command, plan, work
+from edge_server.store.tables import command, plan, vehicle_hold, work
 
 MISSION = "mission"
 STATE_VECTOR = "latest_state_vector"
@@ -39,6 +39,8 @@ class Work(NamedTuple):
     message: str | None = None
     report: dict[str, Any] | None = None
     held: bool = False
+    place: int = 0
+    created_at: float = 0.0
 
 
 class CommandProgress(NamedTuple):
@@ -57,6 +59,7 @@ def add_mission(
     now: float,
     expires_at: float,
     held: bool = False,
+    place: int = 0,
 ) -> None:
     """Queue a mission and its commands, nothing started; a held one is no work yet."""
     result = connection.execute(
@@ -72,6 +75,7 @@ def add_mission(
             created_at=now,
             expires_at=expires_at,
             held=held,
+            place=place,
         )
     )
     row = new_id(result)
@@ -81,6 +85,21 @@ def add_mission(
             {"work": row, "command_id": item["command_id"], "status_id": 1}
             for item in body["command_array"]
         ],
+    )
+
+
+def queue_anew(connection: Connection, item: Work) -> None:
+    """Put a mission that nobody has begun at the end of the feed; everything else of it stays."""
+    if item.plan is None or item.body is None:
+        raise TypeError("only a mission of a plan can be queued anew")
+    remove(connection, item.id)
+    add_mission(
+        connection,
+        plan_row=item.plan,
+        body=item.body,
+        now=item.created_at,
+        expires_at=item.expires_at,
+        place=item.place,
     )
 
 
@@ -135,11 +154,17 @@ def get(connection: Connection, identifier: int) -> Work | None:
 
 
 def unfinished(
-    connection: Connection, *, after_id: int = 0, vehicle_id: int | None = None, limit: int = 1000
+    connection: Connection,
+    *,
+    after_id: int = 0,
+    vehicle_id: int | None = None,
+    limit: int = 1000,
+    may_fly: bool = False,
 ) -> list[Work]:
     """List queued and accepted missions and requests in order, of one vehicle or of all.
 
-    What is held is no work yet, and events have a list of their own.
+    What is held is no work yet, and events have a list of their own. `may_fly` leaves out the
+    missions that wait for the release of their vehicle.
     """
     query = _QUERY.where(
         work.c.state.in_((QUEUED, ACCEPTED)),
@@ -149,7 +174,27 @@ def unfinished(
     )
     if vehicle_id is not None:
         query = query.where(work.c.vehicle_id == vehicle_id)
+    if may_fly:
+        held_vehicles = select(vehicle_hold.c.vehicle_id)
+        query = query.where(
+            or_(
+                work.c.kind != MISSION,
+                work.c.state == ACCEPTED,
+                work.c.vehicle_id.not_in(held_vehicles),
+            )
+        )
     return [_work(row) for row in connection.execute(query.order_by(work.c.id).limit(limit))]
+
+
+def missions_of(connection: Connection, vehicle_id: int, mission_id: int) -> list[Work]:
+    """List a vehicle's missions of this number, ended or not, oldest first; held ones left out."""
+    query = _QUERY.where(
+        work.c.vehicle_id == vehicle_id,
+        work.c.mission_id == mission_id,
+        work.c.kind == MISSION,
+        work.c.held.is_(False),
+    )
+    return [_work(row) for row in connection.execute(query.order_by(work.c.id))]
 
 
 def live_events(connection: Connection, now: float, *, after_id: int = 0) -> list[Work]:
@@ -206,7 +251,8 @@ def overdue(connection: Connection, now: float) -> list[Work]:
 def of_plan(connection: Connection, plan_row: int) -> list[Work]:
     """List the missions of a plan in the plan's order."""
     query = _QUERY.where(work.c.plan == plan_row)
-    return [_work(row) for row in connection.execute(query.order_by(work.c.id))]
+    order = work.c.place, work.c.id
+    return [_work(row) for row in connection.execute(query.order_by(*order))]
 
 
 def newest_id(connection: Connection) -> int:
@@ -292,4 +338,6 @@ def _work(row: Any) -> Work:
         row.message,
         json.loads(row.report) if row.report else None,
         row.held,
+        row.place,
+        row.created_at,
     )

@@ -19,9 +19,21 @@ class LedgerError(Exception):
 class Ledger:
     """What is reported of one mission."""
 
-    def __init__(self, mission_id: int, commands: Sequence[Command], *, name: str = "") -> None:
-        """Take a mission's commands, and what tells the mission from every other for good."""
+    def __init__(
+        self,
+        mission_id: int,
+        commands: Sequence[Command],
+        *,
+        name: str = "",
+        work_id: int | None = None,
+        plan_id: str | None = None,
+    ) -> None:
+        """Take a mission's commands, and what tells the mission from every other for good.
+
+        `work_id` and `plan_id` say in its reports which flight of a `mission_id` is meant.
+        """
         self.mission_id = mission_id
+        self._work_id, self._plan_id = work_id, plan_id
         self._name = name
         self.status = Status.NOT_STARTED
         self.message: str | None = None
@@ -126,6 +138,8 @@ class Ledger:
             sequence_number=sequence_number,
             vehicle_id=vehicle_id,
             mission_id=self.mission_id,
+            work_id=self._work_id,
+            plan_id=self._plan_id,
             mission_status_id=self.status,
             message=self.message,
             command_report_array=tuple(

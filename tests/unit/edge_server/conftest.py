@@ -97,6 +97,12 @@ class Edge:
         commands: list[dict[str, Any]] = answer["commands"]
         return commands
 
+    def accept(self) -> None:
+        """Accept every mission that is handed out, as the broker does when its turn comes."""
+        for item in self.work():
+            if item["kind"] == "mission" and item["state"] == "queued":
+                assert self.acknowledge(item["id"], "accepted").status_code == 200
+
     def acknowledge(self, identifier: int, status: str, message: str | None = None) -> TestResponse:
         body = {"status": status} | ({"message": message} if message else {})
         return self.post(f"/broker/commands/{identifier}/ack", body, "broker")

@@ -161,7 +161,8 @@ def test_what_is_said_to_an_accepted_mission_is_passed_on(
     wait_until(has_come)
     tell("done")
     client.stop(5.0)
-    assert [*verdicts, *client.take_verdicts()] == [Verdict(1, holds)]
+    told = [*verdicts, *client.take_verdicts()]
+    assert [(verdict.work_id, verdict.holds) for verdict in told] == [(1, holds)]
     assert woken.event.is_set()
 
 

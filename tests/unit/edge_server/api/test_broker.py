@@ -96,6 +96,7 @@ def test_a_mission_is_not_done_by_acknowledgement(edge: Edge) -> None:
 def test_what_has_ended_is_not_accepted(edge: Edge) -> None:
     edge.post_plan(plan())
     (item,) = edge.work()
+    edge.accept()
     edge.report("mission_report", mission_report(3, 3, 3, 3))
     assert edge.acknowledge(item["id"], "accepted").status_code == 409
     assert edge.acknowledge(item["id"], "refused").status_code == 409

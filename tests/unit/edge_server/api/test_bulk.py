@@ -71,6 +71,7 @@ def test_a_key_of_another_report_is_refused_alone(edge: Edge) -> None:
 def test_a_mission_report_moves_the_mission(edge: Edge) -> None:
     posted = edge.post_plan(plan()).json or {}
     mission = posted["missions"][0]
+    edge.accept()
     report = telemetry("mission_report") | {
         "mission_id": mission["mission_id"],
         "mission_status_id": 2,

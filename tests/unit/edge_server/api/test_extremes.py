@@ -29,6 +29,7 @@ def test_a_list_after_the_largest_number_is_empty(edge: Edge) -> None:
 @BOTH_ENGINES
 def test_a_nul_in_a_text_is_a_letter_like_others_on_its_way_to_the_cloud(edge: Edge) -> None:
     assert edge.post_plan(plan(mission(), name=NUL)).status_code == 201
+    edge.accept()
     kept = edge.report("mission_report", mission_report(2) | {"message": NUL})
     assert kept.status_code == 201
     assert kept.json is not None

@@ -62,6 +62,7 @@ def test_reports_move_the_plan_live(edge: Edge) -> None:
 
 def test_a_failed_command_says_why(edge: Edge) -> None:
     edge.post_plan(plan())
+    edge.accept()
     report = mission_report(4, 3, 4, 5, message="GPS fix lost")
     report["command_report_array"][1]["message"] = "no position"
     edge.report("mission_report", report)
@@ -74,8 +75,10 @@ def test_a_failed_command_says_why(edge: Edge) -> None:
 @BOTH_ENGINES
 def test_a_late_report_does_not_bring_a_mission_back(edge: Edge) -> None:
     edge.post_plan(plan())
+    edge.accept()
     edge.report("mission_report", mission_report(3, 3, 3, 3))
-    edge.report("mission_report", mission_report(2, 3, 2, 1))
+    late = edge.report("mission_report", mission_report(2, 3, 2, 1))
+    assert late.status_code == 409
     (shown,) = edge.get("/plans/")
     assert shown["plan_status_name"] == "FINISHED"
 
@@ -86,6 +89,7 @@ def test_the_same_plan_twice_waits_for_the_first_to_end(edge: Edge) -> None:
     second = edge.post_plan(plan())
     assert second.status_code == 409
     assert "missions.0.mission_id" in (second.json or {})["detail"]["json"]
+    edge.accept()
     edge.report("mission_report", mission_report(3, 3, 3, 3))
     assert edge.post_plan(plan()).status_code == 201
 
@@ -103,6 +107,7 @@ def test_a_repeated_post_under_its_key_has_one_effect(edge: Edge) -> None:
 @BOTH_ENGINES
 def test_a_plan_id_is_taken_once(edge: Edge) -> None:
     assert edge.post_plan(plan(plan_id=ULID)).status_code == 201
+    edge.accept()
     edge.report("mission_report", mission_report(3, 3, 3, 3))
     assert edge.post_plan(plan(plan_id=ULID)).status_code == 409
 

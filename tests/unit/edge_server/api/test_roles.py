@@ -36,6 +36,7 @@ MATRIX: list[tuple[str, str, set[str], Any]] = [
     ("GET", "/vehicles/1", EVERYBODY, None),
     ("PUT", "/vehicles/1", {"broker", "operator", "admin"}, {"link_state": "lost"}),
     ("DELETE", "/vehicles/1", {"admin"}, None),
+    ("POST", "/vehicles/1/release", {"operator", "admin"}, {"reason": "looked at"}),
     ("GET", "/broker/commands", {"broker"}, None),
     ("POST", "/broker/commands/1/ack", {"broker"}, {"status": "accepted"}),
     ("POST", "/latest_state_vector/", PEOPLE, {"sequence_number": 3}),

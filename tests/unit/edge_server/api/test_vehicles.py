@@ -81,6 +81,7 @@ def test_a_vehicle_id_out_of_range_is_refused(edge: Edge, identifier: int) -> No
 def test_a_vehicle_with_work_stays(edge: Edge) -> None:
     edge.post_plan(plan())
     assert edge.ask("DELETE", "/vehicles/1", "admin").status_code == 409
+    edge.accept()
     edge.report("mission_report", mission_report(3, 3, 3, 3))
     assert edge.ask("DELETE", "/vehicles/1", "admin").status_code == 204
     assert edge.ask("DELETE", "/vehicles/1", "admin").status_code == 404

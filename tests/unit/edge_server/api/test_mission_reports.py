@@ -1,0 +1,205 @@
+"""A report moves the one flight that it is about, and never speaks against an end."""
+
+from typing import Any
+
+import pytest
+
+from tests.unit.edge_server.conftest import Edge
+from tests.unit.edge_server.documents import event, mission, mission_report, plan
+
+
+def accepted(edge: Edge, mission_id: int = 1201) -> dict[str, Any]:
+    """Post a plan, accept its mission; gives the work."""
+    assert edge.post_plan(plan(mission(mission_id))).status_code == 201
+    item = edge.work()[-1]
+    assert edge.acknowledge(item["id"], "accepted").status_code == 200
+    return item
+
+
+def status_of(edge: Edge, number: int) -> str:
+    (shown,) = edge.get(f"/plans/{number}")["missions"]
+    return str(shown["mission_status_name"])
+
+
+def told(edge: Edge) -> list[int]:
+    """Statuses of the mission reports that go to the cloud, in order."""
+    return [report["mission_status_id"] for report in edge.get("/mission_report/")]
+
+
+def test_an_old_report_does_not_end_a_mission_of_the_same_number(edge: Edge) -> None:
+    old = mission_report(3, 3, 3, 3)
+    accepted(edge)
+    assert edge.report("mission_report", old).status_code == 201
+    edge.post_plan(plan())
+    assert edge.report("mission_report", old).status_code == 201
+    assert status_of(edge, 2) == "NOT_STARTED"
+    assert len(edge.work()) == 1
+
+
+@pytest.mark.parametrize("mark", ["work_id", "session_id", "recorded_at"])
+def test_an_old_report_does_not_end_an_accepted_mission_of_its_number(
+    edge: Edge, mark: str
+) -> None:
+    marks: dict[str, Any] = {
+        "session_id": "01K9Z4T1W8F6Q2M3N5P7R9S0VX",
+        "recorded_at": "2026-11-21T11:59:00Z",
+    }
+    item = accepted(edge)
+    marks["work_id"] = item["id"]
+    old = mission_report(3, 3, 3, 3, **{mark: marks[mark]})
+    assert edge.report("mission_report", old).status_code == 201
+    accepted(edge)
+    assert edge.report("mission_report", old).status_code == 201
+    assert status_of(edge, 2) == "NOT_STARTED"
+    assert status_of(edge, 1) == "FINISHED"
+
+
+def test_a_report_names_its_flight(edge: Edge) -> None:
+    item = accepted(edge)
+    edge.report("mission_report", mission_report(3, 3, 3, 3))
+    again = accepted(edge)
+    named = {"work_id": again["id"], "plan_id": again["plan_id"]}
+    edge.report("mission_report", mission_report(2, 2, work_id=item["id"]))
+    assert status_of(edge, 2) == "NOT_STARTED"
+    assert edge.report("mission_report", mission_report(2, 2, **named)).status_code == 201
+    assert status_of(edge, 2) == "RUNNING"
+    assert all("work_id" not in report for report in edge.get("/mission_report/"))
+
+
+def test_a_mission_in_the_queue_is_moved_by_nobody_who_does_not_name_it(edge: Edge) -> None:
+    edge.post_plan(plan())
+    answer = edge.report("mission_report", mission_report(3, 3, 3, 3))
+    assert answer.status_code == 409
+    assert list((answer.json or {})["detail"]["json"]) == ["mission_id"]
+    assert status_of(edge, 1) == "NOT_STARTED"
+    assert told(edge) == []
+
+
+def test_a_refusal_that_names_its_work_is_taken_before_the_acknowledgement(edge: Edge) -> None:
+    edge.post_plan(plan())
+    (item,) = edge.work()
+    report = mission_report(4, 5, 4, 5, work_id=item["id"], plan_id=item["plan_id"])
+    assert edge.report("mission_report", report).status_code == 201
+    assert edge.acknowledge(item["id"], "refused", "leaves the geofence").status_code == 200
+    assert told(edge) == [4]
+
+
+def test_work_that_was_replaced_is_not_reported_on(edge: Edge) -> None:
+    stored = edge.post_plan(plan()).json or {}
+    (item,) = edge.work()
+    assert edge.ask("PUT", f"/plans/{stored['id']}", "operator", json=plan()).status_code == 200
+    report = mission_report(4, 4, 5, 5, work_id=item["id"], plan_id=item["plan_id"])
+    assert edge.report("mission_report", report).status_code == 409
+    assert (status_of(edge, 1), told(edge)) == ("NOT_STARTED", [])
+
+
+@pytest.mark.parametrize("end", [3, 4, 5])
+@pytest.mark.parametrize("said", [1, 2, 3, 4, 5])
+def test_after_the_end_only_the_end_is_forwarded(edge: Edge, end: int, said: int) -> None:
+    item = accepted(edge)
+    named = {"work_id": item["id"]}
+    assert edge.report("mission_report", mission_report(end, **named)).status_code == 201
+    answer = edge.report("mission_report", mission_report(said, **named))
+    assert answer.status_code == (201 if said == end else 409)
+    assert set(told(edge)) == {end}
+    if said != end:
+        assert list((answer.json or {})["detail"]["json"]) == ["mission_status_id"]
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "status"),
+    [
+        ((3, 2), (2, 2), 409),  # Late: the command has finished meanwhile
+        ((3, 2), (4, 2), 409),
+        ((3, 2), (3, 3), 201),
+        ((3, 2), (3, 1), 201),  # Open ones may be said in any order; they do not go back
+    ],
+)
+def test_an_ended_command_stays_as_it_ended(
+    edge: Edge, first: tuple[int, ...], second: tuple[int, ...], status: int
+) -> None:
+    accepted(edge)
+    edge.report("mission_report", mission_report(2, *first))
+    assert edge.report("mission_report", mission_report(2, *second)).status_code == status
+    assert len(told(edge)) == (2 if status == 201 else 1)
+
+
+def test_the_report_that_ended_a_mission_may_be_repeated(edge: Edge) -> None:
+    accepted(edge)
+    last = mission_report(4, 3, 4, 1)  # The third command is ABORTED by the end
+    for _ in range(2):
+        assert edge.report("mission_report", last).status_code == 201
+    assert told(edge) == [4, 4]
+
+
+def test_commands_that_the_mission_does_not_have_are_named(edge: Edge) -> None:
+    accepted(edge)
+    answer = edge.report("mission_report", mission_report(2, 3, 2, 1, 1, 1))
+    assert answer.status_code == 422
+    assert list((answer.json or {})["detail"]["json"]) == [
+        "command_report_array.3.command_id",
+        "command_report_array.4.command_id",
+    ]
+    assert told(edge) == []
+
+
+def test_a_command_is_reported_once(edge: Edge) -> None:
+    accepted(edge)
+    report = mission_report(2, 3, 2)
+    report["command_report_array"][1]["command_id"] = 1
+    answer = edge.report("mission_report", report)
+    assert answer.status_code == 422
+    assert list((answer.json or {})["detail"]["json"]) == ["command_report_array.1.command_id"]
+
+
+def test_a_mission_that_was_ended_here_is_told_once(edge: Edge) -> None:
+    edge.post_plan(plan())
+    (item,) = edge.work()
+    assert edge.post("/events/", event(2), "operator").status_code == 201
+    report = mission_report(5, 5, 5, 5, work_id=item["id"], plan_id=item["plan_id"])
+    assert edge.report("mission_report", report).status_code == 409
+    assert told(edge) == [5]
+
+
+def test_a_repeated_post_gets_its_first_answer_whatever_came_since(edge: Edge) -> None:
+    accepted(edge)
+    running = mission_report(2, 2)
+    first = edge.report("mission_report", running, "running-1")
+    edge.report("mission_report", mission_report(3, 3, 3, 3))
+    again = edge.report("mission_report", running, "running-1")
+    assert (again.status_code, again.json) == (201, first.json)
+    assert told(edge) == [2, 3]
+
+
+def test_in_bulk_each_report_is_judged_behind_those_before_it(edge: Edge) -> None:
+    accepted(edge)
+    reports = [
+        mission_report(2, 2),
+        mission_report(3, 3, 3, 3),
+        mission_report(2, 3, 2),
+        mission_report(3, 3, 3, 3, 3),
+        mission_report(3, 3, 3, 3),
+    ]
+    body = {"records": [{"mission_report": report} for report in reports]}
+    answer = edge.post("/telemetry/", body, "broker")
+    assert [one["status"] for one in (answer.json or {})["records"]] == [201, 201, 409, 422, 201]
+    assert told(edge) == [2, 3, 3]
+
+
+def test_in_bulk_a_repeated_key_moves_nothing_twice(edge: Edge) -> None:
+    accepted(edge)
+    keyed = {"idempotency_key": "one"}
+    records = [
+        {"mission_report": mission_report(2, 2)} | keyed,
+        {"mission_report": mission_report(3, 3, 3, 3)},
+        {"mission_report": mission_report(2, 2)} | keyed,
+    ]
+    for _ in range(2):
+        answer = edge.post("/telemetry/", {"records": records}, "broker")
+        assert [one["status"] for one in (answer.json or {})["records"]] == [201, 201, 201]
+
+
+def test_a_mission_that_nobody_here_knows_is_forwarded(edge: Edge) -> None:
+    report = mission_report(3, 3, mission_id=77, plan_id="01K9Z4T1W8F6Q2M3N5P7R9S0VX", work_id=5)
+    assert edge.report("mission_report", report).status_code == 201
+    assert told(edge) == [3]

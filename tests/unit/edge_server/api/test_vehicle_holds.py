@@ -1,0 +1,185 @@
+"""After a fault in flight a vehicle's queue waits for an operator."""
+
+from typing import Any
+
+import pytest
+
+from tests.unit.edge_server.conftest import Edge
+from tests.unit.edge_server.documents import mission, mission_report, plan, telemetry
+
+FAULT = "motor 2 failed"
+
+
+def fly(edge: Edge, mission_id: int = 1, vehicle_id: int = 1) -> dict[str, Any]:
+    """Accept a mission and have it take off; gives its work."""
+    edge.post_plan(plan(mission(mission_id, vehicle_id)))
+    (item,) = (one for one in edge.work() if one["mission"]["mission_id"] == mission_id)
+    edge.acknowledge(item["id"], "accepted")
+    report = mission_report(2, 2, mission_id=mission_id, vehicle_id=vehicle_id)
+    assert edge.report("mission_report", report).status_code == 201
+    return item
+
+
+def fail(edge: Edge, mission_id: int = 1, vehicle_id: int = 1) -> None:
+    """End a mission by a fault in flight."""
+    fly(edge, mission_id, vehicle_id)
+    report = mission_report(4, 3, 4, 5, mission_id=mission_id, vehicle_id=vehicle_id, message=FAULT)
+    assert edge.report("mission_report", report).status_code == 201
+
+
+def release(edge: Edge, role: str = "operator", vehicle_id: int = 1) -> Any:
+    body = {"reason": "propeller changed"}
+    return edge.post(f"/vehicles/{vehicle_id}/release", body, role)
+
+
+def audited(edge: Edge) -> list[str]:
+    lines = edge.ask("GET", "/audit/", "admin").text.splitlines()
+    return [line for line in lines if "vehicles.release" in line]
+
+
+def test_nothing_is_handed_out_to_a_held_vehicle(edge: Edge) -> None:
+    edge.post_plan(plan(mission(2)))
+    fail(edge)
+    edge.post_plan(plan(mission(3)))
+    edge.post_plan(plan(mission(4, 2)))
+    assert [item["mission"]["mission_id"] for item in edge.work()] == [4]
+    held = edge.get("/vehicles/1")["held"]
+    assert held == {
+        "reason": FAULT,
+        "since": "2026-11-21T12:00:00Z",
+        "mission_id": 1,
+        "plan_id": edge.get("/plans/2")["plan_id"],
+    }
+    assert edge.get("/vehicles/2")["held"] is None
+
+
+def test_a_plan_for_a_held_vehicle_is_kept_and_says_why_it_waits(edge: Edge) -> None:
+    fail(edge)
+    answer = edge.post_plan(plan(mission(2)))
+    assert answer.status_code == 201
+    (shown,) = (answer.json or {})["missions"]
+    assert shown["dispatch_state"] == "queued"
+    assert FAULT in shown["waiting"]
+    assert "POST /vehicles/1/release" in shown["waiting"]
+    (free,) = (edge.post_plan(plan(mission(3, 2))).json or {})["missions"]
+    assert "waiting" not in free
+
+
+def test_what_a_broker_has_pulled_already_may_not_be_flown(edge: Edge) -> None:
+    edge.post_plan(plan(mission(2)))
+    (pulled,) = edge.work()
+    fail(edge)
+    answer = edge.acknowledge(pulled["id"], "accepted")
+    assert answer.status_code == 409
+    assert FAULT in (answer.json or {})["message"]
+    (shown,) = edge.get("/plans/1")["missions"]
+    assert (shown["dispatch_state"], shown["mission_status_name"]) == ("queued", "NOT_STARTED")
+
+
+def test_a_released_vehicle_flies_what_waited_in_its_old_order(edge: Edge) -> None:
+    edge.post_plan(plan(mission(2), mission(20, 2)))
+    fail(edge)
+    edge.post_plan(plan(mission(3)))
+    cursor = edge.get("/broker/commands?after=0", "broker")["cursor"]
+    answer = release(edge)
+    assert (answer.status_code, answer.json["held"]) == (200, None)
+    again = edge.get(f"/broker/commands?after={cursor}", "broker")["commands"]
+    assert [item["mission"]["mission_id"] for item in again] == [2, 3]
+    for item in again:
+        assert edge.acknowledge(item["id"], "accepted").status_code == 200
+    assert [one["mission_id"] for one in edge.get("/plans/1")["missions"]] == [2, 20]
+
+
+def test_releasing_twice_is_releasing_once(edge: Edge) -> None:
+    fail(edge)
+    edge.post_plan(plan(mission(2)))
+    release(edge)
+    work = edge.work()
+    assert release(edge).status_code == 200
+    assert edge.work() == work
+    (line,) = audited(edge)
+    assert "propeller changed" in line
+
+
+@pytest.mark.parametrize(
+    ("role", "status"),
+    [("operator", 200), ("admin", 200), ("farmer", 403), ("cloud", 403), ("broker", 403)],
+)
+def test_only_who_answers_for_the_flight_releases(edge: Edge, role: str, status: int) -> None:
+    fail(edge)
+    assert release(edge, role).status_code == status
+    assert (edge.get("/vehicles/1")["held"] is None) == (status == 200)
+
+
+@pytest.mark.parametrize("body", [{}, {"reason": ""}, {"reason": 5}, {"reason": "x", "y": 1}])
+def test_a_release_says_why(edge: Edge, body: dict[str, Any]) -> None:
+    fail(edge)
+    assert edge.post("/vehicles/1/release", body, "operator").status_code == 422
+    assert edge.get("/vehicles/1")["held"] is not None
+
+
+def test_an_unknown_vehicle_is_not_found(edge: Edge) -> None:
+    assert release(edge, vehicle_id=77).status_code == 404
+
+
+def test_an_alarm_on_the_mission_holds_at_once(edge: Edge) -> None:
+    fly(edge)
+    alarm = telemetry("alarm") | {"mission_id": 1, "message": "GPS lost"}
+    assert edge.report("alarm", alarm).status_code == 201
+    assert edge.get("/vehicles/1")["held"]["reason"] == "alarm 1/5: GPS lost"
+    # The mission that flies is still the broker's
+    assert [item["mission"]["mission_id"] for item in edge.work()] == [1]
+
+
+def test_an_alarm_in_bulk_holds_too(edge: Edge) -> None:
+    fly(edge)
+    body = {"records": [{"alarm": telemetry("alarm") | {"mission_id": 1}}]}
+    assert edge.post("/telemetry/", body, "broker").status_code == 200
+    assert edge.get("/vehicles/1")["held"]["reason"] == "alarm 1/5"
+
+
+def test_an_alarm_about_no_mission_holds_nothing(edge: Edge) -> None:
+    fly(edge)
+    edge.report("alarm", telemetry("alarm"))
+    assert edge.get("/vehicles/1")["held"] is None
+
+
+def test_a_refusal_before_take_off_holds_nothing(edge: Edge) -> None:
+    edge.post_plan(plan(mission(1)))
+    edge.acknowledge(edge.work()[0]["id"], "accepted")
+    report = mission_report(4, 4, 5, 5, mission_id=1, message="arming denied: no GPS")
+    edge.report("mission_report", report)
+    assert edge.get("/vehicles/1")["held"] is None
+
+
+@pytest.mark.parametrize(("status", "last"), [(3, 3), (5, 5)])
+def test_a_mission_that_ends_as_ordered_holds_nothing(edge: Edge, status: int, last: int) -> None:
+    fly(edge)
+    edge.report("mission_report", mission_report(status, 3, 3, last, mission_id=1))
+    assert edge.get("/vehicles/1")["held"] is None
+
+
+def test_the_first_fault_stays_the_reason(edge: Edge) -> None:
+    fly(edge)
+    edge.report("alarm", telemetry("alarm") | {"mission_id": 1, "message": "GPS lost"})
+    edge.clock.pass_s(5)
+    edge.report("mission_report", mission_report(4, 3, 4, 5, mission_id=1, message="GPS lost"))
+    held = edge.get("/vehicles/1")["held"]
+    assert (held["reason"], held["since"]) == ("alarm 1/5: GPS lost", "2026-11-21T12:00:00Z")
+
+
+def test_nobody_releases_by_describing_the_vehicle(edge: Edge) -> None:
+    fail(edge)
+    body = {"link_state": "connected", "held": None}
+    assert edge.ask("PUT", "/vehicles/1", "operator", json=body).status_code == 422
+    edge.register(1)
+    assert edge.get("/vehicles/1")["held"] is not None
+
+
+def test_a_key_for_another_vehicle_does_not_release(edge: Edge) -> None:
+    fail(edge)
+    body = {"name": "north", "role": "operator", "vehicle_ids": [2]}
+    made = edge.post("/keys/", body, "admin").json or {}
+    headers = {"X-API-Key": made["key"]}
+    answer = edge.client.post("/vehicles/1/release", json={"reason": "x"}, headers=headers)
+    assert answer.status_code == 403
