@@ -4,7 +4,7 @@ import os
 import sys
 from datetime import UTC, datetime
 
-from mavlink_broker.command_line import fly, run, translate, vehicles
+from mavlink_broker.command_line import dead_letters, fly, run, translate, vehicles
 from mavlink_broker.command_line.program import MISUSED, UsageError
 from mavlink_broker.leads import LeadError
 
@@ -31,6 +31,8 @@ def _do(word: str, rest: list[str]) -> int:
             return vehicles.run(rest, os.environ)
         case "fly":
             return fly.run(rest, os.environ)
+        case "dead-letters":
+            return dead_letters.run(rest, os.environ)
         case "run":
             return run.run(rest, os.environ)
         case _:

@@ -161,8 +161,13 @@ class App:
                 return
 
     def _warning_of(self, peer: Peer, now: float) -> str | None:
-        """What somebody should know about a vehicle: its link, errors inside the broker."""
-        warnings = (self._traffic.warning_of(peer.system, now), self.faults.warning(_owner(peer)))
+        """What somebody should know about a vehicle: its link, dead letters, internal errors."""
+        dead = self._edge.dead_letters_of(peer.session.vehicle.vehicle_id)
+        warnings = (
+            self._traffic.warning_of(peer.system, now),
+            f"{dead} reports could not be delivered: see dead-letters" if dead else None,
+            self.faults.warning(_owner(peer)),
+        )
         return "; ".join(warning for warning in warnings if warning)[:MOST_WARNING] or None
 
     def _tenure(self, system: int) -> Tenure:

@@ -135,7 +135,7 @@ def load(arguments: Sequence[str], environment: Mapping[str, str]) -> Config:
         environment,
         prog="mavlink_broker",
         description="Flies the edge server's missions over MAVLink.",
-        epilog="Other commands, each with its own --help: translate, vehicles, fly.",
+        epilog="Other commands, each with its own --help: translate, vehicles, fly, dead-letters.",
     )
     return settings(parser, parser.parse_args(arguments))
 

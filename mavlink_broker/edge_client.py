@@ -21,7 +21,7 @@ from typing import Any, Final, TypeVar
 import requests
 
 from afarcloud import wire
-from mavlink_broker.edge_door import Door, NoKeyError, is_final
+from mavlink_broker.edge_door import Door, NoKeyError, is_final, waits_on_purpose
 from mavlink_broker.send_queue import Post, SendQueue
 from mavlink_broker.spool.folder import Spool
 from mavlink_broker.spool.keeper import Keeper
@@ -130,6 +130,10 @@ class EdgeClient:
         with self._changed:
             return self._posts.waiting_in(wire.Kind.IMAGE.value)
 
+    def dead_letters_of(self, vehicle_id: int) -> int:
+        """How many posts of a vehicle were given up and wait for a person."""
+        return 0 if self._keeper is None else self._keeper.dead_letters.get(vehicle_id, 0)
+
     @property
     def dropped(self) -> int:
         """How many state vectors were given up."""
@@ -221,23 +225,32 @@ class EdgeClient:
 
     def _send(self, door: Door, post: Post) -> None:
         headers = {"Idempotency-Key": post.idempotency_key} if post.idempotency_key else {}
-        status, text = None, ""
+        status, text, is_dead = None, "", False
         try:
             response = door.request(post.method, post.path, body=post.body, headers=headers)
             status, text = response.status_code, response.text[:SHOWN_CHARACTERS]
             self._note(reachable=True)
         except (requests.RequestException, NoKeyError) as error:
+            text = str(error)[:SHOWN_CHARACTERS]
             self._note(reachable=False, why=error)
         with self._changed:
             if status is not None and is_final(status):
                 self._posts.answered(post)
             else:
-                self._posts.failed(post, time.monotonic(), cut_off=status is None)
+                is_dead = self._posts.failed(
+                    post,
+                    time.monotonic(),
+                    cut_off=status is None,
+                    waits=status is not None and waits_on_purpose(status),
+                    reason=text if status is None else f"HTTP {status} {text}",
+                )
             self._changed.notify_all()
             self._answered.notify_all()
-            concerns_disk = post.kept_as is not None or self._posts.is_in_trouble
+            concerns_disk = post.kept_as is not None or self._posts.is_in_trouble or is_dead
         if concerns_disk:
             self._nudge()
+        if is_dead:
+            self._given_up(post, status, text)
         if status is None or not is_final(status):
             return
         if status >= HTTPStatus.BAD_REQUEST:
@@ -246,6 +259,16 @@ class EdgeClient:
             holds = status not in _WITHDRAWN
             reason = "" if holds else text
             self._verdicts.put(Verdict(post.accepts, holds=holds, reason=reason))
+            self._wake()
+
+    def _given_up(self, post: Post, status: int | None, text: str) -> None:
+        """Log a post that was given up; a mission whose acceptance it is must not be flown."""
+        _LOG.error(
+            "%s %s of vehicle %d is given up: HTTP %s %s",
+            *(post.method, post.path, post.vehicle_id, status, text),
+        )
+        if post.accepts is not None:
+            self._verdicts.put(Verdict(post.accepts, holds=False))
             self._wake()
 
     def _tell_refusal(self, post: Post, status: int, text: str) -> None:

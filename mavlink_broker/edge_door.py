@@ -31,6 +31,9 @@ _TRY_AGAIN: Final = frozenset(
 )
 
 
+_ON_PURPOSE: Final = _TRY_AGAIN | {HTTPStatus.SERVICE_UNAVAILABLE, HTTPStatus.INSUFFICIENT_STORAGE}
+
+
 class NoKeyError(Exception):
     """The edge server has not written the broker's key yet."""
 
@@ -88,3 +91,8 @@ def is_final(status_code: int) -> bool:
     if status_code in _TRY_AGAIN:
         return False
     return 200 <= status_code < 300 or 400 <= status_code < 500
+
+
+def waits_on_purpose(status_code: int) -> bool:
+    """Whether the edge server refuses for now, until something changes that is not the request."""
+    return status_code in _ON_PURPOSE

@@ -26,6 +26,9 @@ class Edge(Protocol):
     def waiting_pictures(self) -> int:
         """How many pictures have not been answered yet."""
 
+    def dead_letters_of(self, vehicle_id: int) -> int:
+        """How many posts of a vehicle were given up and wait for a person."""
+
 
 class Jobs(Protocol):
     """What is done beside the loop."""

@@ -7,6 +7,11 @@ reports wait until the edge server has answered its registration.
 When the edge server is away for long, the oldest state vectors are dropped and counted, and a
 newer description of a vehicle replaces the one that waits. Everything else is kept, and told to
 whoever puts it onto the disk: what has failed once, and what waits behind it.
+
+A post that fails again and again is given up after 20 failures, so that what waits behind it is
+told; it becomes a dead letter. A failure counts only if the edge server has given a final answer
+to something else since the failure before: while it is away, or fails for everybody, nothing is
+given up. What it refuses for now on purpose (`waits` in `failed`) does not count either.
 """
 
 import random
@@ -21,6 +26,8 @@ STATE_VECTORS_KEPT: Final = 3600
 """An hour of one vehicle; some 2 MB."""
 FIRST_PAUSE_S: Final = 0.2
 LONGEST_PAUSE_S: Final = 5.0
+MOST_ATTEMPTS: Final = 20
+"""Failures of one post while others were answered: more than a minute."""
 SLOW_AFTER_S: Final = 3.0
 """An edge server that has not answered by then may be none."""
 
@@ -54,6 +61,8 @@ class Post:
     kept_as: int | None = None  # Its number on the disk, where it is there
     is_inherited: bool = False  # From an earlier run of the broker
     accepts: int | None = None  # The work that it accepts: what is answered decides
+    attempts: int = 0  # Failures of its own, while others were answered
+    answers_before: int = 0  # How many others had been answered at its last failure
 
     @property
     def is_worth_keeping(self) -> bool:
@@ -66,6 +75,14 @@ class Post:
         return self.is_inherited and self.urgency is Urgency.REPORT
 
 
+@dataclass(frozen=True, slots=True)
+class DeadLetter:
+    """A post that was given up, and why."""
+
+    post: Post
+    reason: str
+
+
 @dataclass(slots=True)
 class _Lane:
     urgency: Urgency
@@ -76,6 +93,8 @@ class _Lane:
     failures: int = 0
     cut_off: bool = False  # The last failure was an edge server that was not there
     not_before: float = 0.0
+    attempts: int = 0  # As of a post: of lanes in which a newer post replaces the one that failed
+    answers_before: int = 0
 
     def is_slow(self, now: float) -> bool:
         """Whether an answer is overdue."""
@@ -108,6 +127,8 @@ class SendQueue:
         self._registered: set[int] = set()
         self._settled: set[int] = set()
         self._owed: Counter[int] = Counter()
+        self._answers = 0
+        self._dead: list[DeadLetter] = []
         self.dropped = 0
 
     def __len__(self) -> int:
@@ -153,6 +174,8 @@ class SendQueue:
         """
         lane = self._lanes[post.vehicle_id, post.lane]
         lane.in_flight = None
+        lane.attempts = 0
+        self._answers += 1
         self._owed[post.vehicle_id] -= post.is_owed
         if post.kept_as is not None:
             self._settled.add(post.kept_as)
@@ -164,19 +187,58 @@ class SendQueue:
                 other.cut_off = False
                 other.not_before = 0.0
 
-    def failed(self, post: Post, now: float, *, cut_off: bool) -> None:
+    def failed(
+        self, post: Post, now: float, *, cut_off: bool, waits: bool = False, reason: str = ""
+    ) -> bool:
         """Put a post back to the head of its lane, to be tried again after a while.
 
-        `cut_off` says that the edge server was not there, rather than that it refused for now.
+        `cut_off` says that the edge server was not there, rather than that it refused for now;
+        `waits` that it refused on purpose until something changes, such as a full disk. Gives
+        whether the post was given up instead.
         """
         lane = self._lanes[post.vehicle_id, post.lane]
         lane.in_flight = None
         lane.cut_off = cut_off
+        if self._counts(post, lane, waits=waits):
+            self._give_up(post, lane, reason)
+            return True
         if not (post.replaces and lane.posts):
             lane.posts.appendleft(post)
         ceiling = min(LONGEST_PAUSE_S, FIRST_PAUSE_S * 2**lane.failures)
         lane.failures = min(lane.failures + 1, 16)
         lane.not_before = now + self._jitter.uniform(ceiling / 2, ceiling)
+        return False
+
+    def _counts(self, post: Post, lane: _Lane, *, waits: bool) -> bool:
+        """Count a failure that is the post's own; whether it was the last one."""
+        others_answered = self._answers > max(post.answers_before, lane.answers_before)
+        post.answers_before = lane.answers_before = self._answers
+        if others_answered and not waits:
+            post.attempts += 1
+            lane.attempts += 1
+        return max(post.attempts, lane.attempts if post.replaces else 0) >= MOST_ATTEMPTS
+
+    def _give_up(self, post: Post, lane: _Lane, reason: str) -> None:
+        """Take a post out of its lane; what waits behind it goes on."""
+        lane.failures = lane.attempts = 0
+        lane.cut_off = False
+        lane.not_before = 0.0
+        self._owed[post.vehicle_id] -= post.is_owed
+        if post.urgency is Urgency.REGISTRATION:
+            self._registered.add(post.vehicle_id)  # Its reports are tried without it
+        if post.may_be_dropped or post.replaces:
+            self.dropped += 1
+        else:
+            self._dead.append(DeadLetter(post, reason))
+
+    def take_dead(self) -> list[DeadLetter]:
+        """Give the posts that were given up since this was asked."""
+        dead, self._dead = self._dead, []
+        return dead
+
+    def settle(self, number: int) -> None:
+        """Take that what has this number on the disk is kept elsewhere."""
+        self._settled.add(number)
 
     @property
     def owing(self) -> frozenset[int]:

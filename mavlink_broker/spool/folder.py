@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Final
 
 from mavlink_broker.send_queue import Post
+from mavlink_broker.spool.dead import DeadLetters
 from mavlink_broker.spool.file import LineFile
 from mavlink_broker.spool.record import (
     RecordError,
@@ -32,6 +33,8 @@ PICTURES: Final = "spool.pictures"
 LOCK: Final = "broker.lock"
 PICTURES_SHARE: Final = 2
 """They may take one part in so many."""
+DEAD_SHARE: Final = 4
+"""Dead letters have room of their own: as much as one part in so many."""
 
 _LOG = logging.getLogger(__name__)
 
@@ -63,10 +66,12 @@ class Spool:
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self._lock = _lock(folder / LOCK)
+            self.dead = DeadLetters(folder, most_bytes // DEAD_SHARE)
             left = {**self._recover(self._words), **self._recover(self._pictures)}
         except OSError as error:
             raise SpoolError(f"{folder}: {error.strerror or error}") from error
-        self._number = max(left, default=0)
+        self._number = max(max(left, default=0), self.dead.highest)
+        left = {number: post for number, post in left.items() if number not in self.dead}
         self._left = [left[number] for number in sorted(left)]
 
     @property
@@ -137,6 +142,7 @@ class Spool:
         """Leave the folder to others."""
         self._words.close()
         self._pictures.close()
+        self.dead.close()
         os.close(self._lock)
 
     def _add_words(self, lines: Mapping[int, bytes]) -> None:

@@ -11,7 +11,8 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Final
 
-from mavlink_broker.send_queue import Post, SendQueue, Urgency
+from mavlink_broker.send_queue import DeadLetter, Post, SendQueue, Urgency
+from mavlink_broker.spool.dead import Orders
 from mavlink_broker.spool.folder import Spool
 from mavlink_broker.supervision import SupervisedThread
 
@@ -37,6 +38,8 @@ class Keeper:
         self._lock = lock
         self._nudged = threading.Event()
         self._stopping = threading.Event()
+        self._unburied: list[DeadLetter] = []
+        self._dead = spool.dead.of_vehicles
         self._words_after = 0.0
         self._pictures_after = 0.0
         self._refused: set[str] = set()  # What the disk did not take when it was last asked
@@ -71,13 +74,67 @@ class Keeper:
         self.keep_everything(time.monotonic())
         self._spool.close()
 
+    @property
+    def dead_letters(self) -> dict[int, int]:
+        """How many posts of each vehicle were given up and wait for a person."""
+        return dict(self._dead)
+
     def go_round(self, now: float) -> None:
         """Let go of what has been answered, keep what is endangered."""
+        self._bury(now)
+        self._obey(now)
         words, pictures = now >= self._words_after, now >= self._pictures_after
         self._round(now, lambda: self._queue.endangered(now, words=words, pictures=pictures))
 
+    def _bury(self, now: float) -> None:
+        """Bring what was given up onto the disk, and only then forget that it waited."""
+        with self._lock:
+            self._unburied += self._queue.take_dead()
+        if not self._unburied or now < self._words_after:
+            return
+        waiting, self._unburied = self._unburied, []
+        for letter in waiting:
+            number = letter.post.kept_as or self._spool.next_number()
+            if not self._does("dead letters", partial(self._spool.dead.add, number, letter)):
+                self._unburied.append(letter)
+                self._words_after = now + TRY_AGAIN_S
+                continue
+            _LOG.error(
+                "dead letter %d: POST %s of vehicle %d is given up: %s; see "
+                "`python -m mavlink_broker dead-letters`",
+                *(number, letter.post.path, letter.post.vehicle_id, letter.reason),
+            )
+            with self._lock:
+                if letter.post.kept_as is not None:
+                    self._queue.settle(letter.post.kept_as)
+        self._dead = self._spool.dead.of_vehicles
+
+    def _obey(self, now: float) -> None:
+        """Send dead letters again, or remove them, as a person has asked."""
+        orders = Orders()
+
+        def look() -> None:
+            nonlocal orders
+            orders = self._spool.dead.take_orders()
+
+        if not self._does("orders", look) or orders == Orders():
+            return
+        posts = [post for post in map(self._spool.dead.get, sorted(orders.retry)) if post]
+        for post in posts:
+            post.kept_as = self._spool.next_number()
+        lost = self._keep(posts, now)
+        with self._lock:
+            for post in posts:
+                post.kept_as = None if post.kept_as in lost else post.kept_as
+                self._queue.put(post)
+            self._lock.notify_all()
+        self._does("dead letters", partial(self._spool.dead.remove, orders.retry | orders.drop))
+        self._dead = self._spool.dead.of_vehicles
+        _LOG.info("dead letters: %d are sent again, %d were removed", len(posts), len(orders.drop))
+
     def keep_everything(self, now: float) -> None:
         """Keep what waits, whether it is endangered or not."""
+        self._bury(now)
         while self._round(now, self._queue.unkept):
             continue
 

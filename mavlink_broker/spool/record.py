@@ -15,7 +15,7 @@ from typing import Annotated, Any, Final, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from mavlink_broker.send_queue import Post, Urgency
+from mavlink_broker.send_queue import DeadLetter, Post, Urgency
 
 _CHECKSUM_LENGTH: Final = 9
 """Eight digits and a blank."""
@@ -56,6 +56,12 @@ class _Told(BaseModel):
     body: dict[str, Any]
 
 
+class _Dead(_Told):
+    """A post that was given up, as a line says it."""
+
+    reason: Annotated[str, Field(max_length=2000)]
+
+
 class _Answered(BaseModel):
     """Posts that have their answer, as a line says it."""
 
@@ -66,18 +72,38 @@ class _Answered(BaseModel):
 
 def line_of(number: int, post: Post) -> bytes:
     """Write a post down."""
-    return _sealed(
-        {
-            "number": number,
-            "path": post.path,
-            "key": post.idempotency_key,
-            "vehicle_id": post.vehicle_id,
-            "lane": post.lane,
-            "urgency": int(post.urgency),
-            "may_be_known": post.may_be_known,
-            "body": post.body,
-        }
-    )
+    return _sealed(_document_of(number, post))
+
+
+def line_of_dead(number: int, letter: DeadLetter) -> bytes:
+    """Write a dead letter down."""
+    return _sealed(_document_of(number, letter.post) | {"reason": letter.reason[:2000]})
+
+
+def read_dead(line: bytes) -> tuple[int, DeadLetter]:
+    """Read the line of a dead letter; gives its number too.
+
+    Raises:
+        RecordError: if it is not whole, or does not say what a line may say.
+    """
+    try:
+        dead = _Dead.model_validate(_document(line))
+    except ValidationError as error:
+        raise _fault(error) from error
+    return dead.number, DeadLetter(_post(dead), dead.reason)
+
+
+def _document_of(number: int, post: Post) -> dict[str, Any]:
+    return {
+        "number": number,
+        "path": post.path,
+        "key": post.idempotency_key,
+        "vehicle_id": post.vehicle_id,
+        "lane": post.lane,
+        "urgency": int(post.urgency),
+        "may_be_known": post.may_be_known,
+        "body": post.body,
+    }
 
 
 def line_of_answered(numbers: Iterable[int]) -> bytes:
@@ -97,10 +123,14 @@ def read(line: bytes) -> Waiting | Settled:
             return Settled(tuple(_Answered.model_validate(document).answered))
         told = _Told.model_validate(document)
     except ValidationError as error:
-        first = error.errors()[0]
-        path = ".".join(str(step) for step in first["loc"])
-        raise RecordError(f"{path}: {first['msg']}") from error
+        raise _fault(error) from error
     return Waiting(told.number, _post(told))
+
+
+def _fault(error: ValidationError) -> RecordError:
+    first = error.errors()[0]
+    path = ".".join(str(step) for step in first["loc"])
+    return RecordError(f"{path}: {first['msg']}")
 
 
 def _post(told: _Told) -> Post:

@@ -7,7 +7,7 @@ same over HTTP, and can be told to fail.
 import json
 import threading
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
@@ -27,6 +27,7 @@ class FakeEdge:
         self.closed: set[int] = set()
         self._new: list[dict[str, Any]] = []
         self._verdicts: list[Verdict] = []
+        self.dead_letters: dict[int, int] = {}  # By vehicle
         self.answers_acceptances = True  # It may be slow, or away for the moment
 
     # What tests do.
@@ -133,6 +134,10 @@ class FakeEdge:
 
     waiting_pictures = 0
 
+    def dead_letters_of(self, vehicle_id: int) -> int:
+        """Give what the test has set."""
+        return self.dead_letters.get(vehicle_id, 0)
+
     def post(self, post: Post) -> None:
         """Take a post; it is answered at once."""
         self.posts.append(post)
@@ -171,12 +176,19 @@ class FakeEdge:
                 return
 
 
+def _takes_everything(path: str, body: dict[str, Any]) -> int | None:
+    """Give the status of the answer to a body that is never taken; None for one that may be."""
+    del path, body
+    return None
+
+
 class FakeEdgeServer:
     """A `FakeEdge` behind HTTP on the loopback."""
 
     def __init__(self, port: int, key: str) -> None:
         self.edge = FakeEdge()
         self.key = key
+        self.judge: Callable[[str, dict[str, Any]], int | None] = _takes_everything
         self.failures: deque[int] = deque()  # Status codes of the next POST and PUT answers
         self.keys_seen: list[tuple[str, str | None]] = []
         self._changed = threading.Condition()
@@ -227,6 +239,7 @@ class FakeEdgeServer:
         with self._changed:
             self.keys_seen.append((path, key))
             status = self.failures.popleft() if self.failures else 201
+            status = self.judge(path, body) or status
             if status < 300:
                 self.edge.post(
                     Post(
