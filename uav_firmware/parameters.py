@@ -57,6 +57,7 @@ class Declaration:
     maximum: float
     short: str
     is_integer: bool
+    is_volatile: bool = False  # A ground station that keeps values leaves it out of the hash
 
 
 def param(
@@ -67,8 +68,13 @@ def param(
     minimum: float,
     maximum: float,
     short: str,
+    volatile: bool = False,
 ) -> Any:
-    """Declare a parameter as a dataclass field; an int default makes an INT32."""
+    """Declare a parameter as a dataclass field; an int default makes an INT32.
+
+    A `volatile` one may change by itself: the vehicle's hash of all parameters leaves it out, and
+    its metadata says so, by which a ground station leaves out the same.
+    """
     if len(name) > 16:
         raise ParameterTypeError(f"{name}: longer than 16 characters")
     declaration = Declaration(
@@ -79,6 +85,7 @@ def param(
         maximum=maximum,
         short=short,
         is_integer=isinstance(default, int),
+        is_volatile=volatile,
     )
     return field(default=default, metadata={_METADATA: declaration})
 

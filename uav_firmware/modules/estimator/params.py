@@ -102,6 +102,7 @@ class EstimatorParams:
     declination_deg: float = param(
         "EKF2_MAG_DECL", 0.45, unit="deg", minimum=-180.0, maximum=180.0,
         short="Magnetic declination while the place is unknown, east positive",
+        volatile=True,  # As in PX4, whose metadata a ground station may use instead of ours
     )  # fmt: skip
     required_horizontal_accuracy: float = param(
         "EKF2_REQ_EPH", 3.0, unit="m", minimum=0.5, maximum=100.0,

@@ -35,13 +35,6 @@ VALUES_PER_SECOND: Final = 1000
 """Pace of the list, in vehicle time: 40 kB/s, a third of a 1 Mbit/s link."""
 _MAX_VALUES_PER_TICK: Final = 40
 _NO_INDEX: Final = 0xFFFF
-VOLATILE: Final = frozenset(
-    {"COM_FLIGHT_UUID", "EKF2_MAG_DECL", "LND_FLIGHT_T_HI", "LND_FLIGHT_T_LO"}
-)
-"""Parameters that change by themselves, in PX4's list of them, and are left out of the hash.
-
-A ground station leaves out the same, by PX4's metadata; hence EKF2_MAG_DECL, set or not.
-"""
 
 _INT32: Final[int] = mavlink.MAV_PARAM_TYPE_INT32
 _REAL32: Final[int] = mavlink.MAV_PARAM_TYPE_REAL32
@@ -127,7 +120,7 @@ class ParameterServer:
         """CRC32 over the parameters as PX4 and QGroundControl compute it: no inversions."""
         state = 0xFFFFFFFF  # zlib inverts at both ends; starting inverted undoes the first
         for name in self._registry.names():
-            if name not in VOLATILE:
+            if not self._registry.declaration(name).is_volatile:
                 state = zlib.crc32(name.encode("ascii") + self._raw(name), state)
         return state ^ 0xFFFFFFFF
 

@@ -100,6 +100,8 @@ def _parameter(declaration: Declaration) -> dict[str, Any]:
         described["min"] = declaration.minimum
     if math.isfinite(declaration.maximum):
         described["max"] = declaration.maximum
+    if declaration.is_volatile:
+        described["volatile"] = True
     return described
 
 

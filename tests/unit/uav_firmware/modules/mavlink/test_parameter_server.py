@@ -28,7 +28,13 @@ class SomeParams:
         "ABCDEFGHIJKLMNOP", 1.0, unit="-", minimum=-1e30, maximum=1e30, short="Sixteen letters"
     )
     flown: int = param(
-        "LND_FLIGHT_T_LO", 0, unit="-", minimum=0, maximum=0x7FFFFFFF, short="Changes by itself"
+        "LND_FLIGHT_T_LO",
+        0,
+        unit="-",
+        minimum=0,
+        maximum=0x7FFFFFFF,
+        short="Changes by itself",
+        volatile=True,
     )
 
 
