@@ -3,7 +3,7 @@
 | link | MAV_SIGN_CFG 0 | 1 | 2 |
 |---|---|---|---|
 | a configured peer with a key of its own | open | its key | its key |
-| loopback, without a key of its own | open | open | any key |
+| loopback, while a configured peer on it has no key | open | open | any key |
 | all others | open | any key | any key |
 
 "Any key" is one that the vehicle holds; while it holds none, every link is open. On an open
@@ -59,6 +59,7 @@ class LinkSecurity:
         self._registry = registry
         self._registry_version = -1
         self._mode = SIGN_NEVER
+        self._loopback_open = False
         self._peers = peers
         self._clock = clock
         self._signers: dict[bytes, Signer] = {}
@@ -93,6 +94,11 @@ class LinkSecurity:
             return
         self._registry_version = self._registry.version
         self._mode = self._configured_mode() if self._any else SIGN_NEVER
+        self._loopback_open = any(
+            is_loopback(channel.address) and channel.address not in self._own
+            for channel in self._peers
+            if not channel.learnt
+        )
         for channel in self._peers:
             if self._must_sign(channel.address):
                 channel.signer = channel.signer or self._answering(channel.address)
@@ -134,7 +140,9 @@ class LinkSecurity:
     def _must_sign(self, address: Address) -> bool:
         if self._mode == SIGN_NEVER:
             return False
-        return self._mode == SIGN_ALWAYS or address in self._own or not is_loopback(address)
+        if self._mode == SIGN_ALWAYS or address in self._own:
+            return True
+        return not (self._loopback_open and is_loopback(address))
 
     def _answering(self, address: Address) -> Signer:
         """The key for a peer that has said nothing yet."""

@@ -24,6 +24,6 @@ class SigningParams:
         unit="1",
         minimum=SIGN_NEVER,
         maximum=SIGN_ALWAYS,
-        short="Who must sign if the vehicle has a key: 0 nobody, 1 links with a key of their own "
-        "and all beyond this machine, 2 everybody",
+        short="Who must sign if the vehicle has a key: 0 nobody, 1 all but loopback while a "
+        "configured peer there has no key, 2 everybody",
     )

@@ -123,6 +123,19 @@ def test_who_is_heard(
 
 
 @pytest.mark.parametrize("source", [BROKER, GROUND, PROGRAM, REMOTE])
+def test_a_vehicle_with_a_key_for_each_link_listens_to_nobody_without_one(source: Address) -> None:
+    """By default: a program of the same machine is a stranger like any other."""
+    bench = secured(ground=GROUND_KEY)
+    assert not is_heard(bench, source=source)
+    bench.say(ARM, source=source)
+    bench.run()
+    assert bench.commands() == []
+    assert bench.hear(at=PROGRAM) == []
+    key = GROUND_KEY if source == GROUND else KEY
+    assert is_heard(bench, source=source, signer=signer(key))
+
+
+@pytest.mark.parametrize("source", [BROKER, GROUND, PROGRAM, REMOTE])
 @pytest.mark.parametrize("mode", [NEVER, BEYOND_LOOPBACK, ALWAYS])
 def test_without_a_key_everybody_is(source: Address, mode: int) -> None:
     assert is_heard(secured(mode, broker=None), source=source)
