@@ -11,6 +11,7 @@ from uav_firmware.msg.control_mode import (
 )
 from uav_firmware.msg.estimate import (
     EstimatorStatus,
+    HoverThrustEstimate,
     VehicleAttitude,
     VehicleGlobalPosition,
     VehicleLocalPosition,
@@ -103,6 +104,7 @@ class Topics:
     gimbal_status: Topic[GimbalStatus] = field(default_factory=Topic)
     tracking_state: Topic[TrackingState] = field(default_factory=Topic)
     trajectory_setpoint: Topic[TrajectorySetpoint] = field(default_factory=Topic)
+    hover_thrust_estimate: Topic[HoverThrustEstimate] = field(default_factory=Topic)
     vehicle_attitude_setpoint: Topic[VehicleAttitudeSetpoint] = field(default_factory=Topic)
     vehicle_rates_setpoint: Topic[VehicleRatesSetpoint] = field(default_factory=Topic)
     vehicle_torque_thrust_setpoint: Topic[VehicleTorqueThrustSetpoint] = field(

@@ -191,6 +191,8 @@ class Autopilot:
             trajectory=topics.trajectory_setpoint,
             vehicle_status=topics.vehicle_status,
             land_detected=topics.land_detected,
+            vehicle_control_mode=topics.vehicle_control_mode,
+            hover_thrust_estimate=topics.hover_thrust_estimate,
             registry=registry,
         )
         self.position_control = PositionControlModule(
@@ -200,6 +202,7 @@ class Autopilot:
             land_detected=topics.land_detected,
             attitude_setpoint=topics.vehicle_attitude_setpoint,
             vehicle_control_mode=topics.vehicle_control_mode,
+            hover_thrust_estimate=topics.hover_thrust_estimate,
             registry=registry,
         )
         self.attitude_control = AttitudeControlModule(

@@ -18,12 +18,13 @@ from uav_firmware.modules.control_allocator.module import ControlAllocatorModule
 from uav_firmware.modules.control_allocator.params import ControlAllocatorParams
 from uav_firmware.modules.land_detector.module import LandDetectorModule
 from uav_firmware.modules.land_detector.params import LandDetectorParams
+from uav_firmware.modules.manual_control.params import ManualControlParams
 from uav_firmware.modules.position_control.module import PositionControlModule
 from uav_firmware.modules.position_control.params import PositionControlParams
 from uav_firmware.modules.rate_control.module import RateControlModule
 from uav_firmware.modules.rate_control.params import RateControlParams
 from uav_firmware.msg.actuators import ActuatorMotors
-from uav_firmware.msg.estimate import VehicleAttitude, VehicleLocalPosition
+from uav_firmware.msg.estimate import HoverThrustEstimate, VehicleAttitude, VehicleLocalPosition
 from uav_firmware.msg.setpoints import (
     ControlAllocatorStatus,
     TrajectorySetpoint,
@@ -55,6 +56,7 @@ class ControlBench:
             RateControlParams,
             ControlAllocatorParams,
             LandDetectorParams,
+            ManualControlParams,
         ):
             self.registry.add(group)
         self._make_topics()
@@ -164,6 +166,7 @@ class ControlBench:
         self.local_position: Topic[VehicleLocalPosition] = Topic()
         self.trajectory: Topic[TrajectorySetpoint] = Topic()
         self.land: Topic[LandDetected] = Topic()
+        self.hover_thrust: Topic[HoverThrustEstimate] = Topic()
         self.attitude_setpoint: Topic[VehicleAttitudeSetpoint] = Topic()
         self.rates_setpoint: Topic[VehicleRatesSetpoint] = Topic()
         self.torque_thrust: Topic[VehicleTorqueThrustSetpoint] = Topic()
@@ -177,6 +180,7 @@ class ControlBench:
             vehicle_status=self.status,
             land_detected=self.land,
             attitude_setpoint=self.attitude_setpoint,
+            hover_thrust_estimate=self.hover_thrust,
             registry=self.registry,
         )
         self.attitude_control = AttitudeControlModule(
@@ -207,5 +211,6 @@ class ControlBench:
             trajectory=self.trajectory,
             vehicle_status=self.status,
             land_detected=self.land,
+            hover_thrust_estimate=self.hover_thrust,
             registry=self.registry,
         )

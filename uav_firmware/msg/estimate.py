@@ -62,6 +62,14 @@ class EstimatorStatus(NamedTuple):
     accel_broken: bool = False  # Its bias has been beyond EKF2_ABL_LIM; until a restart
 
 
+class HoverThrustEstimate(NamedTuple):
+    """Thrust that carries the weight. Written by position_control; read by land_detector."""
+
+    time_us: int  # [us]
+    hover_thrust: float  # [-] Of full thrust
+    valid: bool  # Learnt in this flight; else it is what MPC_THR_HOVER says
+
+
 class WindEstimate(NamedTuple):
     """Horizontal wind. Written by commander in the air; read by mavlink (WIND_COV)."""
 

@@ -14,7 +14,8 @@ from uav_firmware.modules.land_detector.signs import (
     touches_ground,
 )
 from uav_firmware.modules.land_detector.states import LandEvent, next_state
-from uav_firmware.msg.estimate import VehicleAttitude, VehicleLocalPosition
+from uav_firmware.msg.control_mode import ControlLevel, VehicleControlMode
+from uav_firmware.msg.estimate import HoverThrustEstimate, VehicleAttitude, VehicleLocalPosition
 from uav_firmware.msg.setpoints import TrajectorySetpoint, VehicleTorqueThrustSetpoint
 from uav_firmware.msg.status import LandDetected, LandedState, NavigationState, VehicleStatus
 from uav_firmware.parameters import Registry
@@ -23,6 +24,9 @@ _PERIOD_US: Final = 1_000_000  # repeated at least this often
 _LIFT_OFF_S: Final = 0.1  # time that lift-off must be seen
 _LANDING_HEIGHT: Final = 2.0  # [m] A descent below it is a landing in every mode
 _LEADING_SPEED: Final = 0.1  # [m/s] Of a set-point that leads up or down
+_STALE_US: Final = 500_000  # An older set-point leads nothing; position_control then descends
+_BLIND_SINK: Final = 0.5  # [m/s] So fast
+_THROTTLE_MARGIN: Final = 0.01  # [-] A throttle that is down, above MPC_MANTHR_MIN
 _LANDING_STATES: Final = frozenset({NavigationState.AUTO_LAND, NavigationState.AUTO_PRECLAND})
 
 
@@ -39,7 +43,12 @@ class LandDetectorModule:
         vehicle_status: Topic[VehicleStatus],
         land_detected: Topic[LandDetected],
         registry: Registry,
+        vehicle_control_mode: Topic[VehicleControlMode] | None = None,
+        hover_thrust_estimate: Topic[HoverThrustEstimate] | None = None,
     ) -> None:
+        """`registry` must know the thrusts of position_control and manual_control."""
+        self._control_mode = Topic() if vehicle_control_mode is None else vehicle_control_mode
+        self._hover_thrust = Topic() if hover_thrust_estimate is None else hover_thrust_estimate
         self._attitude = attitude
         self._local_position = local_position
         self._torque_thrust = torque_thrust
@@ -66,13 +75,14 @@ class LandDetectorModule:
         if self._state is LandedState.ON_GROUND and not status.armed:
             self._ground_down = position.position_ned[2]
         torque_thrust = self._torque_thrust.value
+        now_us = attitude.time_us
         seen = Observation(
             position.velocity_ned,
             attitude.rate_frd,
             0.0 if torque_thrust is None else torque_thrust.thrust,
             self._ground_down - position.position_ned[2],
+            self._led_down(position, now_us),
         )
-        now_us = attitude.time_us
         self._note_times(seen, now_us)
         for event in self._events(seen, status, now_us):
             self._state = next_state(self._state, event)
@@ -80,7 +90,7 @@ class LandDetectorModule:
 
     def _note_times(self, seen: Observation, now_us: int) -> None:
         """Remember since when each sign has held."""
-        limits = self._limits
+        limits = self._limits._replace(thrust=self._low_thrust)
         if not touches_ground(seen, limits):
             self._touching_since_us = None
         elif self._touching_since_us is None:
@@ -113,6 +123,34 @@ class LandDetectorModule:
             events.append(LandEvent.CLIMB)
         return events
 
+    @property
+    def _leads_height(self) -> bool:
+        """Whether a trajectory leads; else throttle or thrust set-point do."""
+        control = self._control_mode.value
+        return control is None or control.level is ControlLevel.POSITION
+
+    def _led_down(self, position: VehicleLocalPosition, now_us: int) -> float:
+        """Sink speed [m/s] that the position loop is asked for, position error included."""
+        if not self._leads_height:
+            return math.inf
+        setpoint = self._trajectory.value
+        if setpoint is None or now_us - setpoint.time_us > _STALE_US:
+            return _BLIND_SINK
+        forward = setpoint.velocity_ned[2]
+        error = setpoint.position_ned[2] - position.position_ned[2]
+        if math.isnan(error):
+            return _BLIND_SINK if math.isnan(forward) else forward
+        return self._position_gain * error + (0.0 if math.isnan(forward) else forward)
+
+    @property
+    def _low_thrust(self) -> float:
+        """Thrust [-] that cannot carry the weight."""
+        if not self._leads_height:
+            return self._lift_thrust
+        learnt = self._hover_thrust.value
+        hover = learnt.hover_thrust if learnt is not None and learnt.valid else self._believed_hover
+        return self._least + self._low_share * (hover - self._least)
+
     def _leading_speed(self) -> float:
         """Vertical speed that the navigator asks for [m/s, down]; 0 when unset."""
         setpoint = self._trajectory.value
@@ -137,14 +175,18 @@ class LandDetectorModule:
     def _retune(self) -> None:
         self._seen_version = self._registry.version
         params = self._registry.read(LandDetectorParams)
-        least = self._registry.get("MPC_THR_MIN")
-        hover = self._registry.get("MPC_THR_HOVER")
+        self._least = self._registry.get("MPC_THR_MIN")
+        self._believed_hover = self._registry.get("MPC_THR_HOVER")
+        self._position_gain = self._registry.get("MPC_Z_P")
+        self._low_share = params.low_thrust
+        self._lift_thrust = self._registry.get("MPC_MANTHR_MIN") + _THROTTLE_MARGIN
         self._trigger_s = params.trigger_time_s
         self._limits = Thresholds(
             vertical_speed=params.vertical_speed_max,
             horizontal_speed=params.horizontal_speed_max,
             rotation=math.radians(params.rotation_max_deg_s),
-            thrust=least + params.low_thrust * (hover - least),
+            thrust=self._low_thrust,
+            lift_thrust=self._lift_thrust,
         )
 
 

@@ -23,7 +23,7 @@ class LandDetectorParams:
     )  # fmt: skip
     low_thrust: float = param(
         "LNDMC_LOW_T_THR", 0.4, unit="1", minimum=0.1, maximum=0.9,
-        short="Thrust that counts as low, from MPC_THR_MIN (0) to MPC_THR_HOVER (1)",
+        short="Thrust that counts as low, from MPC_THR_MIN (0) to the hover thrust (1)",
     )  # fmt: skip
     trigger_time_s: float = param(
         "LNDMC_TRIG_TIME", 0.8, unit="s", minimum=0.1, maximum=5.0,

@@ -12,6 +12,7 @@ class Thresholds(NamedTuple):
     horizontal_speed: float  # [m/s]
     rotation: float  # [rad/s]
     thrust: float  # [-] At and below it the rotors cannot carry the weight
+    lift_thrust: float  # [-] Above it a rising vehicle is lifted by its rotors
 
 
 class Observation(NamedTuple):
@@ -21,8 +22,11 @@ class Observation(NamedTuple):
     rate_frd: Vector3  # [rad/s]
     thrust: float  # [-] Asked of the rotors
     height: float  # [m] Above the place of lift-off
+    led_down: float  # [m/s] Sink speed asked for; infinite where nothing leads the height
 
 
+_LED_DOWN = 0.1  # [m/s] Slower is no descent
+_FOLLOWED_SHARE = 0.5  # Of the sink speed asked for: what sinks faster follows it
 _LIFT_SPEED = 0.3  # [m/s] Up
 _LIFT_HEIGHT = 0.3  # [m]
 _FALL_SPEED = 1.0  # [m/s] No vehicle that stands moves so fast
@@ -30,11 +34,17 @@ _CLEAR_HEIGHT = 1.0  # [m]
 
 
 def touches_ground(seen: Observation, limits: Thresholds) -> bool:
-    """Neither rises nor sinks although the rotors do not carry it: something else does."""
+    """Led down, it neither rises nor sinks although the rotors do not carry it.
+
+    Something else does then. Without an order to descend a low thrust means a wrong belief of
+    the weight or a gust, never the ground (PX4, MulticopterLandDetector).
+    """
     north, east, down = seen.velocity_ned
+    still = min(limits.vertical_speed, _FOLLOWED_SHARE * seen.led_down)
     return (
-        seen.thrust <= limits.thrust
-        and abs(down) < limits.vertical_speed
+        seen.led_down > _LED_DOWN
+        and seen.thrust <= limits.thrust
+        and abs(down) < still
         and north * north + east * east < limits.horizontal_speed**2
     )
 
@@ -52,7 +62,7 @@ def stands(seen: Observation, limits: Thresholds) -> bool:
 def lifts_off(seen: Observation, limits: Thresholds) -> bool:
     """Rises under thrust, or falls."""
     rising = seen.velocity_ned[2] < -_LIFT_SPEED or seen.height > _LIFT_HEIGHT
-    return (seen.thrust > limits.thrust and rising) or seen.velocity_ned[2] > _FALL_SPEED
+    return (seen.thrust > limits.lift_thrust and rising) or seen.velocity_ned[2] > _FALL_SPEED
 
 
 def is_clear(seen: Observation) -> bool:

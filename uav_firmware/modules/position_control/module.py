@@ -26,7 +26,7 @@ from uav_firmware.modules.position_control.wanted_motion import (
     wants_climb,
 )
 from uav_firmware.msg.control_mode import ControlLevel, VehicleControlMode
-from uav_firmware.msg.estimate import VehicleLocalPosition
+from uav_firmware.msg.estimate import HoverThrustEstimate, VehicleLocalPosition
 from uav_firmware.msg.setpoints import TrajectorySetpoint, VehicleAttitudeSetpoint
 from uav_firmware.msg.status import LandDetected, LandedState, VehicleStatus
 from uav_firmware.msg.vectors import Vector3
@@ -53,7 +53,9 @@ class PositionControlModule:
         attitude_setpoint: Topic[VehicleAttitudeSetpoint],
         registry: Registry,
         vehicle_control_mode: Topic[VehicleControlMode] | None = None,
+        hover_thrust_estimate: Topic[HoverThrustEstimate] | None = None,
     ) -> None:
+        self._hover_thrust = Topic() if hover_thrust_estimate is None else hover_thrust_estimate
         self._trajectory = trajectory
         self._local_position = local_position
         self._vehicle_status = vehicle_status
@@ -68,6 +70,7 @@ class PositionControlModule:
         self._last_thrust_up = 0.0  # [-] What the rotors were last asked for
         self._retune()
         self._hover = HoverThrustEstimator(self._params.thrust_hover, _hover_noise(self._params))
+        self._law_hover = self._params.thrust_hover  # [-] What the law flies by
         self._law = PositionController(_gains(self._params), _limits(self._params))
 
     def update(self) -> None:
@@ -147,7 +150,7 @@ class PositionControlModule:
         measured = Motion(position.position_ned, position.velocity_ned, position.acceleration_ned)
         self._learn_hover(position, wanted, dt)
         wanted = self._settled(position, wanted)
-        thrust = self._law.update(wanted, measured, limits, self._hover.hover, dt)
+        thrust = self._law.update(wanted, measured, limits, self._law_hover, dt)
         self._last_thrust_up = -thrust[2]
         yaw_rate = self._follow_yaw(position)
         north, east, down = thrust
@@ -162,7 +165,7 @@ class PositionControlModule:
 
     def _settled(self, position: VehicleLocalPosition, wanted: Motion) -> Motion:
         """What is wanted, or, once the ground carries the vehicle, to stand on it."""
-        share = self._last_thrust_up / self._hover.hover
+        share = self._last_thrust_up / self._law_hover
         now_s, sink_speed = position.time_us * 1e-6, position.velocity_ned[2]
         if not self._touchdown.update(now_s, wanted, sink_speed, share):
             return wanted
@@ -170,15 +173,25 @@ class PositionControlModule:
         return settle(self._params.z_velocity_max_down)
 
     def _learn_hover(self, position: VehicleLocalPosition, wanted: Motion, dt: float) -> None:
-        """Improve the hover thrust in level flight: while it sinks, the ground may carry it."""
+        """Improve the hover thrust in level flight: while it sinks, the ground may carry it.
+
+        It is learnt with MPC_USE_HTE at 0 too, for the land detector; the law then stays with
+        the parameter.
+        """
         land = self._land_detected.value
         airborne = land is not None and land.landed_state is LandedState.IN_AIR
         level = abs(wanted.velocity_ned[2]) < _LEVEL_SPEED  # false for NaN
-        if not (airborne and level and self._params.estimates_hover_thrust):
+        if not (airborne and level):
             return
-        former = self._hover.hover
         present = self._hover.update(self._last_thrust_up, -position.acceleration_ned[2], dt)
-        self._law.follow_hover(former, present)
+        self._publish_hover(position.time_us)
+        if self._params.estimates_hover_thrust:
+            self._law.follow_hover(self._law_hover, present)
+            self._law_hover = present
+
+    def _publish_hover(self, time_us: int) -> None:
+        estimate = self._hover
+        self._hover_thrust.publish(HoverThrustEstimate(time_us, estimate.hover, estimate.learnt))
 
     def _follow_yaw(self, position: VehicleLocalPosition) -> float:
         """Take over the wanted yaw, keep the former one where none is set; gives the rate."""
@@ -192,6 +205,8 @@ class PositionControlModule:
     def _idle(self, position: VehicleLocalPosition) -> None:
         self._law.reset()
         self._hover.reset(self._params.thrust_hover, _hover_noise(self._params))
+        self._law_hover = self._params.thrust_hover
+        self._publish_hover(position.time_us)
         self._yaw = position.heading
         self._attitude_setpoint.publish(
             VehicleAttitudeSetpoint(

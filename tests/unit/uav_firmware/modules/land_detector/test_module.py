@@ -1,12 +1,16 @@
 from dataclasses import dataclass, field
 
+import pytest
+
 from tests.support.estimates import local_position
 from tests.support.vehicle_status import vehicle_status
 from uav_firmware.bus import Topic
 from uav_firmware.modules.land_detector.module import LandDetectorModule
 from uav_firmware.modules.land_detector.params import LandDetectorParams
+from uav_firmware.modules.manual_control.params import ManualControlParams
 from uav_firmware.modules.position_control.params import PositionControlParams
-from uav_firmware.msg.estimate import VehicleAttitude, VehicleLocalPosition
+from uav_firmware.msg.control_mode import ControlLevel, ControlSource, VehicleControlMode
+from uav_firmware.msg.estimate import HoverThrustEstimate, VehicleAttitude, VehicleLocalPosition
 from uav_firmware.msg.setpoints import TrajectorySetpoint, VehicleTorqueThrustSetpoint
 from uav_firmware.msg.status import LandDetected, LandedState, NavigationState, VehicleStatus
 from uav_firmware.msg.vectors import Vector3
@@ -28,12 +32,18 @@ class Vehicle:
     trajectory: Topic[TrajectorySetpoint] = field(default_factory=Topic)
     status: Topic[VehicleStatus] = field(default_factory=Topic)
     land: Topic[LandDetected] = field(default_factory=Topic)
+    control: Topic[VehicleControlMode] = field(default_factory=Topic)
+    hover: Topic[HoverThrustEstimate] = field(default_factory=Topic)
+    believed_hover: float = HOVER  # MPC_THR_HOVER
+    led_down: float | None = None  # [m/s] Streamed by the navigator; None: silent
     now_us: int = 0
 
     def __post_init__(self) -> None:
         registry = Registry()
         registry.add(LandDetectorParams)
         registry.add(PositionControlParams)
+        registry.add(ManualControlParams)
+        registry.set("MPC_THR_HOVER", self.believed_hover)
         self.status.publish(vehicle_status(armed=True))
         self.module = LandDetectorModule(
             attitude=self.attitude,
@@ -42,6 +52,8 @@ class Vehicle:
             trajectory=self.trajectory,
             vehicle_status=self.status,
             land_detected=self.land,
+            vehicle_control_mode=self.control,
+            hover_thrust_estimate=self.hover,
             registry=registry,
         )
 
@@ -59,6 +71,9 @@ class Vehicle:
                 )
             )
             self.thrust.publish(VehicleTorqueThrustSetpoint(self.now_us, ZERO, thrust))
+            if self.led_down is not None:
+                wanted = (NAN, NAN, NAN), (0.0, 0.0, self.led_down), ZERO
+                self.trajectory.publish(TrajectorySetpoint(self.now_us, *wanted, NAN, NAN))
             self.module.update()
         assert self.land.value is not None
         return self.land.value
@@ -109,6 +124,43 @@ def test_a_landing_on_higher_ground_is_seen_too() -> None:
     vehicle = Vehicle()
     vehicle.fly()
     assert vehicle.pass_time(1.0, thrust=IDLE, height=4.0).landed
+
+
+@pytest.mark.parametrize("believed", [0.225, 0.5, 0.8])
+def test_a_level_flight_is_no_landing_whatever_the_weight_is_believed_to_be(
+    believed: float,
+) -> None:
+    vehicle = Vehicle(believed_hover=believed)
+    vehicle.fly()
+    vehicle.led_down = 0.0
+    assert not vehicle.pass_time(10.0, thrust=IDLE, height=5.0, sink_speed=0.1).ground_contact
+
+
+@pytest.mark.parametrize("believed", [0.1, 0.5, 0.8])
+def test_a_slow_descent_is_judged_by_the_hover_thrust_that_was_learnt(believed: float) -> None:
+    vehicle = Vehicle(believed_hover=believed)
+    vehicle.fly()
+    vehicle.hover.publish(HoverThrustEstimate(vehicle.now_us, HOVER, valid=True))
+    vehicle.led_down = 0.3
+    assert not vehicle.pass_time(10.0, thrust=HOVER, height=5.0).ground_contact
+    assert vehicle.pass_time(1.0, thrust=IDLE, height=0.0).landed
+
+
+@pytest.mark.parametrize("believed", [0.1, 0.5, 0.8])
+def test_a_take_off_is_seen_whatever_the_weight_is_believed_to_be(believed: float) -> None:
+    vehicle = Vehicle(believed_hover=believed)
+    vehicle.fly()
+    assert vehicle.land.value is not None
+    assert vehicle.land.value.landed_state is LandedState.IN_AIR
+
+
+@pytest.mark.parametrize("level", [ControlLevel.ATTITUDE, ControlLevel.RATES])
+def test_where_a_throttle_leads_it_has_to_be_down(level: ControlLevel) -> None:
+    vehicle = Vehicle(believed_hover=0.8)
+    vehicle.fly()
+    vehicle.control.publish(VehicleControlMode(vehicle.now_us, ControlSource.MANUAL, level))
+    assert not vehicle.pass_time(10.0, thrust=0.5 * HOVER, height=5.0).ground_contact
+    assert vehicle.pass_time(1.0, thrust=0.08, height=0.0).landed
 
 
 def test_land_mode_leads_to_landing_at_any_height() -> None:

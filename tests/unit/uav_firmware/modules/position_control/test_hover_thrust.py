@@ -57,3 +57,19 @@ def test_reset_begins_again_from_the_parameter() -> None:
     assert estimator.hover == 0.25
     learn(estimator, 0.32, 10.0)
     assert estimator.hover == pytest.approx(0.32, rel=0.02)
+
+
+@pytest.mark.parametrize("believed", [0.1, 0.15, 0.5, 0.8])
+def test_a_parameter_that_is_far_off_is_corrected_within_seconds(believed: float) -> None:
+    estimator = HoverThrustEstimator(believed, NOISE)
+    assert not estimator.learnt
+    learn(estimator, 0.225, 5.0)
+    assert estimator.hover == pytest.approx(0.225, rel=0.05)
+    assert estimator.learnt
+
+
+def test_a_load_that_is_dropped_is_learnt_anew() -> None:
+    estimator = HoverThrustEstimator(0.4, NOISE)
+    learn(estimator, 0.4, 10.0)
+    learn(estimator, 0.2, 5.0)
+    assert estimator.hover == pytest.approx(0.2, rel=0.05)
