@@ -31,6 +31,7 @@ class ParameterError(Exception):
       +- UnknownParameterError    no such name
       +- ParameterRangeError      outside minimum..maximum, or not finite
       +- ParameterTypeError       a fraction or a bool for an integer parameter
+      +- ParameterLockedError     cannot be changed while the vehicle is armed
     """
 
 
@@ -46,6 +47,10 @@ class ParameterTypeError(ParameterError):
     """The value does not fit the declared type."""
 
 
+class ParameterLockedError(ParameterError):
+    """The parameter describes the vehicle itself and cannot be changed while it is armed."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Declaration:
     """One parameter as its module declares it."""
@@ -58,6 +63,7 @@ class Declaration:
     short: str
     is_integer: bool
     is_volatile: bool = False  # A ground station that keeps values leaves it out of the hash
+    locked_while_armed: bool = False
 
 
 def param(
@@ -69,11 +75,16 @@ def param(
     maximum: float,
     short: str,
     volatile: bool = False,
+    locked_while_armed: bool = False,
 ) -> Any:
     """Declare a parameter as a dataclass field; an int default makes an INT32.
 
     A `volatile` one may change by itself: the vehicle's hash of all parameters leaves it out, and
     its metadata says so, by which a ground station leaves out the same.
+
+    `locked_while_armed` is for what describes the vehicle, such as where its rotors are: a change
+    in flight would take the control away, whatever the value. What is tuned in flight has
+    bounds within which the vehicle stays in control instead.
     """
     if len(name) > 16:
         raise ParameterTypeError(f"{name}: longer than 16 characters")
@@ -86,8 +97,12 @@ def param(
         short=short,
         is_integer=isinstance(default, int),
         is_volatile=volatile,
+        locked_while_armed=locked_while_armed,
     )
     return field(default=default, metadata={_METADATA: declaration})
+
+
+_LARGEST_REAL32 = 3.4028234663852886e38
 
 
 def _as_real32(value: float) -> float:
@@ -107,6 +122,8 @@ class Registry:
         self._declarations: dict[str, Declaration] = {}
         self._values: dict[str, float | int] = {}
         self.version: int = 0
+        self.armed = False  # Written by the commander
+        self._put_back: list[str] = []
 
     def add(self, group: type[Any]) -> None:
         """Register every parameter that a module's dataclass declares."""
@@ -152,19 +169,39 @@ class Registry:
         Raises:
             UnknownParameterError: if the name is unknown.
             ParameterTypeError: if an integer parameter is given a fraction.
-            ParameterRangeError: if the value is not finite or out of range.
+            ParameterRangeError: if the value is not finite or out of range. A REAL32 is held
+                against its bounds as four bytes carry them, since that is how a value arrives.
+            ParameterLockedError: if it cannot be changed while the vehicle is armed.
         """
         declaration = self.declaration(name)
         if isinstance(value, bool) or not math.isfinite(value):
             raise ParameterRangeError(f"{name}: {value} is not a finite number")
         if declaration.is_integer and value != int(value):
             raise ParameterTypeError(f"{name}: {value} is not an integer")
-        if not declaration.minimum <= value <= declaration.maximum:
+        if declaration.locked_while_armed and self.armed:
+            raise ParameterLockedError(f"{name}: cannot be changed while armed")
+        if not declaration.is_integer and abs(value) <= _LARGEST_REAL32:
+            value = _as_real32(value)
+            minimum, maximum = _as_real32(declaration.minimum), _as_real32(declaration.maximum)
+        else:
+            minimum, maximum = declaration.minimum, declaration.maximum
+        if not minimum <= value <= maximum:
             raise ParameterRangeError(
                 f"{name}: {value} is outside {declaration.minimum}..{declaration.maximum}"
             )
-        self._values[name] = int(value) if declaration.is_integer else _as_real32(value)
+        self._values[name] = int(value) if declaration.is_integer else value
         self.version += 1
+
+    def put_back(self, name: str) -> None:
+        """Give a parameter that is an order its default again, once it has been carried out."""
+        self._values[name] = _default_of(self.declaration(name))
+        self._put_back.append(name)
+        self.version += 1
+
+    def take_put_back(self) -> list[str]:
+        """Names of parameters that the vehicle itself has changed since the last call."""
+        names, self._put_back = self._put_back, []
+        return names
 
     def reset(self) -> None:
         """Put every value back to its default."""

@@ -24,6 +24,7 @@ from uav_firmware.modules.mavlink.status_text import StatusTexts
 from uav_firmware.modules.mavlink.vehicle_facts import FACTS
 from uav_firmware.parameters import (
     ParameterError,
+    ParameterLockedError,
     ParameterRangeError,
     ParameterTypeError,
     Registry,
@@ -41,11 +42,13 @@ _REAL32: Final[int] = mavlink.MAV_PARAM_TYPE_REAL32
 _UINT32: Final[int] = mavlink.MAV_PARAM_TYPE_UINT32
 _DOES_NOT_EXIST: Final[int] = mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST
 _READ_ONLY: Final[int] = mavlink.MAV_PARAM_ERROR_READ_ONLY
+_PERMISSION_DENIED: Final[int] = mavlink.MAV_PARAM_ERROR_PERMISSION_DENIED
 _OUT_OF_RANGE: Final[int] = mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE
 _ERROR_CODES: Final[Mapping[type[ParameterError], int]] = {
     UnknownParameterError: _DOES_NOT_EXIST,
     ParameterRangeError: _OUT_OF_RANGE,
     ParameterTypeError: MAV_PARAM_ERROR_TYPE_MISMATCH,
+    ParameterLockedError: _PERMISSION_DENIED,
 }
 
 
@@ -92,6 +95,9 @@ class ParameterServer:
 
     def tick(self, now_us: int) -> list[Outgoing]:
         """Send the next values of the lists under way."""
+        if own := self._registry.take_put_back():
+            self._index_names()
+            self._changed.extend(own)
         outgoing = self._told()
         for address, listing in list(self._listings.items()):
             due = (now_us - listing.sent_us) * VALUES_PER_SECOND // 1_000_000

@@ -12,7 +12,7 @@ from uav_firmware.modules.mavlink.dialect import frame, mavlink, pack
 from uav_firmware.parameters import Registry, param
 
 INT32, REAL32, UINT32 = 6, 9, 5
-DOES_NOT_EXIST, OUT_OF_RANGE, TYPE_MISMATCH = 1, 2, 7
+DOES_NOT_EXIST, OUT_OF_RANGE, PERMISSION_DENIED, TYPE_MISMATCH = 1, 2, 3, 7
 SECOND_US = 1_000_000
 
 
@@ -36,6 +36,14 @@ class SomeParams:
         short="Changes by itself",
         volatile=True,
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LockedParams:
+    rotor: float = param(
+        "CA_ROTOR0_PX", 0.1, unit="m", minimum=-1.0, maximum=1.0, short="Place",
+        locked_while_armed=True,
+    )  # fmt: skip
 
 
 def registry() -> Registry:
@@ -269,3 +277,23 @@ def test_a_long_list_is_paced_and_telemetry_goes_on() -> None:
     test.run(SECOND_US // 4)
     told = [m.param_index for m in test.hear("PARAM_VALUE")]
     assert told[-1] == 999
+
+
+def test_what_is_locked_while_armed_is_answered_with_permission_denied() -> None:
+    test = bench()
+    test.registry.add(LockedParams)
+    test.registry.armed = True
+    say_raw(test, b"CA_ROTOR0_PX", real(0.5), REAL32)
+    test.run(SECOND_US // 10)
+    (error,) = test.hear("PARAM_ERROR")
+    assert (error.param_id, error.error) == ("CA_ROTOR0_PX", PERMISSION_DENIED)
+    assert test.registry.get("CA_ROTOR0_PX") == pytest.approx(0.1)
+
+
+def test_a_value_that_the_vehicle_changes_itself_is_announced() -> None:
+    test = bench()
+    test.registry.set("NAV_DLL_ACT", 1)
+    test.registry.put_back("NAV_DLL_ACT")
+    test.run(SECOND_US // 10)
+    (value,) = test.hear("PARAM_VALUE")
+    assert (value.param_id, raw_value(value)) == ("NAV_DLL_ACT", bytes(4))
