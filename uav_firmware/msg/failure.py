@@ -8,7 +8,8 @@ from uav_firmware.msg.vectors import Motors
 class FailureDetectorStatus(NamedTuple):
     """Written by failure_detector on change and at 1 Hz; read by commander and control.
 
-    Everything is latched until the vehicle is disarmed, but for the attitude.
+    Failed motors and a crash are latched until a restart or until the operator acknowledges them
+    (`VehicleStatus.failures_cleared_us`), weak propulsion until the vehicle is disarmed.
     """
 
     time_us: int  # [us]
@@ -16,6 +17,8 @@ class FailureDetectorStatus(NamedTuple):
     pitch_exceeded: bool  # Beyond FD_FAIL_P for FD_FAIL_P_TTRI
     failed_motors: int  # [-] Bit 0 is motor 1
     propulsion_weak: bool = False  # All rotors together are slower than they are told to be
+    crash: str = ""  # Why the vehicle counts as crashed; empty while it does not
+    escs_silent: bool = False  # No telemetry of the speed controllers, or not of each
 
 
 class RotorLossThrust(NamedTuple):

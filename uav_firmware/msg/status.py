@@ -87,6 +87,7 @@ class VehicleStatus(NamedTuple):
     sensors_enabled: int  # [-]
     sensors_health: int  # [-]
     airborne_since_us: int = 0  # [us] 0 on the ground and while disarmed
+    failures_cleared_us: int = 0  # [us] When the operator last acknowledged latched failures
 
 
 class LandDetected(NamedTuple):

@@ -2,6 +2,7 @@
 
 DISARMED --ARM_ACCEPTED--> ARMED
 ARMED --DISARM_ACCEPTED | LANDED_TIMEOUT | PREFLIGHT_TIMEOUT | FAILSAFE | TERMINATED--> DISARMED
+ARMED --CRASHED | MOTOR_FAILED_ON_GROUND--> DISARMED
 """
 
 from collections.abc import Mapping
@@ -25,6 +26,8 @@ class ArmingEvent(Enum):
     PREFLIGHT_TIMEOUT = auto()  # COM_DISARM_PRFLT without take-off
     FAILSAFE = auto()  # a failsafe whose parameter says so
     TERMINATED = auto()  # flight termination
+    CRASHED = auto()  # the failure detector has seen a crash
+    MOTOR_FAILED_ON_GROUND = auto()  # before the take-off, or after a landing without it
 
 
 class IllegalArmingError(Exception):
@@ -38,6 +41,8 @@ TRANSITIONS: Final[Mapping[tuple[Arming, ArmingEvent], Arming]] = {
     (Arming.ARMED, ArmingEvent.PREFLIGHT_TIMEOUT): Arming.DISARMED,
     (Arming.ARMED, ArmingEvent.FAILSAFE): Arming.DISARMED,
     (Arming.ARMED, ArmingEvent.TERMINATED): Arming.DISARMED,
+    (Arming.ARMED, ArmingEvent.CRASHED): Arming.DISARMED,
+    (Arming.ARMED, ArmingEvent.MOTOR_FAILED_ON_GROUND): Arming.DISARMED,
 }
 
 

@@ -1,19 +1,21 @@
 """The failsafe machine: which causes are present, and what is done about the worst.
 
-    CLEAR    --a cause appears, action deferred--------> WAITING   hold; COM_FAIL_ACT_T runs
-    CLEAR    --a cause appears, action at once---------> ACTING
-    WAITING  --the cause clears------------------------> CLEAR     the intended mode goes on
+    CLEAR    --a cause asks for more, deferred---------> WAITING   hold; COM_FAIL_ACT_T runs
+    CLEAR    --a cause asks for more, at once----------> ACTING
+    WAITING  --no cause asks for more any longer-------> CLEAR     the intended mode goes on
     WAITING  --the time is over------------------------> ACTING
-    WAITING  --a worse cause appears-------------------> ACTING
+    WAITING  --a worse or an urgent cause asks---------> ACTING
     WAITING, ACTING --the operator chooses a mode------> CLEAR     what is present is overruled
-    ACTING   --a worse cause appears-------------------> ACTING
+    ACTING   --a cause asks for more-------------------> ACTING
     any      --disarmed--------------------------------> CLEAR
 
-An action is taken when its cause appears, and only if it is worse than what is flown. So an
-operator may overrule it, and a cause acts again only after it has cleared.
+The action is selected anew at every look, over all causes that are present and not overruled, as
+PX4's failsafe framework does: a cause whose action was covered by another one takes over when
+that one clears. A cause asks for more if its action is stronger than what is flown or waited for.
+An overruled cause acts again only after it has cleared.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from enum import Enum, auto
 from typing import NamedTuple
 
@@ -65,18 +67,21 @@ class FailsafeMachine:
         self._intended = NavigationState.AUTO_LOITER
         self._since_us: dict[Cause, int] = {}  # Conditions that hold, and since when
         self._present: frozenset[Cause] = frozenset()
-        self._waiting = Threat(Cause.LINK_LOST, Action.NONE)
+        self._overruled: frozenset[Cause] = frozenset()
+        self._taken = Action.NONE  # While ACTING
+        self._awaited = Action.NONE  # While WAITING: the strongest so far
         self._due_us = 0
 
     def overrule(self) -> None:
         """The operator has chosen a mode: what is present now shall not act again."""
         self.state = Failsafe.CLEAR
+        self._overruled = self._present
 
     def clear(self) -> None:
         """Forget all, at arming and disarming."""
         self.state = Failsafe.CLEAR
         self._since_us.clear()
-        self._present = frozenset()
+        self._present = self._overruled = frozenset()
 
     def update(
         self, view: VehicleView, params: FailsafeParams, flown: NavigationState, airborne_s: float
@@ -87,13 +92,12 @@ class FailsafeMachine:
         moment = Moment(view, params, self._intended, airborne_s, self.pace)
         before = self._present
         self._present = self._judge(moment)
-        threats = sorted(
-            (Threat(cause, ROWS[cause].action(moment)) for cause in self._present - before),
-            key=lambda threat: threat.action,
-            reverse=True,
-        )
+        self._overruled &= self._present
+        threats = _worst_first(self._present - before, moment)
         cleared = tuple(before - self._present)
-        reaction = self._react(threats, moment, flown)
+        asking = _worst_first(self._present - self._overruled, moment)
+        demands = [threat for threat in asking if threat.action > Action.WARN]
+        reaction = self._react(demands, moment, flown)
         return reaction._replace(threats=threats, cleared=cleared)
 
     def _judge(self, moment: Moment) -> frozenset[Cause]:
@@ -106,40 +110,35 @@ class FailsafeMachine:
                 present.append(cause)
         return frozenset(present)
 
-    def _react(self, threats: Sequence[Threat], moment: Moment, flown: NavigationState) -> Reaction:
-        if threats and threats[0].action > self._strength(flown):
-            return self._begin(threats[0], moment)
-        if self.state is not Failsafe.WAITING:
-            return Reaction()
-        if self._waiting.cause not in self._present:
-            self.state = Failsafe.CLEAR
-            missing = mode_requirements.missing(self._intended, moment.view)
-            return Reaction(mode=self._intended if missing is None else None)
-        return self._act(self._waiting.action, moment) if self._is_due(moment) else Reaction()
-
-    def _is_due(self, moment: Moment) -> bool:
-        return moment.view.now_us >= self._due_us
-
-    def _strength(self, flown: NavigationState) -> Action:
-        """How strong an action is already being taken or waited for."""
-        present = strength_of(flown)
-        return max(present, self._waiting.action) if self.state is Failsafe.WAITING else present
-
-    def _begin(self, threat: Threat, moment: Moment) -> Reaction:
-        """Act on a threat, or hold and wait for the operator first."""
-        hold = mode_requirements.missing(NavigationState.AUTO_LOITER, moment.view) is None
-        deferred = (
-            threat.action in DEFERRED
-            and not ROWS[threat.cause].urgent
-            and self.state is Failsafe.CLEAR
-            and moment.params.action_delay_s > 0.0
-        )
-        if not (hold and deferred):
-            return self._act(threat.action, moment)
+    def _react(self, demands: Sequence[Threat], moment: Moment, flown: NavigationState) -> Reaction:
+        worst = demands[0].action if demands else Action.NONE
+        if self.state is Failsafe.ACTING:
+            stronger = worst > max(strength_of(flown), self._taken)
+            return self._act(worst, moment) if stronger else Reaction()
+        if worst <= strength_of(self._intended):
+            return self._resume(moment) if self.state is Failsafe.WAITING else Reaction()
+        deferred = all(_may_wait(demand) for demand in demands if demand.action is worst)
+        if self.state is Failsafe.WAITING:
+            worse = worst > self._awaited
+            due = moment.view.now_us >= self._due_us
+            return self._act(worst, moment) if worse or due or not deferred else Reaction()
+        if not (deferred and self._can_wait(moment)):
+            return self._act(worst, moment)
         self.state = Failsafe.WAITING
-        self._waiting = threat
+        self._awaited = worst
         self._due_us = moment.view.now_us + round(moment.params.action_delay_s * 1e6)
         return Reaction(mode=NavigationState.AUTO_LOITER)
+
+    def _can_wait(self, moment: Moment) -> bool:
+        """Whether the vehicle can hold and the operator is to be given time."""
+        holds = mode_requirements.missing(NavigationState.AUTO_LOITER, moment.view) is None
+        return holds and moment.params.action_delay_s > 0.0
+
+    def _resume(self, moment: Moment) -> Reaction:
+        """Go back to what the operator intends, if that can be flown."""
+        self.state = Failsafe.CLEAR
+        missing = mode_requirements.missing(self._intended, moment.view)
+        return Reaction(mode=self._intended if missing is None else None)
 
     def _act(self, action: Action, moment: Moment) -> Reaction:
         """Take an action; what cannot be flown becomes a landing."""
@@ -147,9 +146,17 @@ class FailsafeMachine:
             return Reaction(event=ArmingEvent.FAILSAFE)
         if action is Action.TERMINATE:
             return Reaction(event=ArmingEvent.TERMINATED)
-        if action not in MODE_OF:
-            return Reaction()
         mode = MODE_OF[action]
         self.state = Failsafe.ACTING
+        self._taken = action
         possible = mode_requirements.missing(mode, moment.view) is None
         return Reaction(mode=mode if possible else NavigationState.AUTO_LAND)
+
+
+def _worst_first(causes: Iterable[Cause], moment: Moment) -> list[Threat]:
+    threats = (Threat(cause, ROWS[cause].action(moment)) for cause in causes)
+    return sorted(threats, key=lambda threat: threat.action, reverse=True)
+
+
+def _may_wait(threat: Threat) -> bool:
+    return threat.action in DEFERRED and not ROWS[threat.cause].urgent

@@ -35,6 +35,9 @@ _BATTERY_HYSTERESIS: Final = 0.02  # of a full battery: a sagging voltage does n
 _TIME_HYSTERESIS: Final = 1.3  # of the time needed: a current that falls does not chatter
 _CURRENT_SETTLES_S: Final = 3.0  # [s] A climb or gust draws more for a moment
 _WIND_HYSTERESIS: Final = 0.85  # share of the threshold below which the wind has calmed down
+BREAKER_FLIGHTTERM: Final = 121212
+"""Value of CBRK_FLIGHTTERM that keeps a lost attitude from terminating the flight."""
+
 _JUMP_TOLD_US: Final = 10_000_000  # After that a bias is as well known as before
 _EXCEPT_BITS: Final[Mapping[NavigationState, int]] = {
     NavigationState.AUTO_MISSION: 1,
@@ -89,6 +92,7 @@ class Row(NamedTuple):
     action: Callable[[Moment], Action]
     delay_s: Callable[[FailsafeParams], float] = lambda _params: 0.0
     urgent: bool = False  # No time to wait for the operator
+    latched: bool = False  # Forbids the next arming until it is acknowledged
 
 
 def _always(action: Action) -> Callable[[Moment], Action]:
@@ -214,6 +218,14 @@ def _without_altitude(moment: Moment) -> Action:
     return Action.STABILIZED if piloted else Action.DESCEND
 
 
+def _attitude_action(moment: Moment) -> Action:
+    """Just after the take-off the motors stop; later only where flight termination is wanted."""
+    params = moment.params
+    if moment.airborne_s < params.lockdown_takeoff_s:
+        return Action.DISARM
+    return Action.WARN if params.termination_breaker == BREAKER_FLIGHTTERM else Action.TERMINATE
+
+
 def _critical_action(moment: Moment) -> Action:
     return (Action.WARN, Action.WARN, Action.LAND, Action.RETURN)[moment.params.battery_action]
 
@@ -275,9 +287,10 @@ ROWS: Final[Mapping[Cause, Row]] = {
         "Attitude lost",
         lambda moment, _present: not moment.view.aligned,
         _always(Action.DESCEND),
+        latched=True,
     ),
     Cause.ATTITUDE_EXCEEDED: Row(
-        "Attitude beyond limits", _attitude_exceeded, _always(Action.WARN)
+        "Attitude beyond limits", _attitude_exceeded, _attitude_action, urgent=True
     ),
     Cause.GYRO_JUMPED: Row(
         "Gyroscope bias has jumped, following it", _gyro_jumped, _always(Action.WARN)
@@ -286,6 +299,7 @@ ROWS: Final[Mapping[Cause, Row]] = {
         "Gyroscope bias beyond its limit",
         lambda moment, _present: moment.view.gyro_broken,
         _always(Action.LAND),
+        latched=True,
     ),
     Cause.ACCEL_BROKEN: Row(
         "Accelerometer bias beyond its limit",

@@ -62,6 +62,14 @@ class FailsafeParams:
         "COM_ACT_FAIL_ACT", 2, unit="1", minimum=0, maximum=4,
         short="A failed motor: 0 warns only, 1 hold, 2 land, 3 return, 4 terminate",
     )  # fmt: skip
+    lockdown_takeoff_s: float = param(
+        "COM_LKDOWN_TKO", 3.0, unit="s", minimum=-1.0, maximum=5.0,
+        short="Time from the take-off in which a lost attitude disarms; negative never",
+    )  # fmt: skip
+    termination_breaker: int = param(
+        "CBRK_FLIGHTTERM", 121212, unit="1", minimum=0, maximum=121212,
+        short="121212: a lost attitude (FD_FAIL_R, FD_FAIL_P) does not terminate the flight",
+    )  # fmt: skip
     wind_warning_m_s: float = param(
         "COM_WIND_WARN", 9.0, unit="m/s", minimum=-1.0, maximum=30.0,
         short="Wind above which the operator is warned; negative never",

@@ -21,6 +21,7 @@ _BYTES_PER_MB: Final = 1_000_000
 _TILT_MAX: Final = math.radians(45.0)
 _TURN_MAX: Final = math.radians(30.0)  # [rad/s]
 _SPEED_MAX: Final = 1.0  # [m/s] More than the estimate drifts at rest
+_ACKNOWLEDGE: Final = "repair, then restart or set COM_FAIL_ACK to 1"
 _WIND_REMEMBERED_US: Final = 60_000_000
 
 Check = Callable[[VehicleView, CommanderParams], str | None]
@@ -147,8 +148,27 @@ def calm_enough(view: VehicleView, _params: CommanderParams) -> str | None:
 
 def not_broken(view: VehicleView, _params: CommanderParams) -> str | None:
     """No motor is known to have failed."""
-    failed = view.failure is not None and view.failure.failed_motors != 0
-    return "Motor failure detected" if failed else None
+    if view.failure is None or not view.motor_failed:
+        return None
+    numbers = [str(n + 1) for n in range(4) if view.failure.failed_motors >> n & 1]
+    return f"Motor {' and '.join(numbers)} failed; {_ACKNOWLEDGE}"
+
+
+def not_crashed(view: VehicleView, _params: CommanderParams) -> str | None:
+    """No crash was detected since somebody last looked at the vehicle."""
+    return f"Crash detected; {_ACKNOWLEDGE}" if view.crashed else None
+
+
+def former_flights_sound(view: VehicleView, _params: CommanderParams) -> str | None:
+    """Nothing failed in former flights that nobody has acknowledged."""
+    failures = view.latched_failures
+    return f"{failures[0]} in flight; {_ACKNOWLEDGE}" if failures else None
+
+
+def escs_report(view: VehicleView, params: CommanderParams) -> str | None:
+    """Every speed controller reports, where COM_ARM_CHK_ESCS asks for it."""
+    silent = view.failure is not None and view.failure.escs_silent
+    return "No telemetry of the speed controllers" if silent and params.check_escs else None
 
 
 def storage_full(storage: StorageStatus | None) -> bool:
@@ -176,6 +196,9 @@ ARMING_CHECKS: Final[tuple[Check, ...]] = (
     upright,
     at_rest,
     not_broken,
+    not_crashed,
+    former_flights_sound,
+    escs_report,
     calm_enough,
     room_for_log,
 )

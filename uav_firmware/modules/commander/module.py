@@ -24,6 +24,7 @@ from uav_firmware.modules.commander.failsafe import Failsafe, FailsafeMachine
 from uav_firmware.modules.commander.failsafe_actions import PILOTED, Action
 from uav_firmware.modules.commander.failsafe_causes import ROWS
 from uav_firmware.modules.commander.failsafe_params import FailsafeParams
+from uav_firmware.modules.commander.failure_latch import FailureLatch
 from uav_firmware.modules.commander.flight_commands import Situation, hold_here
 from uav_firmware.modules.commander.home import HomeKeeper
 from uav_firmware.modules.commander.observer import Observer
@@ -71,7 +72,9 @@ class CommanderModule:
         self._topics = topics
         self._refusal_of = refusal_of
         self._inject = inject
-        self._observer = Observer(topics)
+        self._latch = FailureLatch()
+        self._observer = Observer(topics, self._latch)
+        self._failures_cleared_us = 0
         self._params_version = registry.version
         self._params = registry.read(CommanderParams)
         self._failsafe_params = registry.read(FailsafeParams)
@@ -101,6 +104,7 @@ class CommanderModule:
             self._params = self._registry.read(CommanderParams)
             self._failsafe_params = self._registry.read(FailsafeParams)
             self._failsafe.pace = pace_of(self._registry)
+            self._acknowledge(now_us)
         view = self._observer.look(now_us, self._failsafe_params)
         if view.position is not None and view.position_valid:
             self._home_keeper.keep(now_us, view.position)
@@ -113,6 +117,15 @@ class CommanderModule:
         self._observer.observe_wind(view, self._params.drag)
         self._supervise(view)
         self._publish(view)
+
+    def _acknowledge(self, now_us: int) -> None:
+        """Clear the latched failures if the operator has set COM_FAIL_ACK."""
+        if not self._params.acknowledge_failures or self._armed:
+            return
+        self._latch.clear()
+        self._failures_cleared_us = now_us
+        self._registry.put_back("COM_FAIL_ACK")
+        self._say(now_us, Severity.WARNING, "Failures of former flights acknowledged")
 
     @property
     def _armed(self) -> bool:
@@ -180,6 +193,7 @@ class CommanderModule:
 
     def _arm(self, view: VehicleView) -> None:
         self._arming = after(self._arming, ArmingEvent.ARM_ACCEPTED)
+        self._registry.armed = True
         self._armed_since_us = view.now_us
         self._disarm_timer.start(view.now_us)
         self._failsafe.clear()
@@ -190,6 +204,7 @@ class CommanderModule:
     def _disarm(self, event: ArmingEvent, now_us: int) -> None:
         """Stop the motors; the next flight begins in hold."""
         self._arming = after(self._arming, event)
+        self._registry.armed = False
         self._armed_since_us = 0
         if self._mode not in PILOTED:
             self._mode = NavigationState.AUTO_LOITER
@@ -215,13 +230,22 @@ class CommanderModule:
         if following is not self._mode and mode_requirements.missing(following, view) is None:
             self._mode = following
         mission_state = view.progress.state if view.progress is not None else 0
-        event = self._disarm_timer.due(
+        event = self._stopping_failure(view) or self._disarm_timer.due(
             view.now_us, landed=view.landed, mission_state=mission_state, params=self._params
         )
         if event is not None:
             self._disarm(event, view.now_us)
         else:
             self._watch(view)
+
+    def _stopping_failure(self, view: VehicleView) -> ArmingEvent | None:
+        """What stops the motors at once, whatever is flown."""
+        if view.failure is not None and view.crashed:
+            self._say(view.now_us, Severity.EMERGENCY, f"Crash: {view.failure.crash}")
+            return ArmingEvent.CRASHED
+        if view.landed and view.motor_failed:
+            return ArmingEvent.MOTOR_FAILED_ON_GROUND
+        return None
 
     def _watch(self, view: VehicleView) -> None:
         """Failsafes and the pilot's taking over.
@@ -242,6 +266,7 @@ class CommanderModule:
         for cause, action in reversed(reaction.threats):
             severity = Severity.WARNING if action is Action.WARN else Severity.CRITICAL
             self._say(view.now_us, severity, f"{ROWS[cause].text}: {action.name}")
+        self._latch.note(cause for cause, _ in reaction.threats)
         for cause in reaction.cleared:
             self._say(view.now_us, Severity.INFO, f"{ROWS[cause].text}: over")
         if reaction.event is not None:
@@ -286,6 +311,7 @@ class CommanderModule:
             health.enabled,
             health.healthy,
             self._airborne_since_us or 0,
+            self._failures_cleared_us,
         )
         old = self._topics.vehicle_status.value
         stale = old is None or view.now_us - old.time_us >= STATUS_PERIOD_US

@@ -7,6 +7,7 @@ from uav_firmware.bus import Topic
 from uav_firmware.lib.atmosphere import air_density, pressure_from_altitude
 from uav_firmware.lib.drag import DragModel
 from uav_firmware.modules.commander.failsafe_params import FailsafeParams
+from uav_firmware.modules.commander.failure_latch import FailureLatch
 from uav_firmware.modules.commander.sensor_watch import Freshness
 from uav_firmware.modules.commander.topics import CommanderTopics
 from uav_firmware.modules.commander.vehicle_view import SensorAges, VehicleView
@@ -22,8 +23,9 @@ _AIR_TEMPERATURE_C: Final = 15.0  # 10 degrees off change the wind by less than 
 class Observer:
     """Ages of what is heard, and the wind of this flight."""
 
-    def __init__(self, topics: CommanderTopics) -> None:
+    def __init__(self, topics: CommanderTopics, latch: FailureLatch) -> None:
         self._topics = topics
+        self._latch = latch
         heard: tuple[Topic[Any], ...] = (
             topics.sensor_imu,
             topics.sensor_baro,
@@ -67,6 +69,7 @@ class Observer:
             ages.offboard <= OFFBOARD_FRESH_S,
             ages,
             _is_finite(topics.sensor_imu.value),
+            self._latch.texts,
         )
 
     def observe_wind(self, view: VehicleView, drag: DragModel) -> None:

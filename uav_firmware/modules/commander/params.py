@@ -38,6 +38,15 @@ class CommanderParams:
         "SYS_FAILURE_EN", 0, unit="1", minimum=0, maximum=1,
         short="1 lets INJECT_FAILURE break parts of the vehicle, for tests",
     )  # fmt: skip
+    acknowledge_failures: int = param(
+        "COM_FAIL_ACK", 0, unit="1", minimum=0, maximum=1,
+        short="1 acknowledges the failures of former flights, and becomes 0 again",
+        volatile=True, locked_while_armed=True,
+    )  # fmt: skip
+    check_escs: int = param(
+        "COM_ARM_CHK_ESCS", 1, unit="1", minimum=0, maximum=1,
+        short="1 denies arming without the telemetry of all speed controllers",
+    )  # fmt: skip
     stick_override: int = param(
         "COM_RC_OVERRIDE", 1, unit="1", minimum=0, maximum=3,
         short="Moving a stick changes to position mode: bit 0 in automatic modes, 1 in offboard",

@@ -101,7 +101,7 @@ def healthy_bits(view: VehicleView, *, ready: bool) -> int:
     lost = gps_good and view.home is not None and not view.position_valid
     imu_good = ages.imu < IMU_STALE_S and view.imu_delivers
     # Without it nobody can tell how the vehicle moves, nor what its rotors do to it
-    bits = _propulsion_bits(view.failure if imu_good else None)
+    bits = _propulsion_bits(view.failure if imu_good or view.crashed else None)
     for healthy, bit in (
         (imu_good, SensorBit.ANGULAR_RATE_CONTROL),
         (imu_good and not view.accel_broken, SensorBit.ACCEL_3D),
@@ -125,11 +125,11 @@ def healthy_bits(view: VehicleView, *, ready: bool) -> int:
 
 
 def _propulsion_bits(failure: FailureDetectorStatus | None) -> int:
-    """One rotor that has failed is a part; more, or all too slow, is the function."""
+    """One rotor that has failed is a part; more, all too slow, or a crash is the function."""
     bits: int = SensorBit.MOTOR_OUTPUTS | SensorBit.PROPULSION
     if failure is None:
         return bits
-    if failure.propulsion_weak or failure.failed_motors.bit_count() > 1:
+    if failure.propulsion_weak or failure.crash or failure.failed_motors.bit_count() > 1:
         return bits & ~SensorBit.PROPULSION
     return bits & ~SensorBit.MOTOR_OUTPUTS if failure.failed_motors else bits
 

@@ -22,4 +22,6 @@ DISARM_TEXTS: Final[Mapping[ArmingEvent, tuple[Severity, str]]] = {
     ArmingEvent.PREFLIGHT_TIMEOUT: (Severity.INFO, "Disarmed: no take-off"),
     ArmingEvent.FAILSAFE: (Severity.EMERGENCY, "Disarmed by failsafe"),
     ArmingEvent.TERMINATED: (Severity.EMERGENCY, "Flight terminated"),
+    ArmingEvent.CRASHED: (Severity.EMERGENCY, "Crash detected, motors stopped"),
+    ArmingEvent.MOTOR_FAILED_ON_GROUND: (Severity.CRITICAL, "Disarmed: motor failure"),
 }

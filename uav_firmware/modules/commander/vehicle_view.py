@@ -56,6 +56,7 @@ class VehicleView(NamedTuple):
     offboard_fresh: bool  # Streamed faster than 2 Hz
     ages: SensorAges
     imu_delivers: bool = True  # Its newest sample holds numbers
+    latched_failures: tuple[str, ...] = ()  # Of former flights, not acknowledged
 
     @property
     def aligned(self) -> bool:
@@ -71,6 +72,16 @@ class VehicleView(NamedTuple):
     def accel_broken(self) -> bool:
         """Whether the accelerometer has been biased as no healthy one is."""
         return self.estimator is not None and self.estimator.accel_broken
+
+    @property
+    def crashed(self) -> bool:
+        """Whether a crash was detected and has not been acknowledged."""
+        return self.failure is not None and self.failure.crash != ""
+
+    @property
+    def motor_failed(self) -> bool:
+        """Whether a motor has failed, in this flight or in one that was not acknowledged."""
+        return self.failure is not None and self.failure.failed_motors != 0
 
     @property
     def landed(self) -> bool:

@@ -1,1 +1,1 @@
-"""Watches rotors and attitude; PX4's failure_detector."""
+"""Watches rotors, attitude and inertial sensor; PX4's failure_detector."""

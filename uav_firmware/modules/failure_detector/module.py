@@ -1,28 +1,37 @@
-"""Reads rotor telemetry, commands and attitude, publishes what has failed."""
+"""Reads rotor telemetry, commands, attitude and inertial sensor, publishes what has failed."""
 
 import math
 from typing import Final
 
 from uav_firmware.bus import Queue, Topic
-from uav_firmware.lib.rotation import to_euler
+from uav_firmware.lib.rotation import rotate, to_euler
 from uav_firmware.modules.failure_detector.attitude_watch import AxisWatch
+from uav_firmware.modules.failure_detector.crash_watch import CrashWatch, Moment
 from uav_firmware.modules.failure_detector.motor_watch import MotorLimits, MotorWatch
 from uav_firmware.modules.failure_detector.params import FailureDetectorParams
 from uav_firmware.msg.actuators import ActuatorMotors
+from uav_firmware.msg.control_mode import ControlLevel, VehicleControlMode
 from uav_firmware.msg.estimate import VehicleAttitude
 from uav_firmware.msg.failure import FailureDetectorStatus
-from uav_firmware.msg.sensors import SensorEsc
+from uav_firmware.msg.sensors import SensorEsc, SensorImu
+from uav_firmware.msg.setpoints import VehicleAttitudeSetpoint
 from uav_firmware.msg.status import StatusText, VehicleStatus
+from uav_firmware.msg.vectors import Vector3
 from uav_firmware.parameters import Registry
 
 _REPEAT_US: Final = 1_000_000
 _ATTITUDE_US: Final = 20_000  # 50 Hz: an attitude counts as lost after tenths of a second
 _LONGEST_STEP_S: Final = 0.1
+_ESC_SILENT_US: Final = 500_000
+_SETPOINT_STALE_US: Final = 500_000
 _CRITICAL: Final = 2  # MAV_SEVERITY
+_NAN: Final = math.nan
+_DOWN: Final[Vector3] = (0.0, 0.0, 1.0)
+_SILENT: Final[Vector3] = (_NAN, _NAN, _NAN)
 
 
 class FailureDetectorModule:
-    """Shell of the two watches; declares `FailureDetectorParams`."""
+    """Shell of the watches; declares `FailureDetectorParams`."""
 
     def __init__(
         self,
@@ -34,12 +43,18 @@ class FailureDetectorModule:
         vehicle_status: Topic[VehicleStatus],
         failure_status: Topic[FailureDetectorStatus],
         status_text: Queue[StatusText],
+        imu: Topic[SensorImu] | None = None,
+        attitude_setpoint: Topic[VehicleAttitudeSetpoint] | None = None,
+        vehicle_control_mode: Topic[VehicleControlMode] | None = None,
     ) -> None:
         registry.add(FailureDetectorParams)
         self._registry = registry
         self._motors = motors
         self._esc = esc
         self._attitude = attitude
+        self._imu = Topic() if imu is None else imu
+        self._attitude_setpoint = Topic() if attitude_setpoint is None else attitude_setpoint
+        self._control_mode = Topic() if vehicle_control_mode is None else vehicle_control_mode
         self._vehicle_status = vehicle_status
         self._failure_status = failure_status
         self._status_text = status_text
@@ -47,6 +62,12 @@ class FailureDetectorModule:
         self._params = registry.read(FailureDetectorParams)
         self._watch = MotorWatch(_limits(self._params))
         self._roll, self._pitch = AxisWatch(), AxisWatch()
+        self._crash_watch = CrashWatch()
+        self._crash = ""
+        self._cleared_us = 0
+        self._imu_count = 0
+        self._esc_heard_us: int | None = None
+        self._esc_seen = 0
         self._esc_count = 0
         self._esc_us = 0
         self._attitude_us = 0
@@ -58,14 +79,26 @@ class FailureDetectorModule:
             self._params = self._registry.read(FailureDetectorParams)
             self._watch.limits = _limits(self._params)
         status = self._vehicle_status.value
-        if status is not None and status.armed:
+        armed = status is not None and status.armed
+        if status is not None and status.failures_cleared_us > self._cleared_us:
+            self._cleared_us = status.failures_cleared_us
+            self._watch.forgive()
+            self._crash = ""
+        if self._esc.count != self._esc_seen and _is_complete(self._esc.value):
+            self._esc_seen, self._esc_heard_us = self._esc.count, now_us
+        if armed:
             self._watch_motors()
         else:
-            self._watch.reset()
+            self._watch.rest()
         elapsed_us = now_us - self._attitude_us
         if elapsed_us >= _ATTITUDE_US:
             self._attitude_us = now_us
-            self._watch_attitude(min(elapsed_us * 1e-6, _LONGEST_STEP_S))
+            dt = min(elapsed_us * 1e-6, _LONGEST_STEP_S)
+            self._watch_attitude(dt)
+            if armed and self._params.crash_enabled:
+                self._crash = self._watch_crash(now_us, dt) or self._crash
+            else:
+                self._crash_watch.reset()
         self._publish(now_us)
 
     def _watch_motors(self) -> None:
@@ -80,19 +113,59 @@ class FailureDetectorModule:
         if dt > 0.0:
             self._watch.update(motors.control, esc.rotor_rpm, dt)
 
+    @property
+    def _leads_attitude(self) -> bool:
+        """Whether anybody asks for an attitude: nobody does in acro."""
+        control = self._control_mode.value
+        return control is None or control.level is not ControlLevel.RATES
+
+    def _watch_crash(self, now_us: int, dt: float) -> str:
+        imu, silent = self._imu.value, self._imu.count == self._imu_count
+        self._imu_count = self._imu.count
+        if imu is None:
+            return ""
+        seen = Moment(
+            _SILENT if silent else imu.rate_frd,
+            _SILENT if silent else imu.specific_force_frd,
+            self._thrust_axis_error(now_us),
+            self._watch.failed.bit_count(),
+        )
+        return self._crash_watch.update(seen, dt)
+
+    def _thrust_axis_error(self, now_us: int) -> float:
+        """Angle [rad] between the thrust axis and where it shall point; NaN without an order."""
+        attitude, setpoint = self._attitude.value, self._attitude_setpoint.value
+        if attitude is None or setpoint is None or not self._leads_attitude:
+            return _NAN
+        if now_us - setpoint.time_us > _SETPOINT_STALE_US:
+            return _NAN
+        axis, wanted = rotate(attitude.q_ned_frd, _DOWN), rotate(setpoint.q_ned_frd, _DOWN)
+        cosine = axis[0] * wanted[0] + axis[1] * wanted[1] + axis[2] * wanted[2]
+        return math.acos(min(max(cosine, -1.0), 1.0))
+
     def _watch_attitude(self, dt: float) -> None:
+        """Judge roll and pitch where an attitude is led, as PX4 does: acro may roll over."""
         attitude = self._attitude.value
         if attitude is None:
             return
         params = self._params
-        roll, pitch, _ = to_euler(attitude.q_ned_frd)
+        led = self._leads_attitude
+        roll, pitch, _ = to_euler(attitude.q_ned_frd) if led else (0.0, 0.0, 0.0)
         self._roll.update(roll, math.radians(params.roll_deg), params.roll_time_s, dt)
         self._pitch.update(pitch, math.radians(params.pitch_deg), params.pitch_time_s, dt)
 
     def _publish(self, now_us: int) -> None:
         former = self._failure_status.value
         watch = self._watch
-        seen = (self._roll.exceeded, self._pitch.exceeded, watch.failed, watch.weak)
+        silent = self._esc_heard_us is None or now_us - self._esc_heard_us > _ESC_SILENT_US
+        seen = (
+            self._roll.exceeded,
+            self._pitch.exceeded,
+            watch.failed,
+            watch.weak,
+            self._crash,
+            silent,
+        )
         if former is not None and seen == former[1:] and now_us - former.time_us < _REPEAT_US:
             return
         self._failure_status.publish(FailureDetectorStatus(now_us, *seen))
@@ -112,6 +185,11 @@ class FailureDetectorModule:
 
     def _say(self, now_us: int, text: str) -> None:
         self._status_text.publish(StatusText(now_us, _CRITICAL, text))
+
+
+def _is_complete(esc: SensorEsc | None) -> bool:
+    """Whether each speed controller reports a speed."""
+    return esc is not None and math.isfinite(sum(esc.rotor_rpm))
 
 
 def _limits(params: FailureDetectorParams) -> MotorLimits:

@@ -6,6 +6,9 @@ healthy rotor and falls more quickly, so that no manoeuvre brings a healthy roto
 rotor that turns at less than a share of the bound for a while has failed. Speed by command,
 measured on the F450's motors and usual for a motor under a propeller's load:
 n / n_full = 1.23 u - 0.23 u^2.
+
+At lower commands, above all while the motors idle before a take-off, a rotor is given longer and
+has to reach a smaller share: what stands then has failed.
 """
 
 from typing import Final, NamedTuple
@@ -16,13 +19,16 @@ _RISE_TIME_S: Final = 0.15
 _FALL_TIME_S: Final = 0.02
 _LINEAR: Final = 1.23
 _SQUARE: Final = 0.23
+_IDLE_COMMAND: Final = 0.03  # [-] Below it a motor may stand
+_IDLE_SHARE: Final = 0.5  # [-] Of the speed expected
+_IDLE_TIME_S: Final = 0.3
 
 
 class MotorLimits(NamedTuple):
     """When a motor is too slow."""
 
     full_speed_rpm: float  # [1/min]
-    least_command: float  # [-] Not judged below
+    least_command: float  # [-] Judged as an idling motor below
     least_share: float  # [-] Of the speed expected
     time_s: float  # [s] That it must last
     weak_share: float = 0.0  # [-] Of the speed expected, all motors together; 0 never
@@ -30,7 +36,7 @@ class MotorLimits(NamedTuple):
 
 
 class MotorWatch:
-    """Four rotors; what has failed stays failed until `reset`."""
+    """Four rotors; what has failed stays failed until `forgive`."""
 
     def __init__(self, limits: MotorLimits) -> None:
         self.limits = limits
@@ -40,9 +46,12 @@ class MotorWatch:
         self._slow_s = [0.0, 0.0, 0.0, 0.0]
         self._weak_s = 0.0
 
-    def reset(self) -> None:
-        """Forget all: the motors stand."""
+    def forgive(self) -> None:
+        """Forget which motors have failed."""
         self.failed = 0
+
+    def rest(self) -> None:
+        """The motors stand: forget their speeds, and that all were weak."""
         self.weak = False
         self._bounds = [0.0, 0.0, 0.0, 0.0]
         self._slow_s = [0.0, 0.0, 0.0, 0.0]
@@ -57,10 +66,13 @@ class MotorWatch:
             time_s = _RISE_TIME_S if steady > bounds[motor] else _FALL_TIME_S
             bounds[motor] += (steady - bounds[motor]) * dt / (dt + time_s)
             # A report that is no number compares false and judges nothing
-            slow = speed_rpm[motor] < limits.least_share * bounds[motor]
-            if slow and wanted >= limits.least_command:
+            driven = wanted >= limits.least_command
+            share, patience_s = (
+                (limits.least_share, limits.time_s) if driven else (_IDLE_SHARE, _IDLE_TIME_S)
+            )
+            if speed_rpm[motor] < share * bounds[motor] and wanted >= _IDLE_COMMAND:
                 self._slow_s[motor] += dt
-                if self._slow_s[motor] >= limits.time_s:
+                if self._slow_s[motor] >= patience_s:
                     self.failed |= 1 << motor
             else:
                 self._slow_s[motor] = 0.0

@@ -1,6 +1,6 @@
 """Thresholds of the failure detector: PX4's names where PX4 has them.
 
-Names that PX4 does not have: FD_ACT_RPM_FULL, FD_ACT_RPM_SHR, FD_ACT_RPM_WEAK.
+Names that PX4 does not have: FD_ACT_RPM_FULL, FD_ACT_RPM_SHR, FD_ACT_RPM_WEAK, FD_CRASH_EN.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ class FailureDetectorParams:
     )  # fmt: skip
     least_command: float = param(
         "FD_ACT_MOT_THR", 0.2, unit="1", minimum=0.05, maximum=1.0,
-        short="Motor command below which a motor is not judged",
+        short="Motor command below which a motor is judged as one that idles",
     )  # fmt: skip
     time_ms: float = param(
         "FD_ACT_MOT_TOUT", 24.0, unit="ms", minimum=8.0, maximum=10000.0,
@@ -35,6 +35,10 @@ class FailureDetectorParams:
     weak_share: float = param(
         "FD_ACT_RPM_WEAK", 0.9, unit="1", minimum=0.0, maximum=0.98,
         short="Share of the expected speed of all rotors, below it the propulsion is weak; 0 never",
+    )  # fmt: skip
+    crash_enabled: int = param(
+        "FD_CRASH_EN", 1, unit="1", minimum=0, maximum=1,
+        short="Detect a crash and stop the motors then: 1",
     )  # fmt: skip
     roll_deg: float = param(
         "FD_FAIL_R", 60.0, unit="deg", minimum=0.0, maximum=180.0,

@@ -85,13 +85,32 @@ def test_a_standing_motor_of_a_disarmed_vehicle_has_not_failed() -> None:
     assert vehicle.failed == 0
 
 
-def test_disarming_forgets_the_failure() -> None:
+def test_a_failure_outlasts_the_flight_until_it_is_acknowledged() -> None:
     vehicle = Vehicle()
     vehicle.fly(1.0, second_rpm=0.0)
     assert vehicle.failed == 0b10
     vehicle.vehicle_status.publish(vehicle_status(armed=False))
+    vehicle.fly(5.0)
+    vehicle.vehicle_status.publish(vehicle_status(armed=True))
+    vehicle.fly(1.0)
+    assert vehicle.failed == 0b10
+    disarmed = vehicle_status(armed=False)
+    vehicle.vehicle_status.publish(disarmed._replace(failures_cleared_us=vehicle.now_us))
     vehicle.fly(0.1)
     assert vehicle.failed == 0
+    vehicle.vehicle_status.publish(vehicle_status(armed=True))
+    vehicle.fly(0.5, second_rpm=0.0)
+    assert vehicle.failed == 0b10
+
+
+def test_speed_controllers_that_report_no_speed_are_silent() -> None:
+    vehicle = Vehicle()
+    silent = []
+    for second_rpm in (HOVER_RPM, math.nan, HOVER_RPM):
+        vehicle.fly(1.0, second_rpm=second_rpm)
+        assert vehicle.status.value is not None
+        silent.append(vehicle.status.value.escs_silent)
+    assert silent == [False, True, False]
 
 
 def test_the_watch_on_motors_can_be_switched_off() -> None:

@@ -77,20 +77,38 @@ def test_no_commands_make_a_healthy_motor_fail(commands: list[Motors], lag_s: fl
         assert not rotors.watch.weak
 
 
-def test_a_motor_that_is_hardly_commanded_is_not_judged() -> None:
+IDLE: Motors = (0.055, 0.055, 0.055, 0.055)
+
+
+def test_a_motor_that_is_to_stand_is_not_judged() -> None:
     rotors = Rotors()
     rotors.dead.add(2)
-    assert rotors.run(2.0, (0.42, 0.42, 0.1, 0.42)) == 0
+    assert rotors.run(2.0, (0.42, 0.42, 0.0, 0.42)) == 0
 
 
-def test_a_failed_motor_stays_failed_until_the_watch_is_reset() -> None:
+@pytest.mark.parametrize("motor", [0, 1, 2, 3])
+def test_a_motor_that_stands_while_all_idle_is_found_before_the_take_off(motor: int) -> None:
+    rotors = Rotors()
+    rotors.dead.add(motor)
+    assert rotors.run(0.9, IDLE) == 1 << motor
+
+
+def test_motors_that_idle_rather_slowly_are_sound() -> None:
+    rotors = Rotors()
+    rotors.grip = 0.7
+    assert rotors.run(5.0, IDLE, lag_s=0.1) == 0
+
+
+def test_a_failed_motor_stays_failed_until_it_is_forgiven() -> None:
     rotors = Rotors()
     rotors.run(1.0, HOVER)
     rotors.dead.add(0)
     rotors.run(0.2, HOVER)
     rotors.dead.clear()
     assert rotors.run(2.0, HOVER) == 1
-    rotors.watch.reset()
+    rotors.watch.rest()
+    assert rotors.run(0.2, HOVER) == 1
+    rotors.watch.forgive()
     assert rotors.run(0.2, HOVER) == 0
 
 

@@ -9,7 +9,9 @@ from uav_firmware.modules.land_detector.signs import (
     touches_ground,
 )
 
-LIMITS = Thresholds(vertical_speed=0.25, horizontal_speed=1.5, rotation=0.35, thrust=0.12, lift_thrust=0.09)
+LIMITS = Thresholds(
+    vertical_speed=0.25, horizontal_speed=1.5, rotation=0.35, thrust=0.12, lift_thrust=0.09
+)
 STANDING = Observation((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.08, 0.0, led_down=0.7)
 
 

@@ -1,0 +1,144 @@
+"""A vehicle that has crashed stops its motors within two seconds; one that flies hard does not."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import common
+
+from sim.config import SimulationConfig
+from sim.faults import Fault, Kind
+from tests.support.autopilot_tester import AutopilotTester
+from tests.support.stick_pilot import StickPilot, change_mode
+from uav_firmware.lib.rotation import tilt_of
+
+pytestmark = pytest.mark.scenario
+
+LATEST_DISARM_S = 2.0
+MOTOR = Kind.MOTOR_LOSS
+ALTITUDE, POSITION, ACRO, STABILIZED = 2, 3, 5, 7
+
+
+def ready(folder: Path, settings: dict[str, float] | None = None, seed: int = 1) -> AutopilotTester:
+    tester = AutopilotTester(SimulationConfig(seed=seed), folder)
+    for name, value in (settings or {}).items():
+        tester.autopilot.registry.set(name, value)
+    tester.wait_until_ready()
+    return tester
+
+
+def hovering(folder: Path, seed: int = 1) -> AutopilotTester:
+    tester = ready(folder, seed=seed)
+    tester.take_off(10.0)
+    tester.run_for(12.0)
+    return tester
+
+
+def strike(tester: AutopilotTester, kind: Kind, **values: float) -> None:
+    now_us = tester.simulation.time_us
+    tester.simulation.add_fault(Fault(kind=kind, start_us=now_us, values=values))
+
+
+def is_stopped(tester: AutopilotTester) -> bool:
+    motors = tester.autopilot.topics.actuator_motors.value
+    return not tester.status.armed and motors is not None and motors.control == (0.0,) * 4
+
+
+def said(tester: AutopilotTester, sentence: str) -> bool:
+    return any(sentence in line for line in tester.lines)
+
+
+@pytest.mark.parametrize(
+    "faults",
+    [
+        [(MOTOR, {"motor": 1}), (MOTOR, {"motor": 3})],
+        [(MOTOR, {"motor": motor}) for motor in (1, 2, 3, 4)],
+        [(Kind.GYRO_LOSS, {})],
+        [(Kind.ACCEL_LOSS, {})],
+        [(Kind.GYRO_LOSS, {}), (Kind.ACCEL_LOSS, {})],
+    ],
+    ids=["two_motors", "four_motors", "gyroscope", "accelerometer", "inertial_sensor"],
+)
+def test_a_wreck_stops_its_motors_and_is_reported(
+    tmp_path: Path, faults: Sequence[tuple[Kind, dict[str, float]]]
+) -> None:
+    tester = hovering(tmp_path)
+    for kind, values in faults:
+        strike(tester, kind, **values)
+    tester.wait_until(lambda: tester.simulation.wrecked, 20.0, "on the ground")
+    tester.wait_until(lambda: is_stopped(tester), LATEST_DISARM_S, "stopped")
+    tester.run_for(1.0)
+    assert said(tester, "Crash detected, motors stopped")
+    assert any("Crash detected" in text for text in tester.ground_station.texts)
+    assert not tester.status.sensors_health & common.MAV_SYS_STATUS_SENSOR_PROPULSION
+    tester.ground_station.command(common.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
+    tester.run_for(0.5)
+    assert not tester.status.armed
+
+
+def test_on_two_motors_of_one_diagonal_it_comes_down_and_stops(tmp_path: Path) -> None:
+    tester = hovering(tmp_path)
+    strike(tester, MOTOR, motor=1)
+    strike(tester, MOTOR, motor=2)
+    tester.wait_until(
+        lambda: tester.truth.height_above_home_m < 0.25 and abs(tester.truth.rate_frd[2]) < 0.3,
+        20.0,
+        "at rest on the ground",
+    )
+    tester.wait_until(lambda: is_stopped(tester), LATEST_DISARM_S, "stopped")
+
+
+def test_a_lost_attitude_disarms_just_after_the_take_off(tmp_path: Path) -> None:
+    """COM_LKDOWN_TKO: a vehicle whose motors are plugged in wrongly does not climb on its side."""
+    tester = ready(tmp_path)
+    tester.take_off(10.0)
+    tester.wait_until(lambda: not tester.landed, 10.0, "in the air")
+    strike(tester, MOTOR, motor=1)
+    strike(tester, MOTOR, motor=3)
+    tester.wait_until(lambda: not tester.status.armed, 2.0, "disarmed")
+    tester.run_for(0.3)  # Lines are written ten times a second
+    assert said(tester, "Attitude beyond limits: DISARM")
+
+
+def test_a_hard_landing_is_no_crash(tmp_path: Path) -> None:
+    """Five landings at 2 m/s without slowing down, the hardest that the parameters allow."""
+    settings = {"MPC_LAND_SPEED": 2.0, "MPC_Z_VEL_MAX_DN": 4.0, "MPC_Z_V_AUTO_DN": 4.0}
+    tester = ready(tmp_path, {**settings, "MPC_LAND_ALT2": 1.0, "MPC_LAND_ALT3": 0.3})
+    for _ in range(5):
+        tester.take_off(4.0)
+        tester.run_for(6.0)
+        tester.land()
+        tester.wait_until_landed(30.0)
+        tester.run_for(3.0)
+    assert not said(tester, "Crash")
+
+
+def test_flips_and_hard_sticks_are_no_crash(tmp_path: Path) -> None:
+    """Acro rolls through more than a turn, full stick in stabilized mode, punches of throttle."""
+    tester = ready(tmp_path, {"MC_ACRO_R_MAX": 360.0, "MC_ACRO_P_MAX": 360.0})
+    pilot = StickPilot(tester)
+    tester.run_for(0.2)
+    change_mode(tester, POSITION)
+    tester.arm()
+    pilot.move(up=0.9)
+    tester.wait_until(lambda: tester.true_position()[2] > 60.0, 60.0, "60 m up")
+    tilts: list[float] = []
+    tester.watch(lambda: tilts.append(tilt_of(tester.truth.q_ned_frd)))
+    for mode, sticks in (
+        (ACRO, {"right": 1.0, "up": 0.3}),
+        (ACRO, {"forward": -1.0, "up": 0.3}),
+        (STABILIZED, {"right": 1.0, "forward": 1.0, "up": 0.6}),
+        (STABILIZED, {"right": -1.0, "up": -1.0}),
+        (ALTITUDE, {"forward": 1.0, "up": 1.0}),
+    ):
+        change_mode(tester, mode)
+        pilot.move(**sticks)
+        tester.run_for(1.5)
+        pilot.move()
+        change_mode(tester, POSITION)
+        tester.run_for(5.0)
+        assert tester.status.armed, tester.lines[-6:]
+    assert max(tilts) > math.radians(120.0)  # It has really been upside down
+    assert not said(tester, "Crash")
+    assert not tester.simulation.wrecked

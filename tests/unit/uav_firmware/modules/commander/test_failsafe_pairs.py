@@ -1,0 +1,258 @@
+"""Any two causes, in any order of appearing and clearing: neither hides the other.
+
+The machine is judged by a table of its own: which modes are enough for which action.
+"""
+
+import itertools
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Final
+
+import pytest
+
+from tests.support.estimates import local_position
+from uav_firmware.modules.commander.arming_states import ArmingEvent
+from uav_firmware.modules.commander.failsafe import Failsafe, FailsafeMachine
+from uav_firmware.modules.commander.failsafe_actions import Action
+from uav_firmware.modules.commander.failsafe_causes import ROWS, Cause, Moment
+from uav_firmware.modules.commander.failsafe_params import FailsafeParams
+from uav_firmware.modules.commander.vehicle_view import SensorAges, VehicleView
+from uav_firmware.msg.control_mode import ManualControlSetpoint
+from uav_firmware.msg.estimate import EstimatorStatus, WindEstimate
+from uav_firmware.msg.failure import FailureDetectorStatus
+from uav_firmware.msg.geofence import FenceAction, FenceBreach, GeofenceStatus
+from uav_firmware.msg.mission import MissionProgress
+from uav_firmware.msg.sensors import SensorBattery, SensorGps
+from uav_firmware.msg.status import (
+    HomePosition,
+    LandDetected,
+    LandedState,
+    NavigationState,
+    StorageStatus,
+)
+
+State = NavigationState
+PERIOD_US: Final = 100_000
+WAIT_S: Final = 5.0
+PARAMS: Final = FailsafeParams(
+    link_loss_action=2,
+    sticks_excepted=0,
+    flight_time_max_s=1000,
+    remaining_time_action=3,
+    wind_action=2,
+    action_delay_s=WAIT_S,
+)
+HEALTHY_AGES: Final = SensorAges(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+FENCE: Final = GeofenceStatus(
+    0, FenceBreach.BOUNDARY, FenceBreach.NONE, FenceAction.RETURN, -1.0, 1, 0
+)
+ENOUGH: Final[Mapping[Action, frozenset[State]]] = {
+    Action.HOLD: frozenset({State.AUTO_LOITER, State.AUTO_RTL, State.AUTO_LAND}),
+    Action.RETURN: frozenset({State.AUTO_RTL, State.AUTO_LAND}),
+    Action.LAND: frozenset({State.AUTO_LAND}),
+    Action.DESCEND: frozenset({State.AUTO_LAND}),
+}
+
+
+def healthy(now_us: int) -> VehicleView:
+    """A vehicle in the air with everything that a mode may need."""
+    gps = SensorGps(now_us, 0, 40.0, -3.0, 650.0, (0.0, 0.0, 0.0), 1.0, 1.0, 0.1, 3, 12, 0.8, 1.0)
+    zero = (0.0, 0.0, 0.0)
+    return VehicleView(
+        now_us=now_us,
+        attitude=None,
+        position=local_position(time_us=now_us),
+        estimator=EstimatorStatus(now_us, 0, 0.0, 0.0, 0.0, 0.0, 0.1, 0.1, zero, True),
+        gps=gps,
+        battery=SensorBattery(now_us, 15.0, 0.0, 0.0, 5.0, 1.0),
+        land=LandDetected(now_us, False, False, LandedState.IN_AIR),
+        home=HomePosition(0, 40.0, -3.0, 650.0, zero, 0.0),
+        progress=MissionProgress(now_us, 1, 0, 3, 0, 0, 1, 0),
+        navigator=None,
+        fence=None,
+        failure=None,
+        storage=None,
+        storage_check=1,
+        wind=None,
+        wind_limit_m_s=14.0,
+        sticks=ManualControlSetpoint(now_us, 0.0, 0.0, 0.0, 0.0),
+        sticks_fresh=True,
+        offboard=None,
+        offboard_fresh=True,
+        ages=HEALTHY_AGES,
+    )
+
+
+def _aged(view: VehicleView, **ages: float) -> VehicleView:
+    return view._replace(ages=view.ages._replace(**ages))
+
+
+def _battery(remaining: float) -> Callable[[VehicleView], VehicleView]:
+    def drain(view: VehicleView) -> VehicleView:
+        assert view.battery is not None
+        lowest = min(remaining, view.battery.remaining)
+        return view._replace(battery=view.battery._replace(remaining=lowest))
+
+    return drain
+
+
+def _failure(view: VehicleView, **fields: Any) -> VehicleView:
+    failure = view.failure or FailureDetectorStatus(view.now_us, False, False, 0)
+    return view._replace(failure=failure._replace(**fields))
+
+
+def _unestimated(**fields: Any) -> Callable[[VehicleView], VehicleView]:
+    def lose(view: VehicleView) -> VehicleView:
+        assert view.position is not None
+        return view._replace(position=view.position._replace(**fields))
+
+    return lose
+
+
+def _estimator(**fields: Any) -> Callable[[VehicleView], VehicleView]:
+    def change(view: VehicleView) -> VehicleView:
+        assert view.estimator is not None
+        return view._replace(estimator=view.estimator._replace(**fields))
+
+    return change
+
+
+def _wind(speed: float) -> Callable[[VehicleView], VehicleView]:
+    def blow(view: VehicleView) -> VehicleView:
+        before = 0.0 if view.wind is None else view.wind.velocity_north_m_s
+        return view._replace(wind=WindEstimate(view.now_us, max(before, speed), 0.0))
+
+    return blow
+
+
+def _short_of_time(view: VehicleView) -> VehicleView:
+    assert view.battery is not None
+    return view._replace(battery=view.battery._replace(current_a=500.0))
+
+
+RAISE: Final[Mapping[Cause, Callable[[VehicleView], VehicleView]]] = {
+    Cause.LINK_LOST: lambda view: _aged(view, link=100.0),
+    Cause.STICKS_LOST: lambda view: _aged(view, sticks=100.0)._replace(sticks_fresh=False),
+    Cause.BATTERY_LOW: _battery(0.14),
+    Cause.BATTERY_CRITICAL: _battery(0.065),
+    Cause.BATTERY_EMERGENCY: _battery(0.04),
+    Cause.GPS_LOST: lambda view: _aged(view, gps=100.0),
+    Cause.COMPASS_LOST: lambda view: _aged(view, mag=100.0),
+    Cause.BAROMETER_LOST: lambda view: _aged(view, baro=100.0),
+    Cause.POSITION_LOST: _unestimated(position_valid=False),
+    Cause.ALTITUDE_LOST: _unestimated(altitude_valid=False),
+    Cause.ATTITUDE_LOST: _estimator(aligned=False),
+    Cause.ATTITUDE_EXCEEDED: lambda view: _failure(view, roll_exceeded=True),
+    Cause.GYRO_JUMPED: lambda view: _estimator(gyro_jump_us=view.now_us)(view),
+    Cause.GYRO_BROKEN: _estimator(gyro_broken=True),
+    Cause.ACCEL_BROKEN: _estimator(accel_broken=True),
+    Cause.MOTOR_FAILED: lambda view: _failure(view, failed_motors=1),
+    Cause.FENCE_BREACHED: lambda view: view._replace(fence=FENCE),
+    Cause.WIND_STRONG: _wind(11.0),
+    Cause.WIND_TOO_STRONG: _wind(20.0),
+    Cause.BATTERY_TIME_SHORT: _short_of_time,
+    Cause.STORAGE_FULL: lambda view: view._replace(storage=StorageStatus(0, 0, refused=True)),
+}
+NOT_RAISED: Final = {Cause.OFFBOARD_LOST, Cause.FLIGHT_TIME_OVER}
+"""Of another mode, and of a time that does not go back."""
+
+
+class Flight:
+    """A machine, the mode that it flies, and whether it has stopped the motors."""
+
+    def __init__(self) -> None:
+        self.machine = FailsafeMachine()
+        self.mode = State.AUTO_MISSION
+        self.event: ArmingEvent | None = None
+        self.now_us = 10_000_000
+        self.said: set[Cause] = set()
+
+    def pass_time(self, seconds: float, causes: Iterable[Cause]) -> NavigationState:
+        """Let the machine look at these causes; gives the mode that it flies then."""
+        for _ in range(round(seconds * 1e6 / PERIOD_US)):
+            self.now_us += PERIOD_US
+            view = healthy(self.now_us)
+            for cause in causes:
+                view = RAISE[cause](view)
+            reaction = self.machine.update(view, PARAMS, self.mode, 10.0)
+            self.said |= {threat.cause for threat in reaction.threats}
+            self.event = self.event or reaction.event
+            self.mode = reaction.mode or self.mode
+        return self.mode
+
+
+def action_of(cause: Cause) -> Action:
+    """What a cause asks for on a mission."""
+    moment = Moment(RAISE[cause](healthy(10_000_000)), PARAMS, State.AUTO_MISSION, 10.0)
+    return ROWS[cause].action(moment)
+
+
+def test_every_cause_is_tried() -> None:
+    assert set(RAISE) | NOT_RAISED == set(Cause)
+
+
+@pytest.mark.parametrize("first", list(RAISE), ids=lambda cause: cause.name)
+@pytest.mark.parametrize("gap_s", [0.5, 4.0, WAIT_S + 2.0])
+def test_a_cause_that_stays_is_acted_upon_whatever_came_before_it_and_went(
+    first: Cause, gap_s: float
+) -> None:
+    """The first appears, then the second, the first clears; the second must have its way."""
+    for second in RAISE:
+        flight = Flight()
+        flight.pass_time(gap_s, {first})
+        flight.pass_time(2.0, {first, second})
+        flight.pass_time(2.0 * WAIT_S, {second})
+        wanted = action_of(second)
+        if wanted in ENOUGH and flight.event is None:
+            assert flight.mode in ENOUGH[wanted], second
+        assert second in flight.said
+
+
+@pytest.mark.parametrize("first", list(RAISE), ids=lambda cause: cause.name)
+def test_nothing_stronger_is_flown_than_what_was_asked_for(first: Cause) -> None:
+    for second in RAISE:
+        flight = Flight()
+        flight.pass_time(2.0 * WAIT_S, {first, second})
+        worst = max(action_of(first), action_of(second))
+        if worst <= Action.WARN:
+            assert flight.mode is State.AUTO_MISSION
+        elif worst is Action.HOLD:
+            assert flight.mode is State.AUTO_LOITER
+        elif worst is Action.RETURN:
+            assert flight.mode is State.AUTO_RTL
+
+
+@pytest.mark.parametrize("overruled", list(RAISE), ids=lambda cause: cause.name)
+def test_who_overrules_one_cause_has_not_overruled_the_next(overruled: Cause) -> None:
+    for later in RAISE:
+        flight = Flight()
+        flight.pass_time(2.0 * WAIT_S, {overruled})
+        flight.machine.overrule()
+        flight.mode, flight.event = State.AUTO_MISSION, None
+        flight.pass_time(2.0, {overruled})
+        assert flight.machine.state is Failsafe.CLEAR
+        assert flight.mode is State.AUTO_MISSION
+        flight.pass_time(2.0 * WAIT_S, {overruled, later})
+        wanted = action_of(later)
+        implied = later is Cause.BATTERY_LOW or overruled is Cause.BATTERY_EMERGENCY
+        if wanted in ENOUGH and later is not overruled and not implied and flight.event is None:
+            assert flight.mode in ENOUGH[wanted], later
+
+
+@pytest.mark.parametrize(
+    "order", list(itertools.permutations([Cause.LINK_LOST, Cause.BATTERY_CRITICAL]))
+)
+def test_a_critical_battery_is_not_forgotten_when_the_link_returns(
+    order: tuple[Cause, ...],
+) -> None:
+    """Both ask for a return; whichever waited first and clears, the other one returns."""
+    flight = Flight()
+    flight.pass_time(2.0, {order[0]})
+    assert flight.pass_time(1.0, set(order)) is State.AUTO_LOITER
+    assert flight.pass_time(WAIT_S, {order[1]}) is State.AUTO_RTL
+
+
+def test_the_mission_goes_on_when_all_causes_clear_in_time() -> None:
+    flight = Flight()
+    causes = {Cause.LINK_LOST, Cause.BATTERY_CRITICAL}
+    assert flight.pass_time(2.0, causes) is State.AUTO_LOITER
+    assert flight.pass_time(1.0, {Cause.BATTERY_LOW}) is State.AUTO_MISSION

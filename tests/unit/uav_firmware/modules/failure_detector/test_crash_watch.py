@@ -1,0 +1,99 @@
+"""Crashes told from flight by what the inertial sensor, the rotors and the attitude show."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from uav_firmware.modules.failure_detector.crash_watch import (
+    ADRIFT_TIME_S,
+    REST_TIME_S,
+    SILENT_TIME_S,
+    CrashWatch,
+    Moment,
+)
+
+DT = 0.02
+NAN = math.nan
+SILENT = (NAN, NAN, NAN)
+HOVER = Moment((0.0, 0.0, 0.0), (0.0, 0.0, -9.8), 0.0, 0)
+ON_ITS_BACK = HOVER._replace(specific_force_frd=(1.0, 0.0, 9.7))
+ON_ITS_SIDE = HOVER._replace(specific_force_frd=(0.0, 9.0, -3.9))
+
+
+def watch(moment: Moment, seconds: float, former: CrashWatch | None = None) -> CrashWatch:
+    seen = former or CrashWatch()
+    for _ in range(round(seconds / DT)):
+        seen.update(moment, DT)
+    return seen
+
+
+@pytest.mark.parametrize(
+    ("moment", "after_s"),
+    [
+        (ON_ITS_BACK, REST_TIME_S),
+        (ON_ITS_SIDE, REST_TIME_S),
+        (ON_ITS_SIDE._replace(rate_frd=SILENT), REST_TIME_S),
+        (HOVER._replace(rate_frd=SILENT), REST_TIME_S),
+        (HOVER._replace(failed_motors=2), REST_TIME_S),
+        (HOVER._replace(failed_motors=4, specific_force_frd=SILENT), REST_TIME_S),
+        (HOVER._replace(thrust_axis_error=0.6), ADRIFT_TIME_S),
+        (HOVER._replace(thrust_axis_error=1.0, rate_frd=(3.0, 0.0, 0.0)), ADRIFT_TIME_S),
+        (Moment(SILENT, SILENT, 0.0, 0), SILENT_TIME_S),
+    ],
+)
+def test_a_crash_is_found_when_its_signs_have_held(moment: Moment, after_s: float) -> None:
+    assert watch(moment, after_s - 0.1).cause == ""
+    assert watch(moment, after_s + 0.1).cause != ""
+
+
+@pytest.mark.parametrize(
+    "moment",
+    [
+        HOVER,
+        HOVER._replace(failed_motors=1),
+        HOVER._replace(specific_force_frd=(4.0, 0.0, -9.0)),  # Drag of a fast flight
+        HOVER._replace(specific_force_frd=(0.0, 0.0, -25.0)),
+        HOVER._replace(failed_motors=2, rate_frd=(0.0, 0.0, 15.0)),  # Comes down spinning
+        HOVER._replace(specific_force_frd=SILENT),
+        HOVER._replace(specific_force_frd=(0.1, 0.0, 0.2), failed_motors=4),  # Falls
+        HOVER._replace(thrust_axis_error=0.4),
+        HOVER._replace(thrust_axis_error=1.0, specific_force_frd=(0.0, 0.0, -20.0)),
+        HOVER._replace(thrust_axis_error=NAN),
+    ],
+)
+def test_a_flight_is_no_crash(moment: Moment) -> None:
+    assert watch(moment, 30.0).cause == ""
+
+
+def test_what_was_found_stays_until_it_is_reset() -> None:
+    found = watch(ON_ITS_BACK, 2.0)
+    assert watch(HOVER, 5.0, found).cause != ""
+    found.reset()
+    assert watch(HOVER, 5.0, found).cause == ""
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.floats(-8.0, 8.0),  # Drag along the body's axes
+            st.floats(-8.0, 8.0),
+            st.floats(-40.0, 0.0),  # Thrust
+            st.floats(-30.0, 30.0),
+            st.integers(0, 1),
+        ),
+        min_size=1,
+        max_size=30,
+    )
+)
+def test_no_thrust_along_the_rotors_looks_like_a_crash(
+    flight: list[tuple[float, float, float, float, int]],
+) -> None:
+    """Whatever a healthy vehicle flies without an attitude order, as in acro."""
+    seen = CrashWatch()
+    for x, y, thrust, rate, failed in flight:
+        drag = min(abs(thrust), 8.0) / 8.0  # Beside the thrust only as far as it is small
+        force = (0.6 * drag * x, 0.6 * drag * y, thrust)
+        watch(Moment((rate, 0.0, 0.0), force, NAN, failed), 0.5, seen)
+    assert seen.cause == ""
