@@ -35,7 +35,8 @@ def main(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
     except (OSError, ScriptError) as error:
         print(f"tester: --script: {error}", file=sys.stderr)
         return 2
-    signal.signal(signal.SIGTERM, _interrupt)
+    for number in (signal.SIGINT, signal.SIGTERM):  # Also where whoever started us ignores it
+        signal.signal(number, _interrupt)
     woken: Wakeable[Happening] = Wakeable()
     try:
         link = MavsdkVehicle(options.system_id, _url(options.broker), woken.put)
