@@ -17,11 +17,14 @@ from pathlib import Path
 from typing import Self
 
 from sim.processes import Program
+from sim.program_log import ProgramLog
 
 RESTART_DELAY_S = 1.0
 EARLY_DEATH_S = 5.0
 EARLY_DEATHS_ALLOWED = 4
 STOP_TIMEOUT_S = 10.0
+LINE_BYTES_MAX = 64 * 1024
+"""A longer line is shown and kept in pieces."""
 _PR_SET_PDEATHSIG = 1
 
 LineSink = Callable[[str, str], None]
@@ -34,6 +37,8 @@ class SupervisorError(Exception):
     SupervisorError
       +- PortTakenError     another program holds a port
       +- ProgramFailedError a program dies again and again
+      +- StateTakenError    another system has the state folder (`sim/state_lock.py`)
+      +- NotHealthyError    the system does not come up (`sim/launcher.py`)
     """
 
 
@@ -75,10 +80,17 @@ class _Child:
     def __init__(self, program: Program, environment: Mapping[str, str], log_dir: Path) -> None:
         self.program = program
         self._environment = environment
-        self._log_path = log_dir / f"{program.name}.log"
+        self._log = ProgramLog(log_dir / f"{program.name}.log")
+        self._lost_reported = False
         self.early_deaths = 0
         self.last_lines: deque[str] = deque(maxlen=20)
         self.restart_at = 0.0
+        self.has_printed = False
+
+    @property
+    def is_up(self) -> bool:
+        """Whether it runs, and does not wait to be started again."""
+        return self.restart_at == 0.0 and self.process.poll() is None
 
     def start(self, sink: LineSink) -> None:
         """Start the program in a session of its own, bound to die with this process."""
@@ -98,12 +110,16 @@ class _Child:
         stream = process.stdout
         if stream is None:
             return
-        with self._log_path.open("ab", buffering=0) as log, stream:
-            for raw in stream:
-                log.write(raw)
+        with stream:
+            while raw := stream.readline(LINE_BYTES_MAX):
                 line = raw.decode("utf-8", "replace").rstrip("\n")
+                self.has_printed = True
                 self.last_lines.append(line)
+                if not self._log.append(raw) and not self._lost_reported:
+                    self._lost_reported = True
+                    sink("sim", f"WARNING the log of {self.program.name} cannot be written")
                 sink(self.program.name, line)
+        self._log.close()
 
     def died_early(self) -> bool:
         """Count this death; whether there were too many soon after the start."""
@@ -167,6 +183,14 @@ class Supervisor:
             elif now >= child.restart_at:
                 child.restart_at = 0.0
                 child.start(self._sink)
+
+    def down(self) -> list[str]:
+        """Names of the programs that do not run now."""
+        return [child.program.name for child in self._children if not child.is_up]
+
+    def silent(self) -> list[str]:
+        """Names of the programs that have printed nothing yet: they still start."""
+        return [child.program.name for child in self._children if not child.has_printed]
 
     def process_id(self, name: str) -> int:
         """Give the process id of a program by name."""
