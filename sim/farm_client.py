@@ -1,5 +1,6 @@
 """The launcher's view of the running system, over the same HTTP as any other client."""
 
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -37,12 +38,17 @@ class FarmClient:
         """POST a plan as the operator; raises NotReadyError or RefusedError."""
         return self._request("POST", self._settings.edge_url + "/plans/", self._key(), plan)
 
-    def connected_vehicles(self) -> dict[int, dict[str, Any]]:
-        """Give the vehicles that the broker is in touch with, by vehicle id."""
+    def connected_vehicles(self, since: datetime | None = None) -> dict[int, dict[str, Any]]:
+        """Give the vehicles that the broker is in touch with, by vehicle id.
+
+        Args:
+            since: leave out what was reported before, such as by the broker of a former run.
+        """
         return {
             entry["vehicle_id"]: entry
             for entry in rows(self.edge("/vehicles/"))
             if entry.get("link_state") == "connected"
+            and (since is None or datetime.fromisoformat(entry["updated_at"]) >= since)
         }
 
     def _key(self) -> str:

@@ -3,6 +3,7 @@
 import os
 import signal
 import time
+from datetime import UTC, datetime
 from types import FrameType
 from typing import Self
 
@@ -11,10 +12,12 @@ from sim.console import Screen
 from sim.farm_client import FarmClient, NotReadyError, RefusedError
 from sim.processes import programs, uplink
 from sim.settings import Settings
+from sim.state_lock import StateLock
 from sim.supervisor import Supervisor, SupervisorError, check_ports
 
-READY_TIMEOUT_S = 60.0
-READY_TIMEOUT_PER_VEHICLE_S = 3.0
+READY_TIMEOUT_S = 120.0
+READY_TIMEOUT_PER_VEHICLE_S = 6.0
+"""How long nothing may have come nearer to being up; a busy machine takes its time."""
 POLL_S = 0.2
 EXAMPLE_PLAN = "examples/plans/first_flight.json"
 
@@ -40,12 +43,8 @@ class System:
         self.settings = settings
         self.screen = screen
         self.client = FarmClient(settings)
+        self._began = datetime.now(UTC)
         self._programs = programs(settings)
-        check_ports(self._programs)
-        try:
-            signing_keys.prepare(settings)
-        except OSError as error:
-            raise SupervisorError(f"keys cannot be written: {error}") from error
         environment = {
             "LOG_FORMAT": "text",  # People read the lines of all programs together
             **os.environ,
@@ -57,9 +56,25 @@ class System:
         }
         logs = settings.state_dir / "logs"
         self._supervisor = Supervisor(self._programs, environment, logs, screen.log)
+        self._lock = StateLock(settings.state_dir)
 
     def __enter__(self) -> Self:
-        signal.signal(signal.SIGINT, _stop)
+        """Start everything, or nothing.
+
+        Raises:
+            SupervisorError: if the state folder, a port or the keys cannot be had.
+        """
+        self._lock.take()
+        try:
+            check_ports(self._programs)
+            signing_keys.prepare(self.settings)
+        except OSError as error:
+            self._lock.release()
+            raise SupervisorError(f"keys cannot be written: {error}") from error
+        except SupervisorError:
+            self._lock.release()
+            raise
+        signal.signal(signal.SIGINT, _stop)  # Also where whoever started us ignores it
         signal.signal(signal.SIGTERM, _stop)
         self._supervisor.__enter__()
         return self
@@ -67,6 +82,7 @@ class System:
     def __exit__(self, *_: object) -> None:
         self.screen.say("stopping")
         self._supervisor.stop()
+        self._lock.release()
         self.screen.say("stopped")
 
     @property
@@ -83,25 +99,35 @@ class System:
         time.sleep(POLL_S)
 
     def wait_until_healthy(self) -> None:
-        """Wait until cloud and edge server answer and every vehicle is connected.
+        """Wait until every program runs, the uplink is open and every vehicle is connected.
 
         Raises:
-            NotHealthyError: naming what is missing, when it takes too long.
+            NotHealthyError: naming what is missing, when nothing has come nearer for too long.
         """
         patience = READY_TIMEOUT_S + READY_TIMEOUT_PER_VEHICLE_S * self.settings.vehicles
+        progress: tuple[str, ...] = ()
         deadline = time.monotonic() + patience
         while (missing := self._missing()) is not None:
+            now_there = (missing, *self._supervisor.silent())
+            if now_there != progress:
+                progress, deadline = now_there, time.monotonic() + patience
             if time.monotonic() > deadline:
-                raise NotHealthyError(f"not healthy after {patience:.0f} s: {missing}")
+                raise NotHealthyError(f"no progress for {patience:.0f} s: {missing}")
             self.step()
 
     def _missing(self) -> str | None:
+        """What is not as it should be, in a sentence; None when all is."""
+        down = self._supervisor.down()
+        if down:
+            return f"{', '.join(down)} does not run"
         try:
             self.client.cloud("/healthz")
-            self.client.edge("/healthz")
-            connected = self.client.connected_vehicles()
+            uplink = self.client.edge("/readyz")["uplink"]
+            connected = self.client.connected_vehicles(since=self._began)
         except (NotReadyError, RefusedError) as error:
             return str(error)
+        if uplink == "stopped":
+            return "the edge server's relay to the cloud does not run"
         absent = sorted(set(self.settings.started_ids) - connected.keys())
         return f"vehicles {absent} are not connected" if absent else None
 

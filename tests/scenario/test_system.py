@@ -157,10 +157,18 @@ def test_after_a_kill_while_idle_the_next_plan_flies(victim: str, tmp_path: Path
 
 
 def test_make_sim_leaves_neither_process_nor_port_behind(tmp_path: Path) -> None:
+    """Also where it was started with SIGINT ignored, as by `nohup` or with `&` in a script."""
     system = FarmSystem(tmp_path / "var")
     for stop in (signal.SIGINT, signal.SIGTERM):
+        former = signal.signal(signal.SIGINT, signal.SIG_IGN)
         launcher = run_module("sim", environment=system.environment)
+        signal.signal(signal.SIGINT, former)
         text = read_until(launcher, "Stop with Ctrl-C.")
+        refused = run_module("sim", environment=FarmSystem(tmp_path / "var").environment)
+        said, _ = refused.communicate(timeout=60)
+        assert refused.returncode == 1
+        assert f"a system runs on it already (process {launcher.pid})" in said.decode()
+        assert "vehicle" not in said.decode(), "nothing starts before it is refused"
         launcher.send_signal(stop)
         rest, _ = launcher.communicate(timeout=60)
         assert launcher.returncode == 0, rest.decode()
