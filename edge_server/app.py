@@ -11,7 +11,6 @@ from flask_sqlalchemy import SQLAlchemy
 from edge_server.api import (
     audit,
     auth,
-    bodies,
     broker,
     bulk,
     dead_letters,
@@ -110,7 +109,6 @@ def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> API
         app.extensions[signatures.EXTENSION] = jws.load(config.cloud_jws_key_file, config.edge_id)
     app.before_request(signatures.check_request)
     headers.install(app, config)
-    app.after_request(bodies.discard_rest)
     for part in _PARTS:
         app.register_blueprint(part.blueprint())
     return app

@@ -37,6 +37,8 @@ class Config:
     mqtt_client_id: str | None = None  # Drawn and kept when it is not set
     mqtt_keep_alive_s: int = 30
     threads: int = 32
+    connections: int = 2000
+    connections_per_address: int = 256
     plan_lifetime_s: float = 12 * 3600.0
     queue_limit: int = 8  # Unfinished missions per vehicle
     backoff_base_s: float = 0.5
@@ -240,6 +242,13 @@ SETTINGS: Final = (
     Setting("mqtt_client_id", "MQTT_CLIENT_ID", _word, "our name at the broker"),
     Setting("mqtt_keep_alive_s", "MQTT_KEEP_ALIVE_S", _whole(5, 3600), "a sign of life, at least"),
     Setting("threads", "EDGE_THREADS", _whole(12, 256), "requests served at once"),
+    Setting("connections", "EDGE_CONNECTIONS", _whole(16, 7000), "open connections"),
+    Setting(
+        "connections_per_address",
+        "EDGE_CONNECTIONS_PER_ADDRESS",
+        _whole(8, 7000),
+        "open connections of one address",
+    ),
     Setting("plan_lifetime_s", "PLAN_LIFETIME_S", _seconds(1, 30 * 86400), "default expires_at"),
     Setting("queue_limit", "QUEUE_LIMIT", _whole(1, 1000), "unfinished missions per vehicle"),
     Setting("backoff_base_s", "RELAY_BACKOFF_BASE_S", _seconds(0.01, 60), "first retry, at most"),

@@ -27,6 +27,7 @@ from sqlalchemy import text
 
 from edge_server import relay_health, tally
 from edge_server.config import Config
+from edge_server.front.counts import COUNTS
 from edge_server.outbox import figures
 from edge_server.outbox.counting import DELIVERY_BUCKETS_S
 from edge_server.outbox.figures import Waiting
@@ -124,6 +125,7 @@ class _EdgeCollector(Collector):
             relay_health.look(self._config).uplink,
         )
         yield from self._storage()
+        yield from _front()
 
     def _outbox(self) -> Iterator[Metric]:
         with self._database.read() as connection:
@@ -162,6 +164,18 @@ class _EdgeCollector(Collector):
         path = self._config.database_path
         files = [path.with_name(path.name + end) for end in ("", "-wal")]
         return sum(file.stat().st_size for file in files if file.exists())
+
+
+def _front() -> Iterator[Metric]:
+    yield _gauge("fm_http_connections", "Connections that are open", COUNTS.open)
+    closed = CounterMetricFamily(
+        "fm_http_connections_closed",
+        "Connections closed before a request was whole, or for want of room",
+        labels=["reason"],
+    )
+    for reason, number in sorted(COUNTS.closed().items()):
+        closed.add_metric([reason], number)
+    yield closed
 
 
 def _sum(parts: Iterable[_Counts]) -> dict[str, dict[Labels, float]]:

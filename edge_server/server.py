@@ -1,4 +1,4 @@
-"""The web server: gunicorn, one process with threads, started from here.
+"""The web server: gunicorn's process and parser, our own front, started from here.
 
 One worker, because SQLite has one writer and the broker's long polls are woken inside one
 process.
@@ -25,10 +25,13 @@ from gunicorn.arbiter import Arbiter  # type: ignore[import-untyped]  # as above
 from edge_server import children, tls, workers
 from edge_server.config import Config
 from edge_server.exit_codes import FAILED, OK, WRONG_SETUP
+from edge_server.front.admission import KEEP_ALIVE_S, Limits
 
 LOG = logging.getLogger(__name__)
 BIND_PATIENCE_S: Final = 3.0
-KEEP_ALIVE_S: Final = 75
+KEPT_MIB: Final = 64
+"""Of requests that are not whole yet, all together."""
+BACKLOG: Final = 1024
 DATABASE_LOOK_S: Final = 0.5
 GRACE_S: Final = 5
 _WsgiApp = Callable[[dict[str, Any], Any], Iterable[bytes]]
@@ -118,7 +121,7 @@ def listen(host: str, port: int, patience_s: float) -> socket.socket:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             listener.bind((host, port))
-            listener.listen(128)
+            listener.listen(BACKLOG)
         except OSError as error:
             listener.close()
             if time.monotonic() > deadline:
@@ -150,6 +153,12 @@ class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no ty
         self._context = context
         super().__init__()
 
+    @property
+    def front_limits(self) -> Limits:
+        """How many connections there may be, and how much of their requests is kept."""
+        config = self._config
+        return Limits(config.connections, config.connections_per_address, KEPT_MIB * 1024 * 1024)
+
     def load_config(self) -> None:
         if self._context is not None:
             # Gunicorn takes the presence of a file as the wish for TLS
@@ -163,8 +172,9 @@ class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no ty
             "worker_class": workers.EdgeWorker,
             "logger_class": workers.EdgeLogger,
             "worker_tmp_dir": "/dev/shm" if os.path.isdir("/dev/shm") else None,  # noqa: PTH112, S108  # gunicorn's heartbeat file, made safely
-            "keepalive": KEEP_ALIVE_S,
-            "timeout": 60,
+            "keepalive": int(KEEP_ALIVE_S),
+            "timeout": 0,  # A slow machine is no reason to kill a worker with what it serves
+            "sendfile": False,  # An answer goes through its exchange, which has a deadline
             "graceful_timeout": GRACE_S,
             "control_socket_disable": True,
             "loglevel": "warning",

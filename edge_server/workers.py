@@ -10,21 +10,29 @@ import json
 import logging
 import os
 import signal
-import socket
-import ssl
 import sys
 import threading
+import time
 from collections.abc import Callable
+from http import HTTPStatus
 from typing import Any, Final
 
+from gunicorn import http  # type: ignore[import-untyped]  # it has no types
 from gunicorn.arbiter import Arbiter  # type: ignore[import-untyped]  # it has no types
 from gunicorn.glogging import Logger  # type: ignore[import-untyped]  # as above
 from gunicorn.http import errors  # type: ignore[import-untyped]  # as above
+from gunicorn.sock import ssl_context  # type: ignore[import-untyped]  # as above
 from gunicorn.workers.gthread import ThreadWorker  # type: ignore[import-untyped]  # as above
 
 from edge_server.exit_codes import FAILED, OK
+from edge_server.front import loop
+from edge_server.front.admission import Limits
+from edge_server.front.counts import COUNTS
+from edge_server.front.exchange import Exchange
 
 LOG = logging.getLogger(__name__)
+IDLE_LINGER_S: Final = 2.0
+"""How long a server that ends keeps connections open that may bring one more request."""
 DRAIN_S: Final = 0.5
 """How long requests are still taken after the server has said that it is not ready."""
 START_AGAIN: Final = signal.SIGUSR2
@@ -39,6 +47,7 @@ _STATUS: Final[dict[type[Exception], tuple[int, str]]] = {
 }
 _SENTENCES: Final = {
     400: "the request cannot be understood",
+    408: "the request was not complete in time, or gave way to others",
     414: "the address is too long",
     417: "what the request expects cannot be met",
     431: "the headers are too large",
@@ -64,28 +73,80 @@ class EdgeLogger(Logger):  # type: ignore[misc]  # gunicorn has no types
 
 
 class EdgeWorker(ThreadWorker):  # type: ignore[misc]  # gunicorn has no types
-    """Serves; ends in the order that the module describes."""
+    """Serves whole requests that the front hands over; ends in the order that the module describes.
 
-    def handle_exit(self, sig: int, frame: object) -> None:
+    Of gunicorn's worker with threads it has the life of a process and the calling of the
+    application. It neither beats time for the parent nor is killed by it: a processor that is busy
+    elsewhere is no reason to kill a worker with every request in it.
+    """
+
+    def init_process(self) -> None:
+        """Begin to serve; returns when the worker has ended."""
+        super(ThreadWorker, self).init_process()
+
+    def run(self) -> None:
+        """Serve until told to end, then see through what has begun."""
+        limits: Limits = self.app.front_limits
+        room = loop.raise_descriptor_limit(limits.connections)
+        options = loop.Options(
+            threads=self.cfg.threads,
+            limits=limits._replace(connections=room),
+            tls=ssl_context(self.cfg) if self.cfg.is_ssl else None,
+            refusal=_refusal,
+        )
+        listeners = [listener.sock for listener in self.sockets]
+        self._front = front = loop.Front(listeners, self._serve, options, COUNTS)
+        front.start()
+        while self.alive and self.is_parent_alive():
+            front.turn(time.monotonic())
+        front.stop_accepting()
+        began = time.monotonic()
+        while not front.is_quiet and (now := time.monotonic()) < began + self.cfg.graceful_timeout:
+            if now >= began + IDLE_LINGER_S:
+                front.close_idle()
+            front.turn(now)
+        front.close()
+
+    def _serve(self, exchange: Exchange) -> bool:
+        """Serve one request; returns whether its connection may be used again."""
+        request = None
+        try:
+            request = next(http.get_parser(self.cfg, exchange, exchange.client))
+            if not request:
+                return False
+            if not exchange.is_whole:
+                request.force_close()
+            return bool(self.handle_request(request, exchange))
+        except (errors.NoMoreData, StopIteration):
+            if not exchange.is_whole:  # The head has no end
+                self.handle_error(request, exchange, exchange.client, errors.LimitRequestHeaders())
+        except OSError as error:
+            LOG.debug("%s got no answer: %s", exchange.client[0], error)
+        except Exception as error:  # noqa: BLE001  # whatever it was, it is logged and answered
+            self.handle_error(request, exchange, exchange.client, error)
+        return False
+
+    def handle_exit(self, _signal: int, _frame: object) -> None:
         """Begin the end, at the second signal complete it."""
         if stopping.is_set():
             os._exit(FAILED)
         stopping.set()
         for action in on_stop:
             action()
-        close = threading.Timer(DRAIN_S, super().handle_exit, (sig, frame))
+        close = threading.Timer(DRAIN_S, self._end)
         close.daemon = True
         close.start()
+
+    def _end(self) -> None:
+        self.alive = False
+        self._front.wake()
 
     handle_quit = handle_exit
 
     def handle_error(
-        self, req: Any, client: socket.socket, addr: tuple[str, int] | None, exc: Exception
+        self, req: Any, client: Exchange, addr: tuple[str, int] | None, exc: Exception
     ) -> None:
-        """Answer what is no HTTP in the shape of every error; a failure of TLS gets none."""
-        if isinstance(exc, ssl.SSLError):
-            LOG.info("no TLS with %s: %s", addr[0] if addr else "somebody", exc.reason)
-            return
+        """Answer what is no HTTP in the shape of every error."""
         status, reason = _STATUS.get(type(exc), (400, "Bad Request"))
         if not isinstance(exc, (errors.ParseException, errors.InvalidChunkSize)):
             status, reason = 500, "Internal Server Error"
@@ -97,6 +158,10 @@ class EdgeWorker(ThreadWorker):  # type: ignore[misc]  # gunicorn has no types
             client.sendall(_answer(status, reason))
         except OSError as error:
             LOG.debug("%s is gone: %s", req, error)
+
+
+def _refusal(status: int) -> bytes:
+    return _answer(status, HTTPStatus(status).phrase)
 
 
 def _answer(status: int, reason: str) -> bytes:

@@ -4,7 +4,7 @@ import re
 from datetime import datetime
 from typing import Any, Final, TypeVar
 
-from flask import Response, current_app, request
+from flask import current_app, request
 from werkzeug.exceptions import RequestEntityTooLarge
 
 from afarcloud import wire
@@ -22,8 +22,6 @@ MAXIMUM_IMAGE_BODY_BYTES: Final = 3 * 512 * 1024  # A 1 MiB frame in base64, and
 _WHOLE: Final = re.compile(r"([0-9]{1,19})(?:\.0+)?")  # 5.0 is an integer, as in a body
 _NUMBER: Final = re.compile(r"[0-9]{1,400}(\.[0-9]{1,400})?([eE][+-]?[0-9]{1,3})?")
 _LATEST_S: Final = 1e11  # Epoch seconds; the year 5138
-_CHUNK_BYTES: Final = 65_536
-_DISCARDED_BYTES: Final = 8 * 1024 * 1024
 PAGE_DEFAULT: Final = 100
 PAGE_LIMIT: Final = 1000
 
@@ -77,22 +75,6 @@ def raw_body(limit: int = MAXIMUM_BODY_BYTES, *, keep: bool = False) -> bytes:
     if len(raw) > limit:
         raise refusal
     return raw
-
-
-def discard_rest(response: Response) -> Response:
-    """Read what a refused request still sends, within reason.
-
-    A connection that is closed while the client sends is reset, and the client may never see
-    the answer; one on which bytes are left cannot be used again.
-    """
-    if response.status_code < 400 or request.method not in {"POST", "PUT"}:
-        return response
-    stream = request.environ["wsgi.input"]
-    for _ in range(_DISCARDED_BYTES // _CHUNK_BYTES):
-        if not stream.read(_CHUNK_BYTES):
-            return response
-    response.headers["Connection"] = "close"
-    return response
 
 
 def document(kind: Kind) -> Model:

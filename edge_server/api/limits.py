@@ -4,7 +4,6 @@ Counted in memory by sliding windows of a minute, in each server by itself. What
 has a generous limit of its own, so that people and vehicles cannot starve each other.
 """
 
-import ipaddress
 import math
 import threading
 import time
@@ -15,12 +14,11 @@ from limits.storage import MemoryStorage
 from limits.strategies import SlidingWindowCounterRateLimiter
 from werkzeug.exceptions import TooManyRequests
 
+from edge_server.addresses import network_of
 from edge_server.config import Config
 from edge_server.store.keys import Role, StoredKey
 
 _FORGETTING_S: Final = 60.0
-_NETWORK_BITS: Final = 64
-"""Of an IPv6 address: one household has all the others."""
 
 
 class _Counts(MemoryStorage):
@@ -77,16 +75,3 @@ class Limits:
             return
         reset_at, _ = self._limiter.get_window_stats(limit, who)
         raise TooManyRequests(reason, retry_after=max(math.ceil(reset_at - time.time()), 1))
-
-
-def network_of(address: str | None) -> str:
-    """Give by what an address is counted: itself, or its household when it is IPv6."""
-    try:
-        parsed = ipaddress.ip_address(address or "")
-    except ValueError:
-        return "unknown"
-    if isinstance(parsed, ipaddress.IPv6Address):
-        if parsed.ipv4_mapped is not None:
-            return str(parsed.ipv4_mapped)
-        return str(ipaddress.ip_network((parsed, _NETWORK_BITS), strict=False))
-    return str(parsed)

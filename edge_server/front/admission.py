@@ -1,0 +1,113 @@
+"""Which connections stay when there are too many, and until when each of them may; pure.
+
+A new connection is never refused while an old one waits: the oldest that has not yet sent a whole
+request goes, then the one that has been idle for longest. So whoever sends a request at once is
+served, however many others hold connections open and say nothing.
+
+NoRoomError  all connections are being served
+"""
+
+from collections import Counter
+from collections.abc import Iterable
+from enum import StrEnum
+from typing import Final, Generic, NamedTuple, Protocol, TypeVar
+
+HEAD_S: Final = 10.0
+"""From a connection's beginning, or a request's first byte, to the end of the head."""
+BODY_S: Final = 60.0
+"""From the end of the head to the end of the body."""
+KEEP_ALIVE_S: Final = 75.0
+"""From an answer to the next request's first byte."""
+LINGER_S: Final = 5.0
+"""So long what a refused client still sends is read, so that it can read why."""
+LINGER_BYTES: Final = 8 * 1024 * 1024
+
+
+class Reason(StrEnum):
+    """Why a connection was closed before its request was served."""
+
+    SLOW_HEAD = "slow_head"
+    SLOW_BODY = "slow_body"
+    ADDRESS_LIMIT = "address_limit"
+    LIMIT = "limit"
+    MEMORY = "memory"
+
+
+class NoRoomError(Exception):
+    """There are too many connections, and all of them are being served."""
+
+    def __init__(self, reason: Reason) -> None:
+        super().__init__(reason)
+        self.reason = reason
+
+
+class Waiting(Protocol):
+    """A connection as far as it matters here; it is not being served."""
+
+    @property
+    def network(self) -> str:
+        """The address, or the network, that it counts for."""
+
+    @property
+    def since(self) -> float:
+        """Since when it has been waited for, monotonic [s]."""
+
+    @property
+    def has_been_served(self) -> bool:
+        """Whether it has had an answer and has sent nothing since."""
+
+    @property
+    def kept_bytes(self) -> int:
+        """How much of a request is kept for it."""
+
+
+class Limits(NamedTuple):
+    """How much is held at once."""
+
+    connections: int
+    of_an_address: int
+    kept_bytes: int
+
+
+_C = TypeVar("_C", bound=Waiting)
+
+
+class Eviction(NamedTuple, Generic[_C]):
+    """A connection that goes, and why."""
+
+    connection: _C
+    reason: Reason
+
+
+def eviction(
+    limits: Limits, open_by_network: Counter[str], waiting: Iterable[_C], newest: str
+) -> Eviction[_C] | None:
+    """Choose which connection goes so that one more of the network `newest` fits, if one must.
+
+    Raises:
+        NoRoomError: if all that could make room are being served.
+    """
+    if open_by_network[newest] >= limits.of_an_address:
+        waiting = [one for one in waiting if one.network == newest]
+        reason = Reason.ADDRESS_LIMIT
+    elif open_by_network.total() >= limits.connections:
+        reason = Reason.LIMIT
+    else:
+        return None
+    oldest = min(waiting, key=lambda one: (one.has_been_served, one.since), default=None)
+    if oldest is None:
+        raise NoRoomError(reason)
+    return Eviction(oldest, reason)
+
+
+def too_much_kept(limits: Limits, waiting: Iterable[_C]) -> list[Eviction[_C]]:
+    """Choose which connections go because too many bytes are kept: the oldest requests."""
+    holding = sorted((one for one in waiting if one.kept_bytes), key=lambda one: one.since)
+    excess = sum(one.kept_bytes for one in holding) - limits.kept_bytes
+    found = []
+    for one in holding:
+        if excess <= 0:
+            break
+        excess -= one.kept_bytes
+        found.append(Eviction(one, Reason.MEMORY))
+    return found

@@ -1,0 +1,201 @@
+"""Where a request of HTTP/1.1 ends in what a connection receives; sans-IO.
+
+It reads as much of a head as tells the length of the body (RFC 9112 section 6.3) and leaves the
+rest to the server's parser. What it cannot frame, it gives to that parser as it is, as the last
+request of its connection: the parser refuses it.
+
+HEAD and BODY: more bytes are needed. READY: a request can be taken.
+
+```mermaid
+stateDiagram-v2
+    HEAD --> BODY: head complete, body expected
+    HEAD --> READY: head complete, no body
+    HEAD --> READY: no head that can be framed
+    BODY --> READY: body complete
+    BODY --> READY: too large, or a broken chunk
+    READY --> HEAD: taken
+```
+"""
+
+import re
+from enum import Enum, auto
+from typing import Final, NamedTuple
+
+MAXIMUM_HEAD_BYTES: Final = 65_536
+MAXIMUM_BODY_BYTES: Final = 2 * 1024 * 1024
+"""Of a body that is kept here, chunk sizes included; the application refuses smaller ones."""
+_HEAD_END: Final = b"\r\n\r\n"
+_LONGEST_LINE_BYTES: Final = 8192  # Of a chunk's size with its extensions, or of a trailer
+_CHUNK_SIZE: Final = re.compile(rb"[0-9A-Fa-f]{1,8}[ \t]*(?:;|\Z)")
+_LENGTH: Final = re.compile(rb"[0-9]{1,18}")
+
+
+class Stage(Enum):
+    """How far a request has come."""
+
+    HEAD = auto()
+    BODY = auto()
+    READY = auto()
+
+
+class Taken(NamedTuple):
+    """The bytes of one request; `is_whole` when the next one may follow behind them."""
+
+    raw: bytes
+    is_whole: bool
+
+
+class _BrokenError(Exception):
+    """The body cannot be framed."""
+
+
+class RequestFraming:
+    """The bytes of one connection, cut into requests."""
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+        self._start_request()
+
+    def _start_request(self) -> None:
+        self.stage = Stage.HEAD
+        self._searched = 0  # Up to here there is no end of the head
+        self._end: int | None = None  # Of the request, when it is known
+        self._next_chunk: int | None = None  # Where the next size, or trailer, begins
+        self._in_trailers = False
+        self._is_whole = True
+        self.wants_continue = False
+
+    @property
+    def kept_bytes(self) -> int:
+        """How much is kept for this connection."""
+        return len(self._buffer)
+
+    def feed(self, data: bytes) -> None:
+        """Take in what was received."""
+        self._buffer += data
+        self._advance()
+
+    def take(self) -> Taken:
+        """Take the request that is ready; the bytes behind it begin the next one."""
+        end = len(self._buffer) if self._end is None else self._end
+        taken = Taken(bytes(self._buffer[:end]), self._is_whole)
+        del self._buffer[:end]
+        self._start_request()
+        if self._buffer and taken.is_whole:
+            self._advance()
+        return taken
+
+    def _advance(self) -> None:
+        if self.stage is Stage.HEAD:
+            self._look_for_head()
+        if self.stage is Stage.BODY:
+            try:
+                self._look_for_end()
+            except _BrokenError:
+                self._give_up()
+
+    def _give_up(self) -> None:
+        """Let the parser refuse what is here; nothing can follow it."""
+        self._end = None
+        self._is_whole = False
+        self.stage = Stage.READY
+
+    def _look_for_head(self) -> None:
+        end = self._buffer.find(_HEAD_END, self._searched)
+        if end < 0:
+            self._searched = max(len(self._buffer) - len(_HEAD_END) + 1, 0)
+            if len(self._buffer) > MAXIMUM_HEAD_BYTES:
+                self._give_up()
+            return
+        if end > MAXIMUM_HEAD_BYTES:
+            self._give_up()
+            return
+        body = end + len(_HEAD_END)
+        fields = _fields(bytes(self._buffer[:end]))
+        codings, lengths = fields.get(b"transfer-encoding"), fields.get(b"content-length")
+        self.wants_continue = [v.lower() for v in fields.get(b"expect", [])] == [b"100-continue"]
+        if codings is not None:
+            if lengths is not None or [one.lower() for one in codings] != [b"chunked"]:
+                self._give_up()
+                return
+            self._next_chunk = body
+        elif lengths is not None:
+            if len(set(lengths)) != 1 or not _LENGTH.fullmatch(lengths[0]):
+                self._give_up()
+                return
+            if int(lengths[0]) > MAXIMUM_BODY_BYTES:
+                self._give_up()
+                return
+            self._end = body + int(lengths[0])
+        else:
+            self._end = body
+        self.stage = Stage.BODY
+
+    def _look_for_end(self) -> None:
+        while self._next_chunk is not None:
+            if not self._take_chunk(self._next_chunk):
+                break
+        if self._next_chunk is None and self._end is not None and len(self._buffer) >= self._end:
+            self.stage = Stage.READY
+        elif len(self._buffer) > MAXIMUM_HEAD_BYTES + MAXIMUM_BODY_BYTES:
+            raise _BrokenError
+
+    def _take_chunk(self, place: int) -> bool:
+        """Pass a chunk or a trailer, if all of it is here; sets the end behind the last one."""
+        line_end = self._buffer.find(b"\r\n", place, place + _LONGEST_LINE_BYTES)
+        if line_end < 0:
+            if len(self._buffer) - place >= _LONGEST_LINE_BYTES:
+                raise _BrokenError
+            return False
+        line = bytes(self._buffer[place:line_end])
+        after = line_end + 2
+        if self._in_trailers:
+            self._next_chunk = after if line else None
+            self._end = None if line else after
+            return True
+        if not _CHUNK_SIZE.match(line):
+            raise _BrokenError
+        size = int(line.partition(b";")[0], 16)
+        if size > MAXIMUM_BODY_BYTES:
+            raise _BrokenError
+        if size == 0:
+            self._in_trailers = True
+            self._next_chunk = after
+            return True
+        if len(self._buffer) < after + size + 2:
+            return False
+        if self._buffer[after + size : after + size + 2] != b"\r\n":
+            raise _BrokenError
+        self._next_chunk = after + size + 2
+        return True
+
+
+def _fields(head: bytes) -> dict[bytes, list[bytes]]:
+    """Give the header fields by their lower-case names; the first line is the request's."""
+    found: dict[bytes, list[bytes]] = {}
+    for line in head.split(b"\r\n")[1:]:
+        name, _, value = line.partition(b":")
+        found.setdefault(name.lower(), []).append(value.strip(b" \t"))
+    return found
+
+
+class Lane(Enum):
+    """Threads that are kept for some requests, so that no others can take all of them."""
+
+    GENERAL = auto()
+    BROKER = auto()
+    URGENT = auto()
+
+
+_URGENT: Final = re.compile(rb"(?:POST|PUT|DELETE) /events?[/? ]")
+_BROKER: Final = re.compile(rb"[A-Z]+ /broker/")
+
+
+def lane_of(raw: bytes) -> Lane:
+    """Say which threads serve a request: events, which an abort is, and the broker have their own.
+
+    Of the broker's requests, because an abort is of use only when it reaches a vehicle.
+    """
+    if _URGENT.match(raw):
+        return Lane.URGENT
+    return Lane.BROKER if _BROKER.match(raw) else Lane.GENERAL

@@ -1,0 +1,1 @@
+"""The front: framing, admission, and the loop over real sockets."""

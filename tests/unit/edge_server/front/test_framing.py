@@ -1,0 +1,125 @@
+"""Requests are cut out of a stream of bytes as they were put in, however the bytes arrive."""
+
+import itertools
+from collections.abc import Iterable
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from edge_server.front.framing import (
+    MAXIMUM_BODY_BYTES,
+    MAXIMUM_HEAD_BYTES,
+    Lane,
+    RequestFraming,
+    Stage,
+    Taken,
+    lane_of,
+)
+
+GET = b"GET /plans/ HTTP/1.1\r\nHost: edge\r\n\r\n"
+SIZED = b"POST /pose/ HTTP/1.1\r\nContent-Length: 12\r\n\r\nhello\r\n\r\nyou"
+CHUNKED = (
+    b"POST /pose/ HTTP/1.1\r\nTransfer-Encoding: Chunked\r\n\r\n"
+    b"5;name=value\r\nhello\r\n1f\r\n" + b"x" * 31 + b"\r\n0\r\nTrailer: yes\r\n\r\n"
+)
+EMPTY = b"POST /x HTTP/1.1\r\ncontent-length: 0\r\n\r\n"
+
+
+def cut(stream: bytes, places: Iterable[int]) -> list[bytes]:
+    bounds = [0, *sorted(place % (len(stream) + 1) for place in places), len(stream)]
+    return [stream[a:b] for a, b in itertools.pairwise(bounds)]
+
+
+def requests_in(parts: Iterable[bytes]) -> tuple[list[Taken], RequestFraming]:
+    framing, found = RequestFraming(), []
+    for part in parts:
+        framing.feed(part)
+        while framing.stage is Stage.READY:
+            found.append(framing.take())
+    return found, framing
+
+
+@given(
+    st.lists(st.sampled_from([GET, SIZED, CHUNKED, EMPTY]), min_size=1, max_size=5),
+    st.lists(st.integers(min_value=0, max_value=10_000), max_size=20),
+)
+def test_requests_come_out_as_they_went_in(requests: list[bytes], places: list[int]) -> None:
+    found, framing = requests_in(cut(b"".join(requests), places))
+    assert found == [Taken(raw, is_whole=True) for raw in requests]
+    assert framing.kept_bytes == 0
+    assert framing.stage is Stage.HEAD
+
+
+@pytest.mark.parametrize("request_", [SIZED, CHUNKED])
+def test_a_request_is_ready_at_its_last_byte_and_not_before(request_: bytes) -> None:
+    framing = RequestFraming()
+    for place in range(len(request_) - 1):
+        framing.feed(request_[place : place + 1])
+        assert framing.stage is not Stage.READY
+    framing.feed(request_[-1:])
+    assert framing.stage is Stage.READY
+
+
+@pytest.mark.parametrize(
+    "raw",
+    [
+        b"POST / HTTP/1.1\r\nContent-Length: -1\r\n\r\n",
+        b"POST / HTTP/1.1\r\nContent-Length: 5\r\nContent-Length: 6\r\n\r\n",
+        b"POST / HTTP/1.1\r\nContent-Length: 1" + b"0" * 30 + b"\r\n\r\n",
+        b"POST / HTTP/1.1\r\nContent-Length: %d\r\n\r\n" % (MAXIMUM_BODY_BYTES + 1),
+        b"POST / HTTP/1.1\r\nContent-Length: 5\r\nTransfer-Encoding: chunked\r\n\r\n",
+        b"POST / HTTP/1.1\r\nTransfer-Encoding: gzip, chunked\r\n\r\n",
+        b"POST / HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\nzz\r\n",
+        b"POST / HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n-5\r\n",
+        b"POST / HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n5\r\nhello!!",
+        b"POST / HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\nffffffff\r\n",
+        b"POST / HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n" + b"1" * 9000,
+        b"x" * (MAXIMUM_HEAD_BYTES + 1),
+    ],
+)
+def test_what_cannot_be_framed_is_handed_on_as_it_is_and_is_the_last(raw: bytes) -> None:
+    found, framing = requests_in([raw])
+    assert found == [Taken(raw, is_whole=False)]
+    assert framing.kept_bytes == 0
+
+
+@given(st.binary(max_size=400), st.lists(st.integers(0, 400), max_size=5))
+def test_no_bytes_break_it_and_none_are_lost(tail: bytes, places: list[int]) -> None:
+    stream = CHUNKED[:70] + tail
+    found, framing = requests_in(cut(stream, places))
+    assert sum(len(taken.raw) for taken in found) + framing.kept_bytes == len(stream)
+
+
+def test_a_body_without_end_is_not_kept() -> None:
+    framing = RequestFraming()
+    framing.feed(b"POST / HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n")
+    fed = 0
+    while framing.stage is not Stage.READY:
+        framing.feed(b"10000\r\n" + b"x" * 0x10000 + b"\r\n")
+        fed += 0x10000
+        assert fed < 2 * MAXIMUM_BODY_BYTES
+    assert not framing.take().is_whole
+
+
+def test_who_asks_before_sending_a_body_is_seen() -> None:
+    framing = RequestFraming()
+    framing.feed(b"POST / HTTP/1.1\r\nContent-Length: 5\r\nExpect: 100-Continue\r\n\r\n")
+    assert framing.wants_continue
+
+
+@pytest.mark.parametrize(
+    ("raw", "lane"),
+    [
+        (b"POST /events/ HTTP/1.1\r\n", Lane.URGENT),
+        (b"POST /event HTTP/1.1\r\n", Lane.URGENT),
+        (b"DELETE /events/7 HTTP/1.1\r\n", Lane.URGENT),
+        (b"GET /events/ HTTP/1.1\r\n", Lane.GENERAL),
+        (b"POST /eventful HTTP/1.1\r\n", Lane.GENERAL),
+        (b"GET /broker/commands?after=0&wait=25 HTTP/1.1\r\n", Lane.BROKER),
+        (b"POST /plans/ HTTP/1.1\r\n", Lane.GENERAL),
+        (b"\xff\xfe", Lane.GENERAL),
+    ],
+)
+def test_events_and_the_broker_have_threads_of_their_own(raw: bytes, lane: Lane) -> None:
+    assert lane_of(raw) is lane

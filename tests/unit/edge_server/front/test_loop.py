@@ -1,0 +1,247 @@
+"""Many slow clients, and those who are served all the same; over real sockets of the loopback."""
+
+import contextlib
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from edge_server.front import connection, exchange, loop
+from edge_server.front.admission import Limits
+from edge_server.front.counts import FrontCounts
+from edge_server.front.exchange import Exchange
+from edge_server.front.loop import Front, Options
+
+PATIENCE_S = 30.0
+ANSWER = b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\nok"
+ABORT = b"POST /events/ HTTP/1.1\r\nContent-Length: 2\r\n\r\n{}"
+GET = b"GET /plans/ HTTP/1.1\r\n\r\n"
+
+
+def answer(exchange: Exchange) -> bool:
+    exchange.sendall(ANSWER)
+    return True
+
+
+class Running:
+    """A front in a thread."""
+
+    def __init__(self, serve: Callable[[Exchange], bool], limits: Limits, threads: int) -> None:
+        loop.raise_descriptor_limit(4000)
+        self.counts = FrontCounts()
+        listener = socket.create_server(("", 0), backlog=1024)
+        self.port = listener.getsockname()[1]
+        options = Options(threads, limits, None, lambda status: b"HTTP/1.1 %d No\r\n\r\n" % status)
+        self.front = Front([listener], serve, options, self.counts)
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        self.front.start()
+        while not self._ended.is_set():
+            self.front.turn(time.monotonic())
+        self.front.close()
+
+    def end(self) -> None:
+        self._ended.set()
+        self.front.wake()
+        self._thread.join()
+
+    def connect(self, address: str = "127.0.0.1") -> socket.socket:
+        return socket.create_connection(
+            ("127.0.0.1", self.port), PATIENCE_S, source_address=(address, 0)
+        )
+
+    def ask(self, request: bytes, address: str = "127.0.0.1") -> bytes:
+        with self.connect(address) as sock:
+            sock.sendall(request)
+            return sock.recv(4096)
+
+
+@contextlib.contextmanager
+def running(
+    serve: Callable[[Exchange], bool] = answer,
+    *,
+    connections: int = 2000,
+    of_an_address: int = 2000,
+    kept_bytes: int = 2**26,
+    threads: int = 2,
+) -> Iterator[Running]:
+    front = Running(serve, Limits(connections, of_an_address, kept_bytes), threads)
+    try:
+        yield front
+    finally:
+        front.end()
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+
+
+@pytest.mark.parametrize("of_an_address", [2000, 64])
+def test_a_thousand_slow_clients_keep_nobody_from_an_answer(of_an_address: int) -> None:
+    beginnings = [
+        b"",
+        b"G",
+        ABORT[:30],
+        ABORT[:-1],
+        b"POST / HTTP/1.1\r\nContent-Length: 9\r\n\r\n",
+    ]
+    with running(of_an_address=of_an_address) as front, contextlib.ExitStack() as stack:
+        for number in range(1000):
+            sock = stack.enter_context(front.connect())
+            with contextlib.suppress(ConnectionError):  # It may have given way already
+                sock.sendall(beginnings[number % len(beginnings)])
+        wait_until(lambda: front.counts.open >= min(1000, of_an_address))
+        for _ in range(5):
+            assert front.ask(ABORT) == ANSWER
+            assert front.ask(GET) == ANSWER
+        assert front.counts.open <= of_an_address
+
+
+def test_who_is_idle_goes_after_who_says_nothing() -> None:
+    with running(of_an_address=8) as front, contextlib.ExitStack() as stack:
+        served = stack.enter_context(front.connect())
+        served.sendall(GET)
+        assert served.recv(4096) == ANSWER
+        for _ in range(30):
+            stack.enter_context(front.connect())
+        wait_until(lambda: front.counts.closed().get("address_limit", 0) >= 23)
+        served.sendall(GET)
+        assert served.recv(4096) == ANSWER
+
+
+def test_when_all_are_idle_the_oldest_makes_room_for_a_new_one() -> None:
+    with running(of_an_address=8) as front, contextlib.ExitStack() as stack:
+        for _ in range(20):
+            sock = stack.enter_context(front.connect())
+            sock.sendall(GET)
+            assert sock.recv(4096) == ANSWER
+
+
+def test_one_address_does_not_use_up_the_places_of_another() -> None:
+    with running(connections=40, of_an_address=10) as front, contextlib.ExitStack() as stack:
+        other = stack.enter_context(front.connect("127.0.0.2"))
+        other.sendall(ABORT[:-1])
+        wait_until(lambda: front.counts.open == 1)
+        for _ in range(100):
+            stack.enter_context(front.connect("127.0.0.1"))
+        wait_until(lambda: front.counts.closed().get("address_limit", 0) >= 90)
+        other.sendall(ABORT[-1:])
+        assert other.recv(4096) == ANSWER
+
+
+def test_an_abort_is_answered_while_all_threads_are_held() -> None:
+    released = threading.Event()
+
+    def serve(exchange: Exchange) -> bool:
+        if exchange.recv(4) != b"POST":
+            released.wait(PATIENCE_S)
+        return answer(exchange)
+
+    with running(serve, threads=2) as front, contextlib.ExitStack() as stack:
+        held = [stack.enter_context(front.connect()) for _ in range(20)]
+        for sock in held:
+            sock.sendall(GET)
+        assert front.ask(ABORT) == ANSWER
+        released.set()
+        assert {sock.recv(4096) for sock in held} == {ANSWER}
+
+
+def test_a_head_and_a_body_have_a_deadline_for_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connection, "HEAD_S", 0.3)
+    monkeypatch.setattr(connection, "BODY_S", 0.6)
+    with running() as front:
+        for start, reason in ((b"GET / HTTP/1.1\r\nX: ", "slow_head"), (ABORT[:-2], "slow_body")):
+            with front.connect() as sock:
+                sock.sendall(start)
+                with contextlib.suppress(ConnectionError):
+                    for _ in range(2000):  # A byte at a time, in time for any timeout between two
+                        sock.sendall(b"x" if reason == "slow_head" else b"")
+                        if front.counts.closed().get(reason):
+                            break
+                        time.sleep(0.005)
+                assert sock.recv(4096).startswith(b"HTTP/1.1 408")
+            assert front.counts.closed()[reason] == 1
+
+
+def test_silence_is_closed_without_an_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connection, "HEAD_S", 0.1)
+    with running() as front, front.connect() as sock:
+        assert sock.recv(4096) == b""
+        assert front.counts.closed() == {"slow_head": 1}
+
+
+def test_what_is_kept_is_bounded_and_the_oldest_goes() -> None:
+    with running(kept_bytes=500_000) as front, contextlib.ExitStack() as stack:
+        head = b"POST /pose/ HTTP/1.1\r\nContent-Length: 300000\r\n\r\n"
+        first, second = stack.enter_context(front.connect()), stack.enter_context(front.connect())
+        first.sendall(head + b"x" * 290_000)
+        wait_until(lambda: front.counts.open == 2)
+        second.sendall(head + b"x" * 290_000)
+        wait_until(lambda: front.counts.closed() == {"memory": 1})
+        second.sendall(b"x" * 10_000)
+        assert second.recv(4096) == ANSWER
+
+
+def test_requests_that_come_together_are_answered_in_order() -> None:
+    def serve(exchange: Exchange) -> bool:
+        line = exchange.recv(100).split(b" ")[1]
+        exchange.sendall(b"HTTP/1.1 200 OK\r\nContent-Length: %d\r\n\r\n%b" % (len(line), line))
+        return True
+
+    with running(serve) as front, front.connect() as sock:
+        sock.sendall(b"".join(b"GET /%d HTTP/1.1\r\n\r\n" % number for number in range(20)))
+        received = b""
+        while not received.endswith(b"/19"):
+            received += sock.recv(4096)
+        assert [part[-2:] for part in received.split(b"HTTP/1.1 200 OK")][1:3] == [b"/0", b"/1"]
+        assert received.count(b"HTTP/1.1 200 OK") == 20
+
+
+def test_a_client_that_takes_no_answer_holds_its_thread_for_a_time_only(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(exchange, "SEND_S", 0.2)
+    given_up = threading.Event()
+
+    def serve(exchange: Exchange) -> bool:
+        if exchange.recv(6) != b"GET /l":
+            return answer(exchange)
+        try:
+            exchange.sendall(b"x" * 50_000_000)
+        except OSError:
+            given_up.set()
+        return False
+
+    with running(serve, threads=1) as front, front.connect() as sock:
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        sock.sendall(b"GET /large HTTP/1.1\r\n\r\n")
+        assert given_up.wait(PATIENCE_S)
+        assert front.ask(GET) == ANSWER
+
+
+def test_an_answer_is_not_lost_when_its_client_still_sends() -> None:
+    def refuse(exchange: Exchange) -> bool:
+        exchange.sendall(b"HTTP/1.1 413 Too Large\r\nContent-Length: 0\r\n\r\n")
+        return False
+
+    with running(refuse) as front, front.connect() as sock:
+        sock.sendall(b"POST /pose/ HTTP/1.1\r\nContent-Length: 5000000\r\n\r\n")
+        for _ in range(100):
+            sock.sendall(b"x" * 50_000)
+        assert sock.recv(4096).startswith(b"HTTP/1.1 413")
+
+
+def test_who_waits_for_permission_gets_it() -> None:
+    with running() as front, front.connect() as sock:
+        sock.sendall(b"POST / HTTP/1.1\r\nContent-Length: 1\r\nExpect: 100-continue\r\n\r\n")
+        assert sock.recv(4096) == b"HTTP/1.1 100 Continue\r\n\r\n"
+        sock.sendall(b"x")
+        assert sock.recv(4096) == ANSWER
