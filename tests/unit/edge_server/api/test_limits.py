@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from edge_server.api.limits import network_of
+from edge_server.addresses import network_of
 from edge_server.app import context_of, create_app
 from edge_server.config import Config
 from tests.unit.edge_server.conftest import Clock, Edge
