@@ -1,5 +1,8 @@
 """Gets the files of pictures from where they lie, one at a time, again and again if need be.
 
+A transfer that ends in an outage is resumed by the next one with what has come; while rounds
+bring something, they do not count.
+
 Over MAVFTP they are asked for at the component that the announcement names, else at the camera,
 else at the autopilot. What is on a web server is a job for the program's threads.
 """
@@ -14,7 +17,7 @@ from mavlink_broker.jobs import FetchUrl, Job
 from mavlink_broker.pictures.attribution import Taker
 from mavlink_broker.pictures.capture import Capture, FilePlace, Place, WebPlace
 from mavlink_broker.protocol.file_download import NO_ANSWER, FileDownload
-from mavlink_broker.protocol.partial_file import Fetched
+from mavlink_broker.protocol.partial_file import Fetched, PartialFile
 from mavlink_broker.protocol.route import Route
 
 LARGEST_FILE: Final = 32 * 1024 * 1024
@@ -38,11 +41,14 @@ class Errand:
     not_before: float = 0.0
     reason: str = ""
     is_second_chance: bool = False
+    partial: PartialFile | None = None  # What has come of it so far
 
     def again(self) -> "Errand":
         """Give the same errand from its beginning, for the last time."""
         number, capture = self.number, self.capture
-        return Errand(number, capture, self.taker, self.place, is_second_chance=True)
+        return Errand(
+            number, capture, self.taker, self.place, is_second_chance=True, partial=self.partial
+        )
 
 
 @dataclass(slots=True)
@@ -69,6 +75,7 @@ class Fetching:
         self._waiting: deque[Errand] = deque()
         self._running: Errand | None = None
         self._download: FileDownload | None = None
+        self._had = 0  # [bytes] What had come of it when this download began
 
     def __len__(self) -> int:
         return len(self._waiting) + (self._running is not None)
@@ -124,8 +131,13 @@ class Fetching:
                 component = self._components(errand)[errand.component]
                 route = self.route._replace(target_component=component)
                 self._download = FileDownload(
-                    path, route, limit_bytes=LARGEST_FILE, first_seq=self._next_seq
+                    path,
+                    route,
+                    limit_bytes=LARGEST_FILE,
+                    first_seq=self._next_seq,
+                    partial=errand.partial,
                 )
+                self._had = self._download.partial.received
                 progress.messages += self._download.start(now)
 
     def _components(self, errand: Errand) -> Sequence[int]:
@@ -144,6 +156,9 @@ class Fetching:
         if isinstance(download.outcome, Fetched):
             progress.brought.append((errand, download.outcome.data))
             return
+        errand.partial = download.partial
+        if download.partial.received > self._had:
+            errand.rounds = 0  # The link is bad, but it brings something
         reason, asked = download.outcome.reason, self._components(errand)
         if reason == NO_ANSWER:
             errand.unheard.add(asked[errand.component])

@@ -1,15 +1,18 @@
 """Requests of a file transfer that wait for their answers: numbered, repeated, told apart.
 
 A repetition keeps its number, so that a server gives the answer that was lost instead of doing
-the thing twice.
+the thing twice. While answers to other requests come, it is repeated after one timeout each time:
+the link loses, it is not away. In a silence the pauses double after a while.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
 from mavlink_broker.dialect import Message
 from mavlink_broker.protocol.file_packets import (
+    ACK,
     BURST,
     CHECKSUM,
     OPEN,
@@ -22,7 +25,11 @@ from mavlink_broker.protocol.route import Route
 
 ATTEMPTS: Final = 20
 """Requests in a row without an answer: at 20 % loss each way, one transfer in 10^9."""
-_ATTEMPTS_OF: Final = {OPEN: 8, BURST: 5, CHECKSUM: 5, TERMINATE: 3}
+_ATTEMPTS_OF: Final = {OPEN: 8, BURST: 8, CHECKSUM: 8, TERMINATE: 3}
+HEARD_WITHIN: Final = 2.0
+"""Timeouts since the last answer to any request, after which the link is taken for silent."""
+SAME_PATIENCE: Final = 3
+"""Repetitions in a silence before the pauses double: three lost frames are no outage."""
 CHECK_TIMEOUT_S: Final = 3.0
 """A slow card takes that long to be read through."""
 
@@ -48,16 +55,21 @@ class Asks:
     def __init__(self, route: Route, first_seq: int) -> None:
         self._route = route
         self._pending: dict[int, Ask] = {}
+        self._heard_at = -math.inf
         self.round_trip = RoundTrip()
         self.next_seq = first_seq & 0xFFFF
 
     def __len__(self) -> int:
         return len(self._pending)
 
-    @property
-    def offsets(self) -> set[int]:
-        """Where the data begin that are asked for."""
-        return {ask.packet.offset for ask in self._pending.values()}
+    def count(self, opcode: int) -> int:
+        """How many requests of a kind wait for their answers."""
+        return sum(ask.packet.opcode == opcode for ask in self._pending.values())
+
+    def offsets(self, opcode: int) -> set[int]:
+        """Where the data begin that requests of a kind ask for."""
+        asks = self._pending.values()
+        return {ask.packet.offset for ask in asks if ask.packet.opcode == opcode}
 
     def new(
         self,
@@ -92,7 +104,9 @@ class Asks:
 
     def repeat(self, ask: Ask, now: float) -> Message:
         """Send one again, and wait longer each time."""
-        patience_s = self._patience_s(ask.packet.opcode) * 2 ** min(ask.attempts, 4)
+        patience_s = self._patience_s(ask.packet.opcode)
+        if now - self._heard_at > HEARD_WITHIN * patience_s:
+            patience_s *= 2 ** min(max(0, ask.attempts - SAME_PATIENCE), 3)
         ask.due_at = now + min(patience_s, LONGEST_TIMEOUT_S)
         ask.attempts += 1
         return request(self._route, ask.packet)
@@ -105,14 +119,23 @@ class Asks:
         """Wait for nothing."""
         self._pending.clear()
 
+    def drop_all(self, opcode: int) -> None:
+        """Wait for no request of a kind any longer."""
+        for ask in [ask for ask in self._pending.values() if ask.packet.opcode == opcode]:
+            self.drop(ask)
+
     def answered_by(self, answer: Packet, now: float) -> Ask | None:
         """The request that an answer is for; None if there is none.
 
-        The packets of a burst are numbered on from its request.
+        A packet of a burst answers the burst that is asked for, unless its data lie before that:
+        then it is a late one of the burst before.
         """
+        self._heard_at = now
         if answer.asked == BURST:
             bursts = (a for a in self._pending.values() if a.packet.opcode == BURST)
             ask = next(bursts, None)
+            if ask is not None and answer.opcode == ACK and answer.offset < ask.packet.offset:
+                ask = None
         else:
             ask = self._pending.get((answer.seq - 1) & 0xFFFF)
         if ask is None or ask.packet.opcode != answer.asked:

@@ -1,13 +1,15 @@
 """Fetches one file of the vehicle over MAVFTP, whole and checked, however bad the link is.
 
-    OPENING --> BURSTING --> FILLING --> CHECKING --> CLOSING --> an outcome
+    OPENING --> READING --> CHECKING --> CLOSING --> an outcome
     any but OPENING --NAK: invalid session--> OPENING, with what has come kept
 
-One burst is outstanding at a time, and the next one waits for a quarter of the time that the
-last one took, so that telemetry passes on a slow radio. What bursts have lost is read piece by
-piece, four at a time; a server that knows no bursts is read so from the beginning. A vehicle that
-was restarted has forgotten the session, not the file: it is opened again and the transfer goes
-on. In the end the server's CRC32 must be that of what has come, where the server computes one.
+Bursts bring the wide gaps, at first the whole file; one is outstanding at a time, and the next one
+waits for a quarter of the time that the last one took, so that telemetry passes on a slow radio.
+What bursts have lost is read piece by piece meanwhile, as many at once as the link takes
+(`file_window`); a server that knows no bursts is read so from the beginning. A vehicle that was
+restarted has forgotten the session, not the file: it is opened again and the transfer goes on; so
+does a later transfer that is given what an earlier one has brought. In the end the server's CRC32
+must be that of what has come, where the server computes one.
 """
 
 import struct
@@ -19,11 +21,14 @@ from mavlink_broker.protocol import file_packets
 from mavlink_broker.protocol.file_asks import Ask, Asks
 from mavlink_broker.protocol.file_burst import Bursts
 from mavlink_broker.protocol.file_packets import DATA_MAX, FAULTS, Packet
+from mavlink_broker.protocol.file_window import ReadWindow
 from mavlink_broker.protocol.partial_file import Fetched, FetchOutcome, NotFetched, PartialFile
 from mavlink_broker.protocol.route import Route
 
-WINDOW: Final = 4
-"""Reads on their way at once."""
+WIDE_BYTES: Final = 16 * DATA_MAX
+"""A gap that is worth a burst; narrower ones are read piece by piece."""
+EMPTY_BURSTS: Final = 3
+"""Bursts in a row that bring nothing new."""
 REOPENINGS: Final = 5
 BEGINNINGS: Final = 3
 BUSY_PAUSE_S: Final = 2.0
@@ -38,8 +43,7 @@ _WORD: Final = struct.Struct("<I")
 
 class _Phase(Enum):
     OPENING = auto()
-    BURSTING = auto()
-    FILLING = auto()
+    READING = auto()
     CHECKING = auto()
     CLOSING = auto()
 
@@ -47,15 +51,28 @@ class _Phase(Enum):
 class FileDownload:
     """One file of one component; `route` leads there."""
 
-    def __init__(self, path: str, route: Route, *, limit_bytes: int, first_seq: int = 0) -> None:
+    def __init__(
+        self,
+        path: str,
+        route: Route,
+        *,
+        limit_bytes: int,
+        first_seq: int = 0,
+        partial: PartialFile | None = None,
+    ) -> None:
+        """Take what an earlier transfer of the same file has brought as `partial`."""
         self._path = path.encode()
         self._route = route
         self._limit = limit_bytes
         self._asks = Asks(route, first_seq)
         self._phase = _Phase.OPENING
         self._session: int | None = None
-        self._file = PartialFile(0)
+        self._file = PartialFile(0) if partial is None else partial
         self._bursts = Bursts()
+        self._window = ReadWindow()
+        self._knows_bursts = True
+        self._empty_bursts = 0
+        self._has_burst = False  # The server has answered a burst
         self._not_before = 0.0
         self._wants_reset = False
         self._refusals = 0
@@ -71,6 +88,11 @@ class FileDownload:
         """The number after the last request's: the next transfer goes on with it."""
         return self._asks.next_seq
 
+    @property
+    def partial(self) -> PartialFile:
+        """What has come of the file so far."""
+        return self._file
+
     def start(self, now: float) -> list[Message]:
         """Ask for the file."""
         return self._go_on(now)
@@ -83,6 +105,8 @@ class FileDownload:
         if answer is None:
             return []
         ask = self._asks.answered_by(answer, now)
+        if ask is not None and ask.attempts == 1 and answer.asked == file_packets.READ:
+            self._window.answered(now - ask.sent_at, now)
         if answer.asked == file_packets.BURST:
             self._take_burst(answer, now, is_first=ask is not None)
         elif ask is not None:
@@ -112,37 +136,52 @@ class FileDownload:
         )
 
     def _go_on(self, now: float) -> list[Message]:
-        if self.outcome is not None or now < self._not_before:
+        if self.outcome is not None:
             return []
-        if self._phase is _Phase.BURSTING and self._bursts.begins_at >= self._file.size:
-            self._enter(_Phase.FILLING)
-        if self._phase is _Phase.FILLING and not self._file.missing:
+        if self._phase is _Phase.READING and not self._file.missing:
             self._enter(_Phase.CHECKING)
-        if self._phase is _Phase.FILLING:
-            return self._fill(now)
-        return [] if self._asks or self._bursts.is_on else self._ask_next(now)
+        if self._phase is _Phase.READING:
+            return [] if self.is_held else self._read_on(now)
+        return [] if self._asks or now < self._not_before else self._ask_next(now)
 
     def _ask_next(self, now: float) -> list[Message]:
-        session = self._session or 0
         match self._phase:
             case _Phase.OPENING if self._wants_reset:
                 return [self._asks.new(file_packets.RESET, now)]
             case _Phase.OPENING:
                 return [self._asks.new(file_packets.OPEN, now, data=self._path)]
-            case _Phase.BURSTING if not self.is_held:
-                return [self._ask_for(file_packets.BURST, self._bursts.begins_at, DATA_MAX, now)]
             case _Phase.CHECKING:
                 return [self._asks.new(file_packets.CHECKSUM, now, data=self._path)]
             case _Phase.CLOSING:
+                session = self._session or 0
                 return [self._asks.new(file_packets.TERMINATE, now, session=session)]
         return []
 
-    def _fill(self, now: float) -> list[Message]:
-        asked, messages = self._asks.offsets, []
-        for offset, size in self._file.missing.pieces(DATA_MAX):
-            if len(self._asks) >= WINDOW or self.is_held:
+    def _read_on(self, now: float) -> list[Message]:
+        """Ask for the next burst where a gap is wide, and for the pieces that are missing."""
+        if self._bursts.is_on:
+            return []
+        tail = self._file.size - self._bursts.position
+        least = min(WIDE_BYTES, max(tail, 2 * DATA_MAX))  # The end of the file comes by burst too
+        at = self._file.missing.first_wide(least, self._bursts.position)
+        if not self._knows_bursts or at is None:
+            return self._read_pieces(now, 0, self._file.size)
+        messages = []
+        if not self._asks.count(file_packets.BURST) and now >= self._not_before:
+            self._bursts.position = at
+            messages.append(self._ask_for(file_packets.BURST, at, DATA_MAX, now))
+        # What lies in front of the burst comes with it, or with the next one.
+        return [*messages, *self._read_pieces(now, 0, self._bursts.position)]
+
+    def _read_pieces(self, now: float, begin: int, end: int) -> list[Message]:
+        """Ask for missing pieces of a part of the file, as far as the window allows."""
+        asked = self._asks.offsets(file_packets.READ)
+        allowed = self._window.allowance(now, len(asked))
+        messages: list[Message] = []
+        for offset, size in self._file.missing.pieces(DATA_MAX) if allowed else ():
+            if len(messages) >= allowed or offset >= end:
                 break
-            if offset not in asked:
+            if begin <= offset and offset not in asked:
                 messages.append(self._ask_for(file_packets.READ, offset, size, now))
         return messages
 
@@ -157,34 +196,32 @@ class FileDownload:
 
     def _take_burst(self, answer: Packet, now: float, *, is_first: bool) -> None:
         """Take a packet of a burst, a late one too: the bytes of the file are the same."""
-        wanted = self._phase in {_Phase.BURSTING, _Phase.FILLING}
-        if not wanted or answer.session != self._session:
+        if self._phase is not _Phase.READING or answer.session != self._session:
             return
         if answer.opcode == file_packets.NAK:
             self._burst_refused(answer, now)
             return
+        self._has_burst = True
         if is_first:
             self._bursts.begin(now)
-        self._file.keep(answer.offset, answer.data)
-        self._bursts.heard(now, self._file.frontier)
+        is_news = self._file.keep(answer.offset, answer.data)
+        self._bursts.heard(now, answer.offset + len(answer.data), is_news=is_news)
         if answer.is_complete and self._bursts.is_on:
             self._end_burst(now)
 
     def _burst_refused(self, answer: Packet, now: float) -> None:
         self._bursts.stop()
-        if answer.fault == file_packets.END_OF_FILE:
-            self._enter(_Phase.FILLING)  # What is missing is read, which shows a short file
-        elif answer.fault == file_packets.UNKNOWN:
-            self._enter(_Phase.FILLING)
+        if answer.fault in {file_packets.END_OF_FILE, file_packets.UNKNOWN}:
+            self._knows_bursts = False  # What is missing is read, which shows a short file
         else:
             self._refused(answer, now)
 
     def _end_burst(self, now: float) -> None:
-        """Let others speak for a while; a burst that brought nothing is the last one."""
+        """Let others speak for a while; bursts that bring nothing are given up."""
         pause_s, has_brought = self._bursts.end(now)
         self._not_before = now + pause_s
-        if not has_brought:
-            self._enter(_Phase.FILLING)
+        self._empty_bursts = 0 if has_brought else self._empty_bursts + 1
+        self._knows_bursts &= self._empty_bursts < EMPTY_BURSTS
 
     def _take_answer(self, answer: Packet, ask: Ask, now: float) -> None:
         if answer.opcode == file_packets.NAK:
@@ -212,12 +249,14 @@ class FileDownload:
         else:
             if size != self._file.size:
                 self._begun += 1
-                self._file, self._bursts = PartialFile(size), Bursts()
-            self._enter(_Phase.BURSTING)
+                self._file = PartialFile(size)
+            self._bursts = Bursts()
+            self._enter(_Phase.READING)
 
     def _read(self, answer: Packet) -> None:
-        is_news = self._file.keep(answer.offset, answer.data)
-        self._fruitless = 0 if is_news else self._fruitless + 1
+        self._file.keep(answer.offset, answer.data)
+        is_served = answer.offset not in self._file.missing  # A late packet may have brought it
+        self._fruitless = 0 if is_served else self._fruitless + 1
         if self._fruitless >= FRUITLESS:
             self._close(NotFetched("the vehicle sends nothing of it"))
 
@@ -288,8 +327,8 @@ class FileDownload:
                 self._closed()
             case file_packets.CHECKSUM:
                 self._close(Fetched(self._file.data))
-            case file_packets.BURST:
-                self._enter(_Phase.FILLING)
+            case file_packets.BURST if not self._has_burst:
+                self._knows_bursts = False
             case file_packets.RESET:
                 self._wants_reset = False
             case _:

@@ -3,6 +3,7 @@
 And what becomes of it in the end.
 """
 
+import math
 import zlib
 from bisect import bisect_right
 from collections.abc import Iterator
@@ -35,6 +36,11 @@ class MissingRanges:
     def __bool__(self) -> bool:
         return bool(self._ranges)
 
+    def __contains__(self, offset: int) -> bool:
+        """Whether the byte at an offset is missing."""
+        index = bisect_right(self._ranges, (offset, math.inf)) - 1
+        return index >= 0 and self._ranges[index][0] <= offset < self._ranges[index][1]
+
     @property
     def count(self) -> int:
         """How many bytes are missing."""
@@ -45,6 +51,17 @@ class MissingRanges:
         for begin, end in self._ranges:
             for offset in range(begin, end, largest):
                 yield offset, min(largest, end - offset)
+
+    def first_wide(self, least: int, position: int) -> int | None:
+        """Give where a gap of at least so many bytes begins: from a position on, else the first.
+
+        A gap that reaches across the position is cut there.
+        """
+        wide = [(begin, end) for begin, end in self._ranges if end - begin >= least]
+        for begin, end in wide:
+            if end - max(begin, position) >= least:
+                return max(begin, position)
+        return wide[0][0] if wide else None
 
     def remove(self, begin: int, end: int) -> bool:
         """Take that these bytes have come; whether any of them was missing."""
@@ -69,12 +86,16 @@ class PartialFile:
     def __init__(self, size: int) -> None:
         self._data = bytearray(size)
         self.missing = MissingRanges(size)
-        self.frontier = 0  # Behind the last byte that has come
 
     @property
     def size(self) -> int:
         """Of the whole file."""
         return len(self._data)
+
+    @property
+    def received(self) -> int:
+        """How many bytes have come."""
+        return self.size - self.missing.count
 
     @property
     def data(self) -> bytes:
@@ -84,7 +105,6 @@ class PartialFile:
     def keep(self, offset: int, data: bytes) -> bool:
         """Take some bytes; whether any of them was missing. What lies behind the end is dropped."""
         end = min(offset + len(data), self.size)
-        self.frontier = max(self.frontier, end)
         is_news = offset < end and self.missing.remove(offset, end)
         if is_news:
             self._data[offset:end] = data[: end - offset]
