@@ -29,32 +29,3 @@ def contains(polygon: Sequence[Point], point: Point) -> bool:
         if (y1 > 0) != (y2 > 0) and x1 + (0 - y1) * (x2 - x1) / (y2 - y1) > 0:
             inside = not inside
     return inside
-
-
-def distance_to_edge_m(polygon: Sequence[Point], point: Point) -> float:
-    """Shortest distance [m] from the point to the polygon's outline."""
-    plane = [_to_plane(vertex, point) for vertex in polygon]
-    return min(
-        _distance_to_segment(start, end)
-        for start, end in zip(plane, plane[1:] + plane[:1], strict=True)
-    )
-
-
-def _distance_to_segment(start: tuple[float, float], end: tuple[float, float]) -> float:
-    """Distance [m] from the origin to a segment."""
-    dx, dy = end[0] - start[0], end[1] - start[1]
-    length_squared = dx * dx + dy * dy
-    along = 0.0
-    if length_squared > 0:
-        along = max(0.0, min(1.0, -(start[0] * dx + start[1] * dy) / length_squared))
-    return math.hypot(start[0] + along * dx, start[1] + along * dy)
-
-
-def circle_inside(polygon: Sequence[Point], centre: Point, radius_m: float) -> bool:
-    """Whether the polygon holds the whole circle."""
-    return contains(polygon, centre) and distance_to_edge_m(polygon, centre) >= radius_m
-
-
-def circle_outside(polygon: Sequence[Point], centre: Point, radius_m: float) -> bool:
-    """Whether circle and polygon share no point."""
-    return not contains(polygon, centre) and distance_to_edge_m(polygon, centre) > radius_m

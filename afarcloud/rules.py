@@ -8,20 +8,17 @@ from collections.abc import Iterator, Mapping
 from datetime import datetime
 from typing import NamedTuple
 
-from afarcloud import geometry
 from afarcloud.annex import annex_faults
 from afarcloud.commands import (
     FLYING,
     Command,
-    NavFollowTarget,
     NavHotpoint,
-    NavLand,
-    NavTakeoff,
-    NavWaypoint,
 )
 from afarcloud.enumerations import CommandType, Profile
 from afarcloud.faults import Fault
-from afarcloud.plan import Geofence, Mission, Plan
+from afarcloud.fence_check import FenceCheck, altitude_name
+from afarcloud.plan import Mission, Plan
+from afarcloud.route import Spot, spot_of
 from afarcloud.vehicle import VehicleLimits
 
 
@@ -32,19 +29,10 @@ class Verdict(NamedTuple):
     warnings: tuple[Fault, ...]
 
 
-class _Place(NamedTuple):
-    """Where a command takes the vehicle."""
-
-    latitude_deg: float
-    longitude_deg: float
-    altitude_m: float
-    radius_m: float
-    altitude_name: str
-
-
 def check(plan: Plan, vehicles: Mapping[int, VehicleLimits], now: datetime) -> Verdict:
     """Hold a plan against the registered vehicles and the time of day."""
-    faults = [*_plan_faults(plan, now), *_rally_faults(plan)]
+    fence = None if plan.geofence is None else FenceCheck(plan.geofence)
+    faults = [*_plan_faults(plan, now), *_rally_faults(plan, fence)]
     warnings: list[Fault] = []
     for index, mission in enumerate(plan.missions):
         path = f"missions.{index}"
@@ -56,7 +44,7 @@ def check(plan: Plan, vehicles: Mapping[int, VehicleLimits], now: datetime) -> V
         else:
             faults += _limit_faults(mission, path, limits)
         faults += _mission_faults(mission, path, plan.profile)
-        faults += _fence_faults(mission, path, plan.geofence)
+        faults += _fence_faults(mission, path, fence)
         warnings += _warnings(mission, path, plan.profile)
     if plan.profile == Profile.ANNEX:
         faults += annex_faults(plan)
@@ -85,10 +73,10 @@ def _limit_faults(mission: Mission, path: str, limits: VehicleLimits) -> Iterato
             f"must be at most {limits.maximum_speed_m_s} m/s, the vehicle's limit",
         )
     for where, command in _commands(mission, path):
-        place = place_of(command)
-        if place and place.altitude_m > limits.maximum_height_above_home_m:
+        place = spot_of(command)
+        if place and place.relative_altitude_m > limits.maximum_height_above_home_m:
             yield Fault(
-                f"{where}.parameters.{place.altitude_name}",
+                f"{where}.parameters.{altitude_name(command)}",
                 f"must be at most {limits.maximum_height_above_home_m} m, the vehicle's limit",
             )
 
@@ -125,36 +113,24 @@ def _takeoff_first(mission: Mission, path: str) -> Iterator[Fault]:
             return
 
 
-def _rally_faults(plan: Plan) -> Iterator[Fault]:
-    for index, point in enumerate(plan.rally_points):
-        place = _Place(point.latitude, point.longitude, point.altitude, 0.0, "altitude")
-        path = f"rally_points.{index}"
-        yield from _place_faults(place, path, plan.geofence)
+def _rally_faults(plan: Plan, fence: FenceCheck | None) -> Iterator[Fault]:
+    for index, point in enumerate(plan.rally_points if fence is not None else ()):
+        place = Spot(point.latitude, point.longitude, point.altitude)
+        for fault in fence.faults_of_place(place) if fence is not None else ():
+            path = f"rally_points.{index}"
+            yield Fault(f"{path}.altitude" if fault.is_height else path, fault.text)
 
 
-def _fence_faults(mission: Mission, path: str, fence: Geofence | None) -> Iterator[Fault]:
-    for where, command in _commands(mission, path):
-        place = place_of(command)
-        if place is not None:
-            yield from _place_faults(place, f"{where}.parameters", fence)
-
-
-def _place_faults(place: _Place, path: str, fence: Geofence | None) -> Iterator[Fault]:
-    if fence is None:
-        return
-    centre = (place.latitude_deg, place.longitude_deg)
-    if fence.inclusion and not any(
-        geometry.circle_inside(polygon, centre, place.radius_m) for polygon in fence.inclusion
-    ):
-        yield Fault(path, "leaves the geofence's inclusion area")
-    for index, polygon in enumerate(fence.exclusion):
-        if not geometry.circle_outside(polygon, centre, place.radius_m):
-            yield Fault(path, f"enters geofence.exclusion.{index}")
-    if fence.max_altitude is not None and place.altitude_m > fence.max_altitude:
-        yield Fault(
-            f"{path}.{place.altitude_name}",
-            f"must be at most geofence.max_altitude, {fence.max_altitude} m",
-        )
+def _fence_faults(mission: Mission, path: str, fence: FenceCheck | None) -> Iterator[Fault]:
+    """Name each place, leg, circle and height that the fence forbids, once."""
+    seen: set[str] = set()
+    for fault in fence.faults(mission.command_array) if fence is not None else ():
+        where = f"{path}.command_array.{fault.command}.parameters"
+        if fault.is_height:
+            where = f"{where}.{fault.parameter}"
+        if where not in seen:
+            seen.add(where)
+            yield Fault(where, fault.text)
 
 
 def _warnings(mission: Mission, path: str, profile: Profile) -> Iterator[Fault]:
@@ -168,16 +144,3 @@ def _warnings(mission: Mission, path: str, profile: Profile) -> Iterator[Fault]:
 def _commands(mission: Mission, path: str) -> Iterator[tuple[str, Command]]:
     for index, command in enumerate(mission.command_array):
         yield f"{path}.command_array.{index}", command
-
-
-def place_of(command: Command) -> _Place | None:
-    """Where a command takes the vehicle, or None when it has no position of its own."""
-    match command:
-        case NavTakeoff(parameters=p) | NavWaypoint(parameters=p) | NavFollowTarget(parameters=p):
-            return _Place(p.latitude, p.longitude, p.altitude, 0.0, "altitude")
-        case NavLand(parameters=p):
-            return _Place(p.latitude, p.longitude, p.landing_altitude, 0.0, "landing_altitude")
-        case NavHotpoint(parameters=p):
-            return _Place(p.latitude, p.longitude, p.orbit_altitude, p.radius, "orbit_altitude")
-        case _:
-            return None

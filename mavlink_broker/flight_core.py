@@ -22,10 +22,10 @@ from mavlink_broker.session_states import BEFORE_TAKEOFF, Event, State, follow
 from mavlink_broker.stages import Stages
 from mavlink_broker.translation.alarms import mission_error
 from mavlink_broker.translation.area_check import AreaCheck
+from mavlink_broker.translation.families import Family
 from mavlink_broker.translation.ledger import Ledger
 from mavlink_broker.translation.mission import (
     FlightPlan,
-    Itinerary,
     LiveCommand,
     RefusedError,
 )
@@ -102,7 +102,7 @@ class FlightCore:
         """Whether it may not be begun any more."""
         return self.work.expires_at is not None and now >= self.work.expires_at
 
-    def check_area(self, itinerary: Itinerary) -> None:
+    def check_area(self, family: Family) -> None:
         """Hold a mission against its geofence before anything is known of its vehicle.
 
         One that an earlier run of the broker accepted may be flying: it is not judged anew.
@@ -112,7 +112,7 @@ class FlightCore:
         """
         if self._area is not None and not self.work.was_accepted:
             self._area.check(
-                self.work.mission, itinerary, start=None, home=None, rally=self.work.rally_spots
+                self.work.mission, family, start=None, home=None, rally=self.work.rally_spots
             )
 
     def abort(self, reason: str, effects: Effects) -> None:

@@ -3,6 +3,7 @@
 from typing import Final
 
 from afarcloud.enumerations import Status
+from afarcloud.route import highest_m as highest_of
 from mavlink_broker import activities, hover, readiness
 from mavlink_broker.effects import Effects
 from mavlink_broker.fencing import Fencing, Wanted
@@ -11,7 +12,7 @@ from mavlink_broker.protocol.command import Accepted, Refused
 from mavlink_broker.protocol.mission_upload import NotStored, Stored, Uncertain
 from mavlink_broker.protocol.mission_verify import Different, Verified
 from mavlink_broker.session_states import Event, State
-from mavlink_broker.translation import route
+from mavlink_broker.translation.area_check import as_flown
 from mavlink_broker.translation.fence import rally_items
 from mavlink_broker.translation.mission import LiveCommand, RefusedError
 from mavlink_broker.translation.modes import ModeRole
@@ -81,7 +82,7 @@ class FlightPreparation(FlightCore):
         self._settle(now, effects)
 
     def _wanted_fence(self) -> Wanted:
-        highest_m = route.highest_m(self.work.mission.command_array, self._stages.itinerary)
+        highest_m = highest_of(as_flown(self.work.mission.command_array, self._vehicle.family))
         rally = rally_items(self.work.rally_points)
         return Wanted(self.work.geofence, rally, highest_m=highest_m)
 
@@ -135,7 +136,7 @@ class FlightPreparation(FlightCore):
         start = None if place is None else Spot(*place[:3])
         self._area.check(
             self.work.mission,
-            self._stages.itinerary,
+            self._vehicle.family,
             start=start,
             home=self._vehicle.snapshot.home,
             rally=self.work.rally_spots,

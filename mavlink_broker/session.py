@@ -134,7 +134,8 @@ class Session:
         flight = Flight(work, self.vehicle, self._reporter)
         family = self.vehicle.family if self.vehicle.is_identified else MOST_ABLE
         try:
-            flight.check_area(translate(work.mission, family, Home(0.0, 0.0, 0.0)))
+            translate(work.mission, family, Home(0.0, 0.0, 0.0))
+            flight.check_area(family)
         except RefusedError as error:
             flight.refuse(error, effects)
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", str(error)))

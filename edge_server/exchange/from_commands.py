@@ -23,7 +23,7 @@ from afarcloud.commands import (
 )
 from afarcloud.enumerations import CommandType, PanoramaMode
 from afarcloud.plan import Mission
-from afarcloud.rules import place_of
+from afarcloud.route import spot_of
 from edge_server.exchange import orbits
 from edge_server.exchange.mission_item import Cmd, Frame, Home, Item, Parameters, Place
 
@@ -51,7 +51,7 @@ class _Situation(NamedTuple):
 
 def home_of(mission: Mission) -> Home:
     """Where a mission starts: at its first place; nobody says how high home is."""
-    places = (place_of(command) for command in mission.command_array)
+    places = (spot_of(command) for command in mission.command_array)
     first = next((place for place in places if place is not None), None)
     if first is None:
         return Home(0.0, 0.0, 0.0)
@@ -80,9 +80,9 @@ def _raw_items(mission: Mission, home: Home) -> Iterator[_Raw]:
     for command in mission.command_array:
         situation = _Situation(home, altitude_m, command is last)
         yield from _WRITERS[command.command_type_id](command, situation)
-        place = place_of(command)
+        place = spot_of(command)
         if place is not None and command.command_type_id != CommandType.NAV_LAND:
-            altitude_m = place.altitude_m
+            altitude_m = place.relative_altitude_m
 
 
 def _plain(command: Cmd, *parameters: float | None, **extra: Any) -> _Raw:

@@ -65,7 +65,7 @@ def run(arguments: Sequence[str], now: datetime) -> int:
             itinerary = translate(mission, family, home)
             if plan.geofence is not None:
                 area = AreaCheck(plan.geofence)
-                area.check(mission, itinerary, start=None, home=options.home)
+                area.check(mission, family, start=None, home=options.home)
         except RefusedError as error:
             status = FAILED
             print(_refusal(mission, error), file=sys.stderr)

@@ -4,7 +4,8 @@ import math
 from typing import Final
 
 from afarcloud.commands import NavHotpoint, NavHotpointParameters
-from afarcloud.enumerations import OrbitType, StartPoint
+from afarcloud.enumerations import OrbitType
+from afarcloud.route import start_point
 from mavlink_broker.dialect import mavlink
 from mavlink_broker.protocol.command import CommandInt
 from mavlink_broker.translation import mission_item
@@ -25,12 +26,6 @@ COPTER_ACCELERATION_MAX_M_S2: Final = 1.25
 SLACK_S: Final = 120.0
 SLOWEST_DEG_S: Final = 360.0 / 86_400.0
 """One turn a day: what is slower stands still, and vehicles refuse it in flight."""
-_START_BEARING_DEG: Final = {
-    StartPoint.NORTH: 0.0,
-    StartPoint.EAST: 90.0,
-    StartPoint.SOUTH: 180.0,
-    StartPoint.WEST: 270.0,
-}
 _ALWAYS_FLOWN: Final = frozenset(
     {
         OrbitType.ALONG_CIRCLE_LOOKING_BACKWARDS,
@@ -51,17 +46,24 @@ def hotpoint(command: NavHotpoint, situation: Situation) -> Items | LiveAction |
     if p.angular_velocity < SLOWEST_DEG_S:
         slow = f"a turn at {p.angular_velocity:g} deg/s takes longer than a day"
         return Refusal("angular_velocity", slow)
-    name, knows = situation.family.name, situation.family.orbit_headings
-    if p.orbit_type in _ALWAYS_FLOWN and p.orbit_type not in knows:
-        reason = f"orbit_type: flown from point to point, for {name}'s own circle knows no such"
-        return _from_point_to_point(p, situation, f"{reason} heading")
-    if _rate_deg_s(p) > situation.family.circle_rate_max_deg_s + _HARDLY_FASTER_DEG_S:
-        reason = f"angular_velocity: flown from point to point, for {name}'s own circle turns by"
-        fastest = f"{situation.family.circle_rate_max_deg_s:g} deg/s at most"
-        return _from_point_to_point(p, situation, f"{reason} {fastest}")
-    if situation.family.orbiting is Orbiting.BY_ITEM:
+    manner = _manner(p, situation.family)
+    if isinstance(manner, str):
+        return _from_point_to_point(p, situation, manner)
+    if manner is Orbiting.BY_ITEM:
         return _as_items(p, situation)
     return _live(p, situation)
+
+
+def _manner(p: NavHotpointParameters, family: Family) -> Orbiting | str:
+    """Give how a family flies a circle, or why it is flown from point to point."""
+    if p.orbit_type in _ALWAYS_FLOWN and p.orbit_type not in family.orbit_headings:
+        reason = "orbit_type: flown from point to point, for"
+        return f"{reason} {family.name}'s own circle knows no such heading"
+    if _rate_deg_s(p) > family.circle_rate_max_deg_s + _HARDLY_FASTER_DEG_S:
+        reason = "angular_velocity: flown from point to point, for"
+        fastest = f"{family.circle_rate_max_deg_s:g} deg/s at most"
+        return f"{reason} {family.name}'s own circle turns by {fastest}"
+    return family.orbiting
 
 
 def speed_on_circle_m_s(angular_velocity_deg_s: float, radius_m: float) -> float:
@@ -73,14 +75,6 @@ def speed_on_circle_m_s(angular_velocity_deg_s: float, radius_m: float) -> float
 def _rate_deg_s(p: NavHotpointParameters) -> float:
     """What is left of its angular velocity."""
     return math.degrees(speed_on_circle_m_s(p.angular_velocity, p.radius) / p.radius)
-
-
-def start_point(p: NavHotpointParameters) -> Spot | None:
-    """Where on the circle it begins; None at the nearest point."""
-    if p.start_point is StartPoint.NEAREST:
-        return None
-    bearing_deg = _START_BEARING_DEG[p.start_point]
-    return Spot(*shifted(p.latitude, p.longitude, bearing_deg, p.radius), p.orbit_altitude)
 
 
 def _end_point(p: NavHotpointParameters, situation: Situation) -> Spot | None:
@@ -187,12 +181,21 @@ def _north_of(p: NavHotpointParameters) -> Spot:
 
 def _kept(p: NavHotpointParameters) -> tuple[NavHotpointParameters, tuple[str, ...]]:
     """Give the circle as ArduPilot keeps it: whole metres of radius, beyond 255 m whole tens."""
-    step = 10.0 if p.radius > 255.0 else 1.0
-    radius_m = math.floor(p.radius / step) * step
+    radius_m = _whole_m(p.radius)
     if radius_m == p.radius:
         return p, ()
     kept = p.model_copy(update={"radius": radius_m})
     return kept, (f"radius: the vehicle keeps {radius_m:g} m",)
+
+
+def kept_radius_m(p: NavHotpointParameters, family: Family) -> float:
+    """Give the radius that a family's vehicles fly."""
+    return _whole_m(p.radius) if _manner(p, family) is Orbiting.BY_ITEM else p.radius
+
+
+def _whole_m(radius_m: float) -> float:
+    step = 10.0 if radius_m > 255.0 else 1.0
+    return math.floor(radius_m / step) * step
 
 
 def _heading(wanted: OrbitType, family: Family) -> tuple[float, tuple[str, ...]]:

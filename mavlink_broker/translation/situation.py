@@ -4,15 +4,15 @@ RefusedError  a command that cannot be flown, with its id, the parameter and the
 """
 
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from afarcloud.commands import Command
+from afarcloud.route import DEFAULT_ALTITUDE_M, Spot
 from mavlink_broker.protocol.parameter_keeper import Loan
 from mavlink_broker.translation.families import Family
 from mavlink_broker.translation.mission_item import MissionItem
 
-DEFAULT_ALTITUDE_M: Final = 10.0
-"""Height above home for a return that nothing has given a height yet."""
+__all__ = ["Home", "Items", "Refusal", "RefusedError", "Situation", "Spot"]
 
 
 class Refusal(NamedTuple):
@@ -39,14 +39,6 @@ class Home(NamedTuple):
     latitude_deg: float
     longitude_deg: float
     altitude_amsl_m: float
-
-
-class Spot(NamedTuple):
-    """A place in the air."""
-
-    latitude_deg: float
-    longitude_deg: float
-    relative_altitude_m: float  # Above home
 
 
 class Situation(NamedTuple):

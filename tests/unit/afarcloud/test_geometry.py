@@ -1,5 +1,3 @@
-import math
-
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -13,11 +11,6 @@ def test_the_middle_is_inside_and_the_neighbours_are_outside() -> None:
     assert geometry.contains(SQUARE, (40.0005, -2.9995))
     for point in ((40.0005, -3.0001), (40.0005, -2.9989), (39.9999, -2.9995), (40.0011, -2.9995)):
         assert not geometry.contains(SQUARE, point)
-
-
-def test_distances_are_metres() -> None:
-    west = geometry.distance_to_edge_m(SQUARE, (40.0005, -3.0001))
-    assert math.isclose(west, 1e-4 * 111_319.49 * math.cos(math.radians(40.0005)), rel_tol=1e-3)
 
 
 def test_a_polygon_across_the_date_line_is_one_polygon() -> None:
@@ -35,15 +28,3 @@ def test_direction_and_start_of_the_outline_do_not_matter(
     if reverse:
         polygon.reverse()
     assert geometry.contains(polygon, (40.0 + north * 1e-3, -3.0 + east * 1e-3))
-
-
-@given(st.floats(-0.002, 0.003), st.floats(-0.002, 0.003), st.floats(0.1, 60))
-def test_a_circle_is_never_both_inside_and_outside(
-    north: float, east: float, radius_m: float
-) -> None:
-    centre = (40.0 + north, -3.0 + east)
-    inside = geometry.circle_inside(SQUARE, centre, radius_m)
-    outside = geometry.circle_outside(SQUARE, centre, radius_m)
-    assert not (inside and outside)
-    if inside:
-        assert geometry.contains(SQUARE, centre)

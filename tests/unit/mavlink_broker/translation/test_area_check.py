@@ -7,12 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from afarcloud.plan import Geofence, Mission
+from afarcloud.route import Circle, highest_m, route_of
 from mavlink_broker.translation import families
-from mavlink_broker.translation.area_check import AreaCheck
+from mavlink_broker.translation.area_check import AreaCheck, as_flown
 from mavlink_broker.translation.families import Family
 from mavlink_broker.translation.geo import distance_m, shifted
-from mavlink_broker.translation.mission import translate
-from mavlink_broker.translation.route import Round, highest_m, route_of
 from mavlink_broker.translation.situation import Home, RefusedError, Spot
 
 LATITUDE, LONGITUDE = 40.4434, -3.7382
@@ -96,9 +95,8 @@ def fault(
 ) -> tuple[int, str] | None:
     """The command that is refused, counted from 1, and why."""
     plan = mission(*commands)
-    itinerary = translate(plan, family, HOME)
     try:
-        AreaCheck(fence).check(plan, itinerary, start=start, home=home, **more)
+        AreaCheck(fence).check(plan, family, start=start, home=home, **more)
     except RefusedError as error:
         return error.command_id, error.reason
     return None
@@ -248,17 +246,17 @@ def test_a_route_is_one_line_without_gaps(
     """Each way begins where one before it ended; a circle is entered on its line."""
     commands = [takeoff(), *(waypoint(*way) for way in ways), orbit(*circle), waypoint(0, 0)]
     plan = mission(*commands, go_home())
-    itinerary = translate(plan, family, HOME)
+    commands_flown = as_flown(plan.command_array, family)
     seen, last = [START], START
-    for part in route_of(plan.command_array, itinerary, START, HOME):
-        if isinstance(part, Round):
+    for part in route_of(commands_flown, START, START):
+        if isinstance(part, Circle):
             assert abs(distance_m(*last[:2], *part.centre[:2]) - part.radius_m) < 0.01
             continue
         assert part.start in seen
         last = part.end
         seen.append(last)
     assert distance_m(*last[:2], *HOME[:2]) < 0.01
-    assert highest_m(plan.command_array, itinerary) == 10.0
+    assert highest_m(commands_flown) == 10.0
 
 
 class TestPlacesOfEvents:

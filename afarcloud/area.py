@@ -14,8 +14,8 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Final, NamedTuple, Self, TypeAlias
 
+from afarcloud.geodesy import metres_per_degree
 from afarcloud.plan import Geofence
-from mavlink_broker.translation.geo import metres_per_degree
 
 TOLERANCE_M: Final = 0.1
 """Some ten times the last digit of MAVLink's positions; far below what any receiver can tell."""

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from afarcloud.area import TOLERANCE_M, Area, Plane
+from afarcloud.geodesy import shifted
 from afarcloud.plan import Geofence
-from mavlink_broker.translation.area import TOLERANCE_M, Area, Plane
-from mavlink_broker.translation.geo import shifted
 
 HERE = (40.4434, -3.7382)
 SURE_M = 3.0 * TOLERANCE_M

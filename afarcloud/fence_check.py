@@ -1,0 +1,133 @@
+"""The one judge of geofences: a mission against inclusion, exclusion and height. Pure.
+
+Whoever takes a plan in asks it with what the plan says; whoever is about to fly it asks it again
+with where the vehicle stands, and where home is. Both get the same answer as far as they know the
+same. Vehicles themselves judge too little and too late: some look at places alone, and let a leg
+or a circle cross what is forbidden.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import Final, NamedTuple
+
+from afarcloud.area import Area, Vertex
+from afarcloud.commands import Command
+from afarcloud.enumerations import CommandType
+from afarcloud.plan import Geofence
+from afarcloud.route import Leg, Part, Spot, route_of
+
+ALTITUDE_TOLERANCE_M: Final = 0.01
+PLACE: Final = "latitude, longitude"
+_ALTITUDE_NAMES: Final = {
+    CommandType.NAV_LAND: "landing_altitude",
+    CommandType.NAV_HOTPOINT: "orbit_altitude",
+    CommandType.NAV_HOME: "landing",
+}
+_PLACE_NAMES: Final = {CommandType.NAV_HOME: "landing"}
+
+
+class FenceFault(NamedTuple):
+    """One violation."""
+
+    command: int  # Its place in the mission
+    parameter: str  # Of the command, as AFarCloud names it
+    text: str
+    is_height: bool = False
+
+
+class FenceCheck:
+    """One geofence, which missions, places and legs are held against."""
+
+    def __init__(self, geofence: Geofence) -> None:
+        self._area = Area(geofence)
+        self._height_m = geofence.max_altitude
+
+    def faults(
+        self,
+        commands: Sequence[Command],
+        *,
+        start: Spot | None = None,
+        home: Spot | None = None,
+        rally: Sequence[Spot] = (),
+        own_limit_m: float | None = None,
+    ) -> Iterator[FenceFault]:
+        """Follow a vehicle through its mission from where it stands.
+
+        What is not known yet (`start`, `home`) is not judged. `own_limit_m` is a height that the
+        vehicle keeps below by itself.
+        """
+        yield from self._faults_of_beginning(start, home)
+        for part in route_of(commands, start, home, rally):
+            command = commands[part.command]
+            height_m = _spot_of(part).relative_altitude_m
+            name = _place_name(command) + ("" if isinstance(part, Leg) else ", radius")
+            fault = self._fault_of(part)
+            if fault is not None:
+                yield FenceFault(part.command, name, fault)
+            fault = self._height_fault(height_m) or _own_fault(height_m, own_limit_m)
+            if fault is not None:
+                yield FenceFault(part.command, altitude_name(command), fault, is_height=True)
+
+    def faults_of_place(self, place: Spot) -> Iterator[FenceFault]:
+        """Judge a place that belongs to no command, such as a rally point."""
+        fault = self._area.fault_at(place[:2])
+        if fault is not None:
+            yield FenceFault(0, PLACE, fault)
+        fault = self._height_fault(place.relative_altitude_m)
+        if fault is not None:
+            yield FenceFault(0, "altitude", fault, is_height=True)
+
+    def fault_of_order(self, start: Vertex | None, target: Spot) -> str | None:
+        """Say why a vehicle must not be sent somewhere, or None.
+
+        One that is where it must not be may come from there by any path.
+        """
+        height_m = target.relative_altitude_m
+        strayed = start is not None and self._area.fault_at(start) is not None
+        here = None if start is None or strayed else Spot(*start, height_m)
+        return self._fault_of(Leg(0, here, target)) or self._height_fault(height_m)
+
+    def _faults_of_beginning(self, start: Spot | None, home: Spot | None) -> Iterator[FenceFault]:
+        for name, place in (("the vehicle", start), ("home", home)):
+            fault = self._area.fault_at(place[:2]) if place else None
+            if fault is not None:
+                yield FenceFault(0, PLACE, f"{name} {fault}")
+        fault = None if start is None else self._height_fault(start.relative_altitude_m)
+        if fault is not None:
+            text = f"the vehicle is too high: {fault}"
+            yield FenceFault(0, "altitude", text, is_height=True)
+
+    def _fault_of(self, part: Part) -> str | None:
+        place = _spot_of(part)[:2]
+        if not isinstance(part, Leg):
+            fault = self._area.fault_on_circle(place, part.radius_m)
+            return fault and f"the circle {fault}"
+        fault = self._area.fault_at(place)
+        if fault is not None:
+            return f"the place {fault}"
+        fault = None if part.start is None else self._area.fault_on_way(part.start[:2], place)
+        return fault and f"the way there {fault}"
+
+    def _height_fault(self, height_m: float) -> str | None:
+        if self._height_m is None or height_m <= self._height_m + ALTITUDE_TOLERANCE_M:
+            return None
+        return f"{height_m:g} m is above geofence.max_altitude, {self._height_m:g} m"
+
+
+def _own_fault(height_m: float, own_limit_m: float | None) -> str | None:
+    if own_limit_m is None or height_m <= own_limit_m + ALTITUDE_TOLERANCE_M:
+        return None
+    return f"{height_m:g} m is above the vehicle's own limit, {own_limit_m:g} m"
+
+
+def _place_name(command: Command) -> str:
+    """Name the parameters that say where a command goes."""
+    return _PLACE_NAMES.get(command.command_type_id, PLACE)
+
+
+def altitude_name(command: Command) -> str:
+    """Name the parameter that says how high a command goes."""
+    return _ALTITUDE_NAMES.get(command.command_type_id, "altitude")
+
+
+def _spot_of(part: Part) -> Spot:
+    return part.end if isinstance(part, Leg) else part.centre
