@@ -277,7 +277,8 @@ class App:
 
     def _carry_out(self, effects: Effects, peer: Peer) -> list[Exception]:
         """Send, tell and begin what a session wants; gives what could not be put into bytes."""
-        errors = self._traffic.send(peer.system, effects.messages) if effects.messages else []
+        messages = peer.session.permitted(effects.messages)
+        errors = self._traffic.send(peer.system, messages) if messages else []
         peer.untold += effects.for_edge
         errors += _error_of(partial(self._tell_when_noted, peer))
         for job in effects.jobs:

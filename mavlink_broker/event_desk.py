@@ -12,15 +12,20 @@ from typing import Final
 from afarcloud.enumerations import EventType
 from mavlink_broker.dialect import Message
 from mavlink_broker.effects import Acknowledgement, Effects
-from mavlink_broker.ending import Ending, coming_home
-from mavlink_broker.journal.memo import Homeward
+from mavlink_broker.ending import Ending, abort_note, coming_home, noted_event
+from mavlink_broker.journal.memo import AbortNote, Homeward
+from mavlink_broker.translation import authority
+from mavlink_broker.translation.authority import Claim, InCommand
 from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.vehicle import Vehicle
 from mavlink_broker.work import EventWork
 
 EXPIRED = "expired"
-ANOTHER_HAND = "another hand flies the vehicle"
-_OVER: Final = frozenset({ModeRole.ENDING, ModeRole.OTHER})
+TELLS_WITHIN_S: Final = 3.0
+"""How long a vehicle may take to tell where it is and how its sensors are."""
+RESTARTED = "the vehicle was restarted since"
+_COMES_DOWN: Final = Claim(authority.COMING_DOWN)
+_WAITS: Final = Claim(authority.ON_THE_WAY)
 
 
 class EventDesk:
@@ -30,6 +35,8 @@ class EventDesk:
         self._vehicle = vehicle
         self._held: list[EventWork] = []
         self._leaving: tuple[EventWork | None, Ending] | None = None  # None: for an alarm
+        self._known_since: float | None = None  # A vehicle that an earlier run has sent home
+        self._noted_s: float | None = None  # When an abort of an earlier run was noted
         self._homeward: Homeward | None = None  # Ordered by an earlier run, until that is judged
         self.leaves_hovering = False  # What was last seen through has ended in a hover
 
@@ -44,9 +51,22 @@ class EventDesk:
             return True
         return any(is_abort(held) and held.work_id < work_id for held in self._held)
 
+    @property
+    def is_waiting(self) -> bool:
+        """Whether there is something that the vehicle is still to be ordered."""
+        return bool(self._held) or self._leaving is not None or self._homeward is not None
+
     def put(self, work: EventWork) -> None:
-        """Take an event."""
-        self._held.append(work)
+        """Take an event, unless it is known from the journal already."""
+        leaving = None if self._leaving is None else self._leaving[0]
+        if work.work_id not in {known.work_id for known in (*self._held, leaving) if known}:
+            self._held.append(work)
+
+    def recall_abort(self, note: AbortNote) -> None:
+        """Take an abort that an earlier run has accepted; the edge server may have forgotten it."""
+        event = noted_event(note, self._vehicle.vehicle_id)
+        self._noted_s = note.noted_s
+        self.put(EventWork(work_id=note.work_id, event=event, was_accepted=True))
 
     def take_due(
         self, is_too_early: Callable[[EventWork], bool], now: float, effects: Effects
@@ -64,22 +84,36 @@ class EventDesk:
     def see_through(self, work: EventWork, now: float, effects: Effects) -> None:
         """Send the vehicle where an abort said, unless it is on its way down or another has it."""
         vehicle = self._vehicle
-        knows_modes, role = vehicle.family.knows_modes, vehicle.mode_role
-        if not vehicle.snapshot.armed or (knows_modes and role is ModeRole.ENDING):
+        seen = vehicle.seen
+        vehicle.abort = None
+        who = authority.in_command(seen, _COMES_DOWN)
+        comes_down = vehicle.family.knows_modes and seen.role is ModeRole.ENDING
+        if who is not InCommand.BROKER:
+            vehicle.is_taken = True
+            refusal = Acknowledgement(work.work_id, "refused", authority.reason(who, seen))
+            effects.for_edge.append(refusal)
+        elif self._was_restarted:
+            effects.for_edge.append(Acknowledgement(work.work_id, "refused", RESTARTED))
+        elif not seen.armed or comes_down:
             effects.for_edge.append(Acknowledgement(work.work_id, "done"))
-        elif knows_modes and role is ModeRole.OTHER:
-            effects.for_edge.append(Acknowledgement(work.work_id, "refused", ANOTHER_HAND))
         else:
             ending = Ending(work.event, vehicle)
+            vehicle.abort = abort_note(work.event, work.work_id, vehicle)
             self._leaving = work, ending
             effects.messages += ending.start(now)
+
+    @property
+    def _was_restarted(self) -> bool:
+        """Whether the vehicle was switched off since an abort was noted: that is over."""
+        time_s = self._vehicle.snapshot.time_s
+        return time_s is not None and self._noted_s is not None and time_s < self._noted_s
 
     def give_way(self, effects: Effects) -> None:
         """Leave the vehicle to a newer event."""
         if self._leaving is not None:
             _acknowledge(self._leaving[0], effects)
             self._leaving = None
-        self._homeward = self._vehicle.homeward = None
+        self._homeward = self._vehicle.homeward = self._vehicle.abort = None
 
     def receive(self, message: Message, now: float) -> list[Message]:
         """Take a message of the vehicle."""
@@ -91,12 +125,13 @@ class EventDesk:
             self._come_home(now, effects)
         if self._leaving is None:
             return
+        vehicle = self._vehicle
         work, ending = self._leaving
         effects.messages += ending.tick(now)
         if ending.is_over:
-            self._leaving = None
+            self._leaving = vehicle.abort = None
             self.leaves_hovering = ending.leaves_hovering
-            _acknowledge(work, effects)
+            _acknowledge(work, effects, ending.taken)
 
     def recall(self, homeward: Homeward) -> None:
         """Learn that an alarm has ended a mission, and that the vehicle had not obeyed yet."""
@@ -107,8 +142,11 @@ class EventDesk:
         vehicle = self._vehicle
         if vehicle.snapshot.armed is None or not vehicle.is_identified:
             return
+        self._known_since = self._known_since or now
+        if not vehicle.snapshot.knows_whether_placed and now - self._known_since < TELLS_WITHIN_S:
+            return  # One without a position is ordered to land, not to return
         self._homeward = None
-        is_over = vehicle.family.knows_modes and vehicle.mode_role in _OVER
+        is_over = authority.in_command(vehicle.seen, _WAITS) is not InCommand.BROKER
         if not vehicle.snapshot.armed or is_over:
             vehicle.homeward = None
         else:
@@ -117,9 +155,10 @@ class EventDesk:
             effects.messages += ending.start(now)
 
 
-def _acknowledge(work: EventWork | None, effects: Effects) -> None:
+def _acknowledge(work: EventWork | None, effects: Effects, taken: str | None = None) -> None:
     if work is not None:
-        effects.for_edge.append(Acknowledgement(work.work_id, "done"))
+        status = "done" if taken is None else "refused"
+        effects.for_edge.append(Acknowledgement(work.work_id, status, taken))
 
 
 def is_abort(work: EventWork) -> bool:

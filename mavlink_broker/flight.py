@@ -12,7 +12,7 @@ from afarcloud.enumerations import EventType, Status
 from mavlink_broker import activities
 from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.effects import Acknowledgement, Effects
-from mavlink_broker.ending import Ending, coming_home
+from mavlink_broker.ending import Ending, abort_note, coming_home
 from mavlink_broker.flight_progress import FlightProgress
 from mavlink_broker.interruption import (
     PATIENCE_S,
@@ -25,8 +25,9 @@ from mavlink_broker.journal.memo import Homeward
 from mavlink_broker.protocol.plan_kinds import FENCE, RALLY
 from mavlink_broker.reporter import Reporter
 from mavlink_broker.session_states import BEFORE_TAKEOFF, Event, State
+from mavlink_broker.translation import authority
+from mavlink_broker.translation.authority import InCommand
 from mavlink_broker.translation.fence import fence_items, rally_items
-from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.vehicle import Vehicle
 from mavlink_broker.work import EventWork, MissionWork
 
@@ -34,8 +35,6 @@ _WITH_ITEMS: Final = BEFORE_TAKEOFF - {State.FENCING, State.HOLDING}
 _IN_FLIGHT: Final = frozenset({State.RUNNING, State.PERFORMING})
 _ARMED_BY_US: Final = frozenset({State.ARMING, State.STARTING})
 ON_GROUND: Final[int] = mavlink.MAV_LANDED_STATE_ON_GROUND
-_COMES_DOWN_BY_ITSELF: Final = frozenset({ModeRole.ENDING, ModeRole.OTHER})
-"""Its own failsafe or a pilot has it: who is nearer knows better."""
 
 _LOG = logging.getLogger(__name__)
 
@@ -100,6 +99,8 @@ class Flight(FlightProgress):
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
         """Take a message of the vehicle's autopilot."""
+        if self._yields(now, effects) and self.state is not State.RUNNING:
+            return
         if self._follower is not None:
             self._follower.receive(message)
             effects.messages += self._foreign.receive(message, now)
@@ -114,14 +115,17 @@ class Flight(FlightProgress):
             self._settle(now, effects)
 
     def step(self, now: float, effects: Effects) -> None:
-        """Let time pass."""
-        if self._activity is not None:
+        """Let time pass; while somebody else has the vehicle nothing is ordered."""
+        yields = self._yields(now, effects)
+        if self._activity is not None and not yields:
             effects.messages += self._activity.tick(now)
             self._settle(now, effects)
-        self._speeds.tick(now, effects)
+        if not yields:
+            self._speeds.tick(now, effects)
         if self.state in self._steps:
             self._steps[self.state](now, effects)
-        self._tell_late_speed(now, effects)
+        if not yields:
+            self._tell_late_speed(now, effects)
         if self._soft_abort is not None:
             self._abort_softly(self._soft_abort, now, effects)
 
@@ -151,7 +155,10 @@ class Flight(FlightProgress):
         self._late_speed_m_s = speed_m_s if self.state in _WITH_ITEMS else None
         if self._late_speed_m_s is None:
             self._stages.set_speed(speed_m_s)
-        if self.state in _IN_FLIGHT:
+        if self.state in _IN_FLIGHT and self._who is not InCommand.BROKER:
+            reason = authority.reason(self._who, self._vehicle.seen)
+            effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
+        elif self.state in _IN_FLIGHT:
             is_live = self.state is State.PERFORMING
             self._speeds.give(work, speed_m_s, now, effects, is_live=is_live)
         else:
@@ -174,7 +181,8 @@ class Flight(FlightProgress):
         self.ledger.fail(reason)
         effects.for_edge.append(self._reporter.mission(self.ledger))
         self._give_up_soft_abort(effects)
-        if self._vehicle.mode_role in _COMES_DOWN_BY_ITSELF:
+        if self._is_taken_away:
+            self._vehicle.is_taken |= self._who is not InCommand.BROKER
             self._follower = self._performer = None
             self._move(Event.ENDED, now, effects)
             return
@@ -192,24 +200,25 @@ class Flight(FlightProgress):
         self._acknowledge_ending(effects)
         if self.state is State.UPLOADING:
             effects.messages.append(activities.cancellation(self._vehicle))
-        if self.state in _ARMED_BY_US and not self._hovering:
+        is_ours = self._who is InCommand.BROKER
+        self._vehicle.is_taken |= not is_ours
+        if self.state in _ARMED_BY_US and not self._hovering and is_ours:
             effects.messages += activities.disarming(self._vehicle)
         self._follower = self._performer = self._activity = self._ending = None
         if self.state is State.IDLE:
             return
-        snapshot, role = self._vehicle.snapshot, self._vehicle.mode_role
+        snapshot = self._vehicle.snapshot
         flies = bool(snapshot.armed) and snapshot.landed_state != ON_GROUND
         was_ours = self.state in _IN_FLIGHT or (self._hovering and self._told_to_start)
-        if flies and was_ours and role not in _COMES_DOWN_BY_ITSELF:
+        if flies and was_ours and is_ours and not self._is_taken_away:
             self._leave(coming_home(self._vehicle.vehicle_id), None, now, effects)
         else:
             self._move(Event.ENDED, now, effects)
 
     def _leave_failed(self, now: float, effects: Effects) -> None:
         """Bring a vehicle home that would wait in the air for orders that never come."""
-        snapshot, role = self._vehicle.snapshot, self._vehicle.mode_role
-        is_free = role not in _COMES_DOWN_BY_ITSELF or not self._vehicle.family.knows_modes
-        if self._waits_for_orders and is_free and snapshot.armed and not snapshot.is_on_ground:
+        is_free = not self._vehicle.is_taken and not self._is_taken_away
+        if self._waits_for_orders and is_free and self._vehicle.snapshot.armed:
             self._leave(coming_home(self._vehicle.vehicle_id), None, now, effects)
         else:
             super()._leave_failed(now, effects)
@@ -220,8 +229,10 @@ class Flight(FlightProgress):
         """Send the vehicle where the event says."""
         self._follower = self._performer = None
         event, self._ending_note = within_fence(event, self._area, self._vehicle)
-        self._ending, self._ending_work = Ending(event, self._vehicle), work_id
-        if work_id is None:  # An event would be handed out again
+        self._ending = Ending(event, self._vehicle, was_ours=True)
+        self._ending_work = work_id
+        self._vehicle.abort = None if work_id is None else abort_note(event, work_id, self._vehicle)
+        if work_id is None:
             reason = self.ledger.message or ""
             self._vehicle.homeward = Homeward(mission=self.work.name, reason=reason)
         self._move(Event.ABORTED, now, effects)
@@ -262,8 +273,17 @@ class Flight(FlightProgress):
         if not self.ledger.status.is_terminal:
             self.ledger.abort(REASONS[work.event.event_type_id])
             effects.for_edge.append(self._reporter.mission(self.ledger))
+        who, seen = self._who, self._vehicle.seen
+        if self.state is State.LEAVING and self._ending is not None:
+            who = self._ending.who(now)
         self._follower = self._performer = None
         self._acknowledge_ending(effects)
+        if who is not InCommand.BROKER:
+            self._vehicle.is_taken = True
+            reason = authority.reason(who, seen)
+            effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
+            self._move(Event.ENDED, now, effects)
+            return
         if not self._vehicle.snapshot.armed:
             effects.for_edge.append(Acknowledgement(work.work_id, "done"))
             self._move(Event.ENDED, now, effects)
@@ -273,8 +293,11 @@ class Flight(FlightProgress):
     def _acknowledge_ending(self, effects: Effects) -> None:
         """Say that an event has been carried out, once."""
         if self._ending is not None and self._ending_work is not None:
-            done = Acknowledgement(self._ending_work, "done", self._ending_note)
-            effects.for_edge.append(done)
+            taken = self._ending.taken
+            status = "done" if taken is None else "refused"
+            note = taken or self._ending_note
+            effects.for_edge.append(Acknowledgement(self._ending_work, status, note))
+            self._vehicle.abort = None
             self._ending_work = None
 
     def _step_leaving(self, now: float, effects: Effects) -> None:

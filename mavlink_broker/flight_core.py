@@ -20,8 +20,10 @@ from mavlink_broker.protocol.heartbeat import LinkState
 from mavlink_broker.reporter import Reporter
 from mavlink_broker.session_states import BEFORE_TAKEOFF, Event, State, follow
 from mavlink_broker.stages import Stages
+from mavlink_broker.translation import authority
 from mavlink_broker.translation.alarms import mission_error
 from mavlink_broker.translation.area_check import AreaCheck
+from mavlink_broker.translation.authority import ON_THE_WAY, Claim, InCommand
 from mavlink_broker.translation.families import Family
 from mavlink_broker.translation.ledger import Ledger
 from mavlink_broker.translation.mission import (
@@ -29,7 +31,6 @@ from mavlink_broker.translation.mission import (
     LiveCommand,
     RefusedError,
 )
-from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.vehicle import Vehicle
 from mavlink_broker.work import MissionWork
 
@@ -38,6 +39,9 @@ _ASKING: Final = BEFORE_TAKEOFF | {State.PERFORMING}
 MOST_LOOKS: Final = 5
 """How often a mission may begin such a state again: links come and go, but not for ever."""
 _ARMED_BY_US: Final = frozenset({State.ARMING, State.STARTING})
+_COMING_DOWN: Final = Claim(authority.COMING_DOWN)
+_STANDING: Final = Claim(frozenset(), may_be_armed=False)
+_WAITING_IN_THE_AIR: Final = Claim(ON_THE_WAY)
 LAST_WORDS_S: Final = 0.5
 """How long a vehicle that refused something may take to say why."""
 Handler: TypeAlias = Callable[[float, Effects], None]
@@ -73,6 +77,7 @@ class FlightCore:
         self._follower: Follower | None = None
         self._performer: Performer | None = None
         self._looks = 0  # So often the link was away when something was asked
+        self._armed_in: str | None = None  # Mode in which the vehicle is armed, until it is left
         self._guesses = 0  # At what the vehicle refused in an earlier run of the broker
         self._was_running = False  # An earlier run of the broker has seen it fly
         self._area = None if work.geofence is None else AreaCheck(work.geofence)
@@ -145,15 +150,70 @@ class FlightCore:
         return self._stages.plan
 
     @property
+    def _claim(self) -> Claim | None:
+        """Modes in which the broker is in command in this state; None: it orders nothing."""
+        claim = None
+        match self.state:
+            case State.RUNNING if self._follower is not None:
+                claim = self._follower.claim
+            case State.PERFORMING if self._performer is not None and self._hovering:
+                claim = self._performer.claim
+            case State.WAITING if not self._hovering:
+                claim = _COMING_DOWN if self._told_to_start else _STANDING
+            case State.ATTACHING:
+                claim = _COMING_DOWN
+            case State.ARMING | State.STARTING if not self._hovering:
+                claim = Claim(ON_THE_WAY, mode=self._armed_in)
+            case State.FAILING if self._stops_propellers:
+                claim = Claim(ON_THE_WAY, mode=self._armed_in)
+            case state if state in BEFORE_TAKEOFF | {State.WAITING}:
+                claim = _WAITING_IN_THE_AIR if self._hovering else _STANDING
+        return claim
+
+    @property
+    def _who(self) -> InCommand:
+        """Who is in command of the vehicle now."""
+        claim = self._claim
+        if claim is None:
+            return InCommand.BROKER
+        return authority.in_command(self._vehicle.seen, claim)
+
+    @property
     def _is_taken_away(self) -> bool:
-        """Whether its own failsafe or a pilot has the vehicle in the air: it is left to them."""
-        vehicle = self._vehicle
-        by_others = vehicle.mode_role in {ModeRole.ENDING, ModeRole.OTHER}
-        return by_others and vehicle.family.knows_modes and not vehicle.snapshot.is_on_ground
+        """Whether its own failsafe or somebody else has a vehicle that waits for its next order."""
+        seen = self._vehicle.seen
+        return authority.in_command(seen, _WAITING_IN_THE_AIR) is not InCommand.BROKER
 
     @property
     def _departure(self) -> str:
-        return f"the vehicle left the mission: mode {self._vehicle.mode}"
+        seen = self._vehicle.seen
+        return authority.reason(authority.in_command(seen, _WAITING_IN_THE_AIR), seen)
+
+    def _yields(self, now: float, effects: Effects) -> bool:
+        """Fail at once when somebody else takes the vehicle; whether no order may be given.
+
+        While items fly the follower judges whether the mission has ended: a pilot may have it
+        back in its mission within seconds. On the ground it waits for who has armed it.
+        """
+        self._see_mode_of_arming()
+        who = self._who
+        if who is InCommand.BROKER:
+            return False
+        if self.state in BEFORE_TAKEOFF | {State.PERFORMING} or self._hovers_waiting:
+            self._fail_surely(authority.reason(who, self._vehicle.seen), now, effects)
+        return True
+
+    def _see_mode_of_arming(self) -> None:
+        """Learn in which mode the vehicle is armed: that one is ours until it is left."""
+        seen = self._vehicle.seen
+        if not seen.armed:
+            self._armed_in = seen.mode
+        elif seen.mode != self._armed_in:
+            self._armed_in = None
+
+    @property
+    def _hovers_waiting(self) -> bool:
+        return self.state is State.WAITING and self._hovering
 
     def _event_of_stage(self) -> Event:
         if isinstance(self._stages.current, LiveCommand):
@@ -209,7 +269,10 @@ class FlightCore:
         self, reason: str, now: float, effects: Effects, command: int | None = None
     ) -> None:
         self._fault = reason, command
-        self._stops_propellers = self.state in _ARMED_BY_US and not self._hovering
+        is_taken = self._who is not InCommand.BROKER
+        self._vehicle.is_taken |= is_taken
+        armed_by_us = self.state in _ARMED_BY_US and not self._hovering
+        self._stops_propellers = armed_by_us and not is_taken
         if self._stops_propellers:
             effects.messages += activities.disarming(self._vehicle)
         self._is_alarming = self._vehicle_cannot_go_on()
@@ -217,22 +280,23 @@ class FlightCore:
         gives_up = self._follower is not None and self._follower.has_given_up
         is_begun = self._hovering and self._has_flown  # Else it is left to the next mission
         waits = self.state in _ASKING and is_begun and not departed
-        self._waits_for_orders = waits or gives_up
+        self._waits_for_orders = (waits or gives_up) and not is_taken
         self._follower = self._performer = None
         self._move(Event.FAULT, now, effects)
 
     def _vehicle_cannot_go_on(self) -> bool:
-        """Whether it fails a mission in flight by itself, rather than by another hand."""
-        others = {ModeRole.OTHER}
-        if self.state is State.RUNNING:
-            others.add(ModeRole.GUIDED)
+        """Whether the mission itself has gone wrong in flight: an alarm, by the table of alarms.
+
+        What a failsafe does is none (its cause may be one), nor is what somebody else does.
+        """
         in_flight = self.state in {State.RUNNING, State.PERFORMING}
-        return in_flight and self._vehicle.mode_role not in others
+        held = self._vehicle.is_held_by_failsafe
+        return in_flight and self._who is InCommand.BROKER and not held
 
     def _step_failing(self, now: float, effects: Effects) -> None:
         if now - self._entered_at < LAST_WORDS_S:
             return
-        if self._stops_propellers:
+        if self._stops_propellers and self._who is InCommand.BROKER:
             effects.messages += activities.disarming(self._vehicle)  # The first may be lost
         reason, command = self._fault
         words = self._vehicle.words_since(self._began_at)

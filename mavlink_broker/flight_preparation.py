@@ -144,9 +144,6 @@ class FlightPreparation(FlightCore):
         )
 
     def _enter_holding(self, now: float, effects: Effects) -> None:
-        if self._is_taken_away:
-            self._fail(self._departure, now, effects)
-            return
         ways = self._vehicle.family.holding
         self._start(activities.commands(ways, self._vehicle), now, effects)
 
@@ -162,9 +159,6 @@ class FlightPreparation(FlightCore):
         self._start(activities.selection(self._plan, self._vehicle), now, effects)
 
     def _enter_arming(self, now: float, effects: Effects) -> None:
-        if self._hovering and self._is_taken_away:
-            self._fail(self._departure, now, effects)
-            return
         self._activity = None
         if not self.is_confirmed:
             self._entered_at = now  # Its patience begins when it may arm
@@ -227,7 +221,7 @@ class FlightPreparation(FlightCore):
 
     def _ask_why_not(self, now: float, effects: Effects) -> None:
         """Have a vehicle that is not ready to arm say why: most told it before we listened."""
-        is_ready = self._vehicle.ready_to_arm is not False
+        is_ready = self._vehicle.ready_to_arm is not False or bool(self._vehicle.snapshot.armed)
         if is_ready or now - max(self._why_asked_at, self._entered_at) < WHY_EVERY_S:
             return
         self._why_asked_at = now

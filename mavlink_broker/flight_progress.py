@@ -12,6 +12,7 @@ from mavlink_broker.interruption import SpeedOrders
 from mavlink_broker.performer import Performer, Phase
 from mavlink_broker.session_states import Event
 from mavlink_broker.skip_watch import SkipWatch
+from mavlink_broker.translation.authority import InCommand
 from mavlink_broker.translation.modes import LIVE_MODES
 
 
@@ -68,7 +69,8 @@ class FlightProgress(FlightAttachment, ABC):
             if not self.ledger.commands[index].is_terminal:
                 self.ledger.set_command(index, Status.ABORTED, reason)
         effects.for_edge += self._follower.step(now)
-        self._speeds.hold(self._plan, self._stages.speed_m_s, now, effects)
+        if self._who is InCommand.BROKER:
+            self._speeds.hold(self._plan, self._stages.speed_m_s, now, effects)
         if self._follower.is_finished:
             self._next_stage(now, effects)
             return

@@ -13,6 +13,8 @@ from mavlink_broker.departure import HELD_BY_FAILSAFE, Departure
 from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.effects import Told
 from mavlink_broker.reporter import Reporter
+from mavlink_broker.translation import authority
+from mavlink_broker.translation.authority import IN_MISSION, Claim, InCommand
 from mavlink_broker.translation.geo import distance_m
 from mavlink_broker.translation.ledger import Ledger
 from mavlink_broker.translation.mission import FlightPlan
@@ -69,6 +71,12 @@ class Follower:
     def has_given_up(self) -> bool:
         """Whether the vehicle waits where it is, for a mission that it does not go on with."""
         return self._given_up is not None
+
+    @property
+    def claim(self) -> Claim:
+        """Modes in which the vehicle flies the mission; its last command may land it."""
+        lands = self._progress.plan.ends_on_ground and self._progress.last_command_has_begun
+        return Claim(IN_MISSION | {ModeRole.ENDING} if lands else IN_MISSION)
 
     def begin(self, now: float) -> list[Told]:
         """Say that it flies, unless that was said when the vehicle was told to start."""
@@ -164,11 +172,13 @@ class Follower:
     def _reason_to_doubt(self) -> str | None:
         vehicle, snapshot = self._vehicle, self._vehicle.snapshot
         role = vehicle.mode_role
-        ending = self._progress.plan.ends_on_ground and self._progress.last_command_has_begun
         if snapshot.armed is False:
             return "the vehicle disarmed before the end of the mission"
-        if role in {ModeRole.OTHER, ModeRole.GUIDED} or (role is ModeRole.ENDING and not ending):
-            return f"the vehicle left the mission: mode {vehicle.mode}"
+        seen = vehicle.seen
+        survives = self.claim._replace(roles=self.claim.roles | {ModeRole.PAUSED})
+        who = authority.in_command(seen, survives)
+        if who is not InCommand.BROKER:
+            return authority.reason(who, seen)
         told = snapshot.mission.mission_id if snapshot.mission else None
         if self._mission_id is not None and told != self._mission_id:
             return "another mission was put onto the vehicle"

@@ -8,14 +8,14 @@ from typing import Final
 
 from mavlink_broker.dialect import mavlink
 from mavlink_broker.journal.memo import Pose
+from mavlink_broker.translation.authority import ON_THE_WAY, Claim, InCommand, in_command
 from mavlink_broker.translation.geo import distance_m
-from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.vehicle import Vehicle
 
 WITHIN_M: Final = 30.0
 """Horizontally, with wind and another satellite fix."""
 AS_HIGH_WITHIN_M: Final = 15.0
-_NOT_OURS: Final = frozenset({ModeRole.OTHER, ModeRole.ENDING})
+_OURS: Final = Claim(ON_THE_WAY)
 
 
 def begin(vehicle: Vehicle) -> None:
@@ -33,7 +33,8 @@ def end(vehicle: Vehicle) -> None:
 def watch(vehicle: Vehicle) -> None:
     """See a landing, and whether a hover that an earlier run has noted goes on."""
     snapshot = vehicle.snapshot
-    if snapshot.armed is False:
+    is_left = vehicle.hovers and not _is_ours(vehicle)
+    if snapshot.armed is False or is_left:
         end(vehicle)
     elif vehicle.hover is not None and not vehicle.hovers and snapshot.armed is not None:
         _recognise(vehicle, vehicle.hover)
@@ -46,8 +47,12 @@ def _recognise(vehicle: Vehicle, noted: Pose) -> None:
     is_near = distance_m(*place[:2], *noted[:2]) <= WITHIN_M
     is_as_high = abs(place.altitude_m - noted.altitude_m) <= AS_HIGH_WITHIN_M
     stands = vehicle.snapshot.landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND
-    is_another = vehicle.family.knows_modes and vehicle.mode_role in _NOT_OURS
-    if is_near and is_as_high and not stands and not is_another:
+    if is_near and is_as_high and not stands and _is_ours(vehicle):
         vehicle.hovers = True
     else:
         end(vehicle)
+
+
+def _is_ours(vehicle: Vehicle) -> bool:
+    """Whether nobody else has taken it since."""
+    return in_command(vehicle.seen, _OURS) is InCommand.BROKER

@@ -23,6 +23,8 @@ from mavlink_broker.protocol.command_sequence import CommandSequence, Ways
 from mavlink_broker.series import SeriesRunner, missing_camera
 from mavlink_broker.subject import SubjectTracker
 from mavlink_broker.target_teller import TargetTeller
+from mavlink_broker.translation import authority
+from mavlink_broker.translation.authority import Claim, InCommand
 from mavlink_broker.translation.geo import distance_m
 from mavlink_broker.translation.live import (
     Circled,
@@ -74,6 +76,7 @@ class Performer:
         self.phase = Phase.BORROWING
         self.reason = ""
         self.has_departed = False  # Somebody else has ended it
+        self._is_out_of_mission = False  # The vehicle has left its items for this command
         self._note: str | None = None
 
     @property
@@ -81,6 +84,18 @@ class Performer:
         """What cannot be done as it was meant."""
         notes = (self._note, None if self._doing is None else self._doing.note)
         return "; ".join(note for note in notes if note) or None
+
+    @property
+    def goes_somewhere(self) -> bool:
+        """Whether it begins at a place that the vehicle has to reach first."""
+        return self._action.approach is not None
+
+    @property
+    def claim(self) -> Claim:
+        """Modes in which the vehicle does what it was ordered, or has not obeyed yet."""
+        if self._is_out_of_mission and self._action.moves:
+            return Claim(authority.ON_THE_WAY - {ModeRole.MISSION})
+        return Claim(authority.ON_THE_WAY)
 
     @property
     def has_begun(self) -> bool:
@@ -151,11 +166,15 @@ class Performer:
 
     def tick(self, now: float) -> list[Message]:
         """Let time pass."""
-        messages = self._sequence.tick(now) if self._sequence else []
-        if self._doing is not None and self.phase is Phase.GOING:
-            messages += self._doing.tick(now)
-        messages += self._advance(now)
-        self._note_progress()
+        role = self._vehicle.mode_role
+        self._is_out_of_mission |= role in {ModeRole.HOLD, ModeRole.GUIDED}
+        messages: list[Message] = []
+        if self._sign_of_departure() is None or not self._action.moves:
+            messages += self._sequence.tick(now) if self._sequence else []
+            if self._doing is not None and self.phase is Phase.GOING:
+                messages += self._doing.tick(now)
+            messages += self._advance(now)
+            self._note_progress()
         self._watch(now)
         return messages
 
@@ -294,8 +313,10 @@ class Performer:
             return "the vehicle disarmed before the end of the mission"
         if self._vehicle.is_held_by_failsafe:
             return HELD_BY_FAILSAFE
-        if self._vehicle.mode_role in {ModeRole.OTHER, ModeRole.ENDING}:
-            return f"the vehicle left the mission: mode {self._vehicle.mode}"
+        seen = self._vehicle.seen
+        who = authority.in_command(seen, self.claim)
+        if who is not InCommand.BROKER:
+            return authority.reason(who, seen)
         goes = self.phase is Phase.GOING
         if goes and isinstance(self._doing, TurnRunner) and self._doing.has_left:
             return f"the vehicle left its circle: mode {self._vehicle.mode}"

@@ -28,6 +28,7 @@ from mavlink_broker.protocol.streams import StreamRequests
 from mavlink_broker.reporter import Reporter
 from mavlink_broker.session_states import BEFORE_TAKEOFF, State
 from mavlink_broker.translation.alarms import AlarmWatch, Failure
+from mavlink_broker.translation.authority import is_order
 from mavlink_broker.translation.families import MOST_ABLE
 from mavlink_broker.translation.mission import Home, RefusedError, translate
 from mavlink_broker.vehicle import Vehicle
@@ -87,7 +88,7 @@ class Session:
 
     def is_stranger(self, now: float) -> bool:
         """Whether a vehicle has told no more than that it is there, and is there no more."""
-        is_idle = self._flight is None and not self._waiting
+        is_idle = self._flight is None and not self._waiting and not self._events.is_waiting
         is_long_lost = self._lost_since is not None and now - self._lost_since > FORGOTTEN_AFTER_S
         return is_idle and is_long_lost and self.vehicle.snapshot.position is None
 
@@ -97,6 +98,8 @@ class Session:
         self._failed = memo.homeward
         if self._flight is not None and not self._flight.work.was_accepted:
             self.vehicle.live = None
+        if memo.abort is not None:
+            self._events.recall_abort(memo.abort)
         if memo.homeward is None:
             return
         self._events.recall(memo.homeward)
@@ -197,13 +200,16 @@ class Session:
             resumed = self._flight.is_looked_for
         else:
             resumed = bool(self._waiting) and self._is_resumed(self._waiting[0])
-        if self.vehicle.snapshot.armed is None:
+        is_unknown = self.vehicle.snapshot.armed is None
+        if is_unknown or (work.was_accepted and not self.vehicle.diary.is_open):
             return resumed or work.was_accepted
         aborts_now = work.event.event_type_id is EventType.ABORT_MISSION
         return resumed and not aborts_now
 
     def _interrupt(self, work: EventWork, now: float, effects: Effects) -> None:
         """Interrupt what is flown; what waits behind it falls with an abort."""
+        if is_abort(work):
+            self.vehicle.abort = None  # Noted again where there is still something to be ordered
         first = self._waiting[0] if self._waiting else None
         if first is not None and self._is_resumed(first) and self._concerns(work, first):
             self._next_flight(now, effects)
@@ -248,6 +254,12 @@ class Session:
         if self._flight is not None:
             self._flight.receive(message, now, effects)
             self._close_flight()
+
+    def permitted(self, messages: list[Message]) -> list[Message]:
+        """Leave out every order to a vehicle that somebody else has taken, whoever gives it."""
+        if not self.vehicle.is_taken:
+            return messages
+        return [message for message in messages if not is_order(message)]
 
     def watch(self, asked_elsewhere: Collection[int] | None) -> None:
         """Learn that ground stations watch, and which messages they have asked for."""
@@ -304,6 +316,8 @@ class Session:
     def _keep_parameters(self, now: float) -> list[Message]:
         """Set what the part of the mission that is flown has borrowed, give back the rest."""
         vehicle = self.vehicle
+        if vehicle.is_taken:
+            return []  # It gets them back when it stands
         may_be_needed = vehicle.parameters.is_recalled and not vehicle.snapshot.is_on_ground
         if self._flight is None and not may_be_needed:
             vehicle.parameters.want(())

@@ -6,7 +6,7 @@ from typing import Final
 
 from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.journal.diary import Diary
-from mavlink_broker.journal.memo import Homeward, LiveNote, Memo, Pose, merged
+from mavlink_broker.journal.memo import AbortNote, Homeward, LiveNote, Memo, Pose, merged
 from mavlink_broker.protocol.heartbeat import LinkState, LinkWatch, is_vehicle
 from mavlink_broker.protocol.parameter_keeper import Loan as Wish
 from mavlink_broker.protocol.parameter_keeper import ParameterKeeper
@@ -15,6 +15,8 @@ from mavlink_broker.protocol.reboot import RebootWatch
 from mavlink_broker.protocol.round_trip import RoundTrip
 from mavlink_broker.protocol.route import Route
 from mavlink_broker.protocol.status_text import StatusTexts
+from mavlink_broker.translation import authority
+from mavlink_broker.translation.authority import Seen
 from mavlink_broker.translation.families import GENERIC, Family, family_of
 from mavlink_broker.translation.loan import Loan
 from mavlink_broker.translation.modes import ModeRole
@@ -65,7 +67,10 @@ class Vehicle:
     hovers: bool = False  # It waits in the air where a mission of ours has left it
     hover: Pose | None = None  # Where that is; of an earlier run, until that has been judged
     homeward: Homeward | None = None  # It is to go home, and has not obeyed yet
+    abort: AbortNote | None = None  # It was accepted, and the vehicle has not obeyed yet
     live: LiveNote | None = None  # The live command that it was told last
+    is_taken: bool = False  # Somebody else has taken it from a mission; until it is disarmed
+    _tells_manual: bool = False  # Its heartbeats tell by standard bits who steers it
     _heard_at: dict[str, float] = field(default_factory=dict)
     _reboots: RebootWatch = field(default_factory=RebootWatch)
     _words: StatusTexts = field(default_factory=StatusTexts)
@@ -79,6 +84,7 @@ class Vehicle:
             self.link.heard(now)
             self.autopilot, self.kind = message.autopilot, message.type
             self.family = family_of(message.autopilot, self.product, message.type)
+            self._tells_manual |= authority.tells_manual(message.base_mode)
         elif kind == "AUTOPILOT_VERSION":
             self.product = message.vendor_id, message.product_id
             self.capabilities = message.capabilities
@@ -100,6 +106,7 @@ class Vehicle:
             self._words.clear()
         self.snapshot.take(message)
         self.observations.take(message, self.snapshot, now)
+        self.is_taken = self.is_taken and self.snapshot.armed is not False
         return rebooted
 
     @property
@@ -111,6 +118,7 @@ class Vehicle:
             borrowed=self.parameters.borrowed,
             hover=self.hover,
             homeward=self.homeward,
+            abort=self.abort,
             live=self.live,
         )
 
@@ -120,11 +128,12 @@ class Vehicle:
         self.loan.plans, self.loan.values = dict(both.plans), dict(both.values)
         self.parameters.recall(both.borrowed)
         self.hover, self.homeward, self.live = both.hover, both.homeward, both.live
+        self.abort = both.abort
 
     def forget(self) -> None:
         """Start anew with what is noted: it is another vehicle."""
         self.loan, self.parameters = Loan(), ParameterKeeper()
-        self.hover = self.homeward = self.live = None
+        self.hover = self.homeward = self.abort = self.live = None
         self.hovers = False
 
     @property
@@ -160,6 +169,26 @@ class Vehicle:
         return self.family.mode_role(self.mode)
 
     @property
+    def seen(self) -> Seen:
+        """What its heartbeat says about who steers it."""
+        snapshot = self.snapshot
+        is_manual = self._tells_manual and authority.is_manual(snapshot.base_mode)
+        return Seen(
+            self.mode,
+            self.mode_role,
+            snapshot.armed,
+            in_failsafe=snapshot.in_failsafe,
+            is_manual=is_manual and not self.family.knows_modes,
+        )
+
+    @property
+    def is_standing_armed(self) -> bool:
+        """Whether its propellers may turn while it is on the ground; what drives is never there."""
+        if not self.snapshot.armed or self.stays_on_ground:
+            return False
+        return bool(self.snapshot.landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND)
+
+    @property
     def ready_to_arm(self) -> bool | None:
         """Whether it would arm in the mode that it is in, as it tells; None: it does not tell.
 
@@ -178,7 +207,8 @@ class Vehicle:
     def is_held_by_failsafe(self) -> bool:
         """Whether it hovers because a failsafe of its own says so, and nobody has paused it."""
         snapshot = self.snapshot
-        return bool(snapshot.armed) and snapshot.in_failsafe and self.mode_role is ModeRole.HOLD
+        holds = self.mode_role in {ModeRole.HOLD, ModeRole.PAUSED}
+        return bool(snapshot.armed) and snapshot.in_failsafe and holds
 
     @property
     def stays_on_ground(self) -> bool:

@@ -42,6 +42,11 @@ class Diary:
         """Whether there is a disk to write to."""
         return self._in_use
 
+    @property
+    def is_open(self) -> bool:
+        """Whether what an earlier run has noted is known by now."""
+        return not self._in_use or self.owner is not None
+
     def open(self, owner: Owner, memo: Memo) -> None:
         """Learn whose it is, and what stands in it."""
         self.owner = owner

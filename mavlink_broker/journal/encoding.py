@@ -15,7 +15,7 @@ from typing import Annotated, Final, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
-from mavlink_broker.journal.memo import Homeward, LiveNote, Memo, Owner, Pose
+from mavlink_broker.journal.memo import AbortNote, Homeward, LiveNote, Memo, Owner, Pose
 from mavlink_broker.protocol.parameter_keeper import Borrowed
 from mavlink_broker.protocol.plan_kinds import FENCE, RALLY
 from mavlink_broker.translation.loan import ExchangedPlan, Items
@@ -80,6 +80,13 @@ class _Homeward(_Row):
     reason: _Text
 
 
+class _Abort(_Row):
+    work: _Count
+    kind: Annotated[int, Field(ge=1, le=2)]
+    point: _Pose | None = None
+    noted: _Number | None = None
+
+
 class _Live(_Row):
     name: _Text
     is_agreed: bool
@@ -98,6 +105,7 @@ class _Page(_Row):
     borrowed: dict[_Name, _Value] = {}
     hover: _Pose | None = None
     homeward: _Homeward | None = None
+    abort: _Abort | None = None
     live: _Live | None = None
 
 
@@ -117,6 +125,7 @@ def encode(owner: Owner, memo: Memo) -> bytes:
             borrowed={name: _value(value) for name, value in memo.borrowed.items()},
             hover=_if_any(_pose, memo.hover),
             homeward=_if_any(_homeward, memo.homeward),
+            abort=_if_any(_abort, memo.abort),
             live=_if_any(_live, memo.live),
         )
     except ValidationError as error:
@@ -157,6 +166,7 @@ def _memo(page: _Page) -> Memo:
         borrowed={name: Borrowed(row.before, row.placed) for name, row in page.borrowed.items()},
         hover=_if_any(_read_pose, page.hover),
         homeward=_if_any(_read_homeward, page.homeward),
+        abort=_if_any(_read_abort, page.abort),
         live=_if_any(_read_live, page.live),
     )
 
@@ -239,6 +249,20 @@ def _homeward(homeward: Homeward) -> _Homeward:
 
 def _read_homeward(row: _Homeward) -> Homeward:
     return Homeward(mission=row.mission, reason=row.reason)
+
+
+def _abort(abort: AbortNote) -> _Abort:
+    return _Abort(
+        work=abort.work_id,
+        kind=abort.event_type,
+        point=_if_any(_pose, abort.point),
+        noted=abort.noted_s,
+    )
+
+
+def _read_abort(row: _Abort) -> AbortNote:
+    point = _if_any(_read_pose, row.point)
+    return AbortNote(work_id=row.work, event_type=row.kind, point=point, noted_s=row.noted)
 
 
 def _live(live: LiveNote) -> _Live:

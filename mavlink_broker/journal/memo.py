@@ -42,6 +42,16 @@ class Homeward:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class AbortNote:
+    """An abort that was accepted, and that the vehicle has not obeyed yet."""
+
+    work_id: int  # Of the event
+    event_type: int  # Of AFarCloud's: 1 abort, 2 soft abort
+    point: Pose | None = None  # Where the vehicle is to go first
+    noted_s: float | None = None  # By the vehicle's clock, since it was switched on
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LiveNote:
     """How far a live command is. Times are the vehicle's own, since it was switched on [s]."""
 
@@ -62,6 +72,7 @@ class Memo:
     borrowed: Mapping[str, Borrowed] = field(default_factory=dict)  # For a command
     hover: Pose | None = None  # It waits there for its next mission
     homeward: Homeward | None = None
+    abort: AbortNote | None = None
     live: LiveNote | None = None
 
 
@@ -84,6 +95,7 @@ def merged(earlier: Memo, later: Memo) -> Memo:
         borrowed=_merged_values(earlier.borrowed, later.borrowed),
         hover=later.hover or earlier.hover,
         homeward=later.homeward or earlier.homeward,
+        abort=later.abort or earlier.abort,
         live=later.live or earlier.live,
     )
 

@@ -100,10 +100,13 @@ def _system_status(message: Message) -> Iterator[_Sign]:
 
 
 def _estimator_status(message: Message) -> Iterator[_Sign]:
-    """ESTIMATOR_STATUS(230) of PX4, EKF_STATUS_REPORT(193) of ArduPilot: the same low bits."""
+    """ESTIMATOR_STATUS(230) of PX4, EKF_STATUS_REPORT(193) of ArduPilot: the same low bits.
+
+    ESTIMATOR_CONST_POS_MODE is no failure: PX4 sets it whenever the vehicle is at rest
+    (`ekf_helper.cpp`), and both take POS_HORIZ_ABS away from a position that they only assume.
+    """
     needed = mavlink.ESTIMATOR_ATTITUDE | mavlink.ESTIMATOR_POS_HORIZ_ABS
-    guesses = bool(message.flags & mavlink.ESTIMATOR_CONST_POS_MODE)
-    is_ill = guesses or message.flags & needed != needed
+    is_ill = message.flags & needed != needed
     yield _Sign(message.get_type(), LOCALISATION, is_ill)
 
 

@@ -11,7 +11,8 @@ class ModeRole(Enum):
     """What a mode means while a mission of ours is on the vehicle."""
 
     MISSION = auto()  # It flies the mission
-    HOLD = auto()  # Somebody paused it; it can be resumed
+    HOLD = auto()  # It waits: somebody paused it, or the broker ordered it
+    PAUSED = auto()  # It waits in a mode that the broker never orders; the mission can be resumed
     GUIDED = auto()  # It flies a live command
     ENDING = auto()  # Return or land: part of the mission only while its last command runs
     OTHER = auto()  # Somebody else flies
@@ -60,7 +61,7 @@ _PX4_ROLES: Final[Mapping[str, ModeRole]] = {
     "AUTO.PRECLAND": ModeRole.ENDING,
 }
 
-LIVE_MODES: Final = frozenset({"POSCTL.ORBIT", "AUTO.FOLLOW_TARGET", "CIRCLE", "FOLLOW"})
+LIVE_MODES: Final = frozenset({"POSCTL.ORBIT", "AUTO.FOLLOW_TARGET", "FOLLOW"})
 """Modes in which a vehicle is only while it flies a live command."""
 
 _COPTER: Final = {
@@ -93,11 +94,10 @@ _COPTER: Final = {
 }
 _COPTER_ROLES: Final[Mapping[str, ModeRole]] = {
     "AUTO": ModeRole.MISSION,
-    "LOITER": ModeRole.HOLD,
+    "LOITER": ModeRole.PAUSED,
     "GUIDED": ModeRole.GUIDED,
     "FOLLOW": ModeRole.GUIDED,
-    "CIRCLE": ModeRole.GUIDED,
-    "BRAKE": ModeRole.HOLD,
+    "BRAKE": ModeRole.PAUSED,
     "RTL": ModeRole.ENDING,
     "SMART_RTL": ModeRole.ENDING,
     "AUTO_RTL": ModeRole.ENDING,

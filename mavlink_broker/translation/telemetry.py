@@ -76,6 +76,8 @@ class Snapshot:
     ready_to_arm: bool | None = None  # None: the vehicle does not say
     passes_checks: bool = False  # The same, of a vehicle that says no more than that they pass
     can_navigate: bool | None = None  # By its position estimate; None: it does not say
+    has_estimate: bool = True  # Of its place, by ESTIMATOR_STATUS or EKF_STATUS_REPORT
+    has_gps: bool | None = None  # False: its receiver has failed; None: it has not told yet
     mission: MissionNow | None = None
 
     @property
@@ -83,6 +85,16 @@ class Snapshot:
         """Disarmed, and not known to be in the air."""
         grounded = {mavlink.MAV_LANDED_STATE_UNDEFINED, mavlink.MAV_LANDED_STATE_ON_GROUND}
         return self.armed is False and self.landed_state in grounded
+
+    @property
+    def lacks_position(self) -> bool:
+        """Whether it cannot find a place: it has no estimate, or only dead reckoning."""
+        return not (self.has_estimate and self.has_gps is not False)
+
+    @property
+    def knows_whether_placed(self) -> bool:
+        """Whether it has told enough to be sent somewhere: its place, and how its sensors are."""
+        return self.position is not None and self.has_gps is not None
 
     def take(self, message: Message) -> None:
         """Remember what a message tells; other kinds of message are ignored."""
@@ -154,12 +166,26 @@ def _system_status(snapshot: Snapshot, message: Message) -> None:
     present = message.onboard_control_sensors_present & message.onboard_control_sensors_enabled
     healthy = bool(message.onboard_control_sensors_health & _PREARM)
     snapshot.passes_checks = healthy
+    has_failed = present_and_failed(message, mavlink.MAV_SYS_STATUS_SENSOR_GPS)
+    snapshot.has_gps = not has_failed
     snapshot.ready_to_arm = healthy if present & _PREARM else None
+
+
+def present_and_failed(message: Message, bits: int) -> bool:
+    """Whether SYS_STATUS says that one of these sensors is there, in use, and not healthy."""
+    watched = message.onboard_control_sensors_present & message.onboard_control_sensors_enabled
+    return bool(watched & ~message.onboard_control_sensors_health & bits)
 
 
 def _estimate(snapshot: Snapshot, message: Message) -> None:
     """ArduPilot navigates on the ground by a position that it has, or is sure to have."""
     snapshot.can_navigate = bool(message.flags & _NAVIGABLE)
+    snapshot.has_estimate = snapshot.can_navigate
+
+
+def _estimator(snapshot: Snapshot, message: Message) -> None:
+    """PX4 says the same in another message."""
+    snapshot.has_estimate = bool(message.flags & mavlink.ESTIMATOR_POS_HORIZ_ABS)
 
 
 def _mission_current(snapshot: Snapshot, message: Message) -> None:
@@ -187,6 +213,7 @@ _READERS: Final[Mapping[str, Callable[[Snapshot, Message], None]]] = {
     "EXTENDED_SYS_STATE": _extended_state,
     "SYS_STATUS": _system_status,
     "EKF_STATUS_REPORT": _estimate,
+    "ESTIMATOR_STATUS": _estimator,
     "SYSTEM_TIME": _system_time,
     "MISSION_CURRENT": _mission_current,
 }

@@ -54,6 +54,7 @@ class Script:
     loses_current: bool = False  # Behind an upload it tells 65535 until one has been set
     version: int = 0  # AUTOPILOT_VERSION.flight_sw_version
     has_checks: bool = True  # Else SYS_STATUS tells that they pass, and not that there are any
+    goes_to_places: bool = True  # At once; else it is on its way for ever
     fence_m: float = math.inf  # From home; what leads out is accepted, and not done
     streams_unasked: bool = True
     knows_intervals: bool = True

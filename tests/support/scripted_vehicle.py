@@ -92,6 +92,8 @@ class ScriptedVehicle:
         self.armed = False
         self.airborne = False
         self.in_failsafe = False
+        self.is_manual = False  # A person steers; told by the standard bit of the base mode
+        self.frames: list[Message] = []  # Everything that was sent to it
         self._has_lost_current = False
         self.custom_mode = PX4_HOLD if script.autopilot == mavlink.MAV_AUTOPILOT_PX4 else 0
         self.current = 0
@@ -161,6 +163,7 @@ class ScriptedVehicle:
         self._now = now
         for message in self._decoder.decode(datagram):
             if getattr(message, "target_system", self.system) in {0, self.system}:
+                self.frames.append(message)
                 self.missions.handle(message, now)
                 self._handle(message)
 
@@ -222,6 +225,12 @@ class ScriptedVehicle:
         self._mode_began_at = self._now
         self._tell_change()
 
+    def steer(self, custom_mode: int) -> None:
+        """Be flown by a person from now on."""
+        self.is_manual = True
+        self.set_mode(custom_mode)
+        self.heartbeat()
+
     def fail_safe(self, custom_mode: int) -> None:
         """Do what a failsafe of its own has chosen, until somebody chooses a mode."""
         self.in_failsafe = True
@@ -264,6 +273,8 @@ class ScriptedVehicle:
             base |= mavlink.MAV_MODE_FLAG_AUTO_ENABLED
         if self.armed:
             base |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+        if self.is_manual:
+            base |= mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
         self._send(
             mavlink.MAVLink_heartbeat_message(
                 self.script.vehicle_type,
@@ -583,8 +594,9 @@ class ScriptedVehicle:
                 self.say("Reposition is outside geofence\t")
                 self.set_mode(PX4_HOLD)
             case mavlink.MAV_CMD_DO_REPOSITION:
-                self.place = message.x / 1e7, message.y / 1e7
-                self.height_m = message.z - HOME[2]
+                if self.script.goes_to_places:
+                    self.place = message.x / 1e7, message.y / 1e7
+                    self.height_m = message.z - HOME[2]
                 if not math.isnan(message.param4):
                     self.yaw_rad = message.param4
                 copter = self.script.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA

@@ -7,11 +7,28 @@ import pytest
 from afarcloud.enumerations import AlarmCode, AlarmType, Status
 from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.session_states import State
-from tests.support.broker_world import World, first_flight, flying_world
-from tests.support.scripted_vehicle import PX4, PX4_LAND, PX4_POSITION, PX4_RETURN
+from tests.support.broker_world import (
+    World,
+    first_flight,
+    flying_world,
+    go_home,
+    land,
+    mission,
+    takeoff,
+)
+from tests.support.scripted_vehicle import (
+    ARDUPILOT,
+    COPTER_RETURN,
+    PX4,
+    PX4_LAND,
+    PX4_POSITION,
+    PX4_RETURN,
+    Script,
+)
 
 GPS = mavlink.MAV_SYS_STATUS_SENSOR_GPS
 SLOW = dataclasses.replace(PX4, item_time_s=10.0)
+SLOW_COPTER = dataclasses.replace(ARDUPILOT, item_time_s=10.0)
 
 
 def alarms(world: World) -> list[tuple[int, int]]:
@@ -43,7 +60,7 @@ def test_a_failure_in_flight_is_told_and_ends_the_mission(bit: int, code: AlarmC
     assert world.edge.bodies("/alarm/")[0]["mission_id"] == 1201
     assert world.edge.statuses(1201) == [Status.FINISHED, Status.FAILED, Status.ABORTED]
     assert world.edge.status(1201) == Status.FAILED
-    assert vehicle.custom_mode == PX4_RETURN
+    assert vehicle.custom_mode == (PX4_LAND if bit == GPS else PX4_RETURN)
     world.run_until(lambda: not vehicle.armed)
     world.run(3.0)
     assert world.app.sessions[1].state is State.IDLE
@@ -145,6 +162,26 @@ def test_what_fails_with_a_part_is_told_when_it_outlasts_it() -> None:
     assert alarms(world) == [(1, 5), (2, 50)]
 
 
+def test_a_px4_that_rests_on_the_ground_knows_where_it_is() -> None:
+    """It sets ESTIMATOR_CONST_POS_MODE whenever it is at rest: 0x37F becomes 0x3FF."""
+    world = World()
+    vehicle = world.add_vehicle()
+
+    def rest(flags: int, seconds: int) -> None:
+        for _ in range(seconds):
+            world.hear(vehicle, mavlink.MAVLink_estimator_status_message(0, flags, *[0.0] * 8))
+            world.run(1.0)
+
+    world.edge.plan(mission(takeoff(1), land(2), takeoff(3), go_home(4)))
+    world.run_until(lambda: vehicle.airborne)
+    rest(0x37F, 3)
+    world.run_until(lambda: not vehicle.airborne)
+    rest(0x3FF, 6)
+    world.run_until_over(1201)
+    assert alarms(world) == []
+    assert world.edge.statuses(1201) == [Status.FINISHED] * 4
+
+
 ALL_KNOWN = mavlink.ESTIMATOR_ATTITUDE | mavlink.ESTIMATOR_POS_HORIZ_ABS | 0x26
 
 
@@ -158,7 +195,7 @@ ALL_KNOWN = mavlink.ESTIMATOR_ATTITUDE | mavlink.ESTIMATOR_POS_HORIZ_ABS | 0x26
         ),
         (
             mavlink.MAVLink_ekf_status_report_message(ALL_KNOWN, *[0.0] * 6),
-            mavlink.MAVLink_ekf_status_report_message(ALL_KNOWN | 128, *[0.0] * 6),
+            mavlink.MAVLink_ekf_status_report_message(ALL_KNOWN & ~16 | 128, *[0.0] * 6),
             (2, 50),
         ),
         (
@@ -273,15 +310,31 @@ def test_on_a_bad_link_silence_has_to_last_longer() -> None:
     assert not vehicle.silent
 
 
-def test_a_vehicle_that_cannot_go_on_is_a_mission_error() -> None:
+@pytest.mark.parametrize(
+    ("script", "mode"), [(SLOW, PX4_RETURN), (SLOW_COPTER, COPTER_RETURN), (SLOW, PX4_LAND)]
+)
+@pytest.mark.parametrize("words", ["Critical battery, returning", "GCS connection lost"])
+def test_what_a_failsafe_does_is_no_alarm_by_itself(script: Script, mode: int, words: str) -> None:
+    """A low battery or a lost link has no code in AFarCloud's table; the report tells all."""
+    world = flying_world(script)
+    world.only_vehicle.say(words)
+    world.only_vehicle.fail_safe(mode)
+    world.run(9.0)
+    assert alarms(world) == []
+    assert world.edge.status(1201) == Status.FAILED
+    message = world.edge.reports(1201)[-1]["message"]
+    assert "its own failsafe flies it" in message
+    assert words in message
+
+
+def test_a_vehicle_that_gives_its_mission_up_is_a_mission_error() -> None:
     world = flying_world(SLOW)
-    world.only_vehicle.say("Critical battery, returning")
-    world.only_vehicle.set_mode(PX4_RETURN)
-    world.run(7.0)
+    world.only_vehicle.give_up()
+    world.run(9.0)
     assert alarms(world) == [(2, 52)]
     (alarm,) = world.edge.bodies("/alarm/")
     assert alarm["mission_id"] == 1201
-    assert "Critical battery" in alarm["message"]
+    assert "given up the mission" in alarm["message"]
     paths = [post.path for post in world.edge.posts]
     assert paths.index("/alarm/") < len(paths) - 1 - paths[::-1].index("/mission_report/")
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -41,9 +42,9 @@ MOMENTS = {
 }
 
 
-def world_at(command: int, script: Script = OWN) -> World:
+def world_at(command: int, script: Script = OWN, journal: Path | None = None) -> World:
     """A world whose vehicle flies this command of a long mission."""
-    world = World()
+    world = World(journal=journal)
     world.add_vehicle(script=dataclasses.replace(script, item_time_s=6.0))
     world.edge.plan(mission(*COMMANDS))
     world.run_until(lambda: running(world) == command)

@@ -127,11 +127,13 @@ def test_a_mission_that_was_flown_meanwhile_is_finished_and_not_flown_again() ->
 
 def test_a_vehicle_that_its_failsafe_brings_home_meanwhile_is_left_to_it() -> None:
     world, vehicle = unheard_behind_the_circle()
-    vehicle.set_mode(PX4_RETURN)
+    vehicle.fail_safe(PX4_RETURN)
     vehicle.silent = False
     world.run_until_over(1201)
     assert world.edge.status(1201) == Status.FAILED
-    assert messages(world)[2] == "the vehicle left the mission: mode AUTO.RTL"
+    assert messages(world)[2] == (
+        "the vehicle left the mission: mode AUTO.RTL: its own failsafe flies it"
+    )
     assert vehicle.custom_mode == PX4_RETURN
 
 

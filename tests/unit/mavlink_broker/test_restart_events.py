@@ -1,6 +1,8 @@
 """A broker that is killed while an event is being carried out, and one that finds an event."""
 
+import dataclasses
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -8,7 +10,7 @@ from afarcloud.enumerations import Status
 from mavlink_broker.dialect import mavlink
 from mavlink_broker.session_states import State
 from tests.support.broker_world import World, first_flight
-from tests.support.scripted_vehicle import PX4_LAND, PX4_POSITION, PX4_RETURN
+from tests.support.scripted_vehicle import PX4_HOLD, PX4_LAND, PX4_POSITION, PX4_RETURN
 from tests.unit.mavlink_broker.test_events import ABORT, POINT, SOFT_ABORT, SPEED, said, world_at
 
 AWAY = pytest.mark.parametrize("away_s", [0.0, 3.0, 60.0])
@@ -132,3 +134,48 @@ def test_an_abort_that_was_carried_out_does_not_touch_what_came_after() -> None:
     restart(world)
     world.run_until_over(1202)
     assert world.edge.status(1202) == Status.FINISHED
+
+
+@pytest.mark.parametrize("is_forgotten", [False, True], ids=["handed out", "forgotten"])
+@pytest.mark.parametrize("away_s", [5.0, 70.0, 700.0])
+def test_an_abort_outlives_a_broker_while_its_vehicle_is_out_of_reach(
+    away_s: float, is_forgotten: bool, tmp_path: Path
+) -> None:
+    """Also where the edge server, which keeps it for ten minutes, has closed it meanwhile."""
+    world = world_at(1, journal=tmp_path)
+    vehicle = world.only_vehicle
+    vehicle.script = dataclasses.replace(vehicle.script, item_time_s=10_000.0)
+    vehicle.silent = True
+    world.run(0.1)
+    event = world.edge.event(ABORT)
+    world.run(1.0)
+    assert said(world, event) == ["accepted"]
+    world.kill_broker()
+    if is_forgotten:
+        world.edge.closed.add(event)
+    world.restart_broker()
+    world.run(away_s)
+    vehicle.silent = False
+    world.run_until(lambda: vehicle.custom_mode == PX4_LAND, within_s=20.0)
+    world.run_until(lambda: not vehicle.armed)
+    world.run(1.0)
+    assert said(world, event) == ["accepted", "done"]
+    world.run_until(lambda: not list(tmp_path.iterdir()))
+
+
+def test_an_abort_of_a_flight_before_is_not_carried_out_on_another(tmp_path: Path) -> None:
+    world = world_at(1, journal=tmp_path)
+    vehicle = world.only_vehicle
+    vehicle.silent = True
+    world.run(0.1)
+    event = world.edge.event(ABORT)
+    world.run(1.0)
+    world.kill_broker()
+    vehicle.reboot(world.clock.now)
+    vehicle.armed = vehicle.airborne = True
+    vehicle.custom_mode = PX4_HOLD
+    vehicle.silent = False
+    world.restart_broker()
+    world.run(10.0)
+    assert said(world, event)[-1] == "refused"
+    assert vehicle.custom_mode == PX4_HOLD

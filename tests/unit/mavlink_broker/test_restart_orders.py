@@ -27,7 +27,7 @@ from tests.support.scripted_vehicle import (
     Script,
 )
 
-GPS = mavlink.MAV_SYS_STATUS_SENSOR_GPS
+SONAR = mavlink.MAV_SYS_STATUS_SENSOR_LASER_POSITION
 RETURN = mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
 DISK_LAG_S = 0.05
 FIRST = mission(takeoff(), waypoint())
@@ -51,7 +51,7 @@ def alarmed_world(folder: Path, script: Script = PX4, lag_s: float = DISK_LAG_S)
     world.run_until(lambda: vehicle.airborne)
     world.run(3.0)
     world.air.is_uplink_there = False
-    vehicle.ill = GPS
+    vehicle.ill = SONAR
     world.run_until(lambda: world.app.sessions[1].state is State.LEAVING)
     return world
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from mavlink_broker.dialect import mavlink
 from mavlink_broker.journal.encoding import LARGEST_BYTES, PageError, decode, encode
-from mavlink_broker.journal.memo import NOTHING, Homeward, LiveNote, Memo, Owner, Pose
+from mavlink_broker.journal.memo import NOTHING, AbortNote, Homeward, LiveNote, Memo, Owner, Pose
 from mavlink_broker.protocol.parameter_keeper import Borrowed
 from mavlink_broker.protocol.plan_kinds import FENCE, RALLY
 from mavlink_broker.translation.loan import ExchangedPlan
@@ -48,6 +48,14 @@ MEMOS = st.builds(
     borrowed=VALUES,
     hover=st.none() | POSES,
     homeward=st.none() | st.builds(Homeward, mission=TEXTS, reason=TEXTS),
+    abort=st.none()
+    | st.builds(
+        AbortNote,
+        work_id=st.integers(0, 2**31 - 1),
+        event_type=st.sampled_from([1, 2]),
+        point=st.none() | POSES,
+        noted_s=st.none() | NUMBERS,
+    ),
     live=st.none()
     | st.builds(
         LiveNote,

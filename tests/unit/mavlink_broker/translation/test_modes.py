@@ -17,7 +17,7 @@ from mavlink_broker.translation.modes import ModeRole
         (PX4, 1, 3 << 16 | 1 << 24, "POSCTL.ORBIT", ModeRole.GUIDED),
         (PX4, 1, 99 << 16 | 7 << 24, "MODE_99.7", ModeRole.OTHER),
         (ARDUPILOT, 1, 3, "AUTO", ModeRole.MISSION),
-        (ARDUPILOT, 1, 17, "BRAKE", ModeRole.HOLD),
+        (ARDUPILOT, 1, 17, "BRAKE", ModeRole.PAUSED),
         (ARDUPILOT, 1, 6, "RTL", ModeRole.ENDING),
         (ARDUPILOT, 1, 0, "STABILIZE", ModeRole.OTHER),
         (ARDUPILOT, 1, 77, "MODE_77", ModeRole.OTHER),

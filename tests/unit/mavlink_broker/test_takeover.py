@@ -1,0 +1,358 @@
+"""Somebody else takes the vehicle: from then on the broker sends no order, whatever it was doing.
+
+Every phase of a mission, every family of autopilots, several ways of taking over. What counts is
+what arrives at the vehicle: heartbeats and questions may, nothing else.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, Final
+
+import pytest
+
+from afarcloud.enumerations import Status
+from mavlink_broker.dialect import Message, mavlink
+from mavlink_broker.session_states import State
+from tests.support.broker_world import (
+    GENERIC,
+    World,
+    first_flight,
+    go_home,
+    mission,
+    takeoff,
+    waypoint,
+)
+from tests.support.scripted_vehicle import (
+    ARDUPILOT,
+    COPTER_GUIDED,
+    COPTER_LAND,
+    COPTER_RETURN,
+    PX4,
+    PX4_HOLD,
+    PX4_LAND,
+    PX4_POSITION,
+    PX4_RETURN,
+    Script,
+    ScriptedVehicle,
+)
+from tests.unit.mavlink_broker.test_events import ABORT, POINT, SOFT_ABORT, said
+from tests.unit.mavlink_broker.test_live_commands import OWN, follow
+
+PX4_STABILIZED: Final = 7 << 16
+COPTER_STABILIZE, COPTER_LOITER = 0, 5
+REFUSING_RETURN: Final = {
+    mavlink.MAV_CMD_DO_SET_MODE: mavlink.MAV_RESULT_DENIED,
+    mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: mavlink.MAV_RESULT_DENIED,
+    mavlink.MAV_CMD_NAV_LAND: mavlink.MAV_RESULT_DENIED,
+}
+ASKING: Final = {511, 512, 2003, 2504}  # Intervals and messages, of a camera too
+READING: Final = {
+    "HEARTBEAT",
+    "REQUEST_DATA_STREAM",
+    "PARAM_REQUEST_READ",
+    "MISSION_REQUEST_LIST",
+    "MISSION_REQUEST_INT",
+    "MISSION_ACK",
+}
+TAKEOVERS: Final = [
+    pytest.param(PX4, PX4_POSITION, id="px4-posctl"),
+    pytest.param(PX4, PX4_STABILIZED, id="px4-stabilized"),
+    pytest.param(OWN, PX4_POSITION, id="own-posctl"),
+    pytest.param(ARDUPILOT, COPTER_STABILIZE, id="ardupilot-stabilize"),
+    pytest.param(ARDUPILOT, COPTER_LOITER, id="ardupilot-loiter"),
+    pytest.param(GENERIC, 77, id="generic-manual"),
+]
+
+
+def orders(vehicle: ScriptedVehicle, since: int) -> list[str]:
+    """What the vehicle was ordered, of all that it was sent behind the first so many frames."""
+
+    def is_order(message: Message) -> bool:
+        kind = message.get_type()
+        if kind in {"COMMAND_LONG", "COMMAND_INT"}:
+            return message.command not in ASKING
+        return kind not in READING
+
+    return [str(message) for message in vehicle.frames[since:] if is_order(message)]
+
+
+def state(world: World) -> State | None:
+    session = world.app.sessions.get(1)
+    return None if session is None else session.state
+
+
+def slow(script: Script, **more: Any) -> Script:
+    return dataclasses.replace(script, item_time_s=6.0, goes_to_places=False, **more)
+
+
+def in_mission(script: Script) -> World:
+    world = World()
+    vehicle = world.add_vehicle(script=slow(script))
+    world.edge.plan(mission(takeoff(1), waypoint(2, hold_time=60.0), go_home(3)))
+    world.run_until(lambda: vehicle.airborne and state(world) is State.RUNNING)
+    world.run(7.0)
+    return world
+
+
+def going_to_a_point(script: Script) -> World:
+    world = in_mission(script)
+    world.edge.event(ABORT, abort=POINT)
+    world.run(2.0)
+    assert state(world) is State.LEAVING
+    return world
+
+
+def refusing_to_return(script: Script) -> World:
+    world = in_mission(script)
+    world.only_vehicle.script = slow(script, results=REFUSING_RETURN)
+    world.edge.event(SOFT_ABORT)
+    world.run_until(lambda: state(world) is State.LEAVING)
+    return world
+
+
+def live(script: Script) -> World:
+    world = World()
+    vehicle = world.add_vehicle(script=slow(script))
+    world.edge.plan(mission(takeoff(1), follow(2), go_home(3)))
+    world.run_until(lambda: vehicle.airborne and state(world) is State.PERFORMING)
+    world.run(1.0)
+    return world
+
+
+def hovering_before_an_upload(script: Script) -> World:
+    world = World()
+    vehicle = world.add_vehicle(script=slow(script))
+    world.edge.plan(mission(takeoff(1), waypoint(2)))
+    world.run_until_over(1201)
+    vehicle.missions.busy_until = world.clock.now + 60.0
+    world.edge.plan(mission(waypoint(1, 20.0), go_home(2), mission_id=1202))
+    world.run_until(lambda: state(world) is State.UPLOADING)
+    world.run(1.0)
+    return world
+
+
+def starting(script: Script) -> World:
+    world = World()
+    denied = {mavlink.MAV_CMD_MISSION_START: mavlink.MAV_RESULT_IN_PROGRESS}
+    vehicle = world.add_vehicle(script=slow(script, results=denied))
+    world.edge.plan(first_flight())
+    world.run_until(lambda: state(world) is State.STARTING)
+    world.run(0.5)
+    assert vehicle.armed
+    return world
+
+
+PHASES: Final = {
+    "mission": in_mission,
+    "abort flight to a point": going_to_a_point,
+    "refused return": refusing_to_return,
+    "live command": live,
+    "upload in a hover": hovering_before_an_upload,
+    "start": starting,
+}
+
+
+@pytest.mark.parametrize(("script", "mode"), TAKEOVERS)
+@pytest.mark.parametrize("phase", PHASES.values(), ids=PHASES)
+def test_no_order_is_sent_after_a_takeover(
+    phase: Callable[[Script], World], script: Script, mode: int
+) -> None:
+    world = phase(script)
+    vehicle = world.only_vehicle
+    vehicle.steer(mode)
+    world.tick()
+    world.tick()
+    since = len(vehicle.frames)
+    world.run(4.0)
+    vehicle.place = POINT["latitude"], POINT["longitude"]  # The pilot hovers where it was sent
+    world.run(8.0)
+    assert orders(vehicle, since) == []
+    assert vehicle.custom_mode == mode
+    reports = world.edge.bodies("/mission_report/")
+    assert Status(reports[-1]["mission_status_id"]) in {Status.FAILED, Status.ABORTED} or (
+        mode == COPTER_LOITER and phase is in_mission  # Paused: it may be resumed
+    )
+
+
+@pytest.mark.parametrize(("script", "mode"), TAKEOVERS)
+def test_an_abort_behind_a_takeover_ends_the_mission_and_orders_nothing(
+    script: Script, mode: int
+) -> None:
+    world = in_mission(script)
+    vehicle = world.only_vehicle
+    vehicle.steer(mode)
+    world.run(1.0)
+    since = len(vehicle.frames)
+    event = world.edge.event(ABORT)
+    world.run(15.0)
+    assert orders(vehicle, since) == []
+    assert world.edge.status(1201) == Status.ABORTED
+    assert said(world, event)[-1] == "refused"
+    assert "another hand flies the vehicle" in world.edge.acknowledgements(event)[-1]["message"]
+
+
+@pytest.mark.parametrize(("script", "mode"), TAKEOVERS[:-1])  # Unknown modes show by a change
+@pytest.mark.parametrize("phase", [in_mission, live, going_to_a_point])
+def test_no_order_is_sent_by_a_broker_that_begins_after_a_takeover(
+    phase: Callable[[Script], World], script: Script, mode: int
+) -> None:
+    world = phase(script)
+    vehicle = world.only_vehicle
+    world.kill_broker()
+    world.run(1.0)
+    vehicle.steer(mode)
+    since = len(vehicle.frames)
+    world.restart_broker()
+    world.run(12.0)
+    assert orders(vehicle, since) == []
+
+
+def test_a_takeover_of_an_abort_is_reported() -> None:
+    world = in_mission(PX4)
+    event = world.edge.event(ABORT, abort=POINT)
+    world.run(2.0)
+    world.only_vehicle.steer(PX4_POSITION)
+    world.run(1.0)
+    assert said(world, event) == ["accepted", "refused"]
+    told = world.edge.acknowledgements(event)[-1]["message"]
+    assert told == "the vehicle left the mission: mode POSCTL: another hand flies the vehicle"
+    assert state(world) is State.IDLE
+
+
+@pytest.mark.parametrize(
+    ("script", "mode"), [(PX4, PX4_RETURN), (PX4, PX4_LAND), (ARDUPILOT, COPTER_RETURN)]
+)
+@pytest.mark.parametrize("phase", [going_to_a_point, live])
+def test_a_failsafe_is_left_alone_and_told_from_a_pilot(
+    phase: Callable[[Script], World], script: Script, mode: int
+) -> None:
+    world = phase(script)
+    vehicle = world.only_vehicle
+    vehicle.fail_safe(mode)
+    world.tick()
+    world.tick()
+    since = len(vehicle.frames)
+    world.run(6.0)
+    assert orders(vehicle, since) == []
+    words = [body.get("message") or "" for body in world.edge.bodies("/mission_report/")]
+    words += [a.get("message") or "" for a in world.edge.acknowledgements(2)]
+    assert any("its own failsafe" in word for word in words)
+
+
+def test_a_pilot_who_gives_the_mission_back_within_seconds_has_not_ended_it() -> None:
+    world = in_mission(PX4)
+    vehicle = world.only_vehicle
+    vehicle.steer(PX4_POSITION)
+    world.run(3.0)
+    vehicle.is_manual = False
+    vehicle.set_mode(4 << 16 | 4 << 24)
+    world.run_until_over(1201)
+    assert world.edge.status(1201) == Status.FINISHED
+
+
+def test_an_upload_to_a_vehicle_that_somebody_arms_is_given_up() -> None:
+    world = World()
+    vehicle = world.add_vehicle(script=dataclasses.replace(PX4, busy_for_s=20.0))
+    world.run(2.0)
+    world.edge.plan(first_flight())
+    world.run_until(lambda: state(world) is State.UPLOADING)
+    vehicle.armed = True
+    vehicle.steer(PX4_POSITION)
+    world.run(0.1)
+    since = len(vehicle.frames)
+    world.run_until_over(1201)
+    world.run(5.0)
+    assert orders(vehicle, since) == []
+    assert "another hand" in world.edge.reports(1201)[-1]["message"]
+
+
+def test_a_hover_that_a_pilot_has_left_is_no_hover_of_ours() -> None:
+    """He flies on, holds somewhere, and the next mission waits until he has landed."""
+    world = World()
+    vehicle = world.add_vehicle(script=PX4)
+    world.edge.plan(mission(takeoff(1), waypoint(2)))
+    world.run_until_over(1201)
+    world.run(2.0)
+    vehicle.steer(PX4_POSITION)
+    world.run(2.0)
+    vehicle.is_manual = False
+    vehicle.set_mode(PX4_HOLD)
+    since = len(vehicle.frames)
+    world.edge.plan(mission(waypoint(1, 20.0), go_home(2), mission_id=1202))
+    world.run(10.0)
+    assert orders(vehicle, since) == []
+    assert world.edge.status(1202) is None
+
+
+def test_what_was_borrowed_goes_back_when_the_pilot_has_landed() -> None:
+    script = dataclasses.replace(slow(PX4), link_loss_action=2, settings={"COM_DL_LOSS_T": 10.0})
+    world = World()
+    vehicle = world.add_vehicle(script=script)
+    world.edge.plan(mission(takeoff(1), waypoint(2), go_home(3)))
+    world.run_until(lambda: vehicle.airborne)
+    assert vehicle.settings["COM_DL_LOSS_T"] == 90.0
+    vehicle.steer(PX4_POSITION)
+    world.run(20.0)
+    assert vehicle.settings["COM_DL_LOSS_T"] == 90.0
+    vehicle.armed = vehicle.airborne = False
+    world.run(10.0)
+    assert vehicle.settings["COM_DL_LOSS_T"] == 10.0
+
+
+class TestOnTheGround:
+    """An abort disarms and stays: no place is flown to from there."""
+
+    @pytest.mark.parametrize("script", [PX4, OWN, ARDUPILOT, GENERIC])
+    @pytest.mark.parametrize("kind", [ABORT, SOFT_ABORT])
+    @pytest.mark.parametrize("more", [{}, {"abort": POINT}], ids=["here", "point"])
+    def test_an_abort_disarms_and_stays(
+        self, script: Script, kind: int, more: dict[str, Any]
+    ) -> None:
+        world = starting(script)
+        vehicle = world.only_vehicle
+        since = len(vehicle.frames)
+        event = world.edge.event(kind, **more)
+        world.run(10.0)
+        assert not vehicle.armed
+        assert not vehicle.airborne
+        assert mavlink.MAV_CMD_DO_REPOSITION not in vehicle.commands
+        assert orders(vehicle, since) != []
+        assert world.edge.status(1201) == Status.ABORTED
+        assert said(world, event)[-1] == "done"
+
+    def test_one_that_has_left_the_ground_meanwhile_lands(self) -> None:
+        """It refuses to disarm: its news of the ground were old."""
+        world = starting(PX4)
+        vehicle = world.only_vehicle
+        denied = {mavlink.MAV_CMD_COMPONENT_ARM_DISARM: mavlink.MAV_RESULT_DENIED}
+        vehicle.script = slow(PX4, results=denied)
+        vehicle.airborne = True
+        vehicle.stop_stream("landed")
+        world.edge.event(ABORT, abort=POINT)
+        world.run(3.0)
+        assert vehicle.custom_mode == PX4_LAND
+        assert mavlink.MAV_CMD_DO_REPOSITION not in vehicle.commands
+
+
+class TestWithoutAPosition:
+    """It is ordered to land, and never to return or to go anywhere: it could find neither."""
+
+    @pytest.mark.parametrize(
+        ("script", "landing"), [(PX4, PX4_LAND), (OWN, PX4_LAND), (ARDUPILOT, COPTER_LAND)]
+    )
+    @pytest.mark.parametrize("more", [None, {}, {"abort": POINT}], ids=["alarm", "soft", "point"])
+    def test_it_lands(self, script: Script, landing: int, more: dict[str, Any] | None) -> None:
+        world = in_mission(script)
+        vehicle = world.only_vehicle
+        since = len(vehicle.frames)
+        vehicle.ill = mavlink.MAV_SYS_STATUS_SENSOR_GPS
+        world.run(1.0)
+        if more is not None:
+            world.edge.event(SOFT_ABORT, **more)
+        world.run_until(lambda: vehicle.custom_mode == landing, within_s=40.0)
+        told = orders(vehicle, since)
+        assert not any("192" in order.split("param1")[0] for order in told), told
+        modes = [v[1:3] for c, v in vehicle.parameters if c == mavlink.MAV_CMD_DO_SET_MODE]
+        assert (4.0, 5.0) not in modes
+        assert (float(COPTER_RETURN), 0.0) not in modes
+        assert vehicle.custom_mode not in {PX4_RETURN, COPTER_RETURN, COPTER_GUIDED}
