@@ -37,7 +37,7 @@ CASES = (
     Case("gps_frozen", AlarmCode.FUNCTION_LOCALISATION),
     Case("propulsion_weak", AlarmCode.FUNCTION_PROPULSION),
     Case("wind_gust speed_m_s=18", AlarmCode.FUNCTION_NAVIGATION, is_fenced=False),
-    Case("gps_jump north_m=40 east_m=40", AlarmCode.FUNCTION_NAVIGATION),
+    Case("gps_jump north_m=40 east_m=40", AlarmCode.EQUIPMENT_GPS),
     Case("humidity_invalid", AlarmCode.FUNCTION_HUMIDITY_SENSING),
 )
 

@@ -21,6 +21,8 @@ from uav_firmware.msg.control_mode import (
     VehicleControlMode,
 )
 from uav_firmware.msg.estimate import (
+    AidSource,
+    EstimateResets,
     EstimatorStatus,
     VehicleAttitude,
     VehicleLocalPosition,
@@ -116,6 +118,10 @@ class ToyVehicle:
     drift: Vector3 = (0.0, 0.0, 0.0)  # [m/s] Of a vehicle that stands
     wind: Vector3 = (0.0, 0.0, 0.0)
     roll: float = 0.0
+    resets: EstimateResets = field(default_factory=EstimateResets)
+    stopped: AidSource = field(
+        default_factory=lambda: AidSource(0)
+    )  # Sources that the estimator does not use
     silent: set[str] = field(default_factory=set)  # Sensors that have failed
     registry: Registry = field(default_factory=Registry)
     track: list[Vector3] = field(default_factory=list)
@@ -281,6 +287,22 @@ class ToyVehicle:
         self.navigator.update(self.now_us)
         self._record()
 
+    def reset(self, north_m: float, east_m: float, down_m: float = 0.0) -> None:
+        """Let the estimate leap; the vehicle has not moved."""
+        step, former = (north_m, east_m, down_m), self.resets
+        x, y, z = (a + b for a, b in zip(self.position, step, strict=True))
+        self.position = (x, y, z)
+        setpoint = self.setpoint.value
+        if setpoint is not None:  # As the position controller does
+            x, y, z = (a + b for a, b in zip(setpoint.position_ned, step, strict=True))
+            self.setpoint.publish(setpoint._replace(position_ned=(x, y, z)))
+        n, e, d = (a + b for a, b in zip(former.position_total_ned, step, strict=True))
+        self.resets = former._replace(
+            xy_count=former.xy_count + 1,
+            position_delta_ned=step,
+            position_total_ned=(n, e, d),
+        )
+
     def _move(self, dt: float) -> None:
         setpoint = self.setpoint.value
         if setpoint is None or not self.armed:
@@ -326,6 +348,7 @@ class ToyVehicle:
                 altitude_valid=self.altitude_valid,
                 velocity_valid=valid,
                 heading_valid=self.aligned,
+                resets=self.resets,
             )
         )
         self.estimator.publish(
@@ -342,6 +365,7 @@ class ToyVehicle:
                 self.aligned,
                 self.gyro_broken,
                 self.gyro_jump_us,
+                stopped=self.stopped,
             )
         )
         state = LandedState.ON_GROUND if self.landed else LandedState.IN_AIR

@@ -42,6 +42,11 @@ class Guide:
         self.velocity = velocity
         self.acceleration: Vector3 = ZERO
 
+    def shift(self, position: Vector3, velocity: Vector3) -> None:
+        """Move the point with an estimate that was reset by a step [m] and [m/s]."""
+        self.position = _plus(self.position, position, 1.0)
+        self.velocity = _plus(self.velocity, velocity, 1.0)
+
     def advance(
         self, wanted_velocity: Vector3, vehicle: Vector3, limits: GuideLimits, dt: float
     ) -> None:

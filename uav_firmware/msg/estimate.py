@@ -1,8 +1,49 @@
 """What the estimator believes. Written by estimator."""
 
+from enum import IntFlag
 from typing import NamedTuple
 
 from uav_firmware.msg.vectors import Quaternion, Vector3
+
+
+class AidSource(IntFlag):
+    """Sources of aid that the estimator judges one by one."""
+
+    GPS_POSITION = 1
+    GPS_VELOCITY = 2
+    GPS_HEIGHT = 4
+    BAROMETER = 8
+
+
+class EstimateResets(NamedTuple):
+    """Steps by which the estimate was moved since boot, as in PX4's vehicle_local_position.
+
+    A reset moves the estimate, not the vehicle. Who keeps a set-point moves it by the change of
+    the totals since the last look, so that no reset is lost between two looks.
+    """
+
+    xy_count: int = 0
+    z_count: int = 0
+    velocity_xy_count: int = 0
+    velocity_z_count: int = 0
+    heading_count: int = 0
+    position_delta_ned: Vector3 = (0.0, 0.0, 0.0)  # [m] Of the last reset of each part
+    velocity_delta_ned: Vector3 = (0.0, 0.0, 0.0)  # [m/s]
+    heading_delta: float = 0.0  # [rad]
+    position_total_ned: Vector3 = (0.0, 0.0, 0.0)  # [m] Sum of all resets
+    velocity_total_ned: Vector3 = (0.0, 0.0, 0.0)  # [m/s]
+    heading_total: float = 0.0  # [rad]
+
+    @property
+    def number(self) -> int:
+        """Number of resets in any dimension."""
+        return (
+            self.xy_count
+            + self.z_count
+            + self.velocity_xy_count
+            + self.velocity_z_count
+            + self.heading_count
+        )
 
 
 class VehicleAttitude(NamedTuple):
@@ -30,6 +71,7 @@ class VehicleLocalPosition(NamedTuple):
     altitude_valid: bool  # Vertical position observed
     velocity_valid: bool  # Velocity observed
     heading_valid: bool  # Heading observed
+    resets: EstimateResets = EstimateResets()
 
 
 class VehicleGlobalPosition(NamedTuple):
@@ -60,6 +102,7 @@ class EstimatorStatus(NamedTuple):
     gyro_jump_us: int | None = None  # [us] When its bias last jumped
     accel_bias_frd: Vector3 = (0.0, 0.0, 0.0)  # [m/s^2]
     accel_broken: bool = False  # Its bias has been beyond EKF2_ABL_LIM; until a restart
+    stopped: AidSource = AidSource(0)  # Sources that disagree with the others and are not used
 
 
 class HoverThrustEstimate(NamedTuple):

@@ -28,6 +28,7 @@ from uav_firmware.modules.commander.health_checks import (
 from uav_firmware.modules.commander.mode_requirements import Need
 from uav_firmware.modules.commander.return_time import ReturnPace, battery_time_s, return_time_s
 from uav_firmware.modules.commander.vehicle_view import VehicleView
+from uav_firmware.msg.estimate import AidSource
 from uav_firmware.msg.geofence import FenceBreach
 from uav_firmware.msg.status import NavigationState
 
@@ -56,8 +57,12 @@ class Cause(Enum):
     BATTERY_CRITICAL = auto()
     BATTERY_EMERGENCY = auto()
     GPS_LOST = auto()
+    GPS_POSITION_STOPPED = auto()
+    GPS_VELOCITY_STOPPED = auto()
+    GPS_HEIGHT_STOPPED = auto()
     COMPASS_LOST = auto()
     BAROMETER_LOST = auto()
+    BAROMETER_STOPPED = auto()
     POSITION_LOST = auto()
     ALTITUDE_LOST = auto()
     ATTITUDE_LOST = auto()
@@ -130,6 +135,10 @@ def _battery_below(threshold: Callable[[FailsafeParams], float]) -> Callable[[Mo
 def _gps_lost(moment: Moment, _present: bool) -> bool:  # noqa: FBT001  # one signature for all
     view = moment.view
     return view.ages.gps > GPS_STALE_S or view.gps is None or view.gps.fix_type < FIX_3D
+
+
+def _stopped(source: AidSource) -> Callable[[Moment, bool], bool]:
+    return lambda moment, _present: bool(moment.view.stopped & source)
 
 
 def _needs(moment: Moment, need: Need) -> bool:
@@ -261,6 +270,15 @@ ROWS: Final[Mapping[Cause, Row]] = {
         urgent=True,
     ),
     Cause.GPS_LOST: Row("GPS lost, flying by dead reckoning", _gps_lost, _always(Action.WARN)),
+    Cause.GPS_POSITION_STOPPED: Row(
+        "GPS position disagrees, not used", _stopped(AidSource.GPS_POSITION), _always(Action.WARN)
+    ),
+    Cause.GPS_VELOCITY_STOPPED: Row(
+        "GPS velocity disagrees, not used", _stopped(AidSource.GPS_VELOCITY), _always(Action.WARN)
+    ),
+    Cause.GPS_HEIGHT_STOPPED: Row(
+        "GPS height disagrees, not used", _stopped(AidSource.GPS_HEIGHT), _always(Action.WARN)
+    ),
     Cause.COMPASS_LOST: Row(
         "Compass lost",
         lambda moment, _present: moment.view.ages.mag > SENSOR_STALE_S,
@@ -269,6 +287,11 @@ ROWS: Final[Mapping[Cause, Row]] = {
     Cause.BAROMETER_LOST: Row(
         "Barometer lost",
         lambda moment, _present: moment.view.ages.baro > SENSOR_STALE_S,
+        _always(Action.WARN),
+    ),
+    Cause.BAROMETER_STOPPED: Row(
+        "Barometer disagrees or repeats itself, not used",
+        _stopped(AidSource.BAROMETER),
         _always(Action.WARN),
     ),
     Cause.POSITION_LOST: Row(

@@ -97,6 +97,9 @@ def estimate_consistent(view: VehicleView, _params: CommanderParams) -> str | No
     status = view.estimator
     if status is None:
         return "Attitude and heading not yet estimated"
+    if status.stopped:
+        names = ", ".join(str(source.name).replace("_", " ") for source in status.stopped)
+        return f"Not used since it disagrees: {names}"
     for name, ratio in (
         ("GPS velocity", status.velocity_ratio),
         ("GPS position", status.horizontal_position_ratio),

@@ -10,6 +10,7 @@ from uav_firmware.modules.commander.health_checks import (
     SENSOR_STALE_S,
 )
 from uav_firmware.modules.commander.vehicle_view import SensorAges, VehicleView
+from uav_firmware.msg.estimate import AidSource
 from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.geofence import FenceBreach, GeofenceStatus
 
@@ -49,6 +50,9 @@ _CONTROL = (
     | SensorBit.PREARM_CHECK
     | SensorBit.PROPULSION
 )
+
+
+_GPS_SOURCES = AidSource.GPS_POSITION | AidSource.GPS_VELOCITY | AidSource.GPS_HEIGHT
 
 
 class Freshness:
@@ -93,7 +97,7 @@ def enabled_bits(view: VehicleView, present: int) -> int:
 
 def healthy_bits(view: VehicleView, *, ready: bool) -> int:
     """Sensors that deliver and controllers that have what they need."""
-    ages, estimate = view.ages, view.position
+    ages, estimate, stopped = view.ages, view.position, view.stopped
     gps_good = ages.gps < GPS_STALE_S and view.gps is not None and view.gps.fix_type >= 3
     heading = estimate is not None and estimate.heading_valid
     height = estimate is not None and estimate.altitude_valid
@@ -106,9 +110,12 @@ def healthy_bits(view: VehicleView, *, ready: bool) -> int:
         (imu_good, SensorBit.ANGULAR_RATE_CONTROL),
         (imu_good and not view.accel_broken, SensorBit.ACCEL_3D),
         (imu_good and not view.gyro_broken, SensorBit.GYRO_3D),
-        (ages.baro < SENSOR_STALE_S, SensorBit.ABSOLUTE_PRESSURE),
+        (
+            ages.baro < SENSOR_STALE_S and not stopped & AidSource.BAROMETER,
+            SensorBit.ABSOLUTE_PRESSURE,
+        ),
         (ages.mag < SENSOR_STALE_S, SensorBit.MAG_3D),
-        (gps_good, SensorBit.GPS),
+        (gps_good and not stopped & _GPS_SOURCES, SensorBit.GPS),
         (ages.battery < SENSOR_STALE_S, SensorBit.BATTERY),
         (ages.range < SENSOR_STALE_S, SensorBit.LASER_POSITION),
         ((view.aligned and not lost) or not imu_good, SensorBit.AHRS),

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from uav_firmware.msg.control_mode import ManualControlSetpoint, OffboardSetpoint
 from uav_firmware.msg.estimate import (
+    AidSource,
     EstimatorStatus,
     VehicleAttitude,
     VehicleLocalPosition,
@@ -82,6 +83,11 @@ class VehicleView(NamedTuple):
     def motor_failed(self) -> bool:
         """Whether a motor has failed, in this flight or in one that was not acknowledged."""
         return self.failure is not None and self.failure.failed_motors != 0
+
+    @property
+    def stopped(self) -> AidSource:
+        """Sources that the estimator does not use, since they disagree with the others."""
+        return AidSource(0) if self.estimator is None else self.estimator.stopped
 
     @property
     def landed(self) -> bool:

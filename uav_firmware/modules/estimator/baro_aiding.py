@@ -1,4 +1,8 @@
-"""The barometer at work: fast and smooth height between the slow, rough ones of GPS."""
+"""The barometer at work: fast and smooth height between the slow, rough ones of GPS.
+
+One that disagrees is stopped (`gate.Aid`). With EKF2_HGT_REF 0, or without a receiver that could
+take the part, the height is reset to it when no source of height has helped for RESET_AFTER_S.
+"""
 
 from typing import Final
 
@@ -34,8 +38,16 @@ class BaroAiding:
         self._params = params
         self.height.gate = params.baro_gate
 
-    def take(self, core: Core, baro: SensorBaro) -> None:
-        """Use a sample, if it is one that a working barometer could give."""
+    @property
+    def frozen(self) -> bool:
+        """Whether it repeats itself and is therefore not used."""
+        return self._frozen.frozen
+
+    def take(self, core: Core, baro: SensorBaro, *, failed: bool) -> None:
+        """Use a sample, if it is one that a working barometer could give.
+
+        `failed` says that no source of height helps: then the height is reset to this one.
+        """
         altitude = pressure_altitude(baro.pressure_pa)
         if altitude is None or self._frozen.is_frozen(baro.pressure_pa, baro.time_us):
             return
@@ -45,7 +57,7 @@ class BaroAiding:
             self._start(core, altitude)
         elif baro.time_us >= self.height.ready_us:
             self.height.ready_us = baro.time_us + _INTERVAL_US
-            self._fuse(core, altitude - self._reference_m)
+            self._fuse(core, altitude - self._reference_m, failed=failed)
 
     def _average(self, altitude: float, time_us: int) -> None:
         dt = 0.0 if self._last_us is None else (time_us - self._last_us) * 1e-6
@@ -63,11 +75,16 @@ class BaroAiding:
         core.state.baro_bias_m = 0.0
         core.ekf.forget(BARO_BIAS, sigma)
 
-    def _fuse(self, core: Core, height_m: float) -> None:
+    def _fuse(self, core: Core, height_m: float, *, failed: bool) -> None:
         sigma, aid, now_us = self._params.baro_noise, self.height, core.time_us
         measured = height_measurement(core.state, height_m, sigma)
-        if aid.fuse(core.ekf, measured, now_us) or aid.rejected_s(now_us) <= RESET_AFTER_S:
+        if aid.fuse(core.ekf, measured, now_us):
             return
-        core.state.baro_bias_m += measured[0].innovation
-        core.ekf.forget(BARO_BIAS, core.ekf.sigma(DOWN) + sigma)
-        aid.accept(now_us)
+        if failed:
+            core.reset_log.move_vertically(core.state, -measured[0].innovation)
+            core.ekf.forget(DOWN, core.ekf.sigma(BARO_BIAS) + sigma)
+            aid.accept(now_us)
+        elif core.standing and aid.rejected_s(now_us) > RESET_AFTER_S:
+            core.state.baro_bias_m += measured[0].innovation
+            core.ekf.forget(BARO_BIAS, core.ekf.sigma(DOWN) + sigma)
+            aid.accept(now_us)

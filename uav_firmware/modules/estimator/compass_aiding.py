@@ -67,8 +67,9 @@ class CompassAiding:
     def _align(self, core: Core, compass: Compass) -> None:
         """Turn the estimate to the compass and forget all that was known of the heading."""
         state = core.state
-        turn = from_euler(0.0, 0.0, compass.error - state.heading_bias)
-        state.q_ned_frd = multiply(turn, state.q_ned_frd)
+        angle = compass.error - state.heading_bias
+        state.q_ned_frd = multiply(from_euler(0.0, 0.0, angle), state.q_ned_frd)
+        core.reset_log.note_turn(angle)
         core.ekf.forget(HEADING, _UNKNOWN_SIGMA_RAD)
         # Fusing what has just been set leaves the right correlation with the bias.
         core.ekf.fuse(self._measured(core, Compass(state.heading_bias, compass.tilt_gain)))

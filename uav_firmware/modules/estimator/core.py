@@ -1,6 +1,5 @@
 """What the aiding sources share: the filter, its clock and history, the origin, rest."""
 
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -13,7 +12,8 @@ from uav_firmware.modules.estimator.ekf import Array, ErrorStateEkf, Noise
 from uav_firmware.modules.estimator.fuse_rest import RestDetector
 from uav_firmware.modules.estimator.jump_proof import JumpProof
 from uav_firmware.modules.estimator.lateral_force import LateralForce
-from uav_firmware.modules.estimator.params import EstimatorParams
+from uav_firmware.modules.estimator.params import EstimatorParams, HeightReference
+from uav_firmware.modules.estimator.resets import ResetLog
 from uav_firmware.modules.estimator.state import (
     ACCEL_BIAS,
     ATTITUDE,
@@ -31,11 +31,12 @@ from uav_firmware.modules.estimator.turned import Turned
 from uav_firmware.msg.vectors import Vector3
 
 RESET_AFTER_S: Final = 5.0
-"""A source that has been rejected for so long without a break is believed instead."""
+"""When nothing has aided a quantity for so long, it is reset to the source that delivers."""
 
 _HISTORY_SAMPLES: Final = 256  # One second at 250 Hz: a GPS that is later than that is useless
 _START_POSITION_SIGMA_M: Final = 10.0
 _START_VELOCITY_SIGMA_M_S: Final = 0.3
+_FREE_GPS_HEIGHT_SIGMA_M: Final = 10.0  # Where the barometer is the datum: weather over hours
 _UNKNOWN_HEADING_SIGMA_RAD: Final = 1.8  # That of an even spread over the circle
 
 
@@ -46,6 +47,7 @@ class Core:
         state = NominalState(alignment.q_ned_frd)
         state.gyro_bias_frd = alignment.gyro_bias_frd
         self.params = params
+        self._gps_height_sigma = 0.0  # [m] Of the receiver's slow error
         self.time_us = time_us
         self.origin: LocalFrame | None = None
         self.declination: float | None = None  # [rad] At the origin
@@ -58,6 +60,7 @@ class Core:
         self.rest = RestDetector()
         self.lateral = LateralForce()
         self.turned = Turned()
+        self.reset_log = ResetLog()
         self.history = InertialHistory(time_us, _HISTORY_SAMPLES)
         self.ekf = ErrorStateEkf(
             state, _initial_sigmas(alignment, params), _noise(params, 0.0), STANDARD_GRAVITY_M_S2
@@ -77,12 +80,13 @@ class Core:
     def configure(self, params: EstimatorParams) -> None:
         """Work with changed parameters from now on."""
         self.params = params
-        self.ekf.noise = _noise(params, self.ekf.noise.gps_height_sigma)
+        self.ekf.noise = _noise(params, self._gps_height_sigma)
 
     def expect_gps_height_error(self, sigma: float) -> None:
         """Let the slow error of GPS height be of `sigma` [m] from now on."""
-        if sigma != self.ekf.noise.gps_height_sigma:
-            self.ekf.noise = replace(self.ekf.noise, gps_height_sigma=sigma)
+        if sigma != self._gps_height_sigma:
+            self._gps_height_sigma = sigma
+            self.ekf.noise = _noise(self.params, sigma)
 
     def step(self, time_us: int, rate_frd: Vector3, force_frd: Vector3, dt: float) -> None:
         """Advance to `time_us` over dt [s]."""
@@ -107,14 +111,16 @@ class Core:
 
 
 def _noise(params: EstimatorParams, gps_height_sigma: float) -> Noise:
+    """Process noise; the source that EKF2_HGT_REF names is the one whose datum does not wander."""
+    by_gps = params.height_reference == HeightReference.GPS
     return Noise(
         accel=params.accel_noise,
         gyro=params.gyro_noise,
         accel_bias_walk=params.accel_bias_walk,
         gyro_bias_walk=params.gyro_bias_walk,
-        baro_bias_walk=params.baro_walk,
+        baro_bias_walk=params.baro_walk if by_gps else 0.0,
         heading_bias_walk=params.heading_bias_walk,
-        gps_height_sigma=gps_height_sigma,
+        gps_height_sigma=gps_height_sigma if by_gps else _FREE_GPS_HEIGHT_SIGMA_M,
         gps_height_time=2.0 * params.gps_height_time,  # Of what has changed since the origin
     )
 

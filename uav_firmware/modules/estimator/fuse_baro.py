@@ -40,6 +40,7 @@ class FrozenDetector:
     """Notices a barometer that repeats itself to the last digit, as a live one never does."""
 
     def __init__(self) -> None:
+        self.frozen = False  # At the last sample
         self._value = math.nan
         self._since_us = 0
 
@@ -47,4 +48,5 @@ class FrozenDetector:
         """Take a sample; true from 2 s of exact repetition on until it changes."""
         if pressure_pa != self._value:
             self._value, self._since_us = pressure_pa, time_us
-        return (time_us - self._since_us) * 1e-6 >= _FROZEN_AFTER_S
+        self.frozen = (time_us - self._since_us) * 1e-6 >= _FROZEN_AFTER_S
+        return self.frozen

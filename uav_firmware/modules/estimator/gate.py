@@ -1,8 +1,15 @@
 """Innovation gates, and what is remembered of each source of measurements."""
 
 from collections.abc import Sequence
+from typing import Final
 
 from uav_firmware.modules.estimator.ekf import ErrorStateEkf, Measurement
+
+STOP_AFTER_S: Final = 5.0
+"""A source rejected for so long without a break is stopped (PX4's hgt_fusion_timeout_max)."""
+
+RESUME_AFTER_S: Final = 2.0
+"""A stopped source is used again after agreeing for so long without a break."""
 
 
 def worst_ratio(ekf: ErrorStateEkf, measurements: Sequence[Measurement], gate: float) -> float:
@@ -11,9 +18,17 @@ def worst_ratio(ekf: ErrorStateEkf, measurements: Sequence[Measurement], gate: f
 
 
 class Aid:
-    """One source of measurements: how well it agrees and when it last helped."""
+    """One source of measurements: how well it agrees, when it last helped, whether it is stopped.
 
-    __slots__ = ("_rejecting_since_us", "fused_us", "gate", "ratio", "ready_us")
+    USED    --a measurement beyond the gate--------> DOUBTED
+    DOUBTED --a measurement within it--------------> USED
+    DOUBTED --for STOP_AFTER_S, nothing within it--> STOPPED   not fused, reported
+    STOPPED --for RESUME_AFTER_S, all within it----> USED
+    any     --the estimate is reset to it----------> USED
+    """
+
+    __slots__ = ("_agreeing_since_us", "_rejecting_since_us", "_stopped", "fused_us", "gate",
+                 "ratio", "ready_us")  # fmt: skip
 
     def __init__(self, gate: float) -> None:
         self.gate = gate  # [-] Standard deviations that an innovation may reach
@@ -21,6 +36,8 @@ class Aid:
         self.fused_us: int | None = None  # [us] None before the first
         self.ready_us = 0  # [us] From when on a rate-limited source may be fused again
         self._rejecting_since_us: int | None = None
+        self._agreeing_since_us: int | None = None  # While it is stopped
+        self._stopped = False
 
     def fuse(
         self,
@@ -30,29 +47,47 @@ class Aid:
     ) -> bool:
         """Fuse the whole group if each of its scalars passes the gate, else nothing of it."""
         self.ratio = worst_ratio(ekf, group, self.gate)
-        if self.ratio > 1.0:
-            if self._rejecting_since_us is None:
-                self._rejecting_since_us = now_us
+        if not self._admits(now_us):
             return False
         ekf.fuse(group)
         self.accept(now_us)
         return True
 
+    def _admits(self, now_us: int) -> bool:
+        """Judge the last ratio; whether its measurement may be fused."""
+        if self.ratio > 1.0:
+            self._agreeing_since_us = None
+            if self._rejecting_since_us is None:
+                self._rejecting_since_us = now_us
+            self._stopped = self._stopped or self.rejected_s(now_us) > STOP_AFTER_S
+            return False
+        if not self._stopped:
+            return True
+        if self._agreeing_since_us is None:
+            self._agreeing_since_us = now_us
+        return (now_us - self._agreeing_since_us) * 1e-6 >= RESUME_AFTER_S
+
     def accept(self, now_us: int) -> None:
         """Note that the source and the estimate agree, by fusion or by a reset."""
         self.fused_us = now_us
-        self._rejecting_since_us = None
+        self._rejecting_since_us = self._agreeing_since_us = None
+        self._stopped = False
 
     def age_s(self, now_us: int) -> float:
         """Time since it last helped [s]; infinite if it never did."""
         return float("inf") if self.fused_us is None else (now_us - self.fused_us) * 1e-6
 
     def rejected_s(self, now_us: int) -> float:
-        """For how long everything from it has been rejected [s]; 0 while it is accepted."""
+        """For how long nothing from it has been fused since a rejection [s]; 0 while it is."""
         since = self._rejecting_since_us
         return 0.0 if since is None else (now_us - since) * 1e-6
 
     @property
     def rejecting(self) -> bool:
-        """Whether its last measurement was rejected."""
+        """Whether its last measurement was not fused."""
         return self._rejecting_since_us is not None
+
+    @property
+    def stopped(self) -> bool:
+        """Whether it has disagreed for so long that it is not used until it agrees again."""
+        return self._stopped

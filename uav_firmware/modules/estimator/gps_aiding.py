@@ -1,8 +1,19 @@
-"""GPS at work: it gives the origin, then position and velocity, and has the last word."""
+"""GPS at work: it gives the origin, then position, height and velocity.
+
+It is three sources, each judged by itself (`gate.Aid`): one that disagrees is stopped, while the
+others go on. The estimate is reset to a fix only when nothing else holds it (PX4
+`gnss_height_control.cpp`, `gps_control.cpp` with EKF2_GPS_MODE 1):
+
+    velocity and position  nothing has aided either for EKF2_NOAID_TOUT, or both are rejected
+                           for RESET_AFTER_S; on the ground one of them is enough
+    height                 barometer, GPS height and vertical velocity have not helped for
+                           RESET_AFTER_S; on the ground, GPS height rejected for as long
+"""
 
 import math
 from typing import Final
 
+from uav_firmware.lib.geo import LocalFrame
 from uav_firmware.modules.estimator.accel_watch import VerticalWatch
 from uav_firmware.modules.estimator.alignment import OriginAverage
 from uav_firmware.modules.estimator.bias_watch import VelocityWatch
@@ -16,14 +27,19 @@ from uav_firmware.modules.estimator.fuse_gps import (
     velocity_measurements,
 )
 from uav_firmware.modules.estimator.gate import Aid
-from uav_firmware.modules.estimator.params import EstimatorParams
+from uav_firmware.modules.estimator.params import EstimatorParams, HeightReference
 from uav_firmware.modules.estimator.state import BARO_BIAS, DOWN, GPS_HEIGHT_BIAS, VELOCITY
 from uav_firmware.msg.sensors import SensorGps
 from uav_firmware.msg.vectors import Vector3
 
 _HORIZONTAL: Final = slice(0, 2)
+_HORIZONTAL_VELOCITY: Final = slice(VELOCITY.start, VELOCITY.start + 2)
+_SINK: Final = VELOCITY.start + 2
+_HELPS_S: Final = 1.0  # A barometer fused longer ago holds no height
 _SQRT_2: Final = math.sqrt(2.0)  # Two errors of height, now and at the origin, are apart by this
 _WHITE_SHARE: Final = 0.4  # Of the error of height: what changes from fix to fix
+_LONGEST_GAP_US: Final = 500_000  # A receiver that was silent for longer has begun anew
+_STEADY_US: Final = 1_000_000  # Good fixes on end before the estimate is reset to one after a loss
 
 
 class GpsAiding:
@@ -37,6 +53,7 @@ class GpsAiding:
         self._watch = VelocityWatch()
         self._vertical_watch = VerticalWatch()
         self._last_us = -1
+        self._good_since_us: int | None = None  # Time of the first fix of the present series
         self._last: tuple[float, float, float, Vector3] | None = None
         self.accuracy_m = (math.nan, math.nan)  # Horizontal, vertical of the last fix used
         self.configure(params)
@@ -53,24 +70,42 @@ class GpsAiding:
             speed_accuracy_m_s=params.required_speed_accuracy,
         )
 
-    def take(self, core: Core, gps: SensorGps) -> None:
-        """Use a fix, if it is good, new and of a time that is remembered."""
+    def take(self, core: Core, gps: SensorGps, baro: Aid) -> None:
+        """Use a fix, if it is good, new and of a time that is remembered.
+
+        `baro` is the other source of height: a reset of the height asks whether it helps.
+        """
         if not is_good(gps, self._required):
             self._origin.restart()
+            self._good_since_us = None
             return
         if gps.time_us <= self._last_us or core.recall(gps.time_us) is None:
             return
-        self._last_us = gps.time_us
+        gap_us, self._last_us = gps.time_us - self._last_us, gps.time_us
+        if self._good_since_us is None or gap_us > _LONGEST_GAP_US:
+            self._good_since_us = gps.time_us
         if self._repeats(gps) and not core.standing:
             return
-        self.accuracy_m = (gps.horizontal_accuracy_m, gps.vertical_accuracy_m)
         if core.origin is None:
             self._find_origin(core, gps)
         else:
+            self._aid(core, gps, baro)
+        self.accuracy_m = (gps.horizontal_accuracy_m, gps.vertical_accuracy_m)
+
+    def _aid(self, core: Core, gps: SensorGps, baro: Aid) -> None:
+        """Fuse a fix, or reset to it what nothing else has been able to hold."""
+        height_failed = self.height_failed(core, baro)
+        # A vertical velocity that is reset holds no height; then the barometer does, or nothing
+        without_baro = baro.age_s(core.time_us) > _HELPS_S
+        if not self._is_stale(core):
             self._fuse_velocity(core, gps)
-            fix = core.origin.to_ned(gps.latitude_deg, gps.longitude_deg, gps.altitude_amsl_m)
-            self._fuse_position(core, gps, fix)
-            self._fuse_height(core, gps, fix)
+            self._fuse_position(core, gps)
+            if self._horizontal_failed(core):
+                self._reset_horizontal(core, gps, vertically=without_baro)
+                height_failed = height_failed or without_baro
+        elif gps.time_us - (self._good_since_us or 0) >= _STEADY_US:
+            self._reset_horizontal(core, gps, vertically=without_baro)
+        self._fuse_height(core, gps, failed=height_failed)
 
     def _repeats(self, gps: SensorGps) -> bool:
         """Whether a fix says in every digit what the one before said.
@@ -100,50 +135,80 @@ class GpsAiding:
             aid.accept(core.time_us)
 
     def _fuse_velocity(self, core: Core, gps: SensorGps) -> None:
-        past = _recalled(core, gps)
-        sigma = max(gps.speed_accuracy_m_s, self._params.gps_velocity_noise)
-        group = velocity_measurements(past, gps.velocity_ned, sigma)
+        group = self._velocity_group(core, gps)
         self._watch.look(core, group)
         self._vertical_watch.look(core, group)
-        if self._is_stale(core) or (
-            not self.velocity.fuse(core.ekf, group, core.time_us)
-            and self.velocity.rejected_s(core.time_us) > RESET_AFTER_S
-        ):
-            state = core.state
-            shift = [m.innovation for m in group]
-            state.velocity_ned = _shifted(state.velocity_ned, shift)
-            core.ekf.forget(VELOCITY, sigma)
-            self.velocity.accept(core.time_us)
+        self.velocity.fuse(core.ekf, group, core.time_us)
 
-    def _fuse_position(self, core: Core, gps: SensorGps, fix_ned: Vector3) -> None:
-        sigma, now_us = self._horizontal_sigma(gps), core.time_us
-        north, east, _ = group = self._position_group(core, gps, fix_ned)
-        if self._is_stale(core) or (
-            not self.horizontal.fuse(core.ekf, group[:2], now_us)
-            and self.horizontal.rejected_s(now_us) > RESET_AFTER_S
-        ):
-            shift = [north.innovation, east.innovation, 0.0]
-            core.state.position_ned = _shifted(core.state.position_ned, shift)
-            core.ekf.forget(_HORIZONTAL, sigma)
-            self.horizontal.accept(now_us)
+    def _fuse_position(self, core: Core, gps: SensorGps) -> None:
+        self.horizontal.fuse(core.ekf, self._position_group(core, gps)[:2], core.time_us)
 
-    def _fuse_height(self, core: Core, gps: SensorGps, fix_ned: Vector3) -> None:
-        sigma, now_us = self._vertical_sigma(gps), core.time_us
-        core.expect_gps_height_error(_SQRT_2 * sigma)
-        group = self._position_group(core, gps, fix_ned)[2:]
-        if (
-            not self.vertical.fuse(core.ekf, group, now_us)
-            and self.vertical.rejected_s(now_us) > RESET_AFTER_S
-        ):
-            _reset_height(core, group[0].innovation, sigma)
-            self.vertical.accept(now_us)
+    def _fuse_height(self, core: Core, gps: SensorGps, *, failed: bool) -> None:
+        now_us = core.time_us
+        core.expect_gps_height_error(_SQRT_2 * self._vertical_sigma(gps))
+        group = self._position_group(core, gps)[2:]
+        if self.vertical.fuse(core.ekf, group, now_us):
+            return
+        at_rest = core.standing and self.vertical.rejected_s(now_us) > RESET_AFTER_S
+        if self._params.height_reference == HeightReference.GPS and (failed or at_rest):
+            self._reset_height(core, gps)
+
+    def _horizontal_failed(self, core: Core) -> bool:
+        """Whether every source of horizontal motion has been rejected for too long.
+
+        In flight one that agrees with the inertial sensors is enough to hold on to; on the ground
+        there is nothing to lose, and the receiver is right about where the vehicle stands.
+        """
+        rejected = (
+            self.horizontal.rejected_s(core.time_us) > RESET_AFTER_S,
+            self.velocity.rejected_s(core.time_us) > RESET_AFTER_S,
+        )
+        return any(rejected) if core.standing else all(rejected)
+
+    def height_failed(self, core: Core, baro: Aid) -> bool:
+        """Whether no source of height or vertical velocity has helped for too long."""
+        aids = (self.vertical, self.velocity, baro)
+        return min(aid.age_s(core.time_us) for aid in aids) > RESET_AFTER_S
+
+    def _reset_horizontal(self, core: Core, gps: SensorGps, *, vertically: bool) -> None:
+        """Set position and velocity to those of a fix; the vertical velocity if that is asked."""
+        north, east, down = (m.innovation for m in self._velocity_group(core, gps))
+        core.reset_log.change_speed(core.state, north, east)
+        core.ekf.forget(_HORIZONTAL_VELOCITY, self._velocity_sigma(gps))
+        if vertically:
+            core.reset_log.change_sink(core.state, down)
+            core.ekf.forget(_SINK, self._velocity_sigma(gps))
+        north, east, _ = (m.innovation for m in self._position_group(core, gps))
+        core.reset_log.move_horizontally(core.state, north, east)
+        core.ekf.forget(_HORIZONTAL, self._horizontal_sigma(gps))
+        self.velocity.accept(core.time_us)
+        self.horizontal.accept(core.time_us)
+
+    def _reset_height(self, core: Core, gps: SensorGps) -> None:
+        """Set the height to that of a fix, free of bias; what the barometer says stays right."""
+        state, sigma = core.state, self._vertical_sigma(gps)
+        down = self._position_group(core, gps)[DOWN].innovation - state.gps_height_bias_m
+        state.gps_height_bias_m = 0.0
+        core.ekf.forget(GPS_HEIGHT_BIAS, sigma)
+        core.reset_log.move_vertically(state, down)
+        state.baro_bias_m += down
+        core.ekf.forget(DOWN, sigma)
+        core.ekf.forget(BARO_BIAS, sigma)
+        self.vertical.accept(core.time_us)
+
+    def _velocity_group(
+        self, core: Core, gps: SensorGps
+    ) -> tuple[Measurement, Measurement, Measurement]:
+        return velocity_measurements(
+            _recalled(core, gps), gps.velocity_ned, self._velocity_sigma(gps)
+        )
 
     def _position_group(
-        self, core: Core, gps: SensorGps, fix_ned: Vector3
+        self, core: Core, gps: SensorGps
     ) -> tuple[Measurement, Measurement, Measurement]:
         return position_measurements(
             _recalled(core, gps),
-            fix_ned,
+            _frame_of(core).to_ned(gps.latitude_deg, gps.longitude_deg, gps.altitude_amsl_m),
             core.state.gps_height_bias_m,
             self._horizontal_sigma(gps),
             max(_WHITE_SHARE * gps.vertical_accuracy_m, self._params.gps_position_noise),
@@ -151,7 +216,11 @@ class GpsAiding:
 
     def _is_stale(self, core: Core) -> bool:
         """Whether the dead reckoning has gone on for too long to argue with a good fix."""
-        return self.horizontal.age_s(core.time_us) * 1e6 > self._params.no_aid_timeout_us
+        age_s = min(self.horizontal.age_s(core.time_us), self.velocity.age_s(core.time_us))
+        return age_s * 1e6 > self._params.no_aid_timeout_us
+
+    def _velocity_sigma(self, gps: SensorGps) -> float:
+        return max(gps.speed_accuracy_m_s, self._params.gps_velocity_noise)
 
     def _horizontal_sigma(self, gps: SensorGps) -> float:
         return max(gps.horizontal_accuracy_m, self._params.gps_position_noise)
@@ -168,17 +237,8 @@ def _recalled(core: Core, gps: SensorGps) -> Past:
     return past
 
 
-def _shifted(vector: Vector3, shift: list[float]) -> Vector3:
-    return (vector[0] + shift[0], vector[1] + shift[1], vector[2] + shift[2])
-
-
-def _reset_height(core: Core, shift_down: float, sigma: float) -> None:
-    """Move the height to that of GPS, free of bias, and let the barometer's bias go along."""
-    state = core.state
-    shift_down -= state.gps_height_bias_m
-    state.gps_height_bias_m = 0.0
-    core.ekf.forget(GPS_HEIGHT_BIAS, sigma)
-    state.position_ned = _shifted(state.position_ned, [0.0, 0.0, shift_down])
-    state.baro_bias_m += shift_down
-    core.ekf.forget(DOWN, sigma)
-    core.ekf.forget(BARO_BIAS, sigma)
+def _frame_of(core: Core) -> LocalFrame:
+    """The local frame of an estimate that is known to have its origin."""
+    if core.origin is None:
+        raise ValueError("origin: the estimator has none yet")
+    return core.origin

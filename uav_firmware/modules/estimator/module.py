@@ -142,6 +142,7 @@ class EstimatorModule:
                 validity.altitude,
                 validity.velocity,
                 validity.heading,
+                core.reset_log.resets,
             )
         )
 
@@ -176,5 +177,6 @@ class EstimatorModule:
                 gyro_jump_us=navigation.gyro_jump_us,
                 accel_bias_frd=(0.0, 0.0, 0.0) if core is None else core.state.accel_bias_frd,
                 accel_broken=navigation.accel_broken,
+                stopped=navigation.stopped,
             )
         )

@@ -9,19 +9,22 @@ import math
 from uav_firmware.modules.estimator.alignment import RestAverage
 from uav_firmware.modules.estimator.baro_aiding import BaroAiding
 from uav_firmware.modules.estimator.compass_aiding import CompassAiding
-from uav_firmware.modules.estimator.core import Core
+from uav_firmware.modules.estimator.core import RESET_AFTER_S, Core
 from uav_firmware.modules.estimator.gps_aiding import GpsAiding
 from uav_firmware.modules.estimator.health import Validity
 from uav_firmware.modules.estimator.imu_guard import ImuGuard
-from uav_firmware.modules.estimator.params import EstimatorParams
+from uav_firmware.modules.estimator.params import EstimatorParams, HeightReference
 from uav_firmware.modules.estimator.rest_aiding import RestAiding
 from uav_firmware.modules.estimator.state import ACCEL_BIAS, ATTITUDE, DOWN, GYRO_BIAS, HEADING
+from uav_firmware.msg.estimate import AidSource
 from uav_firmware.msg.sensors import SensorBaro, SensorGps, SensorImu, SensorMag
 from uav_firmware.msg.vectors import Vector3
 
 _LARGEST_TILT_SIGMA_RAD = 0.1
 _LARGEST_HEADING_SIGMA_RAD = 0.35
 _SCALE_ERROR = 0.01  # [1/s] Of the angle turned through of late, taken for a bias
+_AIDED_S = 1.0  # A velocity that was fused longer ago does not hold the position any more
+_LARGEST_DRIFT_M = 5.0  # One sigma; PX4's COM_POS_FS_EPH
 _CERTAIN = 3.0  # [SD] By which a bias must be beyond its limit, as in PX4's check
 _BROKEN_GYRO_LIMIT = 2.0  # [-] Of EKF2_GYR_B_LIM; a bias up to there is followed, to land with
 _BROKEN_ACCEL_LIMIT_M_S2 = 8.0  # Likewise, once a jump has been suspected
@@ -78,12 +81,18 @@ class Navigation:
     def take_gps(self, gps: SensorGps) -> None:
         """Use a fix."""
         if self.core is not None:
-            self.gps.take(self.core, gps)
+            self.gps.take(self.core, gps, self.baro.height)
 
     def take_baro(self, baro: SensorBaro) -> None:
         """Use a pressure."""
         if self.core is not None:
-            self.baro.take(self.core, baro)
+            self.baro.take(self.core, baro, failed=self._barometer_is_last(self.core))
+
+    def _barometer_is_last(self, core: Core) -> bool:
+        """Whether the height has no aid left and the barometer is the one to reset it to."""
+        by_gps = self._params.height_reference == HeightReference.GPS
+        receiver = self.gps.horizontal.age_s(core.time_us) <= RESET_AFTER_S
+        return not (by_gps and receiver) and self.gps.height_failed(core, self.baro.height)
 
     def take_mag(self, mag: SensorMag) -> None:
         """Use a magnetic field."""
@@ -149,6 +158,20 @@ class Navigation:
         """When the gyroscope bias was last seen to have jumped [us]; None if never."""
         return None if self.core is None else self.core.gyro_jump.jumped_us
 
+    @property
+    def stopped(self) -> AidSource:
+        """Sources that are delivered and not used, since they disagree or repeat themselves."""
+        stopped = AidSource(0)
+        for source, aid in (
+            (AidSource.GPS_POSITION, self.gps.horizontal),
+            (AidSource.GPS_VELOCITY, self.gps.velocity),
+            (AidSource.GPS_HEIGHT, self.gps.vertical),
+            (AidSource.BAROMETER, self.baro.height),
+        ):
+            if aid.stopped:
+                stopped |= source
+        return stopped | AidSource.BAROMETER if self.baro.frozen else stopped
+
     def validity(self) -> Validity:
         """What of the estimate may be used."""
         core = self.core
@@ -157,9 +180,16 @@ class Navigation:
         now_us, limit_s, ekf = core.time_us, self._params.no_aid_timeout_us * 1e-6, core.ekf
         healthy = self.guard.healthy and core.state.is_finite()
         located = healthy and core.origin is not None
-        position = located and self.gps.horizontal.age_s(now_us) <= limit_s
-        moving = min(self.gps.velocity.age_s(now_us), self.rest.velocity.age_s(now_us))
-        height = min(self.gps.vertical.age_s(now_us), self.baro.height.age_s(now_us))
+        moving_s = min(self.gps.velocity.age_s(now_us), self.rest.velocity.age_s(now_us))
+        position_s = self.gps.horizontal.age_s(now_us)
+        height_s = min(self.gps.vertical.age_s(now_us), self.baro.height.age_s(now_us))
+        # A source that is stopped is done without, as long as the velocity is seen to be right
+        steady = moving_s <= _AIDED_S
+        certain = max(ekf.sigma(0), ekf.sigma(1)) < _LARGEST_DRIFT_M
+        position = located and certain and (position_s <= limit_s or steady)
+        altitude = located and (
+            height_s <= limit_s or (steady and ekf.sigma(DOWN) < _LARGEST_DRIFT_M)
+        )
         upright = (
             ekf.sigma(ATTITUDE.start) < _LARGEST_TILT_SIGMA_RAD
             and ekf.sigma(ATTITUDE.start + 1) < _LARGEST_TILT_SIGMA_RAD
@@ -168,9 +198,11 @@ class Navigation:
         return Validity(
             healthy and upright,
             healthy and turned,
-            located and moving <= limit_s,
+            located and moving_s <= limit_s,
             position,
-            located and height <= limit_s,
-            self.gps.horizontal.rejecting or self.gps.velocity.rejecting,
+            altitude,
+            any(
+                aid.rejecting for aid in (self.gps.horizontal, self.gps.velocity, self.gps.vertical)
+            ),
             self.accel_broken or not self.guard.healthy,
         )

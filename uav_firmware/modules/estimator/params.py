@@ -6,8 +6,16 @@ EKF2_HDG_B_WALK.
 """
 
 from dataclasses import dataclass
+from enum import IntEnum
 
 from uav_firmware.parameters import param
+
+
+class HeightReference(IntEnum):
+    """Values of EKF2_HGT_REF that this vehicle has sensors for; PX4 has 2 and 3 as well."""
+
+    BAROMETER = 0
+    GPS = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +69,10 @@ class EstimatorParams:
     gps_velocity_gate: float = param(
         "EKF2_GPS_V_GATE", 5.0, unit="SD", minimum=1.0, maximum=100.0,
         short="Gate of GPS velocity",
+    )  # fmt: skip
+    height_reference: int = param(
+        "EKF2_HGT_REF", HeightReference.GPS, unit="1", minimum=0, maximum=1,
+        short="Source whose height does not wander: 0 barometer, 1 GPS",
     )  # fmt: skip
     gps_height_time: float = param(
         "EKF2_GPS_ALT_T", 60.0, unit="s", minimum=1.0, maximum=3600.0,

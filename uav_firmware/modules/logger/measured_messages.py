@@ -6,6 +6,7 @@ from typing import Final
 from uav_firmware.lib.atmosphere import air_density, altitude_from_pressure
 from uav_firmware.modules.logger.logged_message import Values, declare
 from uav_firmware.msg.estimate import (
+    AidSource,
     EstimatorStatus,
     VehicleAttitude,
     VehicleGlobalPosition,
@@ -25,6 +26,7 @@ def _angular_velocity(attitude: VehicleAttitude) -> Values:
 
 
 def _local_position(position: VehicleLocalPosition) -> Values:
+    resets = position.resets
     return (
         position.time_us,
         position.origin_latitude_deg,
@@ -43,6 +45,16 @@ def _local_position(position: VehicleLocalPosition) -> Values:
         position.heading_valid,
         position.position_valid,
         position.altitude_valid,
+        *resets.position_delta_ned[:2],
+        resets.position_delta_ned[2],
+        *resets.velocity_delta_ned[:2],
+        resets.velocity_delta_ned[2],
+        resets.heading_delta,
+        resets.xy_count % 256,
+        resets.z_count % 256,
+        resets.velocity_xy_count % 256,
+        resets.velocity_z_count % 256,
+        resets.heading_count % 256,
     )
 
 
@@ -118,6 +130,15 @@ def _estimator_status(status: EstimatorStatus) -> Values:
         status.vertical_position_ratio,
         status.mag_ratio,
         status.flags,
+        *(
+            bool(status.stopped & source)
+            for source in (
+                AidSource.GPS_POSITION,
+                AidSource.GPS_VELOCITY,
+                AidSource.GPS_HEIGHT,
+                AidSource.BAROMETER,
+            )
+        ),
     )
 
 
@@ -134,7 +155,10 @@ VEHICLE_LOCAL_POSITION: Final = declare(
     "double ref_lat; double ref_lon; float ref_alt; float x; float y; float z; "
     "float vx; float vy; float vz; float ax; float ay; float az; float heading; "
     "float eph; float epv; bool xy_valid; bool z_valid; bool v_xy_valid; bool v_z_valid; "
-    "bool heading_good_for_control; bool xy_global; bool z_global",
+    "bool heading_good_for_control; bool xy_global; bool z_global; "
+    "float[2] delta_xy; float delta_z; float[2] delta_vxy; float delta_vz; float delta_heading; "
+    "uint8_t xy_reset_counter; uint8_t z_reset_counter; uint8_t vxy_reset_counter; "
+    "uint8_t vz_reset_counter; uint8_t heading_reset_counter",
     _local_position,
 )
 VEHICLE_GLOBAL_POSITION: Final = declare(
@@ -171,7 +195,8 @@ ESTIMATOR_STATUS: Final = declare(
     "estimator_status",
     "float pos_horiz_accuracy; float pos_vert_accuracy; float vel_test_ratio; "
     "float pos_test_ratio; float hgt_test_ratio; float mag_test_ratio; "
-    "uint16_t solution_status_flags",
+    "uint16_t solution_status_flags; bool gps_position_stopped; bool gps_velocity_stopped; "
+    "bool gps_height_stopped; bool barometer_stopped",
     _estimator_status,
 )
 ESTIMATOR_SENSOR_BIAS: Final = declare("estimator_sensor_bias", "float[3] gyro_bias", _sensor_bias)

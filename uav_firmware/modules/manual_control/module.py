@@ -5,6 +5,7 @@ from typing import Final
 
 from uav_firmware.bus import Topic
 from uav_firmware.lib.guide import Guide
+from uav_firmware.lib.resets import ResetFollower
 from uav_firmware.lib.rotation import wrap_pi
 from uav_firmware.modules.manual_control import laws
 from uav_firmware.modules.manual_control.sticks import curved, shaped, turned
@@ -62,6 +63,7 @@ class ManualControlModule:
         self._yaw = 0.0
         self._led = False  # whether the last step was flown by the sticks
         self._last_us = 0
+        self._resets = ResetFollower()
         self._retune()
 
     def update(self) -> None:
@@ -78,6 +80,10 @@ class ManualControlModule:
             return
         if self._seen_version != self._registry.version:
             self._retune()
+        step = self._resets.take(estimate.resets)
+        if step is not None:
+            self._guide.shift(step.position_ned, step.velocity_ned)
+            self._yaw = wrap_pi(self._yaw + step.heading)
         dt = min((estimate.time_us - self._last_us) * 1e-6, _LONGEST_STEP_S)
         self._last_us = estimate.time_us
         if not self._led or self._landed:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from uav_firmware.lib.geo import LocalFrame
 from uav_firmware.lib.motion import MotionLimits
+from uav_firmware.lib.resets import EstimateStep
 from uav_firmware.lib.rotation import wrap_pi
 from uav_firmware.lib.smoothing import Waypoint
 from uav_firmware.lib.vector import ZERO, subtract
@@ -206,6 +207,12 @@ class Flight:
             self.yaw.reset(estimate.heading)
             self.course = self.yaw.yaw
         self.yaw_target = self.turn_left = NAN
+
+    def shift(self, step: EstimateStep) -> None:
+        """Follow a reset of the estimate; what lies on the earth stays there."""
+        self.path.shift(step.position_ned, step.velocity_ned, self.limits())
+        self.yaw.yaw = wrap_pi(self.yaw.yaw + step.heading)
+        self.course = wrap_pi(self.course + step.heading)
 
     def advance(self, dt: float) -> TrajectorySetpoint:
         """Move the set-point on by `dt` [s], more slowly when the vehicle is left behind."""

@@ -2,6 +2,7 @@
 
 import math
 
+from uav_firmware.lib.resets import EstimateStep
 from uav_firmware.modules.navigator.flight import Flight
 from uav_firmware.modules.navigator.mode import NavigatorMode
 from uav_firmware.modules.navigator.orbit import Circle, Orbit, circle_of
@@ -37,6 +38,12 @@ class OrbitMode(NavigatorMode):
         """Watch for the end of the turns."""
         if self._orbit is not None:
             self.finished = self._orbit.step(flight)
+
+    def on_reset(self, flight: Flight, step: EstimateStep) -> None:
+        """Go back to the circle, which stays on the earth."""
+        del step
+        if self._orbit is not None:
+            self._orbit.follow_reset(flight)
 
     def on_speeds(self, flight: Flight) -> None:
         """An orbit's speed comes with its order."""

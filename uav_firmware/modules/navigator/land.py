@@ -10,6 +10,7 @@ comes down, and TOUCHDOWN takes half the speed.
 import math
 from enum import Enum, auto
 
+from uav_firmware.lib.resets import EstimateStep
 from uav_firmware.modules.navigator.flight import Flight
 from uav_firmware.msg.vectors import Vector3
 
@@ -36,6 +37,13 @@ class Land:
         self._over = (target[0], target[1], here[2])
         flight.face(yaw_deg)
         flight.fly(flight.stop_at(self._over))
+
+    def follow_reset(self, flight: Flight, step: EstimateStep) -> None:
+        """Land where the vehicle is, whatever the estimate calls that place from now on."""
+        north, east, _ = step.position_ned
+        self._over = (self._over[0] + north, self._over[1] + east, self._over[2])
+        if self.phase is LandPhase.TRANSIT:
+            flight.fly(flight.stop_at(self._over))
 
     def step(self, flight: Flight) -> bool:
         """Whether the vehicle stands on the ground."""

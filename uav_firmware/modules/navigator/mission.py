@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import ClassVar
 
+from uav_firmware.lib.resets import EstimateStep
 from uav_firmware.modules.navigator.flight import Flight, Speeds
 from uav_firmware.modules.navigator.land import Land
 from uav_firmware.modules.navigator.mission_cursor import MissionCursor
@@ -123,6 +124,14 @@ class MissionMode(NavigatorMode):
             item.command in HOVERING or item.command == MissionCommand.NAV_TAKEOFF
         )
         return flight.landed and (not flying or self._held)
+
+    def on_reset(self, flight: Flight, step: EstimateStep) -> None:
+        """Fly a circle or a climb on from where the vehicle is; items stay on the earth."""
+        match self._task:
+            case Orbit() as orbit:
+                orbit.follow_reset(flight)
+            case Takeoff() as takeoff:
+                takeoff.follow_reset(flight, step)
 
     def _reach(self, item: MissionItem, flight: Flight) -> None:
         waits = not item.autocontinue or item.command == MissionCommand.NAV_LOITER_UNLIM

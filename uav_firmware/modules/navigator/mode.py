@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 
+from uav_firmware.lib.resets import EstimateStep
 from uav_firmware.modules.navigator.flight import Flight
 from uav_firmware.msg.mission import ModeTarget
 
@@ -27,6 +28,10 @@ class NavigatorMode(ABC):
     def on_speeds(self, flight: Flight) -> None:
         """The commanded speeds have changed."""
         flight.path.relimit(flight.limits())
+
+    def on_reset(self, flight: Flight, step: EstimateStep) -> None:
+        """The estimate was reset by a step, and the path with it: move places that go along."""
+        del flight, step
 
     def sits(self, flight: Flight) -> bool:
         """Whether a vehicle on the ground shall stay there in this mode."""

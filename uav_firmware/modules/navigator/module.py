@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from uav_firmware.bus import Queue, Topic
+from uav_firmware.lib.resets import ResetFollower
 from uav_firmware.lib.stepwise import finished
 from uav_firmware.modules.navigator import area, feasibility
 from uav_firmware.modules.navigator.area import AreaKeeper
@@ -145,6 +146,7 @@ class NavigatorModule:
         self._review = MissionReview()
         self._mission_count = 0
         self._last_us: int | None = None
+        self._resets = ResetFollower()
 
     def check_item(self, item: MissionItem) -> MissionRejection | None:
         """Whether an item could be flown in any mission; for its upload."""
@@ -206,9 +208,19 @@ class NavigatorModule:
         flight.motor_lost = failure is not None and failure.failed_motors != 0
         if estimate is not None:
             flight.frame = frame_of(estimate, flight.frame)
+            self._follow_resets(estimate)
         sticks = None if self._sticks is None else self._sticks.value
         flight.yaw_stick = yaw_of(sticks, now_us)
         self._area.update(flight)
+
+    def _follow_resets(self, estimate: VehicleLocalPosition) -> None:
+        """Move the set-point with an estimate that was reset."""
+        step = self._resets.take(estimate.resets)
+        if step is None:
+            return
+        self._flight.shift(step)
+        if self._active is not None:
+            self._active.on_reset(self._flight, step)
 
     def _take_mission(self) -> None:
         mission = self._mission_topic.value

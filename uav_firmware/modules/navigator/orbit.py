@@ -72,7 +72,8 @@ class Orbit:
         self._angle = angle  # [rad] Infinite: for ever
         self._heading = heading
         self._entry, self._bearing = circle.entry(flight.rest_point(), flight.yaw.yaw)
-        self._turned = 0.0
+        self._turned = 0.0  # [rad] Since the order
+        self._turned_before = 0.0  # [rad] Of it, before the present approach
         self._own_heading = flight.yaw.yaw
         self._turned_us = flight.now_us  # When the pilot's stick was last obeyed
         self._speed = self._choose_speed(flight, speed)
@@ -80,6 +81,16 @@ class Orbit:
         flight.fly(flight.stop_at(self._entry))
         unknown = (math.nan, math.nan, math.nan)
         self._place = unknown if flight.frame is None else flight.frame.to_geodetic(circle.centre)
+
+    def follow_reset(self, flight: Flight) -> None:
+        """Fly to the circle again, which stays on the earth, and round what is left of it."""
+        if self.phase is OrbitPhase.DONE:
+            return
+        self.phase = OrbitPhase.APPROACH
+        self._angle -= abs(self._turned - self._turned_before)
+        self._turned_before = self._turned
+        self._entry, self._bearing = self._circle.entry(flight.rest_point(), flight.yaw.yaw)
+        flight.fly(flight.stop_at(self._entry))
 
     def step(self, flight: Flight) -> bool:
         """Whether all turns are flown."""

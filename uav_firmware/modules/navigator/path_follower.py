@@ -20,12 +20,19 @@ from uav_firmware.lib.motion import (
     straight_pieces,
 )
 from uav_firmware.lib.smoothing import Leg, Waypoint, join, plan_leg
-from uav_firmware.lib.vector import ZERO, dot, norm, scale
+from uav_firmware.lib.vector import ZERO, add, dot, norm, scale
 from uav_firmware.msg.vectors import Vector3
 
 _LOOK_AHEAD = 8  # waypoints that shape the speed of the present leg
 _SLOWEST = 1e-3  # [m/s] below it a motion has no direction
 _DOWN: Vector3 = (0.0, 0.0, 1.0)
+
+
+def _moved(piece: Stretch, step: Vector3) -> Stretch:
+    """A stretch moved by a step [m]."""
+    if isinstance(piece, Arc):
+        return piece._replace(centre=add(piece.centre, step))
+    return piece._replace(position=add(piece.position, step))
 
 
 class PathFollower:
@@ -69,6 +76,27 @@ class PathFollower:
         """Begin again at the vehicle's own position and velocity."""
         self.state = MotionState(position, velocity, ZERO)
         self._follow((), [])
+
+    def shift(self, position: Vector3, velocity: Vector3, limits: MotionLimits) -> None:
+        """Follow a reset of the estimate by a step of `position` [m] and `velocity` [m/s].
+
+        The set-point moves with the estimate, so that the vehicle goes on as it was. The route
+        stays on the earth and is flown from there. A place that is held moves too, and so do a
+        descent and a circle.
+        """
+        self.state = self.state._replace(
+            position=add(self.state.position, position),
+            velocity=add(self.state.velocity, velocity),
+        )
+        route, passed = self._route, self.passed
+        if self._chased is not None:
+            return
+        endless = bool(self._pieces) and math.isinf(self._pieces[-1].duration)
+        if endless or any(isinstance(piece, Arc) for piece in self._pieces):
+            self._pieces = [_moved(piece, position) for piece in self._pieces]
+        else:
+            self.fly(route[passed:], limits)
+            self._route, self._leg_index, self.passed = route, passed, passed
 
     def stop(self, limits: MotionLimits) -> None:
         """Come to rest as soon as the limits allow."""

@@ -2,6 +2,7 @@
 
 import math
 
+from uav_firmware.lib.resets import EstimateStep
 from uav_firmware.modules.navigator.flight import Flight
 from uav_firmware.modules.navigator.land import Land, land_here
 from uav_firmware.modules.navigator.mode import NavigatorMode
@@ -34,6 +35,11 @@ class TakeoffMode(NavigatorMode):
         if not self.finished and self._takeoff is not None:
             self.finished = self._takeoff.step(flight)
 
+    def on_reset(self, flight: Flight, step: EstimateStep) -> None:
+        """Climb on where the vehicle is."""
+        if self._takeoff is not None:
+            self._takeoff.follow_reset(flight, step)
+
     def sits(self, flight: Flight) -> bool:
         """A take-off never sits; it is why the vehicle leaves the ground."""
         return flight.landed and self.finished
@@ -43,11 +49,13 @@ class LandMode(NavigatorMode):
     """AUTO_LAND; lands at the target, or where it is."""
 
     def __init__(self) -> None:
+        self._here = True
         self._land: Land | None = None
 
     def on_activation(self, flight: Flight, target: ModeTarget | None) -> None:
         """Begin the way to the landing point."""
         self.finished = False
+        self._here = not isinstance(target, NavigatorTarget)
         if not isinstance(target, NavigatorTarget):
             self._land = land_here(flight)
             return
@@ -55,6 +63,11 @@ class LandMode(NavigatorMode):
         if math.isnan(target.altitude_amsl_m):
             goal = (goal[0], goal[1], flight.home_down(0.0))
         self._land = Land(flight, goal, math.degrees(target.yaw))
+
+    def on_reset(self, flight: Flight, step: EstimateStep) -> None:
+        """Land on where the vehicle is; a target stays on the earth."""
+        if self._land is not None and self._here:
+            self._land.follow_reset(flight, step)
 
     def on_active(self, flight: Flight) -> None:
         """Watch for the ground."""

@@ -2,6 +2,7 @@
 
 import math
 
+from uav_firmware.lib.resets import EstimateStep
 from uav_firmware.modules.navigator.flight import Flight
 from uav_firmware.msg.vectors import Vector3
 
@@ -19,8 +20,18 @@ class Takeoff:
         route = [flight.stop_at((here[0], here[1], down))]
         if math.hypot(target[0] - here[0], target[1] - here[1]) > _ON_THE_SPOT_M:
             route.append(flight.stop_at(self._goal))
+        self._climbs_only = len(route) == 1
         flight.face(yaw_deg)
         flight.fly(*route)
+
+    def follow_reset(self, flight: Flight, step: EstimateStep) -> None:
+        """Climb on where the vehicle is; a target elsewhere stays on the earth."""
+        if not self._climbs_only:
+            return
+        north, east, down = self._goal
+        self._goal = (north + step.position_ned[0], east + step.position_ned[1], down)
+        if not flight.path.resting:
+            flight.fly(flight.stop_at(self._goal))
 
     def step(self, flight: Flight) -> bool:
         """Whether the vehicle has arrived, and turned where a yaw was given."""

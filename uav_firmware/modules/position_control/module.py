@@ -4,7 +4,9 @@ import math
 from typing import Final
 
 from uav_firmware.bus import Topic
-from uav_firmware.lib.rotation import from_thrust_direction_and_yaw
+from uav_firmware.lib.resets import ResetFollower
+from uav_firmware.lib.rotation import from_thrust_direction_and_yaw, wrap_pi
+from uav_firmware.lib.vector import ZERO, add
 from uav_firmware.modules.position_control.control_math import ThrustLimits
 from uav_firmware.modules.position_control.controller import (
     Motion,
@@ -67,6 +69,9 @@ class PositionControlModule:
         self._touchdown = TouchDown()
         self._yaw = 0.0
         self._last_us = 0
+        self._resets = ResetFollower()
+        self._setpoint_count = 0
+        self._setpoint_shift = (ZERO, ZERO)  # [m], [m/s] By resets since that set-point
         self._last_thrust_up = 0.0  # [-] What the rotors were last asked for
         self._retune()
         self._hover = HoverThrustEstimator(self._params.thrust_hover, _hover_noise(self._params))
@@ -126,11 +131,30 @@ class PositionControlModule:
     def _wanted(self, position: VehicleLocalPosition) -> Motion:
         """The trajectory's motion as far as the estimate can follow it; else a descent."""
         setpoint = self._trajectory.value
+        if self._trajectory.count != self._setpoint_count:
+            self._setpoint_count = self._trajectory.count
+            self._setpoint_shift = (ZERO, ZERO)
+        self._follow_resets(position)
         if setpoint is None or position.time_us - setpoint.time_us > _STALE_US:
             wanted = Motion(BLIND, (0.0, 0.0, _BLIND_DESCENT_SPEED), LEVEL)
         else:
-            wanted = Motion(setpoint.position_ned, setpoint.velocity_ned, setpoint.acceleration_ned)
+            place, speed = self._setpoint_shift
+            wanted = Motion(
+                add(setpoint.position_ned, place),
+                add(setpoint.velocity_ned, speed),
+                setpoint.acceleration_ned,
+            )
         return observable(wanted, position)
+
+    def _follow_resets(self, position: VehicleLocalPosition) -> None:
+        """Move a set-point that is older than a reset of the estimate with the estimate."""
+        step = self._resets.take(position.resets)
+        setpoint = self._trajectory.value
+        if step is None or setpoint is None or setpoint.time_us >= position.time_us:
+            return
+        place, speed = self._setpoint_shift
+        self._setpoint_shift = (add(place, step.position_ned), add(speed, step.velocity_ned))
+        self._yaw = wrap_pi(self._yaw + step.heading)
 
     def _fly(
         self, position: VehicleLocalPosition, wanted: Motion, thrust_max: float, dt: float

@@ -100,7 +100,7 @@ def odometry(context: Context) -> Message | None:
         yawspeed=yaw_rate,
         pose_covariance=_upper_triangle((variance_xy, variance_xy, variance_z, NAN, NAN, NAN)),
         velocity_covariance=_UNKNOWN_COVARIANCE,
-        reset_counter=0,
+        reset_counter=local.resets.number % 256,
         estimator_type=mavlink.MAV_ESTIMATOR_TYPE_AUTOPILOT,
         quality=0,
     )

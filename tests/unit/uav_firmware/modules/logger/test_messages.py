@@ -17,12 +17,14 @@ from uav_firmware.modules.logger import ulog
 from uav_firmware.modules.logger.collector import recorder
 from uav_firmware.modules.logger.states import TRANSITIONS
 from uav_firmware.modules.logger.streams import STREAMS, LoggerTopics, Stream
+from uav_firmware.msg.estimate import AidSource, EstimateResets
 from uav_firmware.msg.sensors import SensorBaro, SensorGps
 from uav_firmware.msg.status import LandedState, NavigationState
 
 README = Path(ulog.__file__).with_name("README.md").read_text(encoding="utf-8")
 NUMBER = st.floats(-1e6, 1e6, width=32)
 SMALL = st.integers(0, 200)
+VECTOR = st.tuples(NUMBER, NUMBER, NUMBER)
 VALUES: dict[Any, st.SearchStrategy[Any]] = {
     int: SMALL,
     int | None: st.none() | SMALL,
@@ -30,8 +32,12 @@ VALUES: dict[Any, st.SearchStrategy[Any]] = {
     float: NUMBER,
     NavigationState: st.sampled_from(NavigationState),
     LandedState: st.sampled_from(LandedState),
-    tuple[float, float, float]: st.tuples(NUMBER, NUMBER, NUMBER),
+    tuple[float, float, float]: VECTOR,
     tuple[float, float, float, float]: st.tuples(NUMBER, NUMBER, NUMBER, NUMBER),
+    AidSource: st.sampled_from(AidSource),
+    EstimateResets: st.builds(
+        EstimateResets, SMALL, SMALL, SMALL, SMALL, SMALL, VECTOR, VECTOR, NUMBER
+    ),
     tuple[int, ...]: st.just(()),  # A list of numbers is not logged
 }
 

@@ -426,6 +426,7 @@ def test_odometry_tells_the_velocity_in_the_body_frame() -> None:
     odometry = built("ODOMETRY", topics)
     assert (odometry.frame_id, odometry.child_frame_id) == (1, 12)
     assert (odometry.x, odometry.y, odometry.z) == LOCAL.position_ned
+    assert odometry.reset_counter == 0
     assert (odometry.vx, odometry.vy, odometry.vz) == pytest.approx((2.0, 0.0, 0.5))
     assert [odometry.pose_covariance[i] for i in (0, 6, 11)] == pytest.approx([0.25, 0.25, 0.64])
     assert math.isnan(odometry.pose_covariance[1])

@@ -8,7 +8,7 @@ from uav_firmware.bus import Topic
 from uav_firmware.lib.rotation import tilt_of, to_euler, yaw_of
 from uav_firmware.modules.position_control.module import PositionControlModule
 from uav_firmware.modules.position_control.params import PositionControlParams
-from uav_firmware.msg.estimate import VehicleLocalPosition
+from uav_firmware.msg.estimate import EstimateResets, VehicleLocalPosition
 from uav_firmware.msg.setpoints import TrajectorySetpoint, VehicleAttitudeSetpoint
 from uav_firmware.msg.status import LandDetected, LandedState, VehicleStatus
 from uav_firmware.msg.vectors import Vector3
@@ -116,3 +116,20 @@ def test_without_position_it_does_not_lean() -> None:
     blind = vehicle.step(3, position_valid=False, velocity_valid=False)
     assert tilt_of(blind.q_ned_frd) < 1e-6
     assert blind.thrust > 0.1
+
+
+def test_an_old_set_point_moves_with_an_estimate_that_is_reset() -> None:
+    step = EstimateResets(
+        xy_count=1, z_count=1, position_total_ned=(20.0, -5.0, 3.0), velocity_xy_count=1,
+        velocity_total_ned=(2.0, 0.0, 0.0),
+    )  # fmt: skip
+    still, leapt = Vehicle(), Vehicle()
+    for vehicle in (still, leapt):
+        vehicle.wants((1.0, 0.0, 0.0), yaw=0.0)
+        vehicle.step(3)
+    expected = still.step(2)
+    found = leapt.step(
+        2, position_ned=step.position_total_ned, velocity_ned=(2.0, 0.0, 0.0), resets=step
+    )
+    assert found.q_ned_frd == pytest.approx(expected.q_ned_frd, abs=1e-6)
+    assert found.thrust == pytest.approx(expected.thrust, abs=1e-6)
