@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from sim.faults import Fault
+from sim.gnss_receivers import GNSS_RECEIVERS
 
 VEHICLE_SPACING_M: Final = 3.0
 """Distance [m] to the east between one vehicle's place and the next one's."""
@@ -22,7 +23,8 @@ class SimulationConfig:
     """Seed, place, rates, weather, instruments, battery and the truth log of one vehicle.
 
     Raises:
-        SimulationConfigError: on a number that is not finite or out of range.
+        SimulationConfigError: on a number that is not finite or out of range, or a receiver that
+            there is not.
     """
 
     seed: int = 1  # [-] Every random number of the flight follows from it
@@ -38,7 +40,8 @@ class SimulationConfig:
     wind_speed_m_s: float = 0.0  # [m/s] Mean, 6 m (20 ft) above ground
     wind_from_deg: float = 270.0  # [deg] Where it comes from, clockwise from true north
     gusts: bool = True  # Dryden turbulence in proportion to the mean wind
-    sensor_noise_factor: float = 1.0  # [-] 1 honest consumer grade, 0 ideal instruments
+    sensor_noise_factor: float = 1.0  # [-] 1 honest, 0 ideal: on top of what instruments they are
+    gps: str = "m9n"  # Satellite receiver, a name of GNSS_RECEIVERS
     battery_capacity_ah: float = 5.2  # [Ah] Of a four-cell lithium polymer pack
     battery_initial_charge: float = 1.0  # [-] 0 empty to 1 full
     start_time_utc_us: int = 1_780_300_800_000_000  # [us] UTC at time zero: 2026-06-01 08:00
@@ -61,6 +64,9 @@ class SimulationConfig:
         self._check_range("control_rate_hz", 50, 10_000)
         self._check_range("wind_speed_m_s", 0.0, 30.0)
         self._check_range("sensor_noise_factor", 0.0, 100.0)
+        if self.gps not in GNSS_RECEIVERS:
+            known = ", ".join(GNSS_RECEIVERS)
+            raise SimulationConfigError(f"gps must be one of {known}, not {self.gps!r}")
         self._check_range("battery_capacity_ah", 0.01, 1000.0)
         self._check_range("battery_initial_charge", 0.0, 1.0)
         self._check_range("start_time_utc_us", 0, 4_102_444_800_000_000)

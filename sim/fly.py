@@ -223,6 +223,7 @@ def _facts(flown: Flown, settings: Settings, flights: list[Flight]) -> list[tupl
     flown_s = max(flight.armed_for_s for flight in flights)
     return [
         ("wind", f"{os.environ.get('WIND') or '0'} m/s"),
+        ("receiver", os.environ.get("GPS") or "m9n"),
         ("seed", os.environ.get("SEED") or "1"),
         ("noise factor", os.environ.get("NOISE") or "1"),
         ("speed", "as fast as it goes" if settings.speed == 0.0 else f"{settings.speed:g}"),

@@ -49,6 +49,7 @@ class VehicleConfig:
     seed: int  # [-] Of all randomness
     wind_m_s: float  # [m/s] Mean wind of the simulation
     wind_from_deg: float  # [deg] Where it blows from
+    gps: str  # Satellite receiver of the simulation, by name
     noise: float  # [-] Factor on all sensor noise
     world: str  # Name of the place that the simulation flies at
     home: Home | None  # None: the world's home, 3 m apart to the east
@@ -90,6 +91,7 @@ def read_config(arguments: Sequence[str], environment: Mapping[str, str]) -> Veh
         wind_m_s=_number("--wind", flags.wind, 0.0, 30.0),
         wind_from_deg=_number("--wind-from", flags.wind_from, 0.0, 360.0),
         noise=_number("--noise", flags.noise, 0.0, 100.0),
+        gps=flags.gps,
         world=flags.world,
         faults=_path(flags.faults),
         home=None if flags.home is None else _home(flags.home),
@@ -131,6 +133,7 @@ def _parser(environment: Mapping[str, str]) -> argparse.ArgumentParser:
     add("--wind", default=get("WIND", "0"), help="mean wind of the simulation [m/s]")
     add("--wind-from", default=get("WIND_FROM", "270"), help="where it blows from [deg]")
     add("--noise", default=get("NOISE", "1"), help="factor on the noise of all sensors")
+    add("--gps", default=get("GPS") or "m9n", help="receiver of the simulation: m9n or rtk")
     add("--world", default=get("WORLD", "farm"), help="place that the simulation flies at")
     add("--faults", default=get("FAULTS"), help="file of what breaks and when, in the simulation")
     add("--home", default=get("VEHICLE_HOME"), help="latitude,longitude,altitude,heading")

@@ -127,6 +127,7 @@ def build_vehicle(
             world=config.world,
             wind_m_s=config.wind_m_s,
             wind_from_deg=config.wind_from_deg,
+            gps=config.gps,
             noise_factor=config.noise,
             start_time_utc_us=start_time_utc_us,
             faults_path=config.faults,

@@ -1,11 +1,7 @@
 """Satellite receiver: a solution at 10 Hz, handed over 120 ms after its time of validity.
 
-Position error = correlated error + white noise, north, east and down apart; velocity error is
-white. The figures are those of a multi-band receiver with corrections, as farms use them:
-0.10 m per horizontal axis correlated over 60 s and 0.03 m white, vertically twice that;
-velocity 0.05 m/s (the speed accuracy that u-blox states for the M9 and F9 families), down
-0.08 m/s. A single-band receiver without corrections is about ten times worse in position:
-noise factor 10 for this instrument.
+Position error = two correlated errors + white noise, north, east and down apart; velocity error is
+white. How large they are depends on the receiver (`sim/gnss_receivers.py`).
 
 The latency is what PX4 assumes of a serial receiver (EKF2_GPS_DELAY, 110 ms) and a little.
 After power-up the receiver searches for three seconds and says so with fix type 1.
@@ -18,6 +14,7 @@ from typing import Final
 import numpy as np
 
 from sim.earth import degrees_per_metre, wrapped_longitude_deg
+from sim.gnss_receivers import GnssReceiver, PerAxis
 from sim.sensors.noise import GaussMarkov, standard_normals
 from sim.sensors.readings import GpsReading
 from sim.truth import Truth
@@ -26,15 +23,10 @@ RATE_HZ: Final = 10
 DELAY_US: Final = 120_000
 FIRST_FIX_US: Final = 3_000_000
 
-CORRELATED_SIGMA_NED_M: Final = (0.10, 0.10, 0.20)
-CORRELATION_TIME_S: Final = 60.0
-WHITE_SIGMA_NED_M: Final = (0.03, 0.03, 0.06)
-VELOCITY_SIGMA_NED_M_S: Final = (0.05, 0.05, 0.08)
 _SMALLEST_ACCURACY: Final = 0.01  # [m, m/s] A receiver never claims to be perfect
 
 _NEVER_US: Final = 1 << 62
 _FIX_NONE: Final = 1
-_FIX_3D: Final = 3
 _SATELLITES: Final = 18
 _HDOP: Final = 0.7
 _VDOP: Final = 1.1
@@ -47,26 +39,40 @@ def radial(*sigmas: float) -> float:
 
 
 class Gps:
-    """`factor` scales every error and the accuracies that are reported with it."""
+    """`factor` scales every error of the receiver and the accuracies that are reported with it."""
 
     def __init__(
-        self, generator: np.random.Generator, *, factor: float, start_time_utc_us: int
+        self,
+        generator: np.random.Generator,
+        receiver: GnssReceiver,
+        *,
+        factor: float,
+        start_time_utc_us: int,
     ) -> None:
         self._normals = standard_normals(generator)
         self._start_time_utc_us = start_time_utc_us
-        self._correlated = tuple(
+        self._slow = self._processes(receiver.slow_sigma_ned_m, receiver.slow_time_s, factor)
+        self._multipath = self._processes(
+            receiver.multipath_sigma_ned_m, receiver.multipath_time_s, factor
+        )
+        self._white = tuple(sigma * factor for sigma in receiver.white_sigma_ned_m)
+        self._velocity = tuple(sigma * factor for sigma in receiver.velocity_sigma_ned_m_s)
+        self._accuracies = _reported_accuracies(receiver, factor)
+        self._fix_type = receiver.fix_type
+        self._on_its_way: deque[GpsReading] = deque()
+
+    def _processes(
+        self, sigmas_m: PerAxis, correlation_time_s: float, factor: float
+    ) -> tuple[GaussMarkov, ...]:
+        return tuple(
             GaussMarkov(
                 self._normals,
                 sigma=sigma * factor,
-                correlation_time_s=CORRELATION_TIME_S,
+                correlation_time_s=correlation_time_s,
                 step_s=1.0 / RATE_HZ,
             )
-            for sigma in CORRELATED_SIGMA_NED_M
+            for sigma in sigmas_m
         )
-        self._white = tuple(sigma * factor for sigma in WHITE_SIGMA_NED_M)
-        self._velocity = tuple(sigma * factor for sigma in VELOCITY_SIGMA_NED_M_S)
-        self._accuracies = _reported_accuracies(factor)
-        self._on_its_way: deque[GpsReading] = deque()
 
     def measure(self, truth: Truth) -> None:
         """Take a solution for this instant; `deliver` hands it over later."""
@@ -89,8 +95,8 @@ class Gps:
 
     def _solution(self, truth: Truth) -> GpsReading:
         north, east, down = (
-            drift.step() + sigma * next(self._normals)
-            for drift, sigma in zip(self._correlated, self._white, strict=True)
+            slow.step() + multipath.step() + sigma * next(self._normals)
+            for slow, multipath, sigma in zip(self._slow, self._multipath, self._white, strict=True)
         )
         velocity_north, velocity_east, velocity_down = (
             component + sigma * next(self._normals)
@@ -108,7 +114,7 @@ class Gps:
             horizontal_accuracy_m=horizontal_m,
             vertical_accuracy_m=vertical_m,
             speed_accuracy_m_s=speed_m_s,
-            fix_type=_FIX_3D,
+            fix_type=self._fix_type,
             satellites_used=_SATELLITES,
             hdop=_HDOP,
             vdop=_VDOP,
@@ -134,14 +140,11 @@ def without_fix(time_us: int) -> GpsReading:
     )
 
 
-def _reported_accuracies(factor: float) -> tuple[float, float, float]:
+def _reported_accuracies(receiver: GnssReceiver, factor: float) -> tuple[float, float, float]:
     """Horizontal [m], vertical [m] and speed [m/s] accuracy: the true sigmas, no better."""
-    north, east, down = (
-        radial(correlated, white)
-        for correlated, white in zip(CORRELATED_SIGMA_NED_M, WHITE_SIGMA_NED_M, strict=True)
-    )
+    north, east, down = receiver.position_sigma_ned_m
     return (
         max(_SMALLEST_ACCURACY, factor * radial(north, east)),
         max(_SMALLEST_ACCURACY, factor * down),
-        max(_SMALLEST_ACCURACY, factor * radial(*VELOCITY_SIGMA_NED_M_S)),
+        max(_SMALLEST_ACCURACY, factor * radial(*receiver.velocity_sigma_ned_m_s)),
     )

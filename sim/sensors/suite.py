@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Final
 
 from sim.config import SimulationConfig
+from sim.gnss_receivers import GNSS_RECEIVERS
 from sim.magnetic_field import decimal_year, field_ned_gauss
 from sim.sensors import baro, battery, esc, gps, magnetometer, rangefinder
 from sim.sensors.baro import Barometer
@@ -52,7 +53,12 @@ class SensorSuite:
         self.magnetometer = Magnetometer(
             streams["magnetometer"], factor=factor, field_ned_gauss=_field_at_home(config)
         )
-        self.gps = Gps(streams["gps"], factor=factor, start_time_utc_us=config.start_time_utc_us)
+        self.gps = Gps(
+            streams["gps"],
+            GNSS_RECEIVERS[config.gps],
+            factor=factor,
+            start_time_utc_us=config.start_time_utc_us,
+        )
         self.battery = Battery(
             streams["battery"],
             capacity_ah=config.battery_capacity_ah,

@@ -14,7 +14,7 @@ from tests.bench.flight_courses import (
     wait_for_item,
     waypoint,
 )
-from tests.bench.flight_track import Track, cross_track, touch_down
+from tests.bench.flight_track import Track, cross_track, places, touch_down
 from tests.support.autopilot_tester import AutopilotTester
 
 _LATER_S: Final = 3.0  # Into the first leg
@@ -52,7 +52,7 @@ def gps_outage(seed: int) -> Figures:
     wait_for_item(tester, len(points), 120.0)
     return {
         "estimate": worst_m,
-        "track": max(cross_track(track.samples, SQUARE)),
+        "track": max(cross_track(places(track.samples), SQUARE)),
         "unharmed": 1.0,
     }
 

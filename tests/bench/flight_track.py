@@ -8,6 +8,9 @@ Cross-track error: the horizontal distance from the true position to the nearest
 outline that the straight legs form. Rounding a corner counts with the distance to the nearer of
 its two legs; flying past a corner counts with the distance to the corner. Mid-leg is the middle
 half of each leg. Overshoot: how far the track leaves the convex hull of the legs.
+
+"By estimate" is the same of where the vehicle took itself to be: what the control leaves, without
+the receiver's own error.
 """
 
 import math
@@ -40,6 +43,7 @@ class Track:
 
     def __init__(self, tester: AutopilotTester) -> None:
         self.samples: list[Sample] = []
+        self.believed: list[Place] = []  # Where the vehicle takes itself to be at these times
         self._tester = tester
         self._steps = 0
         tester.watch(self._note)
@@ -50,9 +54,17 @@ class Track:
             return
         truth = self._tester.truth
         position = self._tester.true_position()
+        place = self._tester.autopilot.topics.vehicle_global_position.value
+        if place is None:
+            return
+        self.believed.append(self._tester.north_east_m(place.latitude_deg, place.longitude_deg))
         self.samples.append(
             Sample(truth.time_us * 1e-6, *position, truth.velocity_ned[2], truth.yaw_deg)
         )
+
+    def last_believed(self, seconds: float) -> list[Place]:
+        """The newest part of where the vehicle took itself to be."""
+        return self.believed[-len(self.last(seconds)) :]
 
     def last(self, seconds: float) -> list[Sample]:
         """The newest part."""
@@ -66,9 +78,14 @@ def rms(values: Iterable[float]) -> float:
     return math.sqrt(sum(squares) / len(squares))
 
 
-def horizontal_rms(samples: Iterable[Sample], place: Place) -> float:
+def places(samples: Iterable[Sample]) -> list[Place]:
+    """Where the samples are, metres north and east."""
+    return [(sample.north_m, sample.east_m) for sample in samples]
+
+
+def horizontal_rms(track: Iterable[Place], place: Place) -> float:
     """Horizontal distance [m] from a place, root mean square."""
-    return rms(math.dist((s.north_m, s.east_m), place) for s in samples)
+    return rms(math.dist(at, place) for at in track)
 
 
 def vertical_rms(samples: Iterable[Sample], height_m: float) -> float:
@@ -76,16 +93,16 @@ def vertical_rms(samples: Iterable[Sample], height_m: float) -> float:
     return rms(s.up_m - height_m for s in samples)
 
 
-def cross_track(samples: Iterable[Sample], outline: Sequence[Place]) -> list[float]:
-    """Horizontal distance [m] of each sample from a line through these corners."""
+def cross_track(track: Iterable[Place], outline: Sequence[Place]) -> list[float]:
+    """Horizontal distance [m] of each place from a line through these corners."""
     legs = list(pairwise(outline))
-    return [min(_off_leg((s.north_m, s.east_m), *leg)[0] for leg in legs) for s in samples]
+    return [min(_off_leg(at, *leg)[0] for leg in legs) for at in track]
 
 
-def mid_leg_cross_track(samples: Iterable[Sample], outline: Sequence[Place]) -> list[float]:
-    """As `cross_track`, of those samples only that are nearest to the middle half of a leg."""
+def mid_leg_cross_track(track: Iterable[Place], outline: Sequence[Place]) -> list[float]:
+    """As `cross_track`, of those places only that are nearest to the middle half of a leg."""
     legs = list(pairwise(outline))
-    nearest = (min(_off_leg((s.north_m, s.east_m), *leg) for leg in legs) for s in samples)
+    nearest = (min(_off_leg(at, *leg) for leg in legs) for at in track)
     return [distance for distance, share in nearest if 0.25 <= share <= 0.75]
 
 

@@ -67,7 +67,7 @@ def hovering_vehicle(seed: int, folder: Path, *, broker: bool = True) -> Iterato
         routes = dict(zip((_BROKER, ADDRESS), [s.getsockname() for s in sinks], strict=True))
         link = TwoPeerLink(udp, routes)
         tester = AutopilotTester(
-            SimulationConfig(seed=seed),
+            SimulationConfig(seed=seed, gps="rtk"),
             folder,
             link=link,
             peers=(

@@ -51,7 +51,7 @@ class Lockstep:
         self.vehicle = vehicle
         self._wire = _Wire()
         self._autopilot = Autopilot(
-            JsbsimVehicle(Simulation(SimulationConfig())),
+            JsbsimVehicle(Simulation(SimulationConfig(gps="rtk"))),
             self._wire,
             FileStorage(folder),
             system_id=vehicle,

@@ -28,7 +28,7 @@ LEGS = ((60.0, 0.0, 10.0), (60.0, 60.0, 10.0), (0.0, 60.0, 10.0))
 def vehicle(
     folder: Path, settings: dict[str, float] | None = None, **config: Any
 ) -> AutopilotTester:
-    tester = AutopilotTester(SimulationConfig(**config), folder)
+    tester = AutopilotTester(SimulationConfig(gps="rtk", **config), folder)
     for name, value in (settings or {}).items():
         tester.autopilot.registry.set(name, value)
     tester.wait_until_ready()
@@ -281,7 +281,7 @@ def test_a_full_disk_is_told_and_neither_grounds_nor_ends_a_flight(
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(FileStorage, "save", refuse)
-    tester = AutopilotTester(SimulationConfig(seed=1), tmp_path, log_store=FullCard())
+    tester = AutopilotTester(SimulationConfig(gps="rtk", seed=1), tmp_path, log_store=FullCard())
     tester.wait_until_ready()
     tester.take_off(5.0)
     tester.autopilot.registry.set("MPC_XY_CRUISE", 4.0)  # A change that cannot be kept

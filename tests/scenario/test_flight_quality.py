@@ -19,18 +19,27 @@ pytestmark = pytest.mark.scenario
 
 
 def test_a_minute_at_a_point_and_a_landing_there() -> None:
-    flight = hover_and_land(1, noise=0.05, wind=0.0)
-    assert flight["horizontal"] <= 0.03
-    assert flight["vertical"] <= 0.02
-    assert flight["landing"] <= 0.10
+    flight = hover_and_land(1, gps="rtk", wind=0.0)
+    assert flight["horizontal"] <= 0.10
+    assert flight["vertical"] <= 0.10
+    assert flight["landing"] <= 0.20
     assert flight["touch-down"] <= 0.6
     assert flight["disarmed"] <= 4.5
 
 
-def test_with_honest_sensors_in_wind_the_receiver_sets_the_limit() -> None:
-    flights = [hover_and_land(seed, noise=1.0, wind=6.0) for seed in (2, 7)]
-    assert rms(flight["horizontal"] for flight in flights) <= 0.30
-    assert rms(flight["vertical"] for flight in flights) <= 0.20
+def test_in_gusty_wind_a_vehicle_with_rtk_stays_at_its_point() -> None:
+    flight = hover_and_land(7, gps="rtk", wind=6.0)
+    assert flight["horizontal"] <= 0.25
+    assert flight["vertical"] <= 0.20
+    assert flight["landing"] <= 0.5
+    assert flight["unharmed"]
+
+
+def test_with_a_receiver_of_one_band_the_receiver_sets_the_limit() -> None:
+    flights = [hover_and_land(seed, gps="m9n", wind=6.0) for seed in (2, 7)]
+    assert rms(flight["horizontal"] for flight in flights) <= 3.0  # Two draws of 1.4 m RMS
+    assert rms(flight["by estimate"] for flight in flights) <= 0.25
+    assert rms(flight["vertical"] for flight in flights) <= 0.40
     for flight in flights:
         assert flight["unharmed"]
         for quantity in QUANTITIES:
@@ -38,17 +47,17 @@ def test_with_honest_sensors_in_wind_the_receiver_sets_the_limit() -> None:
 
 
 def test_a_square_flown_through_and_one_with_stops() -> None:
-    assert two_laps(3, speed=2.5, noise=0.05)["cross-track"] <= 0.08
-    stops = square_with_stops(3, speed=5.0, noise=0.05)
-    assert stops["cross-track"] <= 0.09
-    assert stops["mid-leg"] <= 0.04
+    assert two_laps(3, speed=2.5, gps="rtk")["cross-track"] <= 0.12
+    stops = square_with_stops(3, speed=5.0, gps="rtk")
+    assert stops["cross-track"] <= 0.13
+    assert stops["mid-leg"] <= 0.10
     assert stops["overshoot"] <= 0.5
 
 
 def test_the_estimator_knows_its_errors_on_fast_laps() -> None:
-    flight = two_laps(4, speed=5.0, noise=1.0)
+    flight = two_laps(4, speed=5.0, gps="rtk")
     assert flight["time"] <= 40.15
-    assert flight["cross-track"] <= 0.30
+    assert flight["cross-track"] <= 0.15
     for quantity in QUANTITIES:
         assert flight[quantity] >= 90.0, quantity
 

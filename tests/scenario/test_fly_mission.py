@@ -41,7 +41,7 @@ class Track:
 
 
 def vehicle(folder: Path, **config: Any) -> AutopilotTester:
-    tester = AutopilotTester(SimulationConfig(**config), folder)
+    tester = AutopilotTester(SimulationConfig(gps="rtk", **config), folder)
     tester.wait_until_ready()
     return tester
 

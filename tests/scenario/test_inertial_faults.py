@@ -19,7 +19,7 @@ class Hover:
     """A vehicle that hovers while something breaks, and how far it gets meanwhile."""
 
     def __init__(self, folder: Path, **config: float) -> None:
-        self.tester = AutopilotTester(SimulationConfig(**config), folder)  # type: ignore[arg-type]  # each a number of its own type
+        self.tester = AutopilotTester(SimulationConfig(gps="rtk", **config), folder)  # type: ignore[arg-type]  # each a number of its own type
         self.tester.wait_until_ready()
         self.tester.take_off(HEIGHT_M)
         self.tester.run_for(22.0)

@@ -19,7 +19,7 @@ ALTITUDE, POSITION, ACRO, STABILIZED = 2, 3, 5, 7
 
 def ready(folder: Path, main_mode: int, **config: Any) -> tuple[AutopilotTester, StickPilot]:
     """A vehicle on the ground in a piloted mode, its pilot at the sticks."""
-    tester = AutopilotTester(SimulationConfig(**config), folder)
+    tester = AutopilotTester(SimulationConfig(gps="rtk", **config), folder)
     tester.wait_until_ready()
     pilot = StickPilot(tester)
     tester.run_for(0.2)
@@ -179,7 +179,7 @@ def test_lost_sticks_bring_the_vehicle_home(tmp_path: Path) -> None:
 
 
 def test_a_pilot_who_moves_a_stick_takes_over_from_hold(tmp_path: Path) -> None:
-    tester = AutopilotTester(SimulationConfig(), tmp_path)
+    tester = AutopilotTester(SimulationConfig(gps="rtk"), tmp_path)
     tester.wait_until_ready()
     pilot = StickPilot(tester)
     tester.take_off(5.0)

@@ -20,7 +20,7 @@ SECOND = ((0.0, 25.0), (-20.0, 25.0))
 
 
 def vehicle(folder: Path) -> AutopilotTester:
-    tester = AutopilotTester(SimulationConfig(), folder)
+    tester = AutopilotTester(SimulationConfig(gps="rtk"), folder)
     tester.wait_until_ready()
     return tester
 

@@ -19,7 +19,7 @@ POSITION, VELOCITY = 1, 2
 
 
 def airborne(folder: Path, seed: int) -> AutopilotTester:
-    tester = AutopilotTester(SimulationConfig(seed=seed), folder)
+    tester = AutopilotTester(SimulationConfig(gps="rtk", seed=seed), folder)
     tester.wait_until_ready()
     tester.take_off(10.0)
     tester.wait_until(lambda: tester.mode is NavigationState.AUTO_LOITER, 30.0, "up")

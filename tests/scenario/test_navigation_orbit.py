@@ -20,7 +20,7 @@ CENTRE = (12.0, 8.0)
 
 
 def airborne(folder: Path, seed: int) -> AutopilotTester:
-    tester = AutopilotTester(SimulationConfig(seed=seed), folder)
+    tester = AutopilotTester(SimulationConfig(gps="rtk", seed=seed), folder)
     tester.wait_until_ready()
     tester.take_off(6.0)
     tester.wait_until(lambda: tester.mode is NavigationState.AUTO_LOITER, 30.0, "up")

@@ -62,7 +62,7 @@ def rates(roll: float, pitch: float, yaw: float, thrust: float) -> Any:
 
 
 def airborne(folder: Path, height: float = 5.0, **config: Any) -> AutopilotTester:
-    tester = AutopilotTester(SimulationConfig(**config), folder)
+    tester = AutopilotTester(SimulationConfig(gps="rtk", **config), folder)
     tester.wait_until_ready()
     tester.take_off(height)
     tester.run_for(height * 0.5 + 6.0)
@@ -83,7 +83,7 @@ def error_to(tester: AutopilotTester, place: tuple[float, float, float]) -> floa
 
 @pytest.mark.parametrize("noise", [0.05, 1.0])
 def test_a_take_off_and_five_points_from_the_ground(tmp_path: Path, noise: float) -> None:
-    tester = AutopilotTester(SimulationConfig(sensor_noise_factor=noise), tmp_path)
+    tester = AutopilotTester(SimulationConfig(gps="rtk", sensor_noise_factor=noise), tmp_path)
     tester.wait_until_ready()
     companion = lead(tester, local(POSITION_ONLY, z=-2.0))
     tester.arm()

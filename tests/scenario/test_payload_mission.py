@@ -83,7 +83,7 @@ def mission(tester: AutopilotTester) -> list[Any]:
 
 
 def test_a_mission_takes_every_picture_and_none_on_the_way_home(tmp_path: Path) -> None:
-    tester = AutopilotTester(SimulationConfig(seed=4), tmp_path)
+    tester = AutopilotTester(SimulationConfig(gps="rtk", seed=4), tmp_path)
     tester.wait_until_ready()
     tester.upload(mission(tester))
     album = Album(tester)
@@ -105,7 +105,7 @@ def test_a_mission_takes_every_picture_and_none_on_the_way_home(tmp_path: Path) 
 
 
 def test_a_panorama_in_the_air_turns_the_camera_and_not_the_vehicle(tmp_path: Path) -> None:
-    tester = AutopilotTester(SimulationConfig(seed=5), tmp_path)
+    tester = AutopilotTester(SimulationConfig(gps="rtk", seed=5), tmp_path)
     tester.wait_until_ready()
     tester.take_off(HEIGHT_M)
     tester.wait_until(lambda: tester.true_position()[2] > HEIGHT_M - 0.5, 30.0, "at its height")

@@ -25,6 +25,7 @@ def east_of_start_m(tester: AutopilotTester) -> float:
 def test_a_square_is_flown_and_the_vehicle_lands_at_home(tmp_path: Path, name: str) -> None:
     world = WORLDS[name]
     config = SimulationConfig(
+        gps="rtk",
         seed=7,
         home_latitude_deg=world.latitude_deg,
         home_longitude_deg=world.longitude_deg,

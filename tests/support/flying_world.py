@@ -111,7 +111,7 @@ class FlyingWorld:
         self.edge = FakeEdge()
         self.link = LossyLink(to_broker, to_vehicle, seed=seed)
         self.air = BrokerEnd(self.link, self.clock)
-        self.simulation = Simulation(SimulationConfig(seed=seed))
+        self.simulation = Simulation(SimulationConfig(seed=seed, gps="rtk"))
         images = image_tree(folder)
         camera = JsbsimCamera(
             self.simulation, image_folder(folder), images.room, serial="F450-1", in_step=True

@@ -112,7 +112,7 @@ def fly(
     link = FireLink(enemy, frames, calls, is_operator_forged=is_signed)
     key = KEY if is_signed else None
     operator = Peer(address=ADDRESS, profile=Profile.GROUND_STATION, signing_key=key)
-    config = SimulationConfig(seed=seed, sensor_noise_factor=0.05)
+    config = SimulationConfig(seed=seed, gps="rtk")
     tester = AutopilotTester(config, folder, link=link, peers=(operator,))
     if is_signed:
         tester.autopilot.registry.set("MAV_SIGN_CFG", SIGN_ALWAYS)

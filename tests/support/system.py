@@ -89,6 +89,7 @@ class FarmSystem:
             "SPEED": str(speed),
             "SEED": "1",
             "WIND": "0",
+            "GPS": "rtk",  # True tracks are judged to decimetres
             "TRUTH": "1",
             "EDGE_PORT": str(ports[0]),
             "CLOUD_PORT": str(ports[1]),

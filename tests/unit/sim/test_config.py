@@ -35,9 +35,10 @@ def test_home_may_be_the_shore_of_the_dead_sea() -> None:
         ("sensor_noise_factor", -0.1),
         ("battery_capacity_ah", 0.0),
         ("battery_initial_charge", 1.1),
+        ("gps", "m10"),
     ],
 )
-def test_a_value_out_of_range_is_refused_by_name(field: str, value: float) -> None:
+def test_a_value_out_of_range_is_refused_by_name(field: str, value: object) -> None:
     with pytest.raises(SimulationConfigError, match=field):
         SimulationConfig(**{field: value})  # type: ignore[arg-type]
 

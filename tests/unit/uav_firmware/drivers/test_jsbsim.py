@@ -39,6 +39,7 @@ def started(folder: Path, *, world: str = "farm", faults: Path | None = None) ->
         home=None,
         wind_m_s=0.0,
         wind_from_deg=270.0,
+        gps="m9n",
         noise_factor=1.0,
         start_time_utc_us=1_780_300_800_000_000,
         faults_path=faults,

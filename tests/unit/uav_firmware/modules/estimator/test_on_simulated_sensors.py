@@ -16,7 +16,9 @@ METRES_PER_DEGREE = (111_050.0, 84_870.0)  # Near 40.44 N; half a per mille is e
 
 
 def vehicle(seed: int, noise_factor: float, heading_deg: float = 0.0) -> JsbsimVehicle:
-    config = SimulationConfig(seed=seed, sensor_noise_factor=noise_factor, heading_deg=heading_deg)
+    config = SimulationConfig(
+        seed=seed, gps="rtk", sensor_noise_factor=noise_factor, heading_deg=heading_deg
+    )
     return JsbsimVehicle(Simulation(config))
 
 
