@@ -6,6 +6,8 @@ from apiflask import APIBlueprint
 from flask import url_for
 from flask.typing import ResponseReturnValue
 
+from afarcloud.model import Model
+from afarcloud.numbers import ShortText, VehicleId
 from afarcloud.plan import Plan
 from afarcloud.wire import Kind
 from edge_server.api import bodies, etags, plan_files, urls
@@ -14,6 +16,14 @@ from edge_server.api.contract import PAGE, Contract, describe
 from edge_server.api.scopes import check, check_found, guarding, own_missions, pages
 from edge_server.services import plans
 from edge_server.store.keys import Role
+
+
+class Closing(Model):
+    """Body of a closing: why, and of a plan for several vehicles whose mission."""
+
+    reason: ShortText
+    vehicle_id: VehicleId | None = None
+
 
 WORDS = ("plans", "plan")
 _UNATTENDED = 'a farmer or the cloud may post drafts only: {"dispatch": false}'
@@ -51,6 +61,7 @@ def blueprint() -> APIBlueprint:
         urls.add(routes, WORDS, "put", put, "PUT", item=item)
         urls.add(routes, WORDS, "delete", delete, "DELETE", item=item)
         urls.add(routes, WORDS, "dispatch", dispatch, "POST", item=item, action="dispatch")
+        urls.add(routes, WORDS, "close", close, "POST", item=item, action="close")
     return routes
 
 
@@ -115,6 +126,17 @@ def dispatch(reference: int | str) -> ResponseReturnValue:
     check_found(lambda: plans.find(bodies.context(), reference))
     stored = plans.dispatch(bodies.context(), reference)
     audit(f"dispatched plan {stored['id']}")
+    return etags.tagged(stored)
+
+
+@allow(PLANNERS)
+@describe(Contract({200: STORED}, body="Closing", errors=(409,)))
+def close(reference: int | str) -> ResponseReturnValue:
+    """End accepted missions whose broker does not come back; their vehicles must be silent."""
+    closing = bodies.model(Closing)
+    check_found(lambda: plans.find(bodies.context(), reference))
+    stored = plans.close(bodies.context(), reference, closing.reason, closing.vehicle_id)
+    audit(f"closed plan {stored['id']}")
     return etags.tagged(stored)
 
 

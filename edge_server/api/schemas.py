@@ -10,6 +10,7 @@ from afarcloud.state import Report
 from afarcloud.wire import MODELS, TELEMETRY, Kind
 from edge_server.api import field_schemas
 from edge_server.api.broker import Acknowledged
+from edge_server.api.plans import Closing
 from edge_server.api.vehicles import Release
 from edge_server.exchange.field import Field
 from edge_server.services.event_states import State
@@ -78,6 +79,7 @@ def components() -> dict[str, Any]:
         KeyRequest,
         VehicleState,
         Release,
+        Closing,
         Acknowledged,
         SurveyOrder,
     ]

@@ -249,7 +249,7 @@ def expire_if_due(context: Context) -> None:
     """End what has expired; costs one look when nothing has."""
     now = context.clock()
     with context.database.read() as connection:
-        if not work.overdue(connection, now):
+        if not (work.overdue(connection, now) or work.from_the_future(connection, now)):
             return
     with context.database.write(WORK) as connection:
         expire(connection, now)
@@ -258,6 +258,8 @@ def expire_if_due(context: Context) -> None:
 
 def expire(connection: Connection, now: float) -> None:
     """End queued work whose time is over; nothing stale is ever flown."""
+    for item in work.from_the_future(connection, now):
+        _count_from_now(connection, item, now)
     for item in work.overdue(connection, now):
         if item.kind == work.MISSION:
             end(connection, item, Status.ABORTED, EXPIRED, now)
@@ -266,6 +268,20 @@ def expire(connection: Connection, now: float) -> None:
             _move_event(connection, item, state, EXPIRED_EVENT)
         else:
             work.change(connection, item.id, state=work.CLOSED)
+
+
+def _count_from_now(connection: Connection, item: Work, now: float) -> None:
+    """Take a mission as received now that came while the clock was ahead.
+
+    Its life would be longer by as much as the clock was wrong. A time of expiry that the plan
+    itself names is right, whatever our clock has said.
+    """
+    plan = plans.find(connection, item.plan) if item.plan is not None else None
+    expires_at = item.expires_at
+    if plan is not None and plan.body.get("expires_at") is None:
+        expires_at = min(expires_at, now + item.expires_at - item.created_at)
+        plans.replace(connection, plan._replace(received_at=now, expires_at=expires_at))
+    work.change(connection, item.id, created_at=now, expires_at=expires_at)
 
 
 def end(connection: Connection, item: Work, status: Status, message: str, now: float) -> None:

@@ -57,7 +57,9 @@ def create(
     warnings = [*file.warnings, *translated.warnings]
     try:
         plan = read_as(Plan, _document(context, file, translated, order))
-        (kept,) = plans.create_all(context, [plan], caller, asked, warnings)
+        (kept,) = plans.create_all(
+            context, [plan], caller, asked, warnings, numbered_here=order.mission_id is None
+        )
     except InvalidError as error:
         raise InvalidError(_placed(error.faults, translated.paths)) from None
     return kept

@@ -1,13 +1,15 @@
 """Plans: validated, kept, their missions queued for the broker; one transaction each."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 from sqlalchemy import Connection
 from ulid import ULID
 
 from afarcloud import rules
+from afarcloud.enumerations import Status
 from afarcloud.faults import Fault, InvalidError
+from afarcloud.numbers import INT32_MAX
 from afarcloud.plan import Mission, Plan
 from afarcloud.vehicle import VehicleLimits
 from afarcloud.wire import Kind, write
@@ -22,6 +24,9 @@ from edge_server.store.locks import WORK
 from edge_server.store.plans import StoredPlan
 
 _SEVERAL = "plans"
+SILENT_S: Final = 300.0
+"""So long nothing was said of a vehicle whose accepted mission an operator may close; a broker
+that lives says something every 30 s even of a vehicle that is lost."""
 
 
 @repeatable
@@ -54,11 +59,14 @@ def create_all(
     caller: Caller,
     asked: dict[str, Any],
     warnings: Sequence[Fault] = (),
+    *,
+    numbered_here: bool = False,
 ) -> list[dict[str, Any]]:
     """Keep several plans in one transaction, in their order; returns them as stored.
 
     `asked` is what they were made from, by which a repeated request is known; `warnings` of the
-    making are kept with each.
+    making are kept with each. With `numbered_here` nobody has asked for their mission_ids: they
+    get the next ones that no mission here has.
 
     Raises:
         as `create`; then none of them is kept.
@@ -68,6 +76,8 @@ def create_all(
         answered = once.earlier(connection, caller, _SEVERAL, body_sha256)
         if answered is None:
             now = context.clock()
+            if numbered_here:
+                documents = _with_free_ids(connection, documents)
             rows = [_create(connection, context, plan, now, warnings) for plan in documents]
             # Ids made under one lock follow each other, so the first one tells them all
             answered = Answered(_SEVERAL, body_sha256, rows[0], None, now)
@@ -78,6 +88,25 @@ def create_all(
         ]
     context.bell.ring()
     return shown
+
+
+def _with_free_ids(connection: Connection, documents: Sequence[Plan]) -> list[Plan]:
+    """Move consecutive mission_ids up until no mission here has one of them."""
+    ids = [mission.mission_id for plan in documents for mission in plan.missions]
+    first, count = min(ids), max(ids) - min(ids) + 1
+    taken = work.taken_mission_ids(connection, first, INT32_MAX)
+    free = first
+    while collisions := taken.intersection(range(free, free + count)):
+        free = max(collisions) + 1
+    return [_moved(plan, free - first) for plan in documents]
+
+
+def _moved(plan: Plan, by: int) -> Plan:
+    missions = tuple(
+        mission.model_copy(update={"mission_id": mission.mission_id + by})
+        for mission in plan.missions
+    )
+    return plan.model_copy(update={"missions": missions})
 
 
 def _create(
@@ -221,6 +250,57 @@ def remove(context: Context, reference: int | str) -> None:
         if any(item.state == work.ACCEPTED for item in work.of_plan(connection, stored.id)):
             raise ConflictError(f"plan {stored.id} is being flown")
         plans.remove(connection, stored.id)
+
+
+@repeatable
+def close(
+    context: Context, reference: int | str, reason: str, vehicle_id: int | None = None
+) -> dict[str, Any]:
+    """End missions that a broker has accepted and will never end: it does not come back.
+
+    Of a plan for several vehicles `vehicle_id` says whose; without it all that are accepted.
+    What has ended stays as it ended, and what waits in the queue waits on.
+
+    Raises:
+        NotFoundError: if there is no such plan.
+        ConflictError: if something was said lately of a vehicle, so that its broker lives.
+    """
+    with context.database.write(WORK) as connection:
+        now = context.clock()
+        stored = _find(connection, reference)
+        missions = [
+            item
+            for item in work.of_plan(connection, stored.id)
+            if item.state == work.ACCEPTED and vehicle_id in {None, item.vehicle_id}
+        ]
+        for item in missions:
+            _check_silent(connection, item, now)
+            text = f"closed by an operator: {reason}"
+            broker_work.end(connection, item, Status.ABORTED, text, now)
+        if missions:
+            audit.about(f"plans/{stored.id}: {reason}")
+        else:
+            audit.nothing_new()
+        shown = _show(connection, stored)
+    context.wake_relay()
+    return shown
+
+
+def _check_silent(connection: Connection, item: work.Work, now: float) -> None:
+    """Let a mission pass whose vehicle nobody speaks for; raises ConflictError.
+
+    A time of the last word that lies ahead is one of a clock that was wrong: a broker that lives
+    would have said something since.
+    """
+    known = vehicles.get(connection, item.vehicle_id or 0)
+    if known is None or abs(now - known.updated_at) >= SILENT_S:
+        return
+    raise ConflictError(
+        f"the broker of vehicle {item.vehicle_id} is there: it said something "
+        f"{abs(now - known.updated_at):.0f} s ago; a mission can be closed after "
+        f"{SILENT_S:.0f} s of silence, until then abort it by an event",
+        (Fault("vehicle_id", "is not silent"),),
+    )
 
 
 def _checked(connection: Connection, context: Context, plan: Plan, now: float) -> StoredPlan:

@@ -32,7 +32,10 @@ def create(context: Context, order: SurveyOrder, caller: Caller) -> dict[str, An
     planned = _planned(context, order, field)
     documents = [Plan.model_validate(plan) for plan in planned.plans]
     asked = {**write(order), "field": None if field is None else write(field)}
-    return {**planned.figures, "plans": plans.create_all(context, documents, caller, asked)}
+    kept = plans.create_all(
+        context, documents, caller, asked, numbered_here=order.first_mission_id is None
+    )
+    return {**planned.figures, "plans": kept}
 
 
 def _field_of(context: Context, order: SurveyOrder) -> Field | None:

@@ -248,6 +248,22 @@ def overdue(connection: Connection, now: float) -> list[Work]:
     return [_work(row) for row in connection.execute(query.order_by(work.c.id))]
 
 
+def from_the_future(connection: Connection, now: float) -> list[Work]:
+    """List missions in the queue that were received after now: the clock has been set back."""
+    query = _QUERY.where(
+        work.c.kind == MISSION, work.c.state == QUEUED, work.c.created_at > now + CLOCK_SLACK_S
+    )
+    return [_work(row) for row in connection.execute(query.order_by(work.c.id))]
+
+
+def taken_mission_ids(connection: Connection, first: int, last: int) -> set[int]:
+    """Give the mission_ids of a range that missions here have, ended and held ones too."""
+    query = select(work.c.mission_id).where(
+        work.c.kind == MISSION, work.c.mission_id.between(first, last)
+    )
+    return set(connection.execute(query).scalars())
+
+
 def of_plan(connection: Connection, plan_row: int) -> list[Work]:
     """List the missions of a plan in the plan's order."""
     query = _QUERY.where(work.c.plan == plan_row)

@@ -36,6 +36,27 @@ class TestAWholeMission:
         assert len(world.edge.bodies("/pose/")) == 3
         assert len(world.edge.bodies("/battery/")) == 3
 
+    def test_is_accepted_when_its_turn_comes(self) -> None:
+        """Until then the edge server may cancel or change it, or hold the vehicle."""
+        world = flying_world()
+        second = world.edge.plan(first_flight(1202))
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        assert world.edge.acknowledgements(second) == []
+        world.run_until_over(1202)
+        assert world.edge.acknowledgements(second) == [{"status": "accepted"}]
+
+    def test_is_not_flown_if_its_vehicle_is_held_meanwhile(
+        self, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        world = flying_world()
+        held, free = (world.edge.plan(first_flight(number)) for number in (1202, 1203))
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        world.edge.closed.add(held)  # Its acceptance is answered 409
+        world.run_until_over(1203)
+        assert world.edge.reports(1202) == []
+        assert world.edge.acknowledgements(free) == [{"status": "accepted"}]
+        assert "mission 1202 is not flown" in caplog.text
+
     @FAMILIES
     def test_survives_a_link_that_loses_a_fifth_each_way(self, script: Script) -> None:
         for seed in range(3):

@@ -30,6 +30,8 @@ MATRIX: list[tuple[str, str, set[str], Any]] = [
     ("PUT", "/plans/1", {"operator", "admin", "cloud"}, plan()),
     ("PUT", "/plans/1", {"farmer", "operator", "admin", "cloud"}, plan(dispatch=False)),
     ("PUT", f"/plans/{ULID}", {"operator", "admin", "cloud"}, plan()),
+    ("POST", "/plans/1/close", {"operator", "admin"}, {"reason": "lost"}),
+    ("POST", f"/plans/{ULID}/close", {"operator", "admin"}, {"reason": "lost"}),
     ("DELETE", "/plans/1", {"operator", "admin"}, None),
     ("DELETE", f"/plans/{ULID}", {"operator", "admin"}, None),
     ("GET", "/vehicles/", EVERYBODY, None),
