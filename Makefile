@@ -119,7 +119,7 @@ bench: $(DEV) ## measure and write STATE_DIR/bench/results.json; BENCH=flight,sp
 	@exec $(RUN) -m tests.bench
 
 .PHONY: soak
-soak: $(DEV) ## kill the edge server CYCLES (200) times under load, and what else takes long; SOAK=kill,outage,broker,links,events,spool chooses
+soak: $(DEV) ## kill the edge server CYCLES (200) times under load, and what else takes long; SOAK=kill,outage,broker,links,events,spool,hostile chooses
 	@exec $(RUN) -m tests.soak
 
 .PHONY: fuzz

@@ -8,6 +8,8 @@ and of one that borrows fence, rally points and parameters of its vehicle), `lin
 (MISSIONS (100) over each of nine links that lose and delay), `events` (every event in every state
 of a mission, over a good link and over a bad one).
 `spool` (a broker that has much to tell is killed CYCLES times).
+`hostile` (the real system under everything at once for MINUTES (120) with VEHICLES (20): cut
+answers of the cloud, slow sockets, kills, a full disk, aborts, pilots who take vehicles over).
 `radio` (a mission in real time over a telemetry radio that is pulled out again and again).
 Without it, all. `CYCLES` (200) says how often it is killed; `SEED` chooses order and requests.
 """
@@ -25,6 +27,7 @@ from tests.soak import (
     broker_events,
     broker_links,
     broker_loans,
+    hostile,
     kill_nine,
     outage,
     radio,
@@ -71,6 +74,13 @@ def _radio() -> None:
     print("FINISHED over a radio: " + ", ".join(f"{n} {what}" for what, n in counts.items()))
 
 
+def _hostile() -> None:
+    minutes = float(os.environ.get("MINUTES") or 120.0)
+    vehicles = int(os.environ.get("VEHICLES") or 20)
+    with tempfile.TemporaryDirectory() as folder:
+        hostile.run(Path(folder), vehicles, minutes, _seed(), _tell)
+
+
 def _spool() -> None:
     cycles = int(os.environ.get("CYCLES") or 200)
     with tempfile.TemporaryDirectory() as folder:
@@ -110,6 +120,7 @@ PARTS: Final[Mapping[str, Callable[[], None]]] = {
     "events": _events,
     "spool": _spool,
     "radio": _radio,
+    "hostile": _hostile,
 }
 
 

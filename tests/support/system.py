@@ -102,6 +102,8 @@ class FarmSystem:
             "PYTHONUNBUFFERED": "1",
             "PLAN": "",
         }
+        self.own: dict[str, dict[str, str]] = {}
+        """Variables of one program alone, by its name."""
         self.settings: Settings = from_environment(self.environment)
         self.environment |= uplink(self.settings)
         self.state_dir = state_dir
@@ -124,7 +126,7 @@ class FarmSystem:
                 self._running[name] = subprocess.Popen(
                     self._programs[name].arguments,
                     cwd=ROOT,
-                    env=self.environment,
+                    env=self.environment | self.own.get(name, {}),
                     stdin=subprocess.DEVNULL,
                     stdout=log,
                     stderr=log,
