@@ -45,7 +45,7 @@ class CompassAiding:
         if compass is None:
             return
         strength = math.hypot(*mag.field_frd)
-        if not self.aligned or (declination != self._aligned_with and core.rest.at_rest):
+        if not self.aligned or declination != self._aligned_with:
             # The first fix tells the declination while the vehicle still stands
             self._strength, self._aligned_with = strength, declination
             self._align(core, compass)
@@ -54,12 +54,16 @@ class CompassAiding:
 
     def is_current(self, core: Core) -> bool:
         """Whether the heading has been aligned, with the declination that is known now."""
-        return self.aligned and (
-            self._aligned_with == self._declination(core) or not core.rest.at_rest
-        )
+        return self.aligned and self._aligned_with == self._declination(core)
 
     def _declination(self, core: Core) -> float:
-        """Declination [rad] of the place, as far as it is known."""
+        """Declination [rad] of the place, as far as it is known.
+
+        Off the ground it stays that of the alignment, whatever a parameter or a first fix says:
+        a hover looks like rest, and the heading of a vehicle that flies must not be turned.
+        """
+        if self.aligned and not core.standing:
+            return self._aligned_with
         if self._params.declination_source == 0 or core.declination is None:
             return math.radians(self._params.declination_deg)
         return core.declination
