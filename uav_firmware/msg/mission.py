@@ -1,5 +1,6 @@
 """Missions as the navigator flies them, and what commander and navigator tell each other."""
 
+import math
 from collections.abc import Generator
 from enum import IntEnum
 from typing import NamedTuple, TypeAlias
@@ -148,6 +149,7 @@ class NavigatorTarget(NamedTuple):
     altitude_amsl_m: float  # [m] NaN: present altitude, or the mode's own
     yaw: float  # [rad] NaN: keep
     speed_m_s: float  # [m/s] Horizontal; NaN: cruise speed
+    abort_height_m: float = math.nan  # [m] Above a landing point, to climb back to; NaN: none
 
 
 class SpeedRequest(NamedTuple):

@@ -9,6 +9,7 @@ from uav_firmware.msg.status import Command, HomePosition, VehicleCommand
 
 REACH_MAX_M: Final = 10_000.0  # [m] beyond it a target is a mistake, such as 0, 0
 HEIGHT_MAX_M: Final = 5_000.0  # [m] above home
+DEPTH_MAX_M: Final = 100.0  # [m] below home; missions have the same limit
 _FRAME_AMSL: Final = 0
 _FRAME_RELATIVE: Final = 3
 _FRAME_RELATIVE_INT: Final = 6
@@ -112,7 +113,8 @@ def _is_relative(command: VehicleCommand, home: HomePosition | None) -> bool:
     return command.frame != _FRAME_AMSL
 
 
-def refuse_below_home(altitude_amsl_m: float, view: VehicleView) -> None:
-    """A target in the air must not lie below home."""
-    if view.home is not None and altitude_amsl_m < view.home.altitude_amsl_m:
-        raise BadParameterError("parameter 7: below home")
+def refuse_too_low(altitude_amsl_m: float, view: VehicleView) -> None:
+    """A target in the air may lie below home, on a hillside, but no lower than hills go."""
+    home = view.home
+    if home is not None and altitude_amsl_m < home.altitude_amsl_m - DEPTH_MAX_M:
+        raise BadParameterError(f"parameter 7: more than {DEPTH_MAX_M:.0f} m below home")

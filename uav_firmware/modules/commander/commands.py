@@ -136,6 +136,7 @@ def _set_mode(command: VehicleCommand, situation: Situation) -> Decision:
 
 
 def _mission_start(command: VehicleCommand, situation: Situation) -> Decision:
+    """MISSION_START: mission mode and armed, as on PX4; nothing changes if a check fails."""
     refuse_set(command, 3, 4, 5, 6, 7)
     progress = situation.view.progress
     total = progress.seq_total if progress is not None else 0
@@ -147,10 +148,18 @@ def _mission_start(command: VehicleCommand, situation: Situation) -> Decision:
     if not (unset(last) or last in {-1.0, float(total - 1)}):
         return denied("parameter 2: a mission is flown to its last item")
     decision = flight_commands.change_mode(NavigationState.AUTO_MISSION, situation)
-    if decision.result is CommandResult.ACCEPTED and first > 0.0:
+    if decision.result is not CommandResult.ACCEPTED:
+        return decision
+    if not situation.armed:
+        in_mission = situation._replace(mode=NavigationState.AUTO_MISSION)
+        reason = arming_refusal(in_mission)
+        if reason is not None:
+            return not_now(reason)
+    effects = decision.effects
+    if first > 0.0:
         jump = MissionCurrentRequest(situation.view.now_us, int(first), reset=True)
-        return accepted(Tell(jump), SetMode(NavigationState.AUTO_MISSION))
-    return decision
+        effects = (Tell(jump), SetMode(NavigationState.AUTO_MISSION))
+    return accepted(*effects) if situation.armed else accepted(*effects, Arm())
 
 
 def _set_current(command: VehicleCommand, situation: Situation) -> Decision:

@@ -11,9 +11,9 @@ from uav_firmware.modules.commander.command_parameters import (
     Place,
     choice,
     place,
-    refuse_below_home,
     refuse_negative,
     refuse_set,
+    refuse_too_low,
     unset,
 )
 from uav_firmware.modules.commander.decision import (
@@ -55,11 +55,11 @@ def change_mode(state: NavigationState, situation: Situation) -> Decision:
     """Enter a mode if what it needs is there.
 
     A complete mission begins again, and a hold that is on its way to a point stops. Before
-    arming nothing moves: a mode may then be chosen that cannot be started from, as on PX4.
+    arming nothing moves: every mode may then be chosen, as on PX4, and it is the arming that is
+    refused while what the mode needs is missing.
     """
     view = situation.view
-    excepted = frozenset() if situation.armed else mode_requirements.CHOSEN_WITHOUT
-    reason = mode_requirements.missing(state, view, excepted)
+    reason = mode_requirements.missing(state, view) if situation.armed else None
     if reason is not None:
         return not_now(reason)
     if state in mode_requirements.AIRBORNE_ONLY and situation.armed and view.landed:
@@ -118,22 +118,30 @@ def take_off(command: VehicleCommand, situation: Situation) -> Decision:
 
 
 def land(command: VehicleCommand, situation: Situation) -> Decision:
-    """NAV_LAND: at the place, or here; parameter 7 is the height of the ground there."""
-    refuse_set(command, 1, 3)
+    """NAV_LAND: at the place, or here; parameter 7 is the height of the ground there.
+
+    Parameter 1 is the height above it to climb back to when the landing is broken off.
+    """
+    refuse_negative(command, 1)
+    refuse_set(command, 3)
     if not math.isnan(command.param2):
         choice(command, 2, 0.0, 1.0)
     spot = place(command, situation.view, zero_is_unset=True)
     if math.isnan(spot.latitude_deg) and unset(command.param7):
         spot = spot._replace(altitude_amsl_m=NAN)
     yaw = NAN if unset(command.param4) else math.radians(command.param4)
-    if all(map(math.isnan, (*spot, yaw))):
+    abort_height = NAN if unset(command.param1) else command.param1
+    if all(map(math.isnan, (*spot, yaw, abort_height))):
         return change_mode(NavigationState.AUTO_LAND, situation)
-    return _change_mode_to(NavigationState.AUTO_LAND, situation, spot, yaw=yaw)
+    target = NavigatorTarget(
+        situation.view.now_us, NavigationState.AUTO_LAND, *spot, yaw, NAN, abort_height
+    )
+    return change_mode_for(target, situation)
 
 
 def return_home(command: VehicleCommand, situation: Situation) -> Decision:
-    """NAV_RETURN_TO_LAUNCH."""
-    refuse_set(command, 1, 2, 3, 4, 5, 6, 7)
+    """NAV_RETURN_TO_LAUNCH; coordinates, which some ground stations leave there, mean nothing."""
+    refuse_set(command, 1, 2, 3, 4)
     return change_mode(NavigationState.AUTO_RTL, situation)
 
 
@@ -146,7 +154,7 @@ def loiter(command: VehicleCommand, situation: Situation) -> Decision:
         return change_mode(NavigationState.AUTO_LOITER, situation)
     if situation.view.landed:
         return not_now("the vehicle is on the ground")
-    refuse_below_home(spot.altitude_amsl_m, situation.view)
+    refuse_too_low(spot.altitude_amsl_m, situation.view)
     yaw = math.radians(command.param4)
     return _change_mode_to(NavigationState.AUTO_LOITER, situation, spot, yaw=yaw)
 
@@ -159,7 +167,7 @@ def waypoint(command: VehicleCommand, situation: Situation) -> Decision:
     spot = place(command, situation.view, zero_is_unset=False)
     if math.isnan(spot.latitude_deg):
         return denied("parameters 5 and 6: no place")
-    refuse_below_home(spot.altitude_amsl_m, situation.view)
+    refuse_too_low(spot.altitude_amsl_m, situation.view)
     if situation.view.landed:
         return not_now("the vehicle is on the ground")
     yaw = math.radians(command.param4)
@@ -176,7 +184,7 @@ def loiter_for_a_time(command: VehicleCommand, situation: Situation) -> Decision
         spot = _HERE
     if situation.view.landed:
         return not_now("the vehicle is on the ground")
-    refuse_below_home(spot.altitude_amsl_m, situation.view)
+    refuse_too_low(spot.altitude_amsl_m, situation.view)
     decision = _change_mode_to(NavigationState.AUTO_LOITER, situation, spot, yaw=NAN)
     if not decision.effects:
         return decision
@@ -194,7 +202,7 @@ def reposition(command: VehicleCommand, situation: Situation) -> Decision:
         speed_text = f"parameter 1 is {speed:g}, no speed"
         raise BadParameterError(speed_text)
     spot = place(command, situation.view, zero_is_unset=False)
-    refuse_below_home(spot.altitude_amsl_m, situation.view)
+    refuse_too_low(spot.altitude_amsl_m, situation.view)
     if not situation.armed or situation.view.landed:
         return not_now("the vehicle is on the ground")
     if flags == 0.0 and situation.mode is not NavigationState.AUTO_LOITER:

@@ -10,8 +10,8 @@ from uav_firmware.modules.commander.command_parameters import (
     Place,
     choice,
     place,
-    refuse_below_home,
     refuse_set,
+    refuse_too_low,
     unset,
 )
 from uav_firmware.modules.commander.decision import Decision, Tell, accepted, not_now
@@ -59,7 +59,7 @@ def orbit(command: VehicleCommand, situation: Situation) -> Decision:
     if angle < 0.0:
         raise BadParameterError(f"parameter 4: {angle:g} rad; the radius's sign gives the sense")
     spot = place(command, situation.view, zero_is_unset=False)
-    refuse_below_home(spot.altitude_amsl_m, situation.view)
+    refuse_too_low(spot.altitude_amsl_m, situation.view)
     target = OrbitTarget(
         situation.view.now_us,
         NavigationState.ORBIT,

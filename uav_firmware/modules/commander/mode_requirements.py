@@ -80,15 +80,9 @@ def needs_of(state: NavigationState, view: VehicleView) -> frozenset[Need]:
     return needs
 
 
-CHOSEN_WITHOUT: Final = frozenset({Need.STICKS})
-"""What need not be there when a mode is chosen before arming; arming then asks for it."""
-
-
-def missing(
-    state: NavigationState, view: VehicleView, excepted: frozenset[Need] = frozenset()
-) -> str | None:
+def missing(state: NavigationState, view: VehicleView) -> str | None:
     """Why a mode of the table cannot be flown now; None when it can."""
-    needs = needs_of(state, view) - excepted
+    needs = needs_of(state, view)
     for need in _ALL:
         if need in needs and (reason := _CHECKS[need](view)) is not None:
             return reason

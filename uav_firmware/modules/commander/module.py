@@ -88,7 +88,7 @@ class CommanderModule:
         self._disarm_timer = DisarmTimer()
         self._timed_hold = TimedHold()
         self._home_keeper = HomeKeeper(topics.home_position)
-        self._last_target = ""
+        self._last_target: tuple[NavigationState, str] | None = None
         self._judge_due_us = 0
         self._health = Health(0, NavigationState.AUTO_LOITER, armed=False)
         self._waited = False
@@ -166,7 +166,7 @@ class CommanderModule:
             case SetMode(state):
                 self._failsafe.overrule()
                 self._timed_hold.cancel()
-                self._mode = state
+                self._enter(state)
             case HoldFor(seconds, then):
                 self._timed_hold.order(seconds, then, view.now_us)
             case Arm():
@@ -181,11 +181,17 @@ class CommanderModule:
             case Tell(request):
                 self._tell(request)
 
+    def _enter(self, mode: NavigationState) -> None:
+        """Fly in a mode; a target of any other one is no longer being flown."""
+        self._mode = mode
+        if self._last_target is not None and self._last_target[0] is not mode:
+            self._last_target = None
+
     def _tell(self, request: NavigatorRequest) -> None:
         """Hand a request on; a repeated target of the same mode is not flown twice."""
         if isinstance(request, ModeTarget):
             # As text, since NaN equals nothing.
-            target = str(request[1:])
+            target = (request.navigation_state, str(request[1:]))
             if target == self._last_target and request.navigation_state is self._mode:
                 return
             self._last_target = target
@@ -207,11 +213,11 @@ class CommanderModule:
         self._registry.armed = False
         self._armed_since_us = 0
         if self._mode not in PILOTED:
-            self._mode = NavigationState.AUTO_LOITER
+            self._enter(NavigationState.AUTO_LOITER)
         self._failsafe.clear()
         self._airborne_since_us = None
         self._home_keeper.disarm()
-        self._last_target = ""
+        self._last_target = None
         self._say(now_us, *DISARM_TEXTS[event])
 
     def _supervise(self, view: VehicleView) -> None:
@@ -225,10 +231,10 @@ class CommanderModule:
             and navigator.navigation_state is self._mode
         )
         if done and self._mode in mode_requirements.ENDING_IN_HOLD:
-            self._mode = NavigationState.AUTO_LOITER
+            self._enter(NavigationState.AUTO_LOITER)
         following = self._timed_hold.next_mode(self._mode, view.now_us, at_rest=done)
         if following is not self._mode and mode_requirements.missing(following, view) is None:
-            self._mode = following
+            self._enter(following)
         mission_state = view.progress.state if view.progress is not None else 0
         event = self._stopping_failure(view) or self._disarm_timer.due(
             view.now_us, landed=view.landed, mission_state=mission_state, params=self._params
@@ -275,7 +281,7 @@ class CommanderModule:
             if reaction.mode is self._mode is NavigationState.AUTO_LOITER:
                 self._tell(hold_here(view.now_us))  # it may be on its way to a place
             self._timed_hold.cancel()
-            self._mode = reaction.mode
+            self._enter(reaction.mode)
 
     def _observe_pilot(self, view: VehicleView) -> None:
         """Let a pilot who moves a stick fly on in position mode."""
@@ -289,7 +295,7 @@ class CommanderModule:
         for mode in (NavigationState.POSCTL, NavigationState.ALTCTL):
             if mode_requirements.missing(mode, view) is None:
                 self._failsafe.overrule()
-                self._mode = mode
+                self._enter(mode)
                 self._say(view.now_us, Severity.INFO, f"Pilot took over: {mode.name}")
                 return
 

@@ -37,6 +37,8 @@ from uav_firmware.msg.status import HomePosition
 
 LOWEST_TAKEOFF_M = 1.0  # [m] above home; lower would end inside the take-off's own ramp
 HIGHEST_M = 5000.0  # [m] above home
+DEEPEST_M = 100.0  # [m] below home, where a hillside falls away
+FARTHEST_M = 10_000.0  # [m] from home; beyond it a position is a mistake, such as 0, 0
 
 _FRAMES_GLOBAL = frozenset({0, 3})
 _FRAMES_NO_POSITION = frozenset({0, 2, 3})
@@ -44,7 +46,7 @@ _HONOURED: Final[Mapping[int, frozenset[int]]] = {
     MissionCommand.NAV_WAYPOINT: frozenset({1, 2, 4, 5, 6, 7}),
     MissionCommand.NAV_LOITER_UNLIM: frozenset({2, 3, 4, 5, 6, 7}),
     MissionCommand.NAV_LOITER_TIME: frozenset({1, 2, 3, 4, 5, 6, 7}),
-    MissionCommand.NAV_RETURN_TO_LAUNCH: frozenset(),
+    MissionCommand.NAV_RETURN_TO_LAUNCH: frozenset({5, 6, 7}),  # Ignored: Mission Planner leaves
     MissionCommand.NAV_LAND: frozenset({1, 2, 4, 5, 6, 7}),
     MissionCommand.NAV_TAKEOFF: frozenset({1, 4, 5, 6, 7}),
     MissionCommand.NAV_DELAY: frozenset({1}),
@@ -81,6 +83,7 @@ def review(
     items: Sequence[MissionItem], home: HomePosition | None, params: NavigatorParams
 ) -> PlanReview:
     """Judge as `check` does, item by item."""
+    legs = _Legs(home, params)
     for index, item in enumerate(items):
         if item.seq != index:
             return MissionRejection(
@@ -90,6 +93,9 @@ def review(
             rejection = one(item, items, home, params)
             if rejection is not None:
                 return rejection
+        rejection = legs.fault_of(item)
+        if rejection is not None:
+            return rejection
         yield 1
     return None
 
@@ -150,7 +156,7 @@ def _place(
     item: MissionItem,
     _items: Sequence[MissionItem],
     home: HomePosition | None,
-    params: NavigatorParams,
+    _params: object,
 ) -> MissionRejection | None:
     if not _carries_place(item):
         return None
@@ -161,12 +167,36 @@ def _place(
     for number, value, limit in ((5, item.x, 90.0), (6, item.y, 180.0)):
         if not abs(value) <= limit:
             return reject(item, number, f"is {value:g}, not within {limit:g} degrees")
-    if home is None or params.farthest_waypoint <= 0.0:
+    if home is None:
         return None
     distance, _ = distance_and_bearing(home.latitude_deg, home.longitude_deg, item.x, item.y)
-    if not distance <= params.farthest_waypoint:
-        return reject(item, 5, f"lies {distance:.0f} m from home, beyond MIS_DIST_1WP")
+    if not distance <= FARTHEST_M:
+        return reject(item, 5, f"lies {distance / 1000.0:.0f} km from home")
     return None
+
+
+class _Legs:
+    """Distances from home to the first position and from each position to the next."""
+
+    def __init__(self, home: HomePosition | None, params: NavigatorParams) -> None:
+        self._before = None if home is None else (home.latitude_deg, home.longitude_deg)
+        self._limit, self._name = params.farthest_first_position, "MIS_DIST_1WP"
+        self._params = params
+
+    def fault_of(self, item: MissionItem) -> MissionRejection | None:
+        """Why an item lies too far from the position before it, or None."""
+        if item.command not in POSITIONAL or (unset(item.x) and unset(item.y)):
+            return None
+        before, limit, name = self._before, self._limit, self._name
+        self._before = (item.x, item.y)
+        self._limit, self._name = self._params.longest_leg, "MIS_DIST_WPS"
+        if before is None or limit <= 0.0:
+            return None
+        distance, _ = distance_and_bearing(*before, item.x, item.y)
+        if distance <= limit:
+            return None
+        origin = "home" if name == "MIS_DIST_1WP" else "the position before it"
+        return reject(item, 5, f"lies {distance:.0f} m from {origin}, beyond {name}")
 
 
 def _altitude(
@@ -177,16 +207,15 @@ def _altitude(
 ) -> MissionRejection | None:
     if item.command not in POSITIONAL:
         return None
-    landing = item.command == MissionCommand.NAV_LAND
     if math.isnan(item.z):
+        landing = item.command == MissionCommand.NAV_LAND
         return None if landing else reject(item, 7, "holds no altitude")
     if item.frame == 0 and home is None:
         return None
     base = home.altitude_amsl_m if home is not None else 0.0
     height = altitude_amsl(item, base) - base
-    lowest = -HIGHEST_M if landing else 0.0
-    if item.command == MissionCommand.NAV_TAKEOFF:
-        lowest = LOWEST_TAKEOFF_M
+    taking_off = item.command == MissionCommand.NAV_TAKEOFF
+    lowest = LOWEST_TAKEOFF_M if taking_off else -DEEPEST_M
     if not lowest <= height <= HIGHEST_M:
         return reject(
             item, 7, f"is {height:g} m above home, not within {lowest:g} to {HIGHEST_M:g}"

@@ -22,6 +22,8 @@ _FENCE: Final = _POLYGONS | _CIRCLES | {RETURN_POINT}
 _FRAMES: Final = frozenset({0, 3})
 _FEWEST_VERTICES: Final = 3
 _SMALLEST_RADIUS_M: Final = 0.5
+_NARROWEST_M: Final = 0.01  # [m] Of a corner; narrower, its sides lie on each other
+_COMPARED_PER_UNIT: Final = 8  # Sides whose boxes are compared in 5 us
 
 
 def check_fence(items: Sequence[MissionItem]) -> MissionRejection | None:
@@ -35,11 +37,18 @@ def review_fence(items: Sequence[MissionItem]) -> PlanReview:
         rejection = check_fence_item(item)
         if rejection is not None:
             return rejection
-        yield 2  # the polygons below included
+        yield 2  # the completeness of the polygons below included
     returns = [item for item in items if item.command == RETURN_POINT]
     if len(returns) > 1:
         return _reject(returns[1], MissionResult.INVALID, "is a second return point")
-    return _check_polygons(items)
+    rejection = _check_polygons(items)
+    if rejection is not None:
+        return rejection
+    for corners in _polygons_of(items):
+        rejection = yield from _review_crossings(corners)
+        if rejection is not None:
+            return rejection
+    return None
 
 
 def check_rally_points(items: Sequence[MissionItem]) -> MissionRejection | None:
@@ -147,6 +156,104 @@ def _check_polygons(items: Sequence[MissionItem]) -> MissionRejection | None:
             return _reject(item, MissionResult.INVALID, "begins a polygon without area")
         index += len(corners)
     return None
+
+
+def _polygons_of(items: Sequence[MissionItem]) -> list[Sequence[MissionItem]]:
+    """Corners of each polygon of a checked fence."""
+    polygons: list[Sequence[MissionItem]] = []
+    index = 0
+    while index < len(items):
+        count = int(items[index].param1) if items[index].command in _POLYGONS else 1
+        if items[index].command in _POLYGONS:
+            polygons.append(items[index : index + count])
+        index += count
+    return polygons
+
+
+def _review_crossings(corners: Sequence[MissionItem]) -> PlanReview:
+    """Refuse a polygon whose sides cross or touch: nobody can say what is inside.
+
+    The sides are taken from south to north and held against those that reach as far.
+    """
+    frame = LocalFrame(corners[0].x, corners[0].y, 0.0)
+    points = []
+    for corner in corners:
+        points.append(point_of(corner, frame))
+        yield 1
+    sides = []
+    for index, start in enumerate(points):
+        sides.append(_Side(start, points[(index + 1) % len(points)], index, len(points)))
+        yield 1
+    sides.sort(key=lambda side: side.south)
+    abreast: list[_Side] = []
+    for side in sides:
+        abreast = [other for other in abreast if other.north >= side.south]
+        for other in abreast:
+            if side.meets(other):
+                first, second = sorted((side.index, other.index))
+                reason = f"begins a side that crosses the one from item {corners[second].seq}"
+                return _reject(corners[first], MissionResult.INVALID, reason)
+        yield 1 + len(abreast) // _COMPARED_PER_UNIT
+        abreast.append(side)
+    return None
+
+
+class _Side:
+    """One side of a polygon, with the box round it."""
+
+    __slots__ = ("count", "east", "end", "index", "north", "south", "start", "west")
+
+    def __init__(self, start: Point, end: Point, index: int, count: int) -> None:
+        self.start, self.end, self.index, self.count = start, end, index, count
+        self.south, self.north = min(start[0], end[0]), max(start[0], end[0])
+        self.west, self.east = min(start[1], end[1]), max(start[1], end[1])
+
+    def meets(self, other: "_Side") -> bool:
+        """Whether two sides have a point in common that is no corner between them."""
+        if other.east < self.west or other.west > self.east:
+            return False
+        if (self.index + 1) % self.count == other.index:
+            return _folds_back(self.start, self.end, other.end)
+        if (other.index + 1) % self.count == self.index:
+            return _folds_back(other.start, other.end, self.end)
+        return _sides_meet(self.start, self.end, other.start, other.end)
+
+
+def _side_of(start: Point, end: Point, point: Point) -> float:
+    """Twice the area [m^2] of a triangle, positive with the point on the right hand."""
+    return (end[0] - start[0]) * (point[1] - start[1]) - (end[1] - start[1]) * (point[0] - start[0])
+
+
+def _sides_meet(a: Point, b: Point, c: Point, d: Point) -> bool:
+    """Whether the side from a to b has a point in common with the one from c to d."""
+    of_c, of_d = _side_of(a, b, c), _side_of(a, b, d)
+    of_a, of_b = _side_of(c, d, a), _side_of(c, d, b)
+    if of_c * of_d < 0.0 and of_a * of_b < 0.0:
+        return True
+    return (
+        (of_c == 0.0 and _within(a, b, c))
+        or (of_d == 0.0 and _within(a, b, d))
+        or (of_a == 0.0 and _within(c, d, a))
+        or (of_b == 0.0 and _within(c, d, b))
+    )
+
+
+def _within(start: Point, end: Point, point: Point) -> bool:
+    """Whether a point on the line through a side lies on the side."""
+    return min(start[0], end[0]) <= point[0] <= max(start[0], end[0]) and min(
+        start[1], end[1]
+    ) <= point[1] <= max(start[1], end[1])
+
+
+def _folds_back(before: Point, corner: Point, after: Point) -> bool:
+    """Whether two sides at a corner lie on each other, or one has no length."""
+    if corner in {before, after}:
+        return True
+    ahead = (before[0] - corner[0], before[1] - corner[1])
+    behind = (after[0] - corner[0], after[1] - corner[1])
+    along = ahead[0] * behind[0] + ahead[1] * behind[1]
+    apart = abs(_side_of(before, corner, after)) / max(math.hypot(*ahead), math.hypot(*behind))
+    return along > 0.0 and apart < _NARROWEST_M
 
 
 def _has_no_area(corners: Sequence[MissionItem]) -> bool:

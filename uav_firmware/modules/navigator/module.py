@@ -1,5 +1,6 @@
 """Shell of the navigator: topics in, one mode at a time, set-point and progress out."""
 
+import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -282,6 +283,8 @@ class NavigatorModule:
             own = target
         if mode is not self._active or own is not None:
             self._target = None
+            if mode is not self._hold:
+                self._flight.abort_down = math.nan
             self._enter(mode)
             self._judged_by = self._area.version
             mode.on_activation(self._flight, own)

@@ -66,9 +66,13 @@ class NavigatorParams:
         "MIS_TAKEOFF_ALT", 2.5, unit="m", minimum=1.0, maximum=80.0,
         short="Height above home of a take-off without altitude",
     )  # fmt: skip
-    farthest_waypoint: float = param(
-        "MIS_DIST_1WP", 10000.0, unit="m", minimum=-1.0, maximum=100000.0,
-        short="Farthest that a mission position may lie from home; 0 or less for no limit",
+    farthest_first_position: float = param(
+        "MIS_DIST_1WP", 900.0, unit="m", minimum=-1.0, maximum=10000.0,
+        short="Farthest that a mission's first position may lie from home; 0 or less for no limit",
+    )  # fmt: skip
+    longest_leg: float = param(
+        "MIS_DIST_WPS", 900.0, unit="m", minimum=-1.0, maximum=10000.0,
+        short="Longest way from one mission position to the next; 0 or less for no limit",
     )  # fmt: skip
     acceptance_radius: float = param(
         "NAV_ACC_RAD", 2.0, unit="m", minimum=0.05, maximum=200.0,

@@ -62,6 +62,7 @@ class LandMode(NavigatorMode):
         goal = flight.to_ned(target.latitude_deg, target.longitude_deg, target.altitude_amsl_m)
         if math.isnan(target.altitude_amsl_m):
             goal = (goal[0], goal[1], flight.home_down(0.0))
+        flight.abort_down = goal[2] - target.abort_height_m
         self._land = Land(flight, goal, math.degrees(target.yaw))
 
     def on_reset(self, flight: Flight, step: EstimateStep) -> None:

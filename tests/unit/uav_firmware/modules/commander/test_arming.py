@@ -197,8 +197,10 @@ def test_an_infeasible_mission_is_neither_started_nor_armed_for() -> None:
     vehicle.run(0.5)
     vehicle.upload(takeoff(), item(1, 84))
     vehicle.run(0.1)
-    assert vehicle.set_mode(4) is NOT_NOW
     assert vehicle.send(Command.MISSION_START) is NOT_NOW
+    assert vehicle.mode is NavigationState.AUTO_LOITER
+    assert vehicle.set_mode(4) is ACCEPTED
+    assert vehicle.arm() is NOT_NOW
     assert any("item 1" in text for text in vehicle.texts)
 
 

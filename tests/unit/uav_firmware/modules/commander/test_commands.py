@@ -117,7 +117,8 @@ WRONG = [
     (Command.NAV_LAND, (0.0, 2.0)),
     (Command.DO_REPOSITION, (0.0, 1.0, 0.0, NAN, NAN, NAN, NAN)),
     (Command.DO_REPOSITION, (-1.0, 1.0, 0.0, NAN, 0.0, 0.0, 660.0)),
-    (Command.DO_REPOSITION, (-1.0, 1.0, 0.0, NAN, NAN, NAN, HOME[2] - 5.0)),
+    (Command.DO_REPOSITION, (-1.0, 1.0, 0.0, NAN, NAN, NAN, HOME[2] - 101.0)),
+    (Command.NAV_LAND, (-1.0,)),
     (Command.DO_CHANGE_SPEED, (1.0, 0.0)),
     (Command.DO_CHANGE_SPEED, (1.0, NAN)),
     (Command.DO_CHANGE_SPEED, (9.0, 3.0)),
@@ -242,7 +243,8 @@ def test_without_a_mission_there_is_nothing_to_start_or_choose() -> None:
     vehicle = grounded()
     assert vehicle.send(Command.MISSION_START) is FAILED
     assert vehicle.send(Command.DO_SET_MISSION_CURRENT, 0.0) is FAILED
-    assert vehicle.set_mode(4) is NOT_NOW
+    assert vehicle.set_mode(4) is ACCEPTED
+    assert vehicle.arm() is NOT_NOW
     assert any("No mission stored" in text for text in vehicle.texts)
 
 
@@ -356,5 +358,96 @@ def test_a_start_that_arrives_with_the_mission_finds_it() -> None:
     vehicle = grounded()
     vehicle.upload(takeoff(), waypoint(1, 10, 0))
     assert vehicle.send(Command.MISSION_START) is ACCEPTED
-    vehicle.upload(item(0, 2800), mission_id=8)
+    other = grounded()
+    other.upload(item(0, 2800), mission_id=8)
+    assert other.send(Command.MISSION_START) is NOT_NOW
+
+
+def test_a_start_arms_or_changes_nothing() -> None:
+    vehicle = loaded()
+    vehicle.battery = 0.05
+    vehicle.run(0.2)
     assert vehicle.send(Command.MISSION_START) is NOT_NOW
+    assert (vehicle.armed, vehicle.mode) == (False, NavigationState.AUTO_LOITER)
+    vehicle.battery = 1.0
+    vehicle.run(0.2)
+    assert vehicle.send(Command.MISSION_START) is ACCEPTED
+    assert vehicle.armed
+    vehicle.run_until(lambda v: v.position[0] > 5.0)
+
+
+@pytest.mark.parametrize("mode", [(1.0, 0.0), (2.0, 0.0), (3.0, 0.0), (4.0, 4.0), (6.0, 0.0)])
+def test_before_arming_a_mode_needs_nothing_and_the_arming_all(mode: tuple[float, float]) -> None:
+    """A vehicle that has just booted: neither attitude nor position, mission nor sticks."""
+    vehicle = ToyVehicle(position_valid=False, altitude_valid=False, aligned=False)
+    vehicle.run(0.2)
+    assert vehicle.send(Command.DO_SET_MODE, 1.0, *mode) is ACCEPTED
+    assert vehicle.arm() is NOT_NOW
+
+
+REPOSITION = (-1.0, 1.0, 0.0, NAN, at(30.0, 0.0)["x"], at(30.0, 0.0)["y"], HOME[2] + 8.0)
+
+
+@pytest.mark.parametrize(
+    "between",
+    [
+        [(Command.NAV_RETURN_TO_LAUNCH,), (Command.DO_SET_MODE, 1.0, 4.0, 3.0)],
+        [(Command.DO_PAUSE_CONTINUE, 0.0)],
+        [(Command.DO_SET_MODE, 1.0, 4.0, 4.0), (Command.DO_SET_MODE, 1.0, 4.0, 3.0)],
+        [(Command.DO_ORBIT, 5.0, 2.0, NAN, NAN, NAN, NAN, NAN), (Command.DO_PAUSE_CONTINUE, 0.0)],
+        [(Command.NAV_LOITER_TIME, 1.0)],
+    ],
+)
+def test_a_place_is_flown_to_again_after_something_else(
+    between: list[tuple[float, ...]],
+) -> None:
+    vehicle = airborne()
+    assert vehicle.send(Command.DO_REPOSITION, *REPOSITION) is ACCEPTED
+    vehicle.run(2.0)
+    for order in between:
+        assert vehicle.send(int(order[0]), *order[1:]) is ACCEPTED
+        vehicle.run(1.5)
+    vehicle.run_until(lambda v: v.mode is NavigationState.AUTO_LOITER, 20.0)
+    assert vehicle.send(Command.DO_REPOSITION, *REPOSITION) is ACCEPTED
+    vehicle.run_until(lambda v: math.dist(v.position, (30.0, 0.0, -8.0)) < 1.0, 60.0)
+
+
+def test_a_repeated_place_does_not_begin_again() -> None:
+    vehicle = airborne()
+    vehicle.send(Command.DO_REPOSITION, *REPOSITION)
+    vehicle.run_until(lambda v: v.velocity[0] > 3.0)
+    requests = vehicle.requests.dropped, len(vehicle.requests)
+    assert vehicle.send(Command.DO_REPOSITION, *REPOSITION) is ACCEPTED
+    assert vehicle.velocity[0] > 3.0
+    assert (vehicle.requests.dropped, len(vehicle.requests)) == requests
+
+
+@pytest.mark.parametrize("below_m", [5.0, 60.0])
+def test_an_order_may_lead_below_home_on_a_hillside(below_m: float) -> None:
+    place = at(20.0, 0.0)
+    vehicle = airborne()
+    params = (-1.0, 1.0, 0.0, NAN, place["x"], place["y"], HOME[2] - below_m)
+    assert vehicle.send(Command.DO_REPOSITION, *params) is ACCEPTED
+
+
+def test_a_landing_that_is_broken_off_climbs_to_its_abort_height() -> None:
+    vehicle = airborne()
+    assert vehicle.send(Command.NAV_LAND, 9.0) is ACCEPTED
+    vehicle.run_until(lambda v: v.height < 3.0)
+    assert vehicle.send(Command.DO_SET_MODE, 1.0, 4.0, 3.0) is ACCEPTED
+    vehicle.run_until(lambda v: v.height > 8.5, 20.0)
+    assert vehicle.send(Command.NAV_LAND, 9.0) is ACCEPTED
+    vehicle.run_until(lambda v: v.height < 3.0)
+    assert vehicle.send(Command.NAV_RETURN_TO_LAUNCH) is ACCEPTED
+    vehicle.run(0.5)
+    here = vehicle.height
+    assert vehicle.send(Command.DO_SET_MODE, 1.0, 4.0, 3.0) is ACCEPTED
+    vehicle.run(4.0)
+    assert vehicle.height < here + 3.0
+
+
+def test_a_return_may_carry_coordinates() -> None:
+    vehicle = airborne()
+    place = at(50.0, 0.0)
+    params = (0.0, 0.0, 0.0, 0.0, place["x"], place["y"], 10.0)
+    assert vehicle.send(Command.NAV_RETURN_TO_LAUNCH, *params) is ACCEPTED

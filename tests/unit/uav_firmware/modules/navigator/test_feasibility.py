@@ -72,14 +72,14 @@ BAD = [
     (waypoint(0, 1, 1, y=181.0), MissionResult.INVALID_PARAM6_Y),
     (waypoint(0, 1, 1, y=NAN), MissionResult.INVALID_PARAM6_Y),
     (waypoint(0, 1, 1, x=0.0, y=0.0), MissionResult.INVALID_PARAM5_X),
-    (waypoint(0, 1, 1, height=-1.0), MissionResult.INVALID_PARAM7),
+    (waypoint(0, 1, 1, height=-101.0), MissionResult.INVALID_PARAM7),
+    (waypoint(0, 5000.0, 0.0), MissionResult.INVALID_PARAM5_X),
     (waypoint(0, 1, 1, height=NAN), MissionResult.INVALID_PARAM7),
     (waypoint(0, 1, 1, height=6000.0), MissionResult.INVALID_PARAM7),
     (takeoff(param2=1.0), MissionResult.INVALID_PARAM2),
     (takeoff(height=0.2), MissionResult.INVALID_PARAM7),
     (takeoff(height=NAN), MissionResult.INVALID_PARAM7),
     (item(0, 20, param1=1.0), MissionResult.INVALID_PARAM1),
-    (item(0, 20, z=5.0), MissionResult.INVALID_PARAM7),
     (item(0, 21, param2=2.0, **LAND), MissionResult.INVALID_PARAM2),
     (item(0, 93, param1=1.0, x=42.0), MissionResult.INVALID_PARAM5_X),
     (item(0, 93, param1=-1.0, param2=12.0), MissionResult.INVALID_PARAM2),
@@ -115,9 +115,35 @@ def test_items_out_of_order_are_refused() -> None:
 
 
 def test_an_altitude_above_the_sea_is_judged_by_home() -> None:
-    low = waypoint(0, 1, 1, height=HOME[2] - 10.0, frame=0)
+    low = waypoint(0, 1, 1, height=HOME[2] - 110.0, frame=0)
     assert judged(low) is MissionResult.INVALID_PARAM7
     assert judged(low, home=None) is None
+
+
+def test_a_return_item_may_carry_coordinates() -> None:
+    assert judged(item(0, 20, frame=3, z=5.0, **at(30.0, 0.0))) is None
+
+
+@pytest.mark.parametrize("height", [-1.0, -60.0])
+def test_a_waypoint_may_lie_below_home_on_a_hillside(height: float) -> None:
+    assert judged(waypoint(0, 1, 1, height=height)) is None
+
+
+def test_the_first_position_and_each_leg_have_a_limit_of_their_own() -> None:
+    """MIS_DIST_1WP from home, MIS_DIST_WPS from one position to the next; 0 is no limit."""
+    far = [waypoint(seq, 800.0 * (seq + 1), 0.0) for seq in range(5)]
+    home, params = HomePosition(0, *HOME, (0.0, 0.0, 0.0), 0.0), NavigatorParams()
+    assert check(far, home, params) is None
+    leg = [*far[:2], waypoint(2, 3000.0, 0.0)]
+    rejection = check(leg, home, params)
+    assert rejection is not None
+    assert (rejection.seq, "MIS_DIST_WPS" in rejection.reason) == (2, True)
+    first = check([waypoint(0, 1000.0, 0.0)], home, params)
+    assert first is not None
+    assert "MIS_DIST_1WP" in first.reason
+    boundless = NavigatorParams(farthest_first_position=0.0, longest_leg=0.0)
+    assert check(leg, home, boundless) is None
+    assert check([waypoint(0, 11_000.0, 0.0)], home, boundless) is not None
 
 
 numbers = st.floats(allow_nan=True, allow_infinity=True)

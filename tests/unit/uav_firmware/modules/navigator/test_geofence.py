@@ -143,6 +143,46 @@ def test_what_is_no_fence_is_refused(items: list[MissionItem], result: MissionRe
     assert rejection.result == result
 
 
+@pytest.mark.parametrize(
+    "corners",
+    [
+        [(-10.0, -10.0), (10.0, 10.0), (10.0, -10.0), (-10.0, 10.0)],  # A bow tie
+        [(0.0, 0.0), (0.0, 40.0), (40.0, 40.0), (40.0, 0.0), (20.0, 60.0)],
+        [(0.0, 0.0), (0.0, 40.0), (0.0, 20.0), (40.0, 20.0)],  # Folds back on itself
+        [(0.0, 0.0), (0.0, 40.0), (20.0, 20.0), (40.0, 40.0), (40.0, 0.0), (20.0, 20.0)],  # Touches
+        [(0.0, 0.0), (0.0, 0.0), (0.0, 40.0), (40.0, 0.0)],
+    ],
+)
+@pytest.mark.parametrize("command", [5001, 5002])
+def test_a_polygon_that_crosses_or_touches_itself_is_refused(
+    command: int, corners: list[tuple[float, float]]
+) -> None:
+    circle = item(0, 5003, frame=3, param1=50.0, **at(0.0, 0.0))
+    items = [circle, *polygon(command, *corners, count=float(len(corners)))]
+    items = [one._replace(seq=seq) for seq, one in enumerate(items)]
+    rejection = check_fence(items)
+    assert rejection is not None
+    assert rejection.result == MissionResult.INVALID
+    assert rejection.seq >= 1
+
+
+@given(
+    st.lists(st.floats(20.0, 400.0), min_size=3, max_size=60),
+    st.floats(0.0, 6.0),
+    st.booleans(),
+)
+def test_a_star_shaped_polygon_is_a_fence_however_jagged(
+    radii: list[float], turn: float, backwards: bool
+) -> None:
+    """Every corner in its own direction from one point: such a polygon never crosses itself."""
+    step = -math.tau / len(radii) if backwards else math.tau / len(radii)
+    corners = [
+        (radius * math.cos(turn + step * k), radius * math.sin(turn + step * k))
+        for k, radius in enumerate(radii)
+    ]
+    assert check_fence(polygon(5001, *corners, count=float(len(corners)))) is None
+
+
 def test_polygons_circles_and_a_return_point_are_a_fence() -> None:
     items = [
         *polygon(5001, *SQUARE),

@@ -154,7 +154,7 @@ def test_the_speed_is_cut_to_what_the_circle_allows_and_said_so() -> None:
         ({"heading": 8.0}, "parameter 3"),
         ({"heading": 1.5}, "parameter 3"),
         ({"angle": -1.0}, "parameter 4"),
-        ({"height": -3.0}, "parameter 7"),
+        ({"height": -103.0}, "parameter 7"),
     ],
 )
 def test_an_orbit_outside_the_limits_is_denied(parameters: dict[str, float], named: str) -> None:
