@@ -105,6 +105,8 @@ class Flight(FlightProgress):
             self._follower.receive(message)
             effects.messages += self._foreign.receive(message, now)
             self._skips.receive(message, now)
+        if self._series is not None:
+            self._series[1].receive(message, now)
         if self._performer is not None:
             effects.messages += self._performer.receive(message, now)
         if self._ending is not None:

@@ -10,6 +10,7 @@ from mavlink_broker.follower import Follower
 from mavlink_broker.foreign_watch import ForeignWatch
 from mavlink_broker.interruption import SpeedOrders
 from mavlink_broker.performer import Performer, Phase
+from mavlink_broker.series_watch import SeriesWatch
 from mavlink_broker.session_states import Event
 from mavlink_broker.skip_watch import SkipWatch
 from mavlink_broker.translation.authority import InCommand
@@ -22,6 +23,7 @@ class FlightProgress(FlightAttachment, ABC):
     _speeds: SpeedOrders
     _foreign: ForeignWatch  # There whenever a follower is
     _skips: SkipWatch
+    _series: tuple[int, SeriesWatch] | None = None  # Behind the command of that index
 
     @abstractmethod
     def _ends_here(self, now: float, effects: Effects) -> bool:
@@ -68,6 +70,11 @@ class FlightProgress(FlightAttachment, ABC):
         for index, reason in self._skips.take_skipped():
             if not self.ledger.commands[index].is_terminal:
                 self.ledger.set_command(index, Status.ABORTED, reason)
+        last = self._plan.commands[-1]
+        if self._follower.is_finished and self._takes_pictures(last, now, effects):
+            if self._is_taken_away:
+                self._fail(self._departure, now, effects, last)
+            return
         effects.for_edge += self._follower.step(now)
         if self._who is InCommand.BROKER:
             self._speeds.hold(self._plan, self._stages.speed_m_s, now, effects)
@@ -78,6 +85,15 @@ class FlightProgress(FlightAttachment, ABC):
         departure = self._follower.departure or self._foreign.departure
         if departure is not None:
             self._fail(departure, now, effects)
+
+    def _takes_pictures(self, index: int, now: float, effects: Effects) -> bool:
+        """Whether a command that has ended still takes pictures, so that the next one waits."""
+        if self._series is None or self._series[0] != index:
+            command = self.work.mission.command_array[index]
+            self._series = index, SeriesWatch(command, self._vehicle)
+        watch = self._series[1]
+        effects.messages += watch.tick(now)
+        return not watch.is_over(now)
 
     def _watch_others(self, now: float, effects: Effects) -> None:
         """Find out what somebody else has done to the mission, and report it."""
@@ -97,7 +113,7 @@ class FlightProgress(FlightAttachment, ABC):
             self._note_way(index, performer.note)
             if self._run(index):
                 effects.for_edge.append(self._reporter.mission(self.ledger))
-        if performer.phase is Phase.DONE:
+        if performer.phase is Phase.DONE and not self._takes_pictures(index, now, effects):
             self.ledger.set_command(index, Status.FINISHED)
             effects.for_edge += self._reporter.results(self.ledger.name_of(index), now)
             if self._stages.is_last:

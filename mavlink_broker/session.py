@@ -364,6 +364,7 @@ class Session:
         self._streams.renew()
         self._attendance.renew()
         self._alarms.forget()
+        self.pictures.restarted()
         if self._flight is not None:
             self._flight.rebooted(now, effects)
 

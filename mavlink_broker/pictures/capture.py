@@ -52,6 +52,7 @@ class Capture:
     component: int
     index: int
     taken_s: float | None  # By its camera's clock, since it was switched on; None: not told
+    taken_utc_s: float | None = None  # Since 1970; None: its clock is not set
     altitude_m: float  # Above home
     has_succeeded: bool
     url: str
@@ -71,6 +72,7 @@ def read_capture(message: Message) -> Capture:
         component=component,
         index=message.image_index,
         taken_s=message.time_boot_ms / 1e3 if message.time_boot_ms else None,
+        taken_utc_s=message.time_utc / 1e6 if message.time_utc > 0 else None,
         altitude_m=message.relative_alt / 1e3,
         has_succeeded=message.capture_result == 1,
         url=url,

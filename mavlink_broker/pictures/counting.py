@@ -20,6 +20,8 @@ ATTEMPTS: Final = 20
 FIRST_PAUSE_S: Final = 0.5
 LONGEST_PAUSE_S: Final = 10.0
 """A camera announces a picture when it has stored it, which may take a while."""
+KEPT: Final = 4000
+"""Numbers that are remembered; older ones cannot be missing any more."""
 LARGEST_GAP: Final = 200
 """A camera whose numbers leap further has been exchanged, or emptied."""
 _STATUS: Final[int] = mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS
@@ -39,7 +41,8 @@ class PictureCount:
         self._component = component
         self._route = route
         self._round_trip = round_trip
-        self._heard: dict[int, str] = {}  # Number to identity
+        self._heard: dict[int, str] = {}  # Number to identity, oldest first but for gaps
+        self._newest = -1  # The highest number of these
         self._first: int | None = None  # What lies before is nobody's here
         self._status: _Wish | None = None
         self._images: dict[int, _Wish] = {}
@@ -63,13 +66,14 @@ class PictureCount:
             return False
         if not was_wanted and self._is_of_another_camera(number):
             self._heard.clear()
+            self._newest = -1
             self._images.clear()
             self._first = number
         if self._goes_back and was_wanted and number <= min(self._heard, default=number):
             self._goes_back = goes_back and number > 0
             if self._goes_back:
                 self._images[number - 1] = _Wish()
-        self._heard[number] = capture.identity
+        self._remember(number, capture.identity)
         self._first = number if self._first is None else self._first
         self._miss_up_to(number)
         return True
@@ -83,7 +87,7 @@ class PictureCount:
             self._first = image_count
         if self._goes_back:
             self._begin_back(image_count)
-        if image_count <= max(self._heard, default=-1) + LARGEST_GAP:
+        if image_count <= self._newest + LARGEST_GAP:
             self._miss_up_to(image_count)
 
     def _begin_back(self, image_count: int) -> None:
@@ -107,7 +111,7 @@ class PictureCount:
                 continue
             if wish.attempts >= ATTEMPTS:
                 del self._images[number]
-                self._heard[number] = ""
+                self._remember(number, "")
                 lost.append(number)
             else:
                 messages.append(self._request(wish, now, _IMAGE, number))
@@ -127,7 +131,14 @@ class PictureCount:
         if not self._heard:
             return False
         is_other = bool(self._heard.get(number))
-        return is_other or number < (self._first or 0) or number > max(self._heard) + LARGEST_GAP
+        return is_other or number < (self._first or 0) or number > self._newest + LARGEST_GAP
+
+    def _remember(self, number: int, identity: str) -> None:
+        """Note that a number was heard, or is given up; the oldest are forgotten."""
+        self._heard[number] = identity
+        self._newest = max(self._newest, number)
+        if len(self._heard) > KEPT:
+            del self._heard[next(iter(self._heard))]
 
     def _miss_up_to(self, number: int) -> None:
         first = max(self._first or 0, number - LARGEST_GAP)

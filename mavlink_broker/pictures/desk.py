@@ -60,6 +60,9 @@ class PictureDesk:
         self._number = 0
         self._flight: tuple[MissionWork, Ledger] | None = None
         self._told: list[tuple[Taker, str]] = []
+        self._epoch_s = 0.0  # Added to the vehicle's time, so that it never goes back
+        self._epoch_before_s: float | None = None  # The same, before the vehicle's last restart
+        self._latest_s = 0.0
         self.has_room = True  # The edge server takes pictures as fast as they come
         self.is_reachable = False  # The vehicle is heard
 
@@ -86,6 +89,17 @@ class PictureDesk:
         if is_news and (taker is None or before is None):
             for camera in self._cameras.values():  # A mission begins or ends
                 camera.ask_count()
+
+    def restarted(self) -> None:
+        """Take that the vehicle was restarted: its time begins anew, and its camera's perhaps.
+
+        Pictures of before stay with the commands of before.
+        """
+        self._epoch_before_s = self._epoch_s
+        self._epoch_s = self._latest_s + 2.0 * RECENT_S
+        self._clock_s.clear()
+        for camera in self._cameras.values():
+            camera.ask_count()
 
     def camera_heard(self, component: int) -> None:
         """Take that a component is a camera; the first time, what was not heard of is asked for."""
@@ -140,7 +154,7 @@ class PictureDesk:
         if component in self._cameras:
             self._cameras[component].told(message.image_count)
             if message.time_boot_ms:
-                self._clock_s[component] = self._time_s(now) - message.time_boot_ms / 1e3
+                self._clock_s[component] = self._vehicle_time_s(now) - message.time_boot_ms / 1e3
 
     def _captured(self, capture: Capture, now: float) -> None:
         self.camera_heard(capture.component)
@@ -166,12 +180,24 @@ class PictureDesk:
         How far the two are apart is known from what the camera answers at once. An announcement
         does not tell: a camera may take its time to store a picture.
         """
-        time_s = self._time_s(now)
+        time_s = self._vehicle_time_s(now)
         if capture.taken_s is None:
-            return time_s
+            return time_s + self._epoch_s
         behind_s = self._clock_s.get(capture.component, 0.0)
         taken_s = capture.taken_s + (behind_s if abs(behind_s) > OWN_CLOCK_S else 0.0)
-        return min(taken_s, time_s)
+        if self._epoch_before_s is not None and self._is_of_before(capture, taken_s, time_s):
+            return taken_s + self._epoch_before_s
+        return min(taken_s, time_s) + self._epoch_s
+
+    def _is_of_before(self, capture: Capture, taken_s: float, time_s: float) -> bool:
+        """Whether a picture is older than the vehicle's last restart.
+
+        Its time of day tells, else its time since boot, which has not come yet.
+        """
+        booted_s = self._vehicle.snapshot.booted_at_utc_s
+        if capture.taken_utc_s is not None and booted_s is not None:
+            return capture.taken_utc_s < booted_s - OWN_CLOCK_S
+        return taken_s > time_s + OWN_CLOCK_S
 
     def _fetch(self, capture: Capture, taker: Taker | None) -> None:
         self._number += 1
@@ -264,6 +290,11 @@ class PictureDesk:
             effects.for_edge.append(self._reporter.mission(self._flight[1]))
 
     def _time_s(self, now: float) -> float:
-        """The vehicle's time; the broker's where it tells none."""
+        """The vehicle's time, going on over its restarts; the broker's where it tells none."""
+        time_s = self._vehicle_time_s(now) + self._epoch_s
+        self._latest_s = max(self._latest_s, time_s)
+        return time_s
+
+    def _vehicle_time_s(self, now: float) -> float:
         told = self._vehicle.snapshot.time_s
         return now if told is None else told

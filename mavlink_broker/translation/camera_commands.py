@@ -31,7 +31,6 @@ _SETTLE_S: Final = 2.0
 TURNED_WITHIN_S: Final = 600.0
 _TURNS_ITSELF: Final = "the vehicle turns from picture to picture: the camera takes no panoramas"
 _NO_GIMBAL: Final = "the vehicle has no gimbal: pitch_angle and yaw_angle were left out"
-_GIMBAL_SLACK_S: Final = 5.0
 _SEQUENCES: Final = 2**23
 """Numbers that a float carries exactly."""
 _OURSELVES: Final = (-2.0, -2.0)
@@ -52,15 +51,16 @@ def image(command: CameraImage, situation: Situation) -> Items | LiveAction:
     duration_s = max(1.0, (p.photo_count - 1) * p.time_interval + 1.0)
     number = _picture_number(situation.mission_id, command.command_id)
     shots = (float(p.time_interval), float(p.photo_count))
+    aim = p.pitch_angle, p.yaw_angle
+    slew_s = 0.0 if aim == situation.aim else situation.family.gimbal_slew_s
     if situation.after_live:
-        aim = p.pitch_angle, p.yaw_angle
-        return _live_image(situation.family, aim, shots, number, duration_s)
+        return _live_image(situation.family, aim, shots, number, duration_s + slew_s)
     pointing, notes = _pointing(p.pitch_angle, p.yaw_angle, situation)
     wholes = situation.family.whole_parameters.get(mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW)
     if wholes and (p.pitch_angle % 1.0 or (p.yaw_angle or 0.0) % 1.0):
         notes = (*notes, f"{situation.family.name} points its gimbal in whole degrees")
     capture, more = _capture(shots, number, situation.refused)
-    items = (*pointing, capture, mission_item.delay(duration_s))
+    items = (*pointing, capture, mission_item.delay(duration_s + (slew_s if pointing else 0.0)))
     return Items(items, len(items) - 1, (*notes, *more))
 
 

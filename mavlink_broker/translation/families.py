@@ -103,6 +103,7 @@ class Family:
     lowest_follow_m: float = 0.0
     camera_is_autopilot: bool = False  # Camera commands go to the autopilot itself
     takes_panoramas: bool = False  # Its camera does, by PANORAMA_CREATE
+    gimbal_slew_s: float = 0.0  # Its camera waits so long at most until its gimbal has turned
     busy_pause_s: float = 6.0  # After "busy": the vehicle's own idle timeout and a second
     battery_capacity_parameter: str | None = None  # In mAh
     link_loss_parameter: str | None = None  # Above 0 it wants a ground station to attend to it
@@ -166,6 +167,7 @@ OWN: Final = replace(
     arming_patience_s=0.0,
     talks_to_stations_only=False,
     takes_panoramas=True,
+    gimbal_slew_s=2.5,  # Half a turn at MNT_SLEW_MAX
 )
 """The project's own vehicle, which is PX4 to everybody who does not look at its vendor."""
 

@@ -7,7 +7,7 @@ is lost after the start costs nothing. A stretch that does not end on the ground
 from dataclasses import dataclass, field, replace
 from typing import Self, TypeAlias
 
-from afarcloud.commands import FLYING, Command, NavWaypoint
+from afarcloud.commands import FLYING, CameraImage, Command, NavWaypoint
 from afarcloud.enumerations import CommandType
 from afarcloud.plan import Mission
 from mavlink_broker.dialect import Message, mavlink
@@ -187,8 +187,17 @@ class _Translation:
                     self._situation = self._situation._replace(spot=part.ends_at, after_live=True)
             else:
                 self._take(index, command, part)
+            self._situation = self._situation._replace(aim=self._aim_behind(command, part))
         self._close()
         return Itinerary(tuple(self.segments))
+
+    def _aim_behind(
+        self, command: Command, part: Items | LiveAction
+    ) -> tuple[float, float | None] | None:
+        """Where the camera looks behind a command, as far as that is known."""
+        if isinstance(command, CameraImage):
+            return command.parameters.pitch_angle, command.parameters.yaw_angle
+        return None if isinstance(part, LiveAction) else self._situation.aim
 
     def _refuse_on_ground(self, index: int, command: Command) -> None:
         kind = command.command_type_id

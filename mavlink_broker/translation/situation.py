@@ -54,6 +54,7 @@ class Situation(NamedTuple):
     maximum_speed_m_s: float = 0.0
     relative_altitude_m: float = DEFAULT_ALTITUDE_M  # At which the mission flies
     common_radius_m: float | None = None  # Acceptance radius of all waypoints, if they are alike
+    aim: tuple[float, float | None] | None = None  # [deg] Pitch and yaw of the pictures before
     after_live: bool = False  # It may be anywhere, behind a live command or where nothing moves it
 
     @property

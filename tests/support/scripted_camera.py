@@ -26,6 +26,8 @@ class ScriptedCamera:
     url: str = "mftp:///image/{index}.jpg"
     contents: bytes = JPEG
     first_index: int = 0
+    image_status: int = 0  # As CAMERA_CAPTURE_STATUS tells it; 0 idle
+    is_silent: bool = False  # It answers no questions about its pictures
     taken: list[Message] = field(default_factory=list)
     asked: list[tuple[int, int]] = field(default_factory=list)  # REQUEST_MESSAGE's p1 and p2
 
@@ -73,11 +75,13 @@ class ScriptedCamera:
             return
         wanted, number = int(message.param1), int(message.param2)
         self.asked.append((wanted, number))
+        if self.is_silent:
+            return
         if wanted == mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS:
             count = self.first_index + len(self.taken)
             self._send(
                 mavlink.MAVLink_camera_capture_status_message(
-                    self.boot_ms(), 0, 0, 0.0, 0, 1000.0, count
+                    self.boot_ms(), self.image_status, 0, 0.0, 0, 1000.0, count
                 )
             )
         place = number - self.first_index
