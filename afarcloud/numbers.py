@@ -11,6 +11,7 @@ from typing import Annotated, Any, TypeAlias
 from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field, PlainSerializer
 
 INT32_MAX = 2**31 - 1
+LAST_YEAR = 9998
 MAXIMUM_HEIGHT_M = 120.0
 """Height limit above ground of the EU open category (Regulation 2019/947)."""
 
@@ -53,6 +54,20 @@ def _json_time(value: Any) -> Any:
     return value
 
 
+def _time_in_utc(value: datetime) -> datetime:
+    """Refuse what UTC cannot say: an offset may lead beyond the first and the last year.
+
+    The last year itself is left out: a time in seconds, rounded, may end up behind it.
+    """
+    try:
+        is_known = value.astimezone(UTC).year <= LAST_YEAR
+    except OverflowError:
+        is_known = False
+    if not is_known:
+        raise ValueError(f"must lie between the years 1 and {LAST_YEAR} in UTC")
+    return value
+
+
 def _compass(degrees: float) -> float:
     """Bring an angle to [0, 360); adding a turn to a tiny negative must not give 360."""
     turned = degrees % 360.0
@@ -91,7 +106,10 @@ PositiveHeightAboveHome: TypeAlias = Annotated[
 Fraction: TypeAlias = Annotated[float, Field(ge=0, le=1), BeforeValidator(json_number)]
 Boolean: TypeAlias = Annotated[bool, BeforeValidator(json_boolean)]
 Time: TypeAlias = Annotated[
-    AwareDatetime, BeforeValidator(_json_time), PlainSerializer(format_time, when_used="json")
+    AwareDatetime,
+    AfterValidator(_time_in_utc),
+    BeforeValidator(_json_time),
+    PlainSerializer(format_time, when_used="json"),
 ]
 ShortText: TypeAlias = Annotated[str, Field(min_length=1, max_length=255)]
 Ulid: TypeAlias = Annotated[str, Field(pattern=r"^[0-7][0-9A-HJKMNP-TV-Z]{25}$")]

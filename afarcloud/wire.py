@@ -6,6 +6,7 @@ path in the document as it was sent, envelope left out.
 """
 
 import json
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
 from typing import Any, Final, TypeVar
@@ -70,14 +71,32 @@ _CODES: Final = {"mission_id": (400, "NO_MISSION_ID"), "command_array": (404, "N
 """AFarCloud's validation codes for a field that is missing or empty."""
 
 
+class DuplicateNameError(ValueError):
+    """An object of a JSON text has a member twice."""
+
+
+def unique_members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Make an object of its members, as `object_pairs_hook`; raises DuplicateNameError."""
+    found = dict(pairs)
+    if len(found) != len(pairs):
+        ((name, _),) = Counter(name for name, _ in pairs).most_common(1)
+        raise DuplicateNameError(f"an object has the member {name[:64]!a} twice")
+    return found
+
+
 def parse_json(raw: bytes) -> Any:
     """Parse bytes as JSON; NaN and Infinity pass here and fail later with their path.
 
+    A name that stands twice in an object is refused: who reads the first one and who reads the
+    last one would fly to different places (RFC 8259, section 4; RFC 7493, section 2.3).
+
     Raises:
-        SyntaxFaultError: if the bytes are not UTF-8 or not JSON, or nest too deep.
+        SyntaxFaultError: if the bytes are not UTF-8 or not JSON, nest too deep or say a name twice.
     """
     try:
-        return json.loads(raw.decode("utf-8"))
+        return json.loads(raw.decode("utf-8"), object_pairs_hook=unique_members)
+    except DuplicateNameError as error:
+        raise SyntaxFaultError((Fault("", str(error)),)) from None
     except UnicodeDecodeError as error:
         raise SyntaxFaultError((Fault("", f"not UTF-8 at byte {error.start}"),)) from None
     except json.JSONDecodeError as error:

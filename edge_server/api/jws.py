@@ -9,7 +9,6 @@ SignatureKeyError  the key file holds nothing that can check a signature
 """
 
 import json
-import math
 import re
 from binascii import Error as Base64Error
 from collections.abc import Mapping
@@ -23,6 +22,7 @@ from joserfc.jws import JWSRegistry
 from joserfc.util import urlsafe_b64decode
 from werkzeug.exceptions import Forbidden
 
+from afarcloud.wire import unique_members
 from edge_server.api.errors import RequestError
 from edge_server.api.signatures import unsigned
 from edge_server.services.audit import Token
@@ -31,6 +31,7 @@ LONGEST_LIFE_S: Final = 7 * 86_400.0
 _SHORTEST_SECRET_BYTES: Final = 32
 _LONGEST_HEADER: Final = 4096
 _LONGEST_BODY: Final = 2 * 1024 * 1024
+_LATEST_S: Final = 1e12  # Epoch seconds; far beyond any calendar
 _JTI: Final = re.compile(r"[!-~]{1,128}")
 _FOREIGN_KEYS: Final = frozenset({"jwk", "jku", "x5u", "x5c", "x5t", "x5t#S256"})
 _Key = OKPKey | OctKey
@@ -161,7 +162,9 @@ def _protected(shown: str) -> dict[str, Any]:
     if len(shown) > _LONGEST_HEADER or len(parts) != 3 or parts[1] or not all(parts[::2]):
         raise unsigned("the signature must be a detached JWS: header..signature")
     try:
-        protected = json.loads(urlsafe_b64decode(parts[0].encode()))
+        protected = json.loads(
+            urlsafe_b64decode(parts[0].encode()), object_pairs_hook=unique_members
+        )
     except (ValueError, Base64Error, RecursionError):
         raise unsigned("the signature's header is not JSON in base64url") from None
     if not isinstance(protected, dict) or not isinstance(protected.get("alg"), str):
@@ -183,7 +186,10 @@ def _algorithms(key: _Key) -> tuple[str, ...]:
 
 
 def _is_time(value: object) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    """Whether it is a number of seconds; an integer of JSON may be too large for any float."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return False
+    return -_LATEST_S <= value <= _LATEST_S  # Neither NaN nor infinity
 
 
 def _senseless(claim: str, reason: str) -> RequestError:

@@ -19,6 +19,8 @@ from edge_server.store.keys import Role, StoredKey
 
 LOG = logging.getLogger(__name__)
 REFUSALS: Final = frozenset({401, 403, 409, 412})
+PASSING: Final = frozenset({408, 425, 429})
+"""Refusals of the moment: the same request may be sent again."""
 
 
 def install(app: APIFlask, context: Context) -> None:
@@ -61,10 +63,13 @@ def _subject() -> str:
 
 def _tell_refusal(context: Context, status: int) -> None:
     trail = current()
-    if trail is None or trail.is_told or status not in REFUSALS:
+    if trail is None or trail.is_told:
+        return
+    uses_signature = trail.token is not None and 400 <= status < 500 and status not in PASSING
+    if status not in REFUSALS and not uses_signature:
         return
     try:
-        trail.refused(context.database, str(status))
+        trail.refused(context.database, str(status), is_audited=status in REFUSALS)
     except SQLAlchemyError as error:
         LOG.error("a refusal could not be written to the audit log: %s", error)  # noqa: TRY400  # the sentence is enough
 

@@ -71,11 +71,18 @@ class Trail:
             audit.append(connection, self._entry(subject, DONE))
         self.is_told = True
 
-    def refused(self, database: Database, result: str) -> None:
-        """Tell of a write that was refused, in a transaction of its own."""
+    def refused(self, database: Database, result: str, *, is_audited: bool) -> None:
+        """Tell of a write that was refused, in a transaction of its own.
+
+        Its signature is used up like that of a write that was done: an order that was refused must
+        not be carried out later, when somebody repeats it.
+        """
         with database.write() as connection:
             self._changes_nothing = True  # As its own witness
-            audit.append(connection, self._entry(self._subject, result))
+            if self.token is not None:
+                tokens.spend(connection, self.token.jti, self.token.expires_at)
+            if is_audited:
+                audit.append(connection, self._entry(self._subject, result))
 
     def about(self, subject: str) -> None:
         """Name a thing that the present transaction makes or changes."""

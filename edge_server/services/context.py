@@ -5,9 +5,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
-from afarcloud.numbers import format_time
+from afarcloud.numbers import LAST_YEAR, format_time
 from edge_server.config import Config
 from edge_server.outbox import wakeup
 from edge_server.services.bell import Bell
@@ -69,9 +69,13 @@ class Context:
             self.bell.ring_here()
 
 
+_FIRST_S: Final = datetime.min.replace(tzinfo=UTC).timestamp()
+_LAST_S: Final = datetime(LAST_YEAR, 12, 31, 23, 59, 59, tzinfo=UTC).timestamp()
+
+
 def moment(epoch_s: float) -> datetime:
-    """Turn epoch seconds into a time in UTC."""
-    return datetime.fromtimestamp(epoch_s, UTC)
+    """Turn epoch seconds into a time in UTC; what no calendar has becomes its first or last day."""
+    return datetime.fromtimestamp(min(max(epoch_s, _FIRST_S), _LAST_S), UTC)
 
 
 def show_time(epoch_s: float) -> str:

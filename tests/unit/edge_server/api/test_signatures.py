@@ -18,8 +18,9 @@ from werkzeug.test import TestResponse
 
 from edge_server.api import jws
 from edge_server.api.errors import RequestError
+from edge_server.services.events import EVENT_LIMIT
 from tests.unit.edge_server.conftest import NOON, Edge
-from tests.unit.edge_server.documents import plan
+from tests.unit.edge_server.documents import mission, plan
 from tests.unit.edge_server.signing import SECRET, SECRET_JWK, claims, encode, sign
 
 BODY = json.dumps(plan(dispatch=False)).encode()
@@ -94,6 +95,9 @@ HOSTILE: list[tuple[int, str | None]] = [
     (422, sign(BODY, claims(NOON, exp="soon"))),
     (422, sign(BODY, claims(NOON, exp=True))),
     (422, sign(BODY, claims(NOON, exp=float("inf")))),
+    (422, sign(BODY, claims(NOON, exp=10**400))),
+    (422, sign(BODY, claims(NOON, exp=-(10**400)))),
+    (403, sign(BODY, claims(NOON, nbf=10**400))),
     (422, sign(BODY, claims(NOON, jti=None))),
     (422, sign(BODY, claims(NOON, jti=""))),
     (422, sign(BODY, claims(NOON, jti=7))),
@@ -130,12 +134,49 @@ def test_an_answer_that_was_lost_is_given_again(edge: Edge) -> None:
     assert edge.count("plan") == edge.count("audit") == 1
 
 
-def test_a_refused_plan_does_not_use_the_signature_up(edge: Edge) -> None:
+def test_a_refused_plan_uses_its_signature_up(edge: Edge) -> None:
     unknown = json.dumps(plan(dispatch=False)).replace('"vehicle_id": 1', '"vehicle_id": 9')
     signature = sign(unknown.encode(), claims(NOON))
     assert post(edge, signature, unknown.encode()).status_code == 422
     edge.register(9)
-    assert post(edge, signature, unknown.encode()).status_code == 201
+    assert post(edge, signature, unknown.encode()).status_code == 403
+    assert edge.count("plan") == 0
+
+
+@pytest.mark.parametrize(("vehicle_id", "status"), [(1, 409), (77, 404)])
+def test_a_refused_abort_cannot_be_repeated_when_there_is_something_to_abort(
+    edge: Edge, vehicle_id: int, status: int
+) -> None:
+    order = {"sequence_number": 1, "vehicle_id": vehicle_id, "event_type_id": 2}
+    body = json.dumps(order).encode()
+    headers = {"X-JWS-Signature": sign(body, claims(NOON, htu="/events"))}
+
+    def abort() -> int:
+        json_type = "application/json"
+        asked = edge.ask(
+            "POST", "/events/", "cloud", data=body, headers=headers, content_type=json_type
+        )
+        return asked.status_code
+
+    assert abort() == status
+    edge.register(vehicle_id)
+    edge.post_plan(plan(mission(5, vehicle_id)))
+    assert abort() == 403
+    assert len(edge.work()) == 1
+
+
+def test_a_refusal_of_the_moment_leaves_the_signature_good(edge: Edge) -> None:
+    edge.post_plan(plan())
+    for number in range(EVENT_LIMIT):
+        body = {"sequence_number": number, "vehicle_id": 1, "event_type_id": 3, "maximum_speed": 2}
+        assert edge.post("/events/", body, "operator").status_code == 201
+    headers = {"X-JWS-Signature": sign(ABORT, claims(NOON, htu="/events"))}
+    options: dict[str, Any] = {"data": ABORT, "content_type": "application/json"}
+    full = edge.ask("POST", "/events/", "cloud", headers=headers, **options)
+    assert full.status_code == 429
+    for item in edge.work()[:EVENT_LIMIT]:
+        edge.acknowledge(item["id"], "done")
+    assert edge.ask("POST", "/events/", "cloud", headers=headers, **options).status_code == 201
 
 
 def test_others_need_no_signature_but_a_bad_one_is_refused(edge: Edge) -> None:
