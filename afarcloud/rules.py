@@ -6,7 +6,7 @@
 import math
 from collections.abc import Iterator, Mapping
 from datetime import datetime
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from afarcloud.annex import annex_faults
 from afarcloud.commands import (
@@ -102,13 +102,20 @@ def _mission_faults(mission: Mission, path: str, profile: Profile) -> Iterator[F
         yield from _takeoff_first(mission, path)
 
 
+_BEGINNINGS: Final = frozenset(
+    {CommandType.NAV_TAKEOFF, CommandType.NAV_LAND, CommandType.NAV_HOME}
+)
+"""What a mission may begin with: a take-off, or the end of a hover in which a mission left it."""
+
+
 def _takeoff_first(mission: Mission, path: str) -> Iterator[Fault]:
     for where, command in _commands(mission, path):
         if command.command_type_id in FLYING:
-            if command.command_type_id != CommandType.NAV_TAKEOFF:
+            if command.command_type_id not in _BEGINNINGS:
                 yield Fault(
                     f"{where}.command_type_id",
-                    "the first command that moves the vehicle must be NAV_TAKEOFF (1)",
+                    "the first command that moves the vehicle must be NAV_TAKEOFF (1), "
+                    "or NAV_LAND (2) or NAV_HOME (11) for a vehicle that hovers",
                 )
             return
 

@@ -2,7 +2,8 @@
 
 from typing import Final
 
-from afarcloud.enumerations import Status
+from afarcloud.commands import FLYING
+from afarcloud.enumerations import CommandType, Status
 from afarcloud.route import highest_m as highest_of
 from mavlink_broker import activities, hover, readiness
 from mavlink_broker.effects import Effects
@@ -237,10 +238,19 @@ class FlightPreparation(FlightCore):
         is_live = isinstance(self._stages.current, LiveCommand)
         if self._acts_at_once and not self.is_confirmed:
             return
-        if is_live and not self._flies and self._stages.live.action.moves:
+        moves = self._stages.live.action.moves if is_live else self._begins_in_the_air
+        if moves and not self._flies:
             self._fail("the vehicle is on the ground: a take-off has to come first", now, effects)
         else:
             self._move(Event.READY, now, effects)
+
+    @property
+    def _begins_in_the_air(self) -> bool:
+        """Whether the mission begins with a landing or a return, which is for a hover."""
+        kinds = (one.command_type_id for one in self.work.mission.command_array)
+        first = next((kind for kind in kinds if kind in FLYING), None)
+        is_for_air = first in {CommandType.NAV_LAND, CommandType.NAV_HOME}
+        return is_for_air and self._stages.is_first and not self._vehicle.stays_on_ground
 
     def _step_arming(self, now: float, effects: Effects) -> None:
         """Believe a vehicle that shows itself armed, though its answer is lost.

@@ -46,7 +46,9 @@ class Subject(NamedTuple):
 class QuickShot:
     """One turn, as far off as the subject is when it begins, clockwise."""
 
-    def __init__(self, subject: Subject, here: Spot, vehicle: Vehicle) -> None:
+    def __init__(
+        self, subject: Subject, here: Spot, vehicle: Vehicle, *, maximum_speed_m_s: float
+    ) -> None:
         self._vehicle = vehicle
         self._height_m = here.relative_altitude_m
         smallest, largest = RADIUS_M
@@ -54,7 +56,8 @@ class QuickShot:
         self._radius_m = min(max(away_m, smallest), largest)
         slowest, fastest = SPEED_M_S
         needed_m_s = _FULL_TURN_RAD * self._radius_m / TURN_WITHIN_S
-        self._speed_m_s = min(max(needed_m_s, slowest), fastest)
+        self._maximum_speed_m_s = maximum_speed_m_s
+        self._speed_m_s = min(max(needed_m_s, slowest), fastest, maximum_speed_m_s)
         self._middle = subject
         self._turning = Turning(
             Turned(*subject[:2], self._radius_m, _FULL_TURN_RAD, is_clockwise=True)
@@ -144,7 +147,8 @@ class QuickShot:
                 strict=True,
             )
         )
-        speed_m_s = math.hypot(to_north_m - north_m, to_east_m - east_m) / ahead_s
+        wanted_m_s = math.hypot(to_north_m - north_m, to_east_m - east_m) / ahead_s
+        speed_m_s = min(wanted_m_s, self._maximum_speed_m_s)
         towards_deg = math.degrees(math.atan2(to_east_m, to_north_m))
         there = shifted(*subject[:2], towards_deg, math.hypot(to_north_m, to_east_m))
         spot = Spot(*there, self._height_m)

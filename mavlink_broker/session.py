@@ -71,6 +71,7 @@ class Session:
         self._giving_back = GivingBack(vehicle)
         self._events = EventDesk(vehicle)
         self._waiting: deque[Flight] = deque()
+        self._to_abort: dict[int, tuple[Flight, str]] = {}  # When it is known to be ours, and why
         self._flight: Flight | None = None
         self._landing_of: str | None = None  # The mission behind which the vehicle comes down
         self._failed: Homeward | None = None  # In an earlier run
@@ -147,6 +148,11 @@ class Session:
 
     def take_verdict(self, verdict: Verdict, now: float, effects: Effects) -> None:
         """Learn whether a mission that was accepted may be flown; one that may not is dropped."""
+        if verdict.work_id in self._to_abort:
+            ended, reason = self._to_abort.pop(verdict.work_id)
+            if verdict.holds:
+                ended.abort(reason, effects)
+            return
         flights = (*self._waiting, self._flight)
         flight = next((f for f in flights if f and f.work.work_id == verdict.work_id), None)
         if flight is None or flight.is_confirmed:
@@ -218,7 +224,9 @@ class Session:
             self._events.give_way(effects)
             for flight in concerned:
                 self._waiting.remove(flight)
-                flight.abort(REASONS[work.event.event_type_id], effects)
+                self._abort_waiting(flight, REASONS[work.event.event_type_id], effects)
+        if is_abort(work) and self._may_be_dropped(work):
+            concerned += self._drop_unconfirmed(work, now, effects)
         if self._flight is not None and self._concerns(work, self._flight):
             self._flight.interrupt(work, now, effects)
             self._close_flight()
@@ -229,6 +237,38 @@ class Session:
             self._events.see_through(work, now, effects)
         else:
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", NO_MISSION))
+
+    def _abort_waiting(self, flight: Flight, reason: str, effects: Effects) -> None:
+        """End a mission that has not begun.
+
+        An abort empties the edge server's queue too: whose acceptance it refuses has been ended
+        there, and has its report. So a mission that is not known to be ours is accepted first, and
+        reported once the edge server agrees.
+        """
+        if flight.is_confirmed:
+            flight.abort(reason, effects)
+            return
+        work_id = flight.work.work_id
+        self._to_abort[work_id] = flight, reason
+        effects.for_edge.append(Acknowledgement(work_id, "accepted"))
+
+    def _may_be_dropped(self, work: EventWork) -> bool:
+        """Whether nothing has been ordered for the mission that is being prepared."""
+        flight = self._flight
+        if flight is None or flight.is_confirmed or self.vehicle.hovers:
+            return False
+        return self._concerns(work, flight)
+
+    def _drop_unconfirmed(self, work: EventWork, now: float, effects: Effects) -> list[Flight]:
+        """Stop preparing a mission whose acceptance has not been answered yet."""
+        flight = self._flight
+        if flight is None:
+            return []
+        reason = REASONS[work.event.event_type_id]
+        self._to_abort[flight.work.work_id] = flight, reason
+        flight.withdraw(now, effects)
+        self._close_flight()
+        return [flight]
 
     def _concerns(self, work: EventWork, flight: Flight) -> bool:
         """Whether an event is about a mission; one from an earlier run, if that came before."""

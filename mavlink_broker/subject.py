@@ -207,7 +207,9 @@ class SubjectTracker:
             if self._here is None or place is None:
                 return []
             here = Spot(*place[:2], self._here.relative_altitude_m)
-            self._shot = QuickShot(subject, here, self._vehicle)
+            self._shot = QuickShot(
+                subject, here, self._vehicle, maximum_speed_m_s=self._end.maximum_speed_m_s
+            )
         messages = self._shot.tick(subject, now, self._time_s(now))
         self.is_over |= self._shot.is_over
         if self._shot.reason is not None:

@@ -137,8 +137,25 @@ def _show(connection: Connection, item: Work) -> dict[str, Any]:
         "mission": _as_flown(connection, _in_seconds(item, body), item),
         "geofence": body.get("geofence"),
         "rally_points": body.get("rally_points", []),
-        "report": item.report,
+        "report": _whole_report(connection, item),
     }
+
+
+def _whole_report(connection: Connection, item: Work) -> dict[str, Any] | None:
+    """Give the last report of a mission with all of its commands.
+
+    That of a long mission lists what has changed alone; a broker that was restarted goes on from
+    all of it.
+    """
+    known = work.commands(connection, item.id)
+    if item.report is None or len(item.report["command_report_array"]) == len(known):
+        return item.report
+    commands = [
+        {"command_id": one.command_id, "command_status_id": one.status_id}
+        | ({} if one.message is None else {"message": one.message})
+        for one in known.values()
+    ]
+    return {**item.report, "command_report_array": commands}
 
 
 def _as_flown(

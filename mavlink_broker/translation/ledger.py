@@ -4,6 +4,7 @@ LedgerError  a status that would follow a terminal one
 """
 
 from collections.abc import Iterator, Sequence
+from typing import Final
 
 from afarcloud.commands import Command
 from afarcloud.enumerations import Status
@@ -14,6 +15,10 @@ MESSAGE_LENGTH = 1000
 
 class LedgerError(Exception):
     """Exactly one terminal status per mission and per command."""
+
+
+WHOLE_UP_TO: Final = 100
+"""Commands of a mission whose every report lists all of them: AFarCloud's own limit."""
 
 
 class Ledger:
@@ -41,6 +46,7 @@ class Ledger:
         self._statuses = [Status.NOT_STARTED] * len(commands)
         self._messages: list[str | None] = [None] * len(commands)
         self._added: list[list[str]] = [[] for _ in commands]
+        self._reported: list[tuple[Status, str | None]] | None = None  # As it was reported last
 
     @property
     def commands(self) -> tuple[Status, ...]:
@@ -133,7 +139,21 @@ class Ledger:
         self.set_mission(Status.ABORTED, reason)
 
     def report(self, *, vehicle_id: int, sequence_number: int) -> MissionReport:
-        """Write it down for the cloud."""
+        """Write it down for the cloud; remembers what it has written.
+
+        A mission of more commands than AFarCloud's fixed array has room for is reported by what
+        has changed since the last report and the first unfinished command; all of it in the first
+        report and in the last one.
+        """
+        now = list(zip(self._statuses, self._texts(), strict=True))
+        unfinished = self.finished
+        before, self._reported = self._reported, now
+        is_whole = before is None or self.status.is_terminal or len(now) <= WHOLE_UP_TO
+        changed = {
+            index
+            for index, state in enumerate(now)
+            if is_whole or before is None or before[index] != state or index == unfinished
+        }
         return MissionReport(
             sequence_number=sequence_number,
             vehicle_id=vehicle_id,
@@ -143,8 +163,9 @@ class Ledger:
             mission_status_id=self.status,
             message=self.message,
             command_report_array=tuple(
-                CommandReport(command_id=i, command_status_id=s, message=m)
-                for i, s, m in zip(self._ids, self._statuses, self._texts(), strict=True)
+                CommandReport(command_id=self._ids[i], command_status_id=status, message=text)
+                for i, (status, text) in enumerate(now)
+                if i in changed
             ),
         )
 

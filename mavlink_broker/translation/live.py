@@ -75,6 +75,7 @@ class Tracked:
     duration_s: float
     height_m: float  # Above home, kept by a vehicle that follows
     follow: Ways  # How a vehicle is told to follow
+    maximum_speed_m_s: float  # Of the mission; nothing beside the subject is flown faster
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

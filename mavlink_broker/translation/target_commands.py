@@ -82,6 +82,7 @@ def track(command: NavTrackSubject, situation: Situation) -> LiveAction:
             duration_s=TRACKED_FOR_S,
             height_m=height_m,
             follow=_following(situation, height_m),
+            maximum_speed_m_s=situation.maximum_speed_m_s,
         ),
         finish=(*((*way, stop) for way in family.holding), *family.holding)
         if moves

@@ -170,7 +170,7 @@ class FakeEdge:
             if number in self.closed or mission is None:
                 continue
             if mission["mission_id"] == report["mission_id"]:
-                work["report"] = report
+                work["report"] = _merged(work["report"], report)
                 if Status(report["mission_status_id"]).is_terminal:
                     self.closed.add(number)
                 return
@@ -180,6 +180,13 @@ def _takes_everything(path: str, body: dict[str, Any]) -> int | None:
     """Give the status of the answer to a body that is never taken; None for one that may be."""
     del path, body
     return None
+
+
+def _merged(before: dict[str, Any] | None, report: dict[str, Any]) -> dict[str, Any]:
+    """Keep what an earlier report has said of commands that a later one leaves out."""
+    said = [] if before is None else before["command_report_array"]
+    known = {one["command_id"]: one for one in (*said, *report["command_report_array"])}
+    return report | {"command_report_array": list(known.values())}
 
 
 class FakeEdgeServer:

@@ -79,6 +79,15 @@ def test_the_first_flying_command_is_a_takeoff() -> None:
     assert fault_paths(mission) == ["missions.0.command_array.1.command_type_id"]
 
 
+@pytest.mark.parametrize(
+    ("kind", "parameters"), [(2, documents.PARAMETERS[2]), (11, {}), (11, {"landing": False})]
+)
+def test_a_hovering_vehicle_may_be_landed_or_sent_home(
+    kind: int, parameters: dict[str, Any]
+) -> None:
+    assert fault_paths(documents.mission_of((kind, parameters))) == []
+
+
 def test_pictures_before_the_takeoff_are_fine() -> None:
     mission = documents.mission_of(
         (4, documents.PARAMETERS[4]), (1, documents.PARAMETERS[1]), (11, {})

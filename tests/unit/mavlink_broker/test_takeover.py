@@ -18,6 +18,7 @@ from tests.support.broker_world import (
     World,
     first_flight,
     go_home,
+    land,
     mission,
     takeoff,
     waypoint,
@@ -356,3 +357,65 @@ class TestWithoutAPosition:
         assert (4.0, 5.0) not in modes
         assert (float(COPTER_RETURN), 0.0) not in modes
         assert vehicle.custom_mode not in {PX4_RETURN, COPTER_RETURN, COPTER_GUIDED}
+
+
+class TestAHoverIsEnded:
+    """By a plan of its own: a landing or a return needs no take-off before."""
+
+    @pytest.mark.parametrize("script", [PX4, OWN, ARDUPILOT, GENERIC])
+    @pytest.mark.parametrize("last", [land(1), go_home(1)], ids=["land", "home"])
+    def test_by_a_landing_or_a_return(self, script: Script, last: dict[str, Any]) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=script)
+        world.edge.plan(mission(takeoff(1), waypoint(2)))
+        world.run_until_over(1201)
+        world.run(2.0)
+        assert vehicle.airborne
+        world.edge.plan(mission(last, mission_id=1202))
+        world.run_until_over(1202)
+        assert world.edge.statuses(1202) == [Status.FINISHED]
+        assert not vehicle.airborne
+
+    @pytest.mark.parametrize("last", [land(1), go_home(1)], ids=["land", "home"])
+    def test_and_nothing_is_done_on_the_ground(self, last: dict[str, Any]) -> None:
+        world = World()
+        vehicle = world.add_vehicle()
+        world.edge.plan(mission(last))
+        world.run_until_over(1201)
+        assert world.edge.status(1201) == Status.FAILED
+        assert "a take-off has to come first" in world.edge.reports(1201)[-1]["message"]
+        assert vehicle.uploads == 0
+
+
+@pytest.mark.parametrize("kind", [ABORT, SOFT_ABORT])
+@pytest.mark.parametrize("is_ended_there", [True, False])
+def test_a_mission_that_was_not_accepted_has_one_terminal_report(
+    kind: int, *, is_ended_there: bool
+) -> None:
+    """An abort empties the edge server's queue too: it tells the end of what it has ended."""
+    world = in_mission(PX4)
+    queued = world.edge.plan(first_flight(mission_id=1202))
+    world.run(1.0)
+    world.edge.event(kind)
+    if is_ended_there:
+        world.edge.cancel(queued)
+    world.run(60.0)
+    ends = [r for r in world.edge.reports(1202) if r["mission_status_id"] >= Status.FINISHED]
+    assert len(ends) == (0 if is_ended_there else 1)
+    assert world.edge.status(1201) == Status.ABORTED
+
+
+def test_a_mission_whose_acceptance_is_not_answered_yet_has_one_too() -> None:
+    world = World()
+    world.add_vehicle(script=dataclasses.replace(PX4, ready_to_arm_after_s=30.0))
+    world.run(3.0)
+    world.edge.answers_acceptances = False
+    queued = world.edge.plan(first_flight())
+    world.run(1.0)
+    event = world.edge.event(SOFT_ABORT)
+    world.edge.cancel(queued)
+    world.run(1.0)
+    world.edge.answers_acceptances = True
+    world.run(10.0)
+    assert world.edge.reports(1201) == []
+    assert said(world, event)[-1] == "done"

@@ -215,6 +215,17 @@ class TestAQuickShot:
         )
         assert scene.message == "None"
 
+    @pytest.mark.parametrize("speed_m_s", [0.0, 1.0, 3.0, 6.0])
+    def test_is_never_ordered_to_be_faster_than_the_mission(self, speed_m_s: float) -> None:
+        """4 m/s here; the subject's own speed comes on top of that round it."""
+        scene = Scene(TrackMode.QUICK_SHOT)
+        scene.speed_m_s = speed_m_s
+        scene.see(20.0)
+        circles = [v[1] for v in told(scene.vehicle, mavlink.MAV_CMD_DO_ORBIT)]
+        leads = [v[0] for v in told(scene.vehicle, mavlink.MAV_CMD_DO_REPOSITION)]
+        assert circles or leads
+        assert max([*circles, *leads]) <= 4.0
+
     def test_goes_along_with_a_subject_that_sets_out_meanwhile(self) -> None:
         scene = Scene(TrackMode.QUICK_SHOT)
         scene.speed_m_s = 0.0

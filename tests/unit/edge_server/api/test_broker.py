@@ -102,6 +102,24 @@ def test_what_has_ended_is_not_accepted(edge: Edge) -> None:
     assert edge.acknowledge(item["id"], "refused").status_code == 409
 
 
+def test_a_report_of_changes_alone_is_handed_out_with_all_commands(edge: Edge) -> None:
+    """A broker that was restarted goes on from what the reports before have said."""
+    edge.post_plan(plan())
+    edge.accept()
+    edge.report("mission_report", mission_report(2, 3, 2, 1))
+    later = mission_report(2, 3, 2, 1)
+    later["command_report_array"] = [{"command_id": 2, "command_status_id": 3}]
+    edge.report("mission_report", later | {"sequence_number": 9})
+    (item,) = edge.work()
+    told = item["report"]["command_report_array"]
+    assert [(one["command_id"], one["command_status_id"]) for one in told] == [
+        (1, 3),
+        (2, 3),
+        (3, 1),
+    ]
+    assert item["report"]["sequence_number"] == 9
+
+
 def test_unknown_work_is_not_found(edge: Edge) -> None:
     assert edge.acknowledge(1, "accepted").status_code == 404
 

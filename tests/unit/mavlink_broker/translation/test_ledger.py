@@ -93,3 +93,33 @@ def test_long_reasons_are_cut_to_what_the_model_takes() -> None:
     book = ledger()
     book.fail("x" * 5000)
     assert len(book.report(vehicle_id=1, sequence_number=0).message or "") == 1000
+
+
+def test_a_mission_of_up_to_a_hundred_commands_is_always_reported_as_a_whole() -> None:
+    book = ledger(100)
+    for number in range(3):
+        book.set_command(number, Status.RUNNING)
+        report = book.report(vehicle_id=1, sequence_number=number)
+        assert len(report.command_report_array) == 100
+
+
+@given(st.lists(st.integers(0, 3), min_size=1, max_size=40))
+def test_a_longer_mission_is_reported_by_its_changes_which_add_up(steps: list[int]) -> None:
+    """Who keeps the newest that was said of each command knows all of them at any time."""
+    book = ledger(700)
+    known: dict[int, tuple[Status, str | None]] = {}
+    place = 0
+    for number, step in enumerate(steps):
+        for _ in range(step):
+            book.set_command(place, Status.FINISHED)
+            place += 1
+        book.set_command(place, Status.RUNNING)
+        report = book.report(vehicle_id=1, sequence_number=number)
+        assert len(report.command_report_array) == (700 if number == 0 else step + 1)
+        known |= {
+            c.command_id: (c.command_status_id, c.message) for c in report.command_report_array
+        }
+        assert [known[10 + i][0] for i in range(700)] == list(book.commands)
+    book.abort("aborted by an event")
+    last = book.report(vehicle_id=1, sequence_number=len(steps))
+    assert len(last.command_report_array) == 700
