@@ -14,6 +14,7 @@ of the vehicle are set first; what comes after it has them given back.
 from enum import Enum, auto
 from typing import Final
 
+from mavlink_broker.capture_judge import CaptureJudge, Verdict
 from mavlink_broker.circle import CircleRunner
 from mavlink_broker.departure import HELD_BY_FAILSAFE, Departure
 from mavlink_broker.dialect import Message
@@ -78,6 +79,7 @@ class Performer:
         self.has_departed = False  # Somebody else has ended it
         self._is_out_of_mission = False  # The vehicle has left its items for this command
         self._note: str | None = None
+        self._judge: CaptureJudge | None = None  # Of an order whose answer takes time
 
     @property
     def note(self) -> str | None:
@@ -149,6 +151,8 @@ class Performer:
             return self._fail(f"it does not go there: {message.text.strip()}")
         if self.phase is Phase.LISTENING and self._record.is_sign(message):
             self._take_up(now)
+        if self._judge is not None:
+            self._judge.receive(message, now)
         messages = self._sequence.receive(message, now) if self._sequence else []
         if self._doing is not None and self.phase is Phase.GOING:
             messages += self._doing.receive(message, now)
@@ -170,13 +174,20 @@ class Performer:
         self._is_out_of_mission |= role in {ModeRole.HOLD, ModeRole.GUIDED}
         messages: list[Message] = []
         if self._sign_of_departure() is None or not self._action.moves:
-            messages += self._sequence.tick(now) if self._sequence else []
+            messages += self._repeat(now)
             if self._doing is not None and self.phase is Phase.GOING:
                 messages += self._doing.tick(now)
             messages += self._advance(now)
             self._note_progress()
         self._watch(now)
         return messages
+
+    def _repeat(self, now: float) -> list[Message]:
+        """Repeat what is overdue, but not an order that was heard and may have been carried out."""
+        judge = self._judge if self.phase is Phase.BEGINNING else None
+        if judge is not None and judge.verdict in {Verdict.AT_WORK, Verdict.DONE}:
+            return judge.tick(now)
+        return self._sequence.tick(now) if self._sequence else []
 
     def _note_progress(self) -> None:
         if self.has_begun:
@@ -202,6 +213,9 @@ class Performer:
                 return self._begin(now)
             case Phase.BEGINNING if isinstance(outcome, Accepted):
                 self._note_way()
+                self._go(now)
+            case Phase.BEGINNING if self._judge and self._judge.verdict is Verdict.DONE:
+                self._sequence = None  # Its answer is lost, its pictures are there
                 self._go(now)
             case Phase.GOING if self._doing is not None and self._doing.reason is not None:
                 return self._fail(self._doing.reason)
@@ -230,6 +244,8 @@ class Performer:
         if not self._record.may_order():
             return []
         self._enter(Phase.BEGINNING, now)
+        if self._action.works_s:
+            self._judge = CaptureJudge(self._action.order, self._vehicle)
         return [*self._tell_target(now), *self._order(self._action.begin, now)]
 
     def _go(self, now: float, *, resumed: bool = False) -> None:

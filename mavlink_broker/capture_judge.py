@@ -1,0 +1,91 @@
+"""Whether a camera has done what it was ordered to, where its last answer was lost.
+
+A camera that works on an order says so (IN_PROGRESS) and takes pictures. When it falls silent, its
+final answer may be lost, and an order that is given again would be carried out again: a vehicle
+keeps its answers for some seconds only. So the camera is asked for its state, and what it has
+captured decides: idle with new pictures, it has done the order; idle without, it has not, and may
+be ordered again.
+"""
+
+from enum import Enum, auto
+from typing import Final
+
+from mavlink_broker.dialect import Message, mavlink, source_of
+from mavlink_broker.protocol.command import long_command
+from mavlink_broker.vehicle import Vehicle
+
+SILENT_AFTER_S: Final = 3.0
+"""Several times as long as a camera at work is silent."""
+ASK_EVERY_S: Final = 1.0
+_STATUS: Final[int] = mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS
+_IDLE: Final = 0
+
+
+class Verdict(Enum):
+    """What is known of the order."""
+
+    UNHEARD = auto()  # No sign of it: it may be given again
+    AT_WORK = auto()  # It was heard; it is not known yet how it ended
+    DONE = auto()
+    NOTHING_DONE = auto()  # It was heard, and nothing has come of it: it may be given again
+
+
+class CaptureJudge:
+    """One order to a camera that takes time."""
+
+    def __init__(self, order: int, vehicle: Vehicle) -> None:
+        """Watch for the signs of a MAV_CMD."""
+        self._order = order
+        self._vehicle = vehicle
+        self._began_s = vehicle.snapshot.time_s
+        self._signs_at: float | None = None  # The newest sign of work
+        self._asked_at: float | None = None
+        self._is_idle = False
+        self.pictures: set[int] = set()
+
+    @property
+    def verdict(self) -> Verdict:
+        """Judge by what was heard so far."""
+        if self._signs_at is None:
+            return Verdict.UNHEARD
+        if not self._is_idle:
+            return Verdict.AT_WORK
+        return Verdict.DONE if self.pictures else Verdict.NOTHING_DONE
+
+    def receive(self, message: Message, now: float) -> None:
+        """Take a message of the vehicle or of its camera."""
+        match message.get_type():
+            case "COMMAND_ACK" if message.command == self._order:
+                if message.result == mavlink.MAV_RESULT_IN_PROGRESS:
+                    self._works(now)
+            case "CAMERA_IMAGE_CAPTURED" if self._is_new(message):
+                self.pictures.add(message.image_index)
+                self._works(now)
+            case "CAMERA_CAPTURE_STATUS" if self._is_asked_for(message):
+                self._is_idle = message.image_status == _IDLE
+
+    def tick(self, now: float) -> list[Message]:
+        """Ask the camera, once it has fallen silent."""
+        if self._signs_at is None or now - self._signs_at < SILENT_AFTER_S:
+            return []
+        if self._asked_at is not None and now - self._asked_at < ASK_EVERY_S:
+            return []
+        self._asked_at = now
+        command = mavlink.MAV_CMD_REQUEST_MESSAGE
+        return [
+            long_command(command, _STATUS, component=component).message(self._vehicle.route, 0)
+            for component in sorted(self._vehicle.cameras or {mavlink.MAV_COMP_ID_CAMERA})
+        ]
+
+    def _works(self, now: float) -> None:
+        self._signs_at = now
+        self._asked_at = None
+        self._is_idle = False
+
+    def _is_new(self, message: Message) -> bool:
+        """Whether a picture was taken since the order, by the vehicle's clock."""
+        return self._began_s is not None and message.time_boot_ms * 1e-3 >= self._began_s
+
+    def _is_asked_for(self, message: Message) -> bool:
+        cameras = self._vehicle.cameras or {mavlink.MAV_COMP_ID_CAMERA}
+        return self._asked_at is not None and source_of(message).component in cameras
