@@ -3,7 +3,8 @@
 `BENCH` chooses what, separated by commas: `flight` (how well it flies, some minutes on both
 cores), `speed` (how fast it is simulated), `system` (the running programs), `links`
 (files over MAVLink), `missions` (their upload, by a tight client and by the broker), `edge` (what
-the edge server takes in and sends on). Without it, all.
+the edge server takes in and sends on), `hostile` (the same among bad clients and behind a bad
+network). Without it, all.
 """
 
 import os
@@ -16,6 +17,7 @@ from typing import Final
 from tests.bench import (
     broker_upload,
     edge,
+    edge_hostile,
     flight_quality,
     links,
     mission_upload,
@@ -42,6 +44,7 @@ PARTS: Final[Mapping[str, Callable[[], Iterable[Result]]]] = {
     "links": links.measure,
     "missions": _missions,
     "edge": edge.measure,
+    "hostile": edge_hostile.measure,
 }
 
 

@@ -90,7 +90,7 @@ class Cloud:
 
 
 @contextmanager
-def _edge(folder: Path, cloud_url: str, *arguments: str) -> Iterator[Program]:
+def edge_server(folder: Path, cloud_url: str, *arguments: str) -> Iterator[Program]:
     program = Program(folder / "state", cloud_url)
     program.environment["LOG_LEVEL"] = "INFO"
     program.start(*arguments)
@@ -102,7 +102,7 @@ def _edge(folder: Path, cloud_url: str, *arguments: str) -> Iterator[Program]:
 
 
 @contextmanager
-def _cloud(folder: Path) -> Iterator[Cloud]:
+def mock_cloud(folder: Path) -> Iterator[Cloud]:
     cloud = Cloud(folder / "cloud")
     try:
         yield cloud
@@ -157,7 +157,7 @@ def _reports(first: int, count: int) -> list[dict[str, Any]]:
 
 
 def _bulk(folder: Path) -> Iterator[Result]:
-    with _cloud(folder) as cloud, _edge(folder, cloud.url) as program:
+    with mock_cloud(folder) as cloud, edge_server(folder, cloud.url) as program:
         assert program.process is not None
 
         def send(sender: int) -> None:
@@ -182,7 +182,7 @@ def _bulk(folder: Path) -> Iterator[Result]:
 
 
 def _single(folder: Path) -> Iterator[Result]:
-    with _edge(folder, "http://127.0.0.1:9") as program:
+    with edge_server(folder, "http://127.0.0.1:9") as program:
         assert program.process is not None
         counts: list[int] = []
         latencies: list[float] = []
@@ -211,7 +211,7 @@ def _single(folder: Path) -> Iterator[Result]:
 def _backlog(folder: Path) -> Iterator[Result]:
     """Drain a backlog; meanwhile alarms go out and events come in."""
     fill(folder / "state", BACKLOG)
-    with _cloud(folder) as cloud, _edge(folder, cloud.url, "serve") as program:
+    with mock_cloud(folder) as cloud, edge_server(folder, cloud.url, "serve") as program:
         began = time.monotonic()
         relay = program.spawn("relay", stderr=subprocess.DEVNULL)
         try:
@@ -227,7 +227,7 @@ def _backlog(folder: Path) -> Iterator[Result]:
         )
     urgent = folder / "urgent"
     fill(urgent / "state", URGENT_BACKLOG)
-    with _cloud(urgent) as cloud, _edge(urgent, cloud.url) as program:
+    with mock_cloud(urgent) as cloud, edge_server(urgent, cloud.url) as program:
         yield from _urgent(program, cloud)
 
 
@@ -264,7 +264,7 @@ def _urgent(program: Program, cloud: Cloud) -> Iterator[Result]:
 def _million(folder: Path) -> Iterator[Result]:
     fill(folder / "state", QUEUED)
     began = time.monotonic()
-    with _edge(folder, "http://127.0.0.1:9") as program:
+    with edge_server(folder, "http://127.0.0.1:9") as program:
         assert program.process is not None
         took_s = time.monotonic() - began
         yield at_most("start to the first answer, 1,000,000 queued", took_s, "s", 5, [took_s])
