@@ -17,7 +17,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Final
+from typing import Final, Self
 
 from tests.bench.edge import Client, Cloud, edge_server, fill, mock_cloud
 from tests.bench.results import Result, at_least, at_most, percentile
@@ -134,18 +134,22 @@ def _cut_answers(folder: Path) -> Iterator[Result]:
 def _drain_rate(folder: Path, share: float) -> float:
     """Drain a backlog through a network that cuts answers; every record arrives once."""
     fill(folder / "state", BACKLOG)
-    with mock_cloud(folder) as cloud, CuttingNetwork(cloud, share) as network:
-        with edge_server(folder, network.url, "serve") as program:
-            began = time.monotonic()
-            relay = program.spawn("relay", stderr=subprocess.DEVNULL)
-            try:
-                wait_for(lambda: cloud.count() == BACKLOG, "an empty outbox")
-                rate = BACKLOG / (time.monotonic() - began)
-            finally:
-                if relay.poll() is not None:
-                    raise RuntimeError(f"the relay ended with code {relay.returncode}")
-                relay.terminate()
-                relay.wait(PATIENCE_S)
+    with (
+        mock_cloud(folder) as cloud,
+        CuttingNetwork(cloud, share) as network,
+        edge_server(folder, network.url, "serve") as program,
+    ):
+        began = time.monotonic()
+        relay = program.spawn("relay", stderr=subprocess.DEVNULL)
+        try:
+            wait_for(lambda: cloud.count() == BACKLOG, "an empty outbox")
+            rate = BACKLOG / (time.monotonic() - began)
+        finally:
+            ended = relay.poll()
+            relay.terminate()
+            relay.wait(PATIENCE_S)
+    if ended is not None:
+        raise RuntimeError(f"the relay ended with code {ended}")
     return rate
 
 
@@ -159,7 +163,7 @@ class CuttingNetwork:
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.url = f"http://127.0.0.1:{self._listener.getsockname()[1]}"
 
-    def __enter__(self) -> "CuttingNetwork":
+    def __enter__(self) -> Self:
         threading.Thread(target=self._serve, daemon=True).start()
         return self
 
