@@ -5,6 +5,7 @@ the two sends the record again under the same key.
 """
 
 import logging
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -14,9 +15,10 @@ from edge_server.outbox import queue
 from edge_server.outbox.answers import Meaning, Verdict
 from edge_server.outbox.queue import Delivered, Parcel, Stream
 from edge_server.outbox.states import Happening
-from edge_server.store import ballast
+from edge_server.store import ballast, upkeep
 from edge_server.store.database import Database
 from edge_server.store.failures import is_full
+from edge_server.store.upkeep import Outcome
 
 LOG = logging.getLogger(__name__)
 
@@ -46,6 +48,7 @@ class Ledger:
         self._since = 0.0
         self._not_before = 0.0
         self._clean_at = 0.0
+        self._at_once = GROUP
 
     @property
     def is_full(self) -> bool:
@@ -77,38 +80,48 @@ class Ledger:
         return bool(self._entries) and (gathered or idle)
 
     def write(self, now: float, wall_clock: float) -> bool:
-        """Write all; what cannot be written now is kept for later.
+        """Write all, in groups; what cannot be written now is kept for later.
 
-        Returns whether a record had been changed while it was under way.
+        A group is smaller after a disk was full: to delete takes room too, and a small group needs
+        little. Returns whether a record had been changed while it was under way.
         """
-        try:
-            changed = self._write(now, wall_clock)
-        except OperationalError as error:
-            LOG.warning("cannot write what the cloud has confirmed: %s", error.orig)
-            gave_way = is_full(error) and self._give_way()
-            self._not_before = now + (0.0 if gave_way else RETRY_S)
-            return False
-        self._entries.clear()
+        changed = False
+        while self._entries or now >= self._clean_at:
+            group = self._entries[: self._at_once]
+            try:
+                changed |= self._write(group, now, wall_clock)
+            except OperationalError as error:
+                LOG.warning("cannot write what the cloud has confirmed: %s", error.orig)
+                gave_way = is_full(error) and self.give_way(len(group))
+                self._not_before = now + (0.0 if gave_way else RETRY_S)
+                break
+            del self._entries[: len(group)]
+            self._at_once = min(2 * self._at_once, GROUP)
         return changed
 
-    def _give_way(self) -> bool:
-        """Free the room that is held for us on a full disk."""
-        if self._ballast_path is None or not ballast.release(self._ballast_path):
-            return False
-        LOG.warning("the disk is full; the ballast %s is given up", self._ballast_path)
-        return True
+    def give_way(self, tried: int = 0) -> bool:
+        """Make room on a full disk, or need less of it; says whether there is something to try.
 
-    def _write(self, now: float, wall_clock: float) -> bool:
-        if not self._entries and now < self._clean_at:
-            return False
+        `tried` is how many entries there was no room for, 0 when it was something else.
+        """
+        if upkeep.checkpoint(self._database) is Outcome.DONE and tried > 1:
+            self._at_once = max(tried // 8, 1)
+            return True
+        if self._ballast_path is not None and ballast.release(self._ballast_path):
+            LOG.warning("the disk is full; the ballast %s is given up", self._ballast_path)
+            return True
+        self._at_once = max(tried // 8, 1)
+        return tried > 1
+
+    def _write(self, entries: Sequence[Entry], now: float, wall_clock: float) -> bool:
         with self._database.write() as connection:
             delivered = [
                 Delivered(entry.parcel, entry.verdict.status)
-                for entry in self._entries
+                for entry in entries
                 if entry.happening is Happening.CONFIRMED
             ]
             changed = queue.settle(connection, delivered, wall_clock)
-            for parcel, happening, verdict in self._entries:
+            for parcel, happening, verdict in entries:
                 attempts = parcel.attempts + 1
                 if happening is Happening.REJECTED:
                     queue.bury(connection, parcel, attempts, verdict.reason)

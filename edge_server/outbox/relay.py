@@ -10,6 +10,8 @@ import time
 from pathlib import Path
 from typing import Final
 
+from sqlalchemy.exc import DBAPIError
+
 from edge_server.outbox import queue, wakeup
 from edge_server.outbox.answers import Meaning, Verdict
 from edge_server.outbox.counting import RelayCounts
@@ -22,6 +24,7 @@ from edge_server.outbox.states import Happening
 from edge_server.outbox.streams import ReplacedError, Situation, Streams
 from edge_server.outbox.uplink import Uplink
 from edge_server.store.database import Database
+from edge_server.store.failures import is_full
 
 LOG = logging.getLogger(__name__)
 
@@ -83,7 +86,7 @@ class Relay:
 
     def _turn(self, now: float) -> None:
         self._collect(now)
-        self._look(now)
+        self._look_unless_full(now)
         if not self._ledger.is_full:
             for shipment in self._schedule.take(now, self._uplink.offer()):
                 self._crew.send(shipment)
@@ -109,6 +112,17 @@ class Relay:
                 if entry.happening is Happening.REJECTED:
                     _tell_of_dead_letter(entry.parcel, entry.verdict)
             self._tell(verdicts)
+
+    def _look_unless_full(self, now: float) -> None:
+        """Read what has come; on a full disk even that may need room, which we then make."""
+        try:
+            self._look(now)
+        except DBAPIError as error:
+            if not is_full(error):
+                raise
+            LOG.warning("the disk is full, nothing can be read: %s", error.orig)
+            self._ledger.give_way()
+            self._look_at = now + TICK_S
 
     def _look(self, now: float) -> None:
         """Read what has come; a wake-up that says so makes us forget what we had read ahead."""

@@ -5,6 +5,7 @@ budget has come in since; in between, what comes in is only added up.
 """
 
 import logging
+import shutil
 import threading
 from collections.abc import Callable
 from typing import Final
@@ -16,8 +17,9 @@ from edge_server.outbox.gaps import Reason
 from edge_server.outbox.queue import PRIORITY
 from edge_server.outbox.thinning import Intervals
 from edge_server.services.errors import FullError
-from edge_server.store import ballast
+from edge_server.store import ballast, upkeep
 from edge_server.store.database import Database
+from edge_server.store.upkeep import Outcome
 
 LOG = logging.getLogger(__name__)
 RECORD_BYTES: Final = 500  # What a record takes with its indexes, about
@@ -31,9 +33,25 @@ _LOOK_AGAIN_S: Final = 1.0
 """So long after nothing could be dropped, nothing is looked for."""
 _MEASURE_SHARE: Final = 0.01
 _CALM_SHARE: Final = 0.7
+_TIMES_BALLAST: Final = 2
+_DATA_PART: Final = 0.4
+_PICTURE_PART: Final = 0.3
+"""Of the disk, at most, whatever the settings allow."""
 _MIB: Final = 1024 * 1024
 Counter = Callable[[str, str, int], None]
 """Takes kind, reason and number of dropped records."""
+
+
+def budgets(config: Config, is_shared: bool) -> tuple[int, int]:  # noqa: FBT001  # of a database
+    """Give what records and pictures may take [bytes]: as set, and no more than the disk has.
+
+    The rest of a small disk is for the log of changes, the ballast and what is about to be deleted.
+    """
+    data, pictures = config.data_budget_mib * _MIB, config.picture_budget_mib * _MIB
+    if is_shared:
+        return data, pictures
+    disk = shutil.disk_usage(config.edge_dir).total
+    return min(data, int(_DATA_PART * disk)), min(pictures, int(_PICTURE_PART * disk))
 
 
 class Space:
@@ -50,12 +68,13 @@ class Space:
         self._database = database
         self._clock = clock
         self._wake_relay = wake_relay
-        self._data_budget = config.data_budget_mib * _MIB
+        self._data_budget, self._picture_budget = budgets(config, database.is_shared)
         self._lock = threading.Lock()
         self._making_room = threading.Lock()
         self._usage: Usage | None = None
         self._come_bytes = 0
-        self._holds_ballast = False
+        self._looked_at_disk = False
+        self._has_free_pages = False
         self._nothing_left_until = 0.0
         self._thinned_to = 0
         self._intervals: Intervals = {}
@@ -80,14 +99,19 @@ class Space:
         with self._lock:
             used = self._usage or Usage(0, 0)
             pictures = used.picture_bytes + picture_bytes
-            if picture_bytes and pictures > self._config.picture_budget_mib * _MIB:
+            if picture_bytes and pictures > self._picture_budget:
                 raise FullError("the budget for pictures is used up; nothing was stored")
             self._come_bytes += RECORD_BYTES + picture_bytes
             self._usage = Usage(used.data_bytes + RECORD_BYTES, pictures)
 
     def _disk_is_full(self) -> bool:
-        """Whether the relay has given the ballast up: what is left is for it and for the urgent."""
-        return self._holds_ballast and not self._config.ballast_path.exists()
+        """Whether the relay has given the ballast up: what is left is for it and for the urgent.
+
+        Pages that are free in the file are room too, where the file cannot give them back.
+        """
+        return self._looked_at_disk and not (
+            self._config.ballast_path.exists() or self._has_free_pages
+        )
 
     def level(self) -> Level:
         """How full it is, by the last measurement and what has come in since."""
@@ -111,7 +135,7 @@ class Space:
     def keep(self, monotonic: float) -> None:
         """One turn: hold the ballast, forget, thin and drop what has to go."""
         if not self._database.is_shared:
-            self._holds_ballast |= ballast.hold(self._config.ballast_path)
+            self._hold_room()
         self._tell(self.measure())
         for _ in range(1 if self._database.is_shared else STEPS):
             if self.level() < Level.THINNING or not (self._forget() or self._thin()):
@@ -119,6 +143,20 @@ class Space:
         if self.level() >= Level.DROPPING:
             self._make_room()
         self._watch_clock(monotonic)
+
+    def _hold_room(self) -> None:
+        """Hold the ballast; where the disk has little room, get free pages back from the file."""
+        path = self._config.ballast_path
+        free = shutil.disk_usage(self._config.edge_dir).free
+        if not ballast.hold(path) or free < ballast.size_on(path):
+            if upkeep.checkpoint(self._database) is Outcome.FULL and ballast.release(path):
+                LOG.warning("the disk is full; the ballast %s is given up", path)
+                upkeep.checkpoint(self._database)
+            upkeep.give_back(self._database, STEPS)
+            self._has_free_pages = not ballast.hold(path) and upkeep.look(
+                self._database
+            ).free_bytes > _TIMES_BALLAST * ballast.size_on(path)
+        self._looked_at_disk = True
 
     def keep_age(self, monotonic: float) -> None:
         """Drop what is too old, and dead letters beyond their own budget."""

@@ -12,17 +12,16 @@ from pathlib import Path
 from typing import Final
 
 SIZE_BYTES: Final = 8 * 1024 * 1024
-_PART_OF_DISK: Final = 16
-_TIMES_FREE: Final = 3
+_PART_OF_DISK: Final = 8
+_TIMES_FREE: Final = 2
 
 
 def hold(path: Path) -> bool:
     """Hold room, if there is plenty; says whether it is held."""
     if path.exists():
         return True
-    disk = shutil.disk_usage(path.parent)
-    size = min(SIZE_BYTES, disk.total // _PART_OF_DISK)
-    if disk.free < _TIMES_FREE * size:
+    size = size_on(path)
+    if shutil.disk_usage(path.parent).free < _TIMES_FREE * size:
         return False
     unfinished = path.with_suffix(".part")
     try:
@@ -36,6 +35,11 @@ def hold(path: Path) -> bool:
         unfinished.unlink(missing_ok=True)
         return False
     return True
+
+
+def size_on(path: Path) -> int:
+    """Give the size of the ballast on the disk that has this path [bytes]."""
+    return min(SIZE_BYTES, shutil.disk_usage(path.parent).total // _PART_OF_DISK)
 
 
 def release(path: Path) -> bool:

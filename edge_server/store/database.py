@@ -1,10 +1,11 @@
 """Transactions on SQLite or PostgreSQL: durable, exclusive where they must be, all or nothing."""
 
 import json
+import sqlite3
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, suppress
 from contextvars import ContextVar
 from enum import StrEnum
 from typing import Any, Final, Generic, TypeVar
@@ -13,11 +14,12 @@ from sqlalchemy import Connection, CursorResult, Engine, Table
 from sqlalchemy.dialects import postgresql, sqlite
 
 from edge_server.store import locks
-from edge_server.store.engines import READING, WRITING
+from edge_server.store.engines import BUSY_TIMEOUT_MS, READING, WRITING
 from edge_server.store.locks import Lock
 
 Witness = Callable[[Connection], AbstractContextManager[None]]
 _T = TypeVar("_T")
+_TEND_TIMEOUT_MS: Final = 100
 _GROUP: Final = 64
 """Pieces of work in one transaction, at most."""
 WITNESS: Final[ContextVar[Witness | None]] = ContextVar("witness", default=None)
@@ -118,6 +120,24 @@ class Database:
         """Open a transaction that sees one state of the database."""
         with self._reader.connect() as connection:
             yield connection
+
+    def tend(self, work: Callable[[sqlite3.Connection], _T]) -> _T:
+        """Do some upkeep of a SQLite file outside of a transaction, beside no writer of ours.
+
+        It waits for no other process for long.
+
+        Raises:
+            sqlite3.OperationalError: if it could not be done now.
+        """
+        if self._one_writer is None:
+            raise TypeError("a database server looks after itself")
+        with self._one_writer, closing(self.engine.raw_connection()) as pooled:
+            connection: Any = pooled.driver_connection
+            connection.execute(f"PRAGMA busy_timeout={_TEND_TIMEOUT_MS}")
+            try:
+                return work(connection)
+            finally:
+                connection.execute(f"PRAGMA busy_timeout={BUSY_TIMEOUT_MS}")
 
     def announce(self, topic: Topic) -> None:
         """Tell the other programs on a shared database; call after the commit."""

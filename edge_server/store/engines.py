@@ -8,7 +8,9 @@ whoever reads sees one state (REPEATABLE READ). A commit is on the disk before i
 (synchronous_commit=on). Nobody waits for ever, and a writer that stalls is cut off.
 """
 
+import shutil
 import sqlite3
+from pathlib import Path
 from typing import Any, Final
 
 from sqlalchemy import Connection, Engine, create_engine, event
@@ -17,12 +19,12 @@ from edge_server.store import locks
 
 BUSY_TIMEOUT_MS: Final = 5000
 PRAGMAS: Final = (
+    "PRAGMA auto_vacuum=INCREMENTAL",  # Of a file that has no table yet; else it changes nothing
     "PRAGMA journal_mode=WAL",
     "PRAGMA synchronous=FULL",
     f"PRAGMA busy_timeout={BUSY_TIMEOUT_MS}",
     "PRAGMA foreign_keys=ON",
-    "PRAGMA wal_autocheckpoint=1000",
-    "PRAGMA journal_size_limit=67108864",
+    "PRAGMA secure_delete=FAST",  # To overwrite a deleted picture would take its size once more
 )
 SESSION: Final = {
     "synchronous_commit": "on",
@@ -55,6 +57,9 @@ _POSTGRESQL_OPTIONS: Final[dict[str, Any]] = {
         "options": " ".join(f"-c {name}={value}" for name, value in SESSION.items()),
     },
 }
+_PAGE_BYTES: Final = 4096
+_LOG_PART_OF_DISK: Final = 64
+_LARGE_DISK_BYTES: Final = 2**40
 _IMMEDIATE: Final = "edge_immediate"
 WRITING: Final[dict[str, Any]] = {_IMMEDIATE: True}
 """Execution options of a transaction that may change something."""
@@ -102,6 +107,23 @@ def _on_sqlite_connect(connection: sqlite3.Connection, _record: object) -> None:
     connection.isolation_level = None  # The driver's own BEGIN comes too late; see below
     for pragma in PRAGMAS:
         connection.execute(pragma).close()
+    pages = log_pages(_disk_bytes(connection))
+    connection.execute(f"PRAGMA wal_autocheckpoint={pages}").close()
+    connection.execute(f"PRAGMA journal_size_limit={pages * _PAGE_BYTES}").close()
+
+
+def _disk_bytes(connection: sqlite3.Connection) -> int:
+    """Give the size of the disk that holds the database; a large one for one in memory."""
+    (_, _, path) = connection.execute("PRAGMA database_list").fetchone()
+    return shutil.disk_usage(Path(path).parent).total if path else _LARGE_DISK_BYTES
+
+
+def log_pages(disk_bytes: int) -> int:
+    """After how many pages the log of changes is written into the database.
+
+    The log takes room beside what it changes, so on a small disk it is kept small.
+    """
+    return min(max(disk_bytes // _LOG_PART_OF_DISK // _PAGE_BYTES, 64), 1000)
 
 
 def _on_sqlite_begin(connection: Connection) -> None:

@@ -3,11 +3,13 @@
 SQLite tells by an error name, PostgreSQL by a SQLSTATE (its documentation, appendix A).
 """
 
+import sqlite3
 from typing import Final
 
 from sqlalchemy.exc import DBAPIError
 
 _FULL: Final = ("53100", "53400")  # disk_full, configuration_limit_exceeded
+_SQLITE_FULL: Final = ("SQLITE_FULL", "SQLITE_IOERR_WRITE", "SQLITE_IOERR_SHMSIZE")
 _BUSY: Final = (
     "53200",  # out_of_memory, of the lock table too
     "53300",  # too_many_connections
@@ -30,7 +32,7 @@ _LOST: Final = (
 def is_full(error: DBAPIError) -> bool:
     """Whether the disk, or what the database may use of it, is full."""
     name = _sqlite_name(error)
-    return name == "SQLITE_FULL" or name.startswith("SQLITE_IOERR_WRITE") or _state(error) in _FULL
+    return name in _SQLITE_FULL or _state(error) in _FULL
 
 
 def is_busy(error: DBAPIError) -> bool:
@@ -38,6 +40,11 @@ def is_busy(error: DBAPIError) -> bool:
     return _sqlite_name(error).startswith(("SQLITE_BUSY", "SQLITE_LOCKED")) or _state(
         error
     ).startswith((*_BUSY, *_BEATEN))
+
+
+def is_busy_sqlite(error: sqlite3.Error) -> bool:
+    """Whether SQLite could not have the file to itself; of an error that no engine has wrapped."""
+    return error.sqlite_errorname.startswith(("SQLITE_BUSY", "SQLITE_LOCKED"))
 
 
 def is_beaten(error: DBAPIError) -> bool:

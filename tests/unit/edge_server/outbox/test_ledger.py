@@ -2,6 +2,7 @@
 
 import sqlite3
 from pathlib import Path
+from typing import Any
 
 import pytest
 from sqlalchemy.exc import OperationalError
@@ -110,6 +111,31 @@ def test_on_a_full_disk_the_ballast_is_given_up_and_it_goes_on_at_once(
         assert not ledger.is_due(0.0, idle=True)
     ledger.write(RETRY_S, 0.0)
     assert waiting(database) == 0
+
+
+def test_after_a_full_disk_it_deletes_in_small_groups_and_then_in_large_ones_again(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever the number for which there is room, all of it is written in the end."""
+    ledger, settle, sizes = Ledger(database), queue.settle, []
+    room = 3
+
+    def settle_few(connection: Any, delivered: Any, at: float) -> list[Parcel]:
+        sizes.append(len(delivered))
+        if len(delivered) > room:
+            raise refuse("SQLITE_FULL")
+        return settle(connection, delivered, at)
+
+    monkeypatch.setattr(queue, "settle", settle_few)
+    for parcel in parcels(database, GROUP + 5):
+        ledger.note(confirmed(parcel), 0.0)
+    for turn in range(200):
+        ledger.write(float(turn), 0.0)
+        if not waiting(database):
+            break
+    assert waiting(database) == 0
+    assert sizes[0] == GROUP
+    assert max(size for size in sizes[5:]) < GROUP / 8
 
 
 def test_it_says_when_nothing_more_should_be_sent(database: Database) -> None:

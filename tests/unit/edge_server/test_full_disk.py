@@ -1,0 +1,137 @@
+"""A disk that was full takes records again once the cloud has confirmed those that filled it."""
+
+import base64
+import os
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from edge_server.app import context_of, create_app
+from edge_server.config import Config
+from edge_server.outbox import wakeup
+from edge_server.outbox.answers import Answer, Reply
+from edge_server.outbox.queue import Parcel
+from edge_server.outbox.relay import Relay
+from edge_server.outbox.retry import Backoff
+from edge_server.outbox.schedule import Schedule
+from edge_server.outbox.streams import AllStreams
+from edge_server.outbox.uplink import MOST, Offer
+from edge_server.preparation import open_database, prepare
+from tests.support.small_disk import NoSmallDiskError, fill_up, small_disk
+from tests.unit.edge_server import documents
+from tests.unit.edge_server.conftest import Clock, Edge
+
+PATIENCE_S = 60.0
+JPEG = b"\xff\xd8\xff" + bytes(220_000) + b"\xff\xd9"
+PICTURE = {"frame": base64.b64encode(JPEG).decode(), "image_size": len(JPEG)}
+
+
+class Confirming:
+    """An uplink to a cloud that takes everything."""
+
+    def offer(self) -> Offer:
+        return MOST
+
+    def send(self, parcels: Sequence[Parcel]) -> list[Reply]:
+        return [Answer(200)] * len(parcels)
+
+    def close(self) -> None:
+        """There is no connection."""
+
+
+@pytest.fixture(params=[20, 40, 128])
+def edge(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Edge]:
+    """An edge server on a small disk."""
+    try:
+        with small_disk(tmp_path / "disk", request.param) as folder:
+            config = Config(state_dir=folder)
+            prepare(config)
+            app = create_app(config)
+            context = context_of(app)
+            yield Edge(app.test_client(), context, Clock(time.time()))
+            context.database.close()
+    except NoSmallDiskError as error:
+        pytest.skip(f"no file system can be mounted here: {error}")
+
+
+def drain(edge: Edge) -> None:
+    """Let a relay run and the house be kept until nothing waits."""
+    database = open_database(edge.config)
+    relay = Relay(
+        database=database,
+        schedule=Schedule(
+            backoff=Backoff(0.01, 0.1), probe_interval_s=1.0, workers=4, random=Random(1)
+        ),
+        uplink=Confirming(),
+        streams=AllStreams(database, edge.config.database_path),
+        wake=wakeup.open_for_reading(edge.config.wake_path),
+        workers=4,
+        ballast_path=edge.config.ballast_path,
+    )
+    thread = threading.Thread(target=relay.run)
+    thread.start()
+    try:
+        deadline = time.monotonic() + PATIENCE_S
+        while edge.count("outbox"):
+            assert time.monotonic() < deadline, f"{edge.count('outbox')} records are still here"
+            edge.context.space.keep(time.monotonic())
+            time.sleep(0.05)
+    finally:
+        relay.stop()
+        thread.join()
+        database.close()
+
+
+def report(edge: Edge, kind: str, number: int) -> int:
+    """Report something; returns the status, 201 or 507."""
+    more = PICTURE if kind == "image" else {}
+    answer = edge.report(kind, documents.telemetry(kind, number) | more)
+    assert answer.status_code in {201, 507}, answer.json
+    return answer.status_code
+
+
+def fill(edge: Edge, number: int, kinds: Sequence[str]) -> int:
+    """Report until nothing is taken in any more; returns the next number."""
+    refused = 0
+    while refused < 10 * len(kinds):
+        status = report(edge, kinds[number % len(kinds)], number)
+        refused = 0 if status == 201 else refused + 1
+        number += 1
+    return number
+
+
+def test_it_recovers_by_itself_again_and_again(edge: Edge) -> None:
+    number = 0
+    filler = edge.config.state_dir / "another program"
+    for _ in range(3):
+        edge.context.space.keep(time.monotonic())
+        number = fill(edge, number, ["image"])
+        fill_up(filler)
+        number = fill(edge, number, ["pose", "image", "battery"])
+        assert edge.count("outbox") > 10
+        assert os.statvfs(edge.config.state_dir).f_bavail == 0
+        drain(edge)
+        for _ in range(5):  # A turn gives back a bounded number of pages
+            edge.context.space.keep(time.monotonic())
+        assert edge.config.ballast_path.exists()
+        for kind in ("pose", "image", "battery"):
+            assert report(edge, kind, number) == 201
+            number += 1
+        filler.unlink()
+
+
+def test_what_another_program_has_filled_is_full_until_it_has_room(edge: Edge) -> None:
+    filler = edge.config.state_dir / "another program"
+    edge.context.space.keep(time.monotonic())
+    assert report(edge, "pose", 0) == 201
+    fill_up(filler)
+    edge.config.ballast_path.unlink()
+    fill_up(filler)
+    assert report(edge, "pose", 1) == 507
+    filler.unlink()
+    edge.context.space.keep(time.monotonic())
+    assert report(edge, "pose", 2) == 201
