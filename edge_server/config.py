@@ -134,7 +134,10 @@ class Setting(NamedTuple):
 
 def _whole(low: int, high: int) -> Callable[[Any], int]:
     def read(value: Any) -> int:
-        if isinstance(value, bool) or not low <= (number := int(value)) <= high:
+        is_whole = not isinstance(value, bool) and (
+            not isinstance(value, float) or value.is_integer()
+        )
+        if not is_whole or not low <= (number := int(value)) <= high:
             raise ValueError(f"must be a whole number from {low} to {high}")
         return number
 
@@ -293,11 +296,12 @@ def load(
     """Join flags (by field name), environment and TOML file; raises ConfigError."""
     table = _toml_table(toml_path) if toml_path else {}
     found: dict[str, Any] = {}
-    if port := environment.get("CLOUD_PORT"):
-        found["cloud_url"] = _read(_SETTING["cloud_url"], f"http://127.0.0.1:{port}", "CLOUD_PORT")
+    cloud_port = environment.get("CLOUD_PORT")
     for setting in SETTINGS:
         if setting.name in table:
             found[setting.name] = _read(setting, table[setting.name], setting.name)
+        if setting.name == "cloud_url" and cloud_port:
+            found[setting.name] = _read(setting, f"http://127.0.0.1:{cloud_port}", "CLOUD_PORT")
         if raw := environment.get(setting.variable):
             found[setting.name] = _read(setting, raw, setting.variable)
         if (flag := flags.get(setting.name)) is not None:

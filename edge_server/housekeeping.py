@@ -30,7 +30,7 @@ def run(context: Context, stopping: threading.Event) -> None:
                 context.space.keep_age(time.monotonic())
                 if context.space.trusts_clock(time.monotonic()):
                     retention.keep(context)
-        except SQLAlchemyError as error:
+        except (SQLAlchemyError, OSError) as error:  # The database, or the disk under the ballast
             LOG.warning("housekeeping has to wait: %s", error)
         turn += 1
 

@@ -125,8 +125,9 @@ def _identify(ring: KeyRing, limits: Limits) -> StoredKey:
         # A key that opens is never shut out by others who fail at the same address.
         limits.count_failure(request.remote_addr)
     scheme = "basic" if request.path.rstrip("/") in PAGES else "bearer"
+    wrong = "this access key opens nothing: it is unknown, has expired or was revoked"
     raise Unauthorized(
-        "an access key is needed: Authorization: Bearer <key>",
+        wrong if shown else "an access key is needed: Authorization: Bearer <key>",
         www_authenticate=WWWAuthenticate(scheme, {"realm": "edge server"}),
     )
 
@@ -142,7 +143,7 @@ def caller() -> Caller:
     key = request.headers.get("Idempotency-Key")
     if key is not None and not is_idempotency_key(key):
         raise RequestError(422, f"Idempotency-Key {KEY_RULE}")
-    return Caller(g.role, key)
+    return Caller(g.role, key, g.key.name)
 
 
 def is_idempotency_key(key: object) -> bool:

@@ -4,6 +4,7 @@ Each report stands or falls by itself: the answer has one entry per report, in o
 status that the report would have got alone.
 """
 
+from collections import Counter
 from collections.abc import Iterator
 from typing import Any, Final
 
@@ -16,7 +17,7 @@ from afarcloud.faults import DocumentError, Fault, InvalidError
 from afarcloud.state import Report
 from afarcloud.wire import TELEMETRY, Kind
 from edge_server.api import bodies, errors, scopes, urls
-from edge_server.api.auth import BROKER, KEY_RULE, allow, is_idempotency_key
+from edge_server.api.auth import BROKER, KEY_RULE, allow, caller, is_idempotency_key
 from edge_server.api.contract import Contract, describe
 from edge_server.services import telemetry
 from edge_server.services.errors import ServiceError
@@ -40,9 +41,11 @@ def create() -> dict[str, Any]:
     """Keep many reports; 200 says that each was judged, not that each was kept."""
     read = [_read(record) for record in _records()]
     arrivals = [one for one in read if isinstance(one, Arrival)]
-    kept = iter(telemetry.ingest_all(bodies.context(), arrivals, g.role) if arrivals else [])
+    kept = iter(
+        telemetry.ingest_all(bodies.context(), arrivals, caller().owner) if arrivals else []
+    )
     answers = [_answer(one, kept) for one in read]
-    g.refused_records = sum(answer["status"] != 201 for answer in answers)
+    g.refused_records = Counter(one["status"] for one in answers if one["status"] != 201)
     return {"records": answers}
 
 

@@ -15,6 +15,8 @@ from edge_server.services.errors import ChangedError
 from edge_server.store.database import to_json
 
 _LENGTH = 32
+FORMS = ("geojson",)
+"""Other forms than our own JSON; a tag of any form is good for a change."""
 
 
 def tag_of(shown: dict[str, Any]) -> str:
@@ -22,9 +24,12 @@ def tag_of(shown: dict[str, Any]) -> str:
     return hashlib.sha256(to_json(shown).encode()).hexdigest()[:_LENGTH] if shown else ""
 
 
-def tagged(shown: dict[str, Any], status: int = 200) -> ResponseReturnValue:
-    """Answer with a thing and its tag; 304 without a body when the caller has it already."""
-    tag = tag_of(shown)
+def tagged(shown: dict[str, Any], status: int = 200, form: str = "") -> ResponseReturnValue:
+    """Answer with a thing and its tag; 304 without a body when the caller has it already.
+
+    A `form` other than our own JSON has tags of its own: they stand for other bytes.
+    """
+    tag = tag_of(shown) + (f"-{form}" if form else "")
     if request.method == "GET" and request.if_none_match.contains(tag):
         response = make_response("", 304)
     else:
@@ -38,5 +43,7 @@ def check_match(shown: dict[str, Any]) -> None:
     wanted: ETags = request.if_match
     if not wanted:
         return
-    if not shown or not (wanted.star_tag or tag_of(shown) in wanted):
+    tag = tag_of(shown)
+    tags = [tag, *(f"{tag}-{form}" for form in FORMS)]
+    if not shown or not (wanted.star_tag or any(one in wanted for one in tags)):
         raise ChangedError("it has changed since it was read; read it again")

@@ -95,8 +95,10 @@ def page() -> ResponseReturnValue:
 def get(identifier: int) -> ResponseReturnValue:
     """Give a field, as JSON or as a GeoJSON Feature."""
     found = fields.find(bodies.context(), identifier)
-    response = make_response(etags.tagged(found))
-    if _wants_geojson() and response.status_code == 200:
+    wants_geojson = _wants_geojson()
+    form = etags.FORMS[0] if wants_geojson else ""
+    response = make_response(etags.tagged(found, form=form))
+    if wants_geojson and response.status_code == 200:
         return _as_geojson(response, geojson.write_one(found))
     response.vary.add("Accept")
     return response
@@ -159,7 +161,7 @@ def _wants_geojson() -> bool:
 
 
 def _as_geojson(response: Response, document: dict[str, Any]) -> Response:
-    """Give the same thing in GeoJSON's words, under the same tag."""
+    """Give the same thing in GeoJSON's words."""
     response.set_data(json.dumps(document, ensure_ascii=False, allow_nan=False))
     response.content_type = geojson.MEDIA_TYPE
     response.vary.add("Accept")

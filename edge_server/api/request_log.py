@@ -64,8 +64,9 @@ def _leave(response: Response, metrics: Metrics, route: str) -> Response:
     metrics.answered(method, route, response.status_code, duration_s)
     if response.status_code >= 400 and _brings_reports():
         metrics.rejected(response.status_code)
-    if (refused := g.get("refused_records", 0)) > 0:
-        metrics.rejected(422, refused)
+    refused: dict[int, int] = g.get("refused_records", {})  # Of a bulk, by status
+    for status, records in refused.items():
+        metrics.rejected(status, records)
     if ACCESS.isEnabledFor(logging.INFO):
         _write_line(response, method, duration_s)
     return response

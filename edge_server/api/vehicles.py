@@ -3,7 +3,7 @@
 from typing import Any
 
 from apiflask import APIBlueprint
-from flask import url_for
+from flask import make_response, url_for
 from flask.typing import ResponseReturnValue
 
 from afarcloud.faults import Fault, InvalidError
@@ -65,9 +65,10 @@ def put(vehicle_id: int) -> ResponseReturnValue:
     stored, is_new = vehicles.put(bodies.context(), vehicle_id, state, etags.check_match)
     if caller().role != Role.BROKER:
         audit(f"put vehicle {vehicle_id}")
-    if not is_new:
-        return stored, 200
-    return stored, 201, {"Location": url_for("vehicles.get", vehicle_id=vehicle_id)}
+    response = make_response(etags.tagged(stored, 201 if is_new else 200))
+    if is_new:
+        response.headers["Location"] = url_for("vehicles.get", vehicle_id=vehicle_id)
+    return response
 
 
 @allow(PLANNERS)

@@ -17,6 +17,7 @@ from edge_server.outbox.answers import Meaning, Verdict
 from edge_server.outbox.counting import RelayCounts
 from edge_server.outbox.counting import Uplink as UplinkState
 from edge_server.outbox.crew import Crew, WorkerDiedError
+from edge_server.outbox.lanes import held_back_behind
 from edge_server.outbox.ledger import Entry, Ledger
 from edge_server.outbox.queue import Parcel
 from edge_server.outbox.schedule import Schedule
@@ -103,7 +104,8 @@ class Relay:
 
     def _collect(self, now: float) -> None:
         wall_clock = time.time()
-        for shipment, verdicts in self._crew.answers():
+        for shipment, said in self._crew.answers():
+            verdicts = held_back_behind(shipment.parcels, said)
             happenings = self._schedule.settle(shipment, verdicts, now)
             for entry in map(Entry, shipment.parcels, happenings, verdicts):
                 self._ledger.note(entry, now)

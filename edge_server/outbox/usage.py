@@ -65,9 +65,9 @@ def forget_receipts(connection: Connection, before: float, limit: int) -> int:
     gone = connection.execute(
         delete(tombstone).where(tombstone.c.message_id.in_(oldest_tombstones))
     ).rowcount
-    name = tuple_(idempotency.c.key, idempotency.c.role)
+    name = tuple_(idempotency.c.key, idempotency.c.owner)
     oldest_keys = (
-        select(idempotency.c.key, idempotency.c.role)
+        select(idempotency.c.key, idempotency.c.owner)
         .where(idempotency.c.created_at < before)
         .order_by(idempotency.c.created_at)
         .limit(limit)

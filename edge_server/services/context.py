@@ -18,10 +18,19 @@ WAITING_LIMIT = 8
 
 
 class Caller(NamedTuple):
-    """Who asks, and with which idempotency key."""
+    """Who asks, and with which idempotency key.
+
+    `name` is that of the access key: a rotated key keeps it, and another broker has another one.
+    """
 
     role: str
     idempotency_key: str | None = None
+    name: str = ""
+
+    @property
+    def owner(self) -> str:
+        """Whose idempotency keys are meant: those of another sender are other keys."""
+        return f"{self.role}/{self.name or self.role}"
 
 
 Precondition = Callable[[dict[str, Any]], None]

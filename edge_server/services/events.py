@@ -26,6 +26,7 @@ from edge_server.services.context import (
 from edge_server.services.errors import ConflictError, NotFoundError, TooMuchError
 from edge_server.services.event_states import state_of
 from edge_server.store import events, vehicles, work
+from edge_server.store.database import to_json
 from edge_server.store.events import StoredEvent
 from edge_server.store.idempotency import Answered
 from edge_server.store.locks import WORK
@@ -59,9 +60,11 @@ def create(context: Context, event: Event, caller: Caller) -> dict[str, Any]:
             work_id = _queue(connection, event, now)
             identifier = events.add(connection, work_id=work_id, received_at=now)
             _empty_queue(connection, event, identifier, now)
-            answered = Answered(route, body_sha256, identifier, None, now)
+            shown = show(_find(connection, identifier))
+            answered = Answered(route, body_sha256, identifier, None, now, to_json(shown))
             once.remember(connection, caller, answered)
-        shown = show(_find(connection, answered.object_id))
+        else:
+            shown = once.repeated(answered, lambda: show(_find(connection, answered.object_id)))
     context.bell.ring()
     context.wake_relay()
     return shown

@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from typing import Any, Final
 
+from sqlalchemy import Connection
+
 from afarcloud.wire import write
 from edge_server.exchange.field import Field, area_m2
 from edge_server.services import once
@@ -16,6 +18,7 @@ from edge_server.services.context import (
 )
 from edge_server.services.errors import NotFoundError
 from edge_server.store import fields
+from edge_server.store.database import to_json
 from edge_server.store.fields import StoredField
 from edge_server.store.idempotency import Answered
 
@@ -38,10 +41,19 @@ def create_all(
         if answered is None:
             now = context.clock()
             first, *_ = [fields.add(connection, body, now) for body in bodies]
-            answered = Answered(_ROUTE, body_sha256, first, None, now)
+            shown = _of_moment(connection, first, now, len(bodies))
+            answered = Answered(_ROUTE, body_sha256, first, None, now, to_json(shown))
             once.remember(connection, caller, answered)
-        kept = fields.of_moment(connection, answered.object_id, answered.created_at, len(bodies))
-    return [show(stored) for stored in kept]
+            return shown
+        first, now = answered.object_id, answered.created_at
+        return once.repeated(answered, lambda: _of_moment(connection, first, now, len(bodies)))
+
+
+def _of_moment(
+    connection: Connection, first: int, received_at: float, count: int
+) -> list[dict[str, Any]]:
+    """Give the fields of one request."""
+    return [show(stored) for stored in fields.of_moment(connection, first, received_at, count)]
 
 
 def find(context: Context, identifier: int) -> dict[str, Any]:

@@ -34,9 +34,11 @@ class Kept(NamedTuple):
     is_new: bool
 
 
-def keep_all(connection: Connection, entries: Sequence[Entry], role: str, now: float) -> list[Kept]:
+def keep_all(
+    connection: Connection, entries: Sequence[Entry], owner: str, now: float
+) -> list[Kept]:
     """Store what has not been stored under its key, in order; gives an outcome for each."""
-    known = idempotency.find_all(connection, [one.key for one in entries if one.key], role)
+    known = idempotency.find_all(connection, [one.key for one in entries if one.key], owner)
     drafts: list[Draft] = []
     places: list[int | None] = []  # Of each entry among the drafts
     outcomes: list[Kept] = []
@@ -57,7 +59,7 @@ def keep_all(connection: Connection, entries: Sequence[Entry], role: str, now: f
         outcomes.append(Kept(earlier if same else once.reused(), is_new=False))
     ids = _insert(connection, drafts)
     found = [_with_id(kept, place, ids) for kept, place in zip(outcomes, places, strict=True)]
-    _remember(connection, entries, found, role)
+    _remember(connection, entries, found, owner)
     return found
 
 
@@ -84,7 +86,7 @@ def _with_id(kept: Kept, place: int | None, ids: Sequence[int]) -> Kept:
 
 
 def _remember(
-    connection: Connection, entries: Sequence[Entry], outcomes: Sequence[Kept], role: str
+    connection: Connection, entries: Sequence[Entry], outcomes: Sequence[Kept], owner: str
 ) -> None:
     answers = {}
     for entry, (answer, is_new) in zip(entries, outcomes, strict=True):
@@ -93,4 +95,4 @@ def _remember(
             if entry.key is not None:
                 answers[entry.key] = answer
     if answers:
-        idempotency.remember_all(connection, answers, role)
+        idempotency.remember_all(connection, answers, owner)

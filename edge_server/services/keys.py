@@ -89,10 +89,12 @@ def revoke(database: Database, prefix: str, now: float, *, last_admin_too: bool 
     with database.write(KEYS) as connection:
         key = _active(connection, prefix, now)
         keys.revoke(connection, prefix, now)
-        if key.role != Role.ADMIN or last_admin_too:
+        if key.role != Role.ADMIN or last_admin_too or not keys.is_unlimited(key):
             return
-        if keys.count_unlimited(connection, Role.ADMIN, now) == 0:
-            raise ConflictError("this is the last key of an admin; revoke it at the shell")
+        if keys.count_unlimited(connection, Role.ADMIN) == 0:
+            raise ConflictError(
+                "this is the last key of an admin that does not expire; revoke it at the shell"
+            )
 
 
 def everything(database: Database) -> list[StoredKey]:

@@ -1,6 +1,9 @@
 """A POST that is repeated under its idempotency key has its effect once."""
 
 import hashlib
+import json
+from collections.abc import Callable
+from typing import TypeVar
 
 from sqlalchemy import Connection
 
@@ -11,6 +14,7 @@ from edge_server.store import idempotency
 from edge_server.store.database import to_json
 from edge_server.store.idempotency import Answered
 
+_Answer = TypeVar("_Answer")
 KEPT_S = 72 * 3600.0
 
 
@@ -29,7 +33,7 @@ def earlier(
     """
     if caller.idempotency_key is None:
         return None
-    found = idempotency.find(connection, caller.idempotency_key, caller.role)
+    found = idempotency.find(connection, caller.idempotency_key, caller.owner)
     if found is not None and (found.route, found.body_sha256) != (route, body_sha256):
         raise reused()
     if found is not None:
@@ -46,4 +50,15 @@ def remember(connection: Connection, caller: Caller, answered: Answered) -> None
     """Keep the answer, when the caller gave a key; the audit log names what was made."""
     audit.made(answered.object_id)
     if caller.idempotency_key is not None:
-        idempotency.remember(connection, caller.idempotency_key, caller.role, answered)
+        idempotency.remember(connection, caller.idempotency_key, caller.owner, answered)
+
+
+def repeated(answered: Answered, make_again: Callable[[], _Answer]) -> _Answer:
+    """Give an answer as it was given first, whatever has become since of what was made then.
+
+    One of an older version was not kept and is made again.
+    """
+    if answered.answer is None:
+        return make_again()
+    first: _Answer = json.loads(answered.answer)
+    return first

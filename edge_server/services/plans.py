@@ -19,6 +19,7 @@ from edge_server.services.context import Caller, Context, Precondition, moment, 
 from edge_server.services.errors import ConflictError, NotFoundError
 from edge_server.services.plan_view import show
 from edge_server.store import plans, vehicle_holds, vehicles, work
+from edge_server.store.database import to_json
 from edge_server.store.idempotency import Answered
 from edge_server.store.locks import WORK
 from edge_server.store.plans import StoredPlan
@@ -45,9 +46,13 @@ def create(context: Context, plan: Plan, caller: Caller) -> dict[str, Any]:
         if answered is None:
             now = context.clock()
             row = _create(connection, context, plan, now)
-            answered = Answered(route, body_sha256, row, None, now)
+            shown = _show(connection, _find(connection, row))
+            answered = Answered(route, body_sha256, row, None, now, to_json(shown))
             once.remember(connection, caller, answered)
-        shown = _show(connection, _find(connection, answered.object_id))
+        else:
+            shown = once.repeated(
+                answered, lambda: _show(connection, _find(connection, answered.object_id))
+            )
     context.bell.ring()
     return shown
 
@@ -79,13 +84,15 @@ def create_all(
             if numbered_here:
                 documents = _with_free_ids(connection, documents)
             rows = [_create(connection, context, plan, now, warnings) for plan in documents]
-            # Ids made under one lock follow each other, so the first one tells them all
-            answered = Answered(_SEVERAL, body_sha256, rows[0], None, now)
+            shown = [_show(connection, _find(connection, row)) for row in rows]
+            answered = Answered(_SEVERAL, body_sha256, rows[0], None, now, to_json(shown))
             once.remember(connection, caller, answered)
-        first = answered.object_id
-        shown = [
-            _show(connection, _find(connection, first + index)) for index in range(len(documents))
-        ]
+        else:
+            first, count = answered.object_id, len(documents)
+            shown = once.repeated(
+                answered,
+                lambda: [_show(connection, _find(connection, first + n)) for n in range(count)],
+            )
     context.bell.ring()
     return shown
 

@@ -68,7 +68,7 @@ def ingest(context: Context, kind: Kind, report: Report, caller: Caller) -> dict
 
 @repeatable
 def ingest_all(
-    context: Context, arrivals: Sequence[Arrival], role: str
+    context: Context, arrivals: Sequence[Arrival], owner: str
 ) -> list[dict[str, Any] | Refusal]:
     """Keep many reports in one transaction, in their order; returns a receipt or fault for each.
 
@@ -79,12 +79,12 @@ def ingest_all(
     wanted = {lock for one in arrivals for lock in _locks(one.report, one.kind)}
     with context.database.write(*wanted) as connection:
         now = context.clock()
-        refused |= _apply_all(connection, arrivals, refused, role, now)
+        refused |= _apply_all(connection, arrivals, refused, owner, now)
         admitted = [one for number, one in enumerate(arrivals) if number not in refused]
         entries = [
             Entry(one.kind.value, _payload(one.report), one.idempotency_key) for one in admitted
         ]
-        kept = intake.keep_all(connection, entries, role, now)
+        kept = intake.keep_all(connection, entries, owner, now)
     context.wake_relay()
     answers = iter(kept)
     return [
@@ -97,12 +97,12 @@ def _apply_all(
     connection: Connection,
     arrivals: Sequence[Arrival],
     refused: Collection[int],
-    role: str,
+    owner: str,
     now: float,
 ) -> dict[int, Refusal]:
     """Do what follows from the reports that are new; gives those that are refused, by place."""
     keys = [one.idempotency_key for one in arrivals if one.idempotency_key]
-    known = set(idempotency.find_all(connection, keys, role))
+    known = set(idempotency.find_all(connection, keys, owner))
     faults: dict[int, Refusal] = {}
     for number, arrival in enumerate(arrivals):
         if number in refused or not _moves_work(arrival.report) or arrival.idempotency_key in known:

@@ -94,9 +94,10 @@ class Database:
                 return work(connection)
         job = _Job(work)
         self._jobs.append(job)
-        with self._one_writer, suppress(Exception):  # Raised again below, by whoever is to blame
-            while not job.done:
-                self._do_jobs()
+        with self._one_writer:
+            while not job.done:  # Ours may come only after a group of others
+                with suppress(Exception):  # Raised again below, by whoever is to blame
+                    self._do_jobs()
         if job.alone:
             with self.write(*wanted) as connection:
                 return work(connection)

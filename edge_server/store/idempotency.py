@@ -16,6 +16,7 @@ class Answered(NamedTuple):
     object_id: int
     message_id: str | None
     created_at: float
+    answer: str | None = None  # JSON, where it cannot be made again from the rest
 
 
 _COLUMNS: Final = (
@@ -24,39 +25,40 @@ _COLUMNS: Final = (
     idempotency.c.object_id,
     idempotency.c.message_id,
     idempotency.c.created_at,
+    idempotency.c.answer,
 )
 
 
-def find(connection: Connection, key: str, role: str) -> Answered | None:
+def find(connection: Connection, key: str, owner: str) -> Answered | None:
     """Look a key up."""
     row = connection.execute(
-        select(*_COLUMNS).where(idempotency.c.key == key, idempotency.c.role == role)
+        select(*_COLUMNS).where(idempotency.c.key == key, idempotency.c.owner == owner)
     ).one_or_none()
     return Answered(*row) if row else None
 
 
-def find_all(connection: Connection, keys: Collection[str], role: str) -> dict[str, Answered]:
+def find_all(connection: Connection, keys: Collection[str], owner: str) -> dict[str, Answered]:
     """Look many keys up; gives those that were answered before."""
     if not keys:
         return {}
     rows = connection.execute(
         select(idempotency.c.key, *_COLUMNS).where(
-            idempotency.c.key.in_(keys), idempotency.c.role == role
+            idempotency.c.key.in_(keys), idempotency.c.owner == owner
         )
     )
     return {row[0]: Answered(*row[1:]) for row in rows}
 
 
-def remember(connection: Connection, key: str, role: str, answered: Answered) -> None:
+def remember(connection: Connection, key: str, owner: str, answered: Answered) -> None:
     """Keep what was answered."""
-    connection.execute(insert(idempotency), {"key": key, "role": role, **answered._asdict()})
+    connection.execute(insert(idempotency), {"key": key, "owner": owner, **answered._asdict()})
 
 
-def remember_all(connection: Connection, answers: Mapping[str, Answered], role: str) -> None:
+def remember_all(connection: Connection, answers: Mapping[str, Answered], owner: str) -> None:
     """Keep what was answered, by key."""
     connection.execute(
         insert(idempotency),
-        [{"key": key, "role": role, **one._asdict()} for key, one in answers.items()],
+        [{"key": key, "owner": owner, **one._asdict()} for key, one in answers.items()],
     )
 
 

@@ -102,7 +102,12 @@ def find(connection: Connection, prefix: str) -> StoredKey | None:
     return _key(row) if row else None
 
 
-def count_unlimited(connection: Connection, role: Role, now: float) -> int:
+def is_unlimited(key: StoredKey) -> bool:
+    """Whether a key opens all that its role may, for as long as nobody revokes it."""
+    return not key.scopes and key.vehicle_ids is None and key.expires_at is None
+
+
+def count_unlimited(connection: Connection, role: Role) -> int:
     """How many keys of a role open all that the role may, for as long as nobody revokes them."""
     return connection.execute(
         select(func.count())
@@ -110,7 +115,7 @@ def count_unlimited(connection: Connection, role: Role, now: float) -> int:
         .where(
             access_key.c.role == role.value,
             access_key.c.revoked_at.is_(None),
-            or_(access_key.c.expires_at.is_(None), access_key.c.expires_at > now),
+            access_key.c.expires_at.is_(None),
             access_key.c.scopes == "",
             access_key.c.vehicle_ids.is_(None),
         )

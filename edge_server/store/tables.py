@@ -107,12 +107,13 @@ idempotency = Table(
     "idempotency",
     METADATA,
     Column("key", String(64), primary_key=True),
-    Column("role", String(10), primary_key=True),
+    Column("owner", String(80), primary_key=True),  # Role and name of the access key
     Column("route", String(20), nullable=False),
     Column("body_sha256", LargeBinary(32), nullable=False),
     Column("object_id", _ID, nullable=False),
     Column("message_id", String(26)),
     Column("created_at", Float, nullable=False, index=True),
+    Column("answer", Text),  # JSON of what was made, where it may change or go
 )
 """POSTs that were answered with 201, so that a repeated one gets the same answer."""
 

@@ -85,3 +85,24 @@ def test_without_a_url_the_database_is_a_file_of_the_state_folder(tmp_path: Path
     config = load({"state_dir": tmp_path}, {})
     assert config.database == f"sqlite:///{config.database_path}"
     assert config.database_name == str(config.database_path)
+
+
+def test_a_cloud_port_of_the_environment_beats_the_file(tmp_path: Path) -> None:
+    file = tmp_path / "edge.toml"
+    file.write_text("[edge_server]\ncloud_url = 'https://cloud.example'\n", encoding="utf-8")
+    assert load({}, {"CLOUD_PORT": "8200"}, file).cloud_url == "http://127.0.0.1:8200"
+    assert load({}, {}, file).cloud_url == "https://cloud.example"
+
+
+@pytest.mark.parametrize("value", ["8000.9", "inf", "nan", "true", "'8000.9'", "[1]"])
+def test_a_number_of_the_file_that_is_not_whole_is_refused(tmp_path: Path, value: str) -> None:
+    file = tmp_path / "edge.toml"
+    file.write_text(f"[edge_server]\nport = {value}\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match="port"):
+        load({}, {}, file)
+
+
+def test_a_whole_number_may_be_written_with_a_point(tmp_path: Path) -> None:
+    file = tmp_path / "edge.toml"
+    file.write_text("[edge_server]\nport = 8000.0\n", encoding="utf-8")
+    assert load({}, {}, file).port == 8000

@@ -1,7 +1,9 @@
 """What happens though nobody asks."""
 
+import errno
 import threading
 
+import pytest
 from sqlalchemy import text
 
 from edge_server import housekeeping
@@ -56,3 +58,25 @@ def test_a_mission_expires_though_nobody_asks(edge: Edge) -> None:
     with edge.context.database.read() as connection:
         status = connection.execute(text("SELECT status_id FROM work")).scalar_one()
     assert status == 5
+
+
+def test_a_disk_that_fails_does_not_end_the_housekeeping(
+    edge: Edge, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    turns = threading.Semaphore(0)
+
+    def keep(_monotonic: float) -> None:
+        turns.release()
+        raise OSError(errno.EIO, "the disk does not answer")
+
+    monkeypatch.setattr(housekeeping, "EXPIRY_S", 0.001)
+    monkeypatch.setattr(edge.context.space, "keep", keep)
+    stopping = threading.Event()
+    thread = threading.Thread(target=housekeeping.run, args=(edge.context, stopping))
+    thread.start()
+    try:
+        assert all(turns.acquire(timeout=20.0) for _ in range(3))
+    finally:
+        stopping.set()
+        thread.join(20.0)
+    assert not thread.is_alive()

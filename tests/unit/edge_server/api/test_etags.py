@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 
+from edge_server.api.fields import EXAMPLE as FIELD
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import mission, plan, telemetry
 
@@ -70,3 +71,37 @@ def test_a_plan_that_has_begun_is_another_plan(edge: Edge) -> None:
     tag = edge.ask("GET", path, "operator").headers["ETag"]
     edge.acknowledge(edge.work()[0]["id"], "accepted")
     assert put(edge, path, body, If_Match=tag).status_code == 412
+
+
+def test_a_put_of_a_vehicle_answers_with_its_tag(edge: Edge) -> None:
+    first = put(edge, "/vehicles/9", {"link_state": "lost"})
+    assert first.status_code == 201
+    assert first.headers["ETag"] == edge.ask("GET", "/vehicles/9", "operator").headers["ETag"]
+    second = put(edge, "/vehicles/9", {"link_state": "stale"}, If_Match=first.headers["ETag"])
+    assert second.status_code == 200
+    assert (
+        put(edge, "/vehicles/9", {"link_state": "lost"}, If_Match=first.headers["ETag"]).status_code
+        == 412
+    )
+    third = put(edge, "/vehicles/9", {"link_state": "lost"}, If_Match=second.headers["ETag"])
+    assert third.status_code == 200
+
+
+def test_two_forms_of_a_field_have_two_tags(edge: Edge) -> None:
+    made = edge.post("/fields/", FIELD, "operator").json or {}
+    path = f"/fields/{made['id']}"
+    own, geojson = (
+        edge.ask("GET", f"{path}{query}", "operator").headers["ETag"]
+        for query in ("", "?format=geojson")
+    )
+    assert own != geojson
+    for query, tag, status in (
+        ("", own, 304),
+        ("", geojson, 200),
+        ("?format=geojson", own, 200),
+        ("?format=geojson", geojson, 304),
+    ):
+        headers = {"If-None-Match": tag}
+        assert edge.ask("GET", path + query, "operator", headers=headers).status_code == status
+    assert put(edge, path, FIELD | {"name": "South"}, If_Match=geojson).status_code == 200
+    assert put(edge, path, FIELD, If_Match=own).status_code == 412

@@ -205,3 +205,38 @@ def test_dead_letters_of_others_stay_out_of_reach(edge: Edge) -> None:
         assert status(edge, key, method, path, {} if method != "GET" else None) == 403, path
     assert status(edge, key, "GET", "/dead_letters/export?vehicle_id=2") == 200
     assert status(edge, key, "POST", "/dead_letters/2/retry") == 200
+
+
+def test_the_last_lasting_admin_stays_though_another_lasts_an_hour(edge: Edge) -> None:
+    own = f"/keys/{keys.prefix_of(edge.key('admin'))}"
+    brief = make(edge, "admin", "guest", expires_at="2026-11-21T13:00:00Z")
+    assert edge.ask("DELETE", own, "admin").status_code == 409
+    assert status(edge, brief, "DELETE", f"/keys/{keys.prefix_of(brief)}") == 204
+    assert edge.ask("GET", "/keys/", "admin").status_code == 200
+
+
+def test_a_wrong_key_is_told_apart_from_none(edge: Edge) -> None:
+    none = edge.client.get("/plans/")
+    wrong = edge.client.get("/plans/", headers={"X-API-Key": keys.generate()})
+    assert (none.status_code, wrong.status_code) == (401, 401)
+    assert "is needed" in (none.json or {})["message"]
+    assert "opens nothing" in (wrong.json or {})["message"]
+
+
+def test_two_brokers_may_use_the_same_idempotency_key(edge: Edge) -> None:
+    north, south = make(edge, "broker", "north"), make(edge, "broker", "south")
+    answers = [
+        edge.client.post(
+            "/pose/",
+            json=telemetry("pose", number),
+            headers={"X-API-Key": key, "Idempotency-Key": "pose-0"},
+        )
+        for number, key in enumerate((north, south, north))
+    ]
+    assert [answer.status_code for answer in answers] == [201, 201, 422]
+    assert len(edge.get("/pose/")) == 2
+    bulk = {"records": [{"pose": telemetry("pose", 1), "idempotency_key": "pose-0"}]}
+    for key, expected in ((south, 201), (north, 422)):
+        answer = edge.client.post("/telemetry/", json=bulk, headers={"X-API-Key": key})
+        assert [one["status"] for one in (answer.json or {})["records"]] == [expected]
+    assert len(edge.get("/pose/")) == 2

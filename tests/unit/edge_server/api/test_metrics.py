@@ -2,12 +2,14 @@
 
 import os
 
+import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from edge_server.outbox.answers import Answer, Unreachable, judge
 from edge_server.outbox.counting import RelayCounts, Uplink
 from edge_server.outbox.queue import Parcel, Stream
 from edge_server.relay_process import take_lock
+from edge_server.services.errors import FullError
 from edge_server.tally import Tally
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import TELEMETRY, telemetry
@@ -131,3 +133,18 @@ def test_reports_that_are_not_taken_are_counted(edge: Edge) -> None:
     page = read_page(edge)
     assert value(page, "fm_ingest_rejected_total", code="422") == 3.0
     assert value(page, "fm_ingest_rejected_total", code="401") == 1.0
+
+
+def test_what_a_bulk_refuses_is_counted_by_its_own_status(
+    edge: Edge, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def admit(kind: str, _picture_bytes: int = 0) -> None:
+        if kind == "pose":
+            raise FullError("the disk budget is used up")
+
+    monkeypatch.setattr(edge.context.space, "admit", admit)
+    records = [{"pose": telemetry("pose")}, {"pose": telemetry("pose", 1)}, {"alarm": {}}]
+    edge.post("/telemetry/", {"records": [*records, {"alarm": telemetry("alarm")}]}, "broker")
+    page = read_page(edge)
+    assert value(page, "fm_ingest_rejected_total", code="507") == 2.0
+    assert value(page, "fm_ingest_rejected_total", code="422") == 1.0

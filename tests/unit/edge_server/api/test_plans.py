@@ -5,9 +5,19 @@ from typing import Any
 
 import pytest
 
+from edge_server.api.fields import EXAMPLE as FIELD
+from edge_server.api.surveys import EXAMPLE as SURVEY
 from tests.support.databases import BOTH_ENGINES
 from tests.unit.edge_server.conftest import Edge
-from tests.unit.edge_server.documents import home, mission, mission_report, plan, takeoff, waypoint
+from tests.unit.edge_server.documents import (
+    event,
+    home,
+    mission,
+    mission_report,
+    plan,
+    takeoff,
+    waypoint,
+)
 
 ULID = "01K9Z4T1W8F6Q2M3N5P7R9S0VX"
 
@@ -265,3 +275,30 @@ def test_broken_json_is_a_400(edge: Edge, raw: bytes) -> None:
     assert answer.status_code == 400
     assert (answer.json or {})["message"] == "the body is not JSON"
     assert edge.count("plan") == 0
+
+
+def test_a_repeated_post_gets_its_first_answer_after_a_delete(edge: Edge) -> None:
+    first = edge.post_plan(plan(), key="first")
+    assert edge.ask("DELETE", f"/plans/{(first.json or {})['id']}", "operator").status_code == 204
+    again = edge.post_plan(plan(), key="first")
+    assert (again.status_code, again.json) == (201, first.json)
+    assert edge.count("plan") == 0
+
+
+@pytest.mark.parametrize(
+    ("path", "body"), [("/surveys/", SURVEY), ("/fields/", FIELD), ("/events/", event(2))]
+)
+def test_so_does_one_of_anything_else(edge: Edge, path: str, body: dict[str, Any]) -> None:
+    edge.post_plan(plan())
+    edge.accept()
+    first = edge.post(path, body, "operator", "first")
+    assert first.status_code == 201
+    if path == "/surveys/":
+        made = [f"/plans/{one['id']}" for one in (first.json or {})["plans"]]
+    else:
+        made = [f"{path}{(first.json or {})['id']}"]
+    edge.clock.pass_s(11.0)  # An event that has expired may be forgotten
+    for thing in made:
+        assert edge.ask("DELETE", thing, "operator").status_code == 204
+    again = edge.post(path, body, "operator", "first")
+    assert (again.status_code, again.json) == (201, first.json)

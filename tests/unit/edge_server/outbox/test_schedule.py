@@ -3,7 +3,7 @@
 from random import Random
 
 from edge_server.outbox.answers import Meaning, Verdict
-from edge_server.outbox.lanes import PLACE_TRIES
+from edge_server.outbox.lanes import PLACE_TRIES, held_back_behind
 from edge_server.outbox.queue import Parcel, Stream
 from edge_server.outbox.retry import Backoff
 from edge_server.outbox.schedule import BREAKER, FAIR_TURN, PREFETCH, Schedule, Shipment
@@ -342,3 +342,33 @@ def test_a_record_without_a_place_is_given_up_after_ten_tries() -> None:
         now = plan.next_due(now) or now
     assert happenings == [Happening.PUT_OFF] * (PLACE_TRIES - 1) + [Happening.REJECTED]
     assert take(plan, now + 10.0) == [second]
+
+
+HELD_BACK = Verdict(Meaning.HELD_BACK, "424", 424)
+
+
+def test_held_back_is_believed_only_behind_another_record_of_its_stream() -> None:
+    rows = Rows(schedule())
+    parcels = [*rows.add("pose", 2), *rows.add("alarm"), *rows.add("pose", 1, 2)]
+    said = held_back_behind(parcels, [TRY_LATER, HELD_BACK, HELD_BACK, CONFIRMED])
+    assert [verdict.meaning for verdict in said] == [
+        Meaning.TRY_LATER,
+        Meaning.HELD_BACK,
+        Meaning.TRY_LATER,
+        Meaning.CONFIRMED,
+    ]
+
+
+def test_a_cloud_that_holds_everything_back_is_asked_ever_less_often() -> None:
+    """Without a pause it was asked two thousand times in six seconds."""
+    plan = schedule()
+    Rows(plan).add("pose", 3)
+    now, asked = 0.0, 0
+    while now < 60.0:
+        for shipment in plan.take(now):
+            asked += 1
+            said = [HELD_BACK] * len(shipment.parcels)
+            plan.settle(shipment, held_back_behind(shipment.parcels, said), now)
+        due = plan.next_due(now)
+        now = now + 0.01 if due is None else due
+    assert 5 <= asked < 40

@@ -83,3 +83,21 @@ def test_a_failure_alone_leaves_nothing(database: Database) -> None:
         database.write_together(put_and_fail(1))
     assert kept(database) == []
     assert database.write_together(put(1)) == 1
+
+
+def test_more_writers_than_a_group_takes_are_all_answered(database: Database) -> None:
+    """Behind a group that fails comes another one, with the rest."""
+    number = 3 * 64 + 5
+    works = [put_and_fail(n) if n % 50 == 0 else put(n) for n in range(number)]
+    with ThreadPoolExecutor(number) as pool:
+        with database.write():  # Meanwhile all the others queue up
+            results = [pool.submit(database.write_together, work) for work in works]
+            while len(database._jobs) < number:
+                threading.Event().wait(0.001)
+        for n, result in enumerate(results):
+            if n % 50 == 0:
+                with pytest.raises(LookupError):
+                    result.result()
+            else:
+                assert result.result() == n
+    assert kept(database) == [n for n in range(number) if n % 50]
