@@ -9,6 +9,7 @@ from uav_firmware.modules.navigator.flight import Flight, Speeds
 from uav_firmware.modules.navigator.land import Land
 from uav_firmware.modules.navigator.mission_cursor import MissionCursor
 from uav_firmware.modules.navigator.mission_route import (
+    AHEAD,
     HOVERING,
     PAYLOAD,
     Route,
@@ -97,6 +98,7 @@ class MissionMode(NavigatorMode):
         if item is None:
             return
         self.cursor.begun = True
+        self._build_on(flight)
         if self._task is None:
             self._task = self._BEGIN[MissionCommand(item.command)](self, item, flight)
         elif self._held:
@@ -112,10 +114,21 @@ class MissionMode(NavigatorMode):
         if item is None or item.seq not in self._route.seqs:
             super().on_speeds(flight)
             return
-        behind = self._route.waypoints[: self._route.seqs.index(item.seq)]
-        rest = build(self.cursor.items, item.seq, flight, self.cursor.landing_of).waypoints
-        self._route = self._route._replace(waypoints=(*behind, *rest))
+        passed = self._route.seqs.index(item.seq)
+        seqs, waypoints = self._route.seqs[:passed], self._route.waypoints[:passed]
+        rest = build(self.cursor.items, item.seq, flight, self.cursor.landing_of)
+        self._route = Route(seqs, waypoints).followed_by(rest)
         flight.path.reshape(self._route.waypoints)
+
+    def _build_on(self, flight: Flight) -> None:
+        """Build the route on where the vehicle has nearly come to the end of what is built."""
+        route = self._route
+        if route.rest is None or len(route.waypoints) - flight.path.passed >= AHEAD:
+            return
+        items, landing = self.cursor.items, self.cursor.landing_of
+        more = build(items, route.rest, flight, landing, route.speeds)
+        self._route = route.followed_by(more)
+        flight.path.extend(more.waypoints)
 
     def sits(self, flight: Flight) -> bool:
         """On the ground only items that fly leave it."""

@@ -4,6 +4,9 @@ A route begins at an item and goes on while waypoints are flown through. It ends
 a hold time, at an item that is no waypoint, at the last item, and where `autocontinue` is off.
 Changes of speed in between take effect on the legs after them. A position behind an item that
 waits on the way is a stop too.
+
+A route is built piece by piece, `CHUNK` waypoints at a time and well ahead of the vehicle, so that no
+control step does work that grows with the length of the mission.
 """
 
 import math
@@ -71,6 +74,11 @@ INSTANT = (
 ON_THE_WAY = frozenset({MissionCommand.CONDITION_DELAY, MissionCommand.CONDITION_DISTANCE})
 """Items that wait while the vehicle flies on to the next position, which is then a stop."""
 
+CHUNK = 24
+"""Waypoints that are built in one step."""
+AHEAD = 12
+"""Waypoints left of a route at which it is built on: more than shape the speed of a leg."""
+
 _FRAME_RELATIVE = 3
 
 
@@ -83,6 +91,14 @@ class Route(NamedTuple):
 
     seqs: tuple[int, ...]  # [-] Item of each waypoint; -1: a climb from the ground
     waypoints: tuple[Waypoint, ...]
+    rest: int | None = None  # [-] Item at which the route goes on; None: it ends in a stop
+    speeds: Speeds = Speeds()  # With which it goes on
+
+    def followed_by(self, more: "Route") -> "Route":
+        """This route and its continuation."""
+        return more._replace(
+            seqs=(*self.seqs, *more.seqs), waypoints=(*self.waypoints, *more.waypoints)
+        )
 
 
 def unset(value: float) -> bool:
@@ -165,16 +181,20 @@ def awaited_before(items: Sequence[MissionItem], seq: int) -> bool:
 
 
 def build(
-    items: Sequence[MissionItem], seq: int, flight: Flight, landing: Callable[[int], int]
+    items: Sequence[MissionItem],
+    seq: int,
+    flight: Flight,
+    landing: Callable[[int], int],
+    speeds: Speeds | None = None,
 ) -> Route:
-    """Route from item `seq`, a hovering one, with the present speeds.
+    """Route from item `seq` on, with the present speeds or those given; `CHUNK` waypoints at most.
 
     `landing` tells which item is flown if one comes next. After a jump back the route is built
     anew; up to there it leads on to the first position behind the jump.
     """
     seqs: list[int] = []
     waypoints: list[Waypoint] = []
-    speeds = flight.speeds
+    speeds = flight.speeds if speeds is None else speeds
     awaited = False  # An item on the way has to be over before the next position is left
     while True:
         item = items[seq]
@@ -195,6 +215,8 @@ def build(
             if goal.seq <= seq:
                 behind = Waypoint(target_of(goal, flight), 0.0, flight.limits_with(speeds))
                 return Route((*seqs, BEHIND_A_JUMP), (*waypoints, behind))
+            if len(seqs) >= CHUNK:
+                return Route(tuple(seqs), tuple(waypoints), landing(seq + 1), speeds)
         seq = landing(seq + 1)
 
 
@@ -204,4 +226,4 @@ def from_the_ground(route: Route, flight: Flight) -> Route:
     lowest = flight.home_down(flight.params.takeoff_height)
     down = min(here[2], first.position[2], lowest)
     climb = Waypoint((here[0], here[1], down), 0.0, first.limits)
-    return Route((-1, *route.seqs), (climb, *route.waypoints))
+    return route._replace(seqs=(-1, *route.seqs), waypoints=(climb, *route.waypoints))

@@ -116,6 +116,10 @@ class PathFollower:
             self._origin, self._joining = bend.end().position, True
             self._pieces.insert(0, bend)
 
+    def extend(self, route: Sequence[Waypoint]) -> None:
+        """Let the route go on; to be called before its present end shapes a leg."""
+        self._route = (*self._route, *route)
+
     def circle(
         self,
         centre: Vector3,
