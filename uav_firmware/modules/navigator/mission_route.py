@@ -5,8 +5,8 @@ a hold time, at an item that is no waypoint, at the last item, and where `autoco
 Changes of speed in between take effect on the legs after them. A position behind an item that
 waits on the way is a stop too.
 
-A route is built piece by piece, `CHUNK` waypoints at a time and well ahead of the vehicle, so that no
-control step does work that grows with the length of the mission.
+A route is built piece by piece, `CHUNK` waypoints at a time and well ahead of the vehicle, so
+that no control step does work that grows with the length of the mission.
 """
 
 import math

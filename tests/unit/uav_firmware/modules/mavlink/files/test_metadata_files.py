@@ -63,7 +63,7 @@ def test_who_leaves_out_what_the_metadata_calls_volatile_finds_the_vehicle_s_has
     packed = read(desk, f"mftp://{PLACE}/parameters.json.xz")
     told = json.loads(lzma.decompress(packed))["parameters"]
     volatile = {each["name"] for each in told if each.get("volatile")}
-    assert volatile == {"EKF2_MAG_DECL"}
+    assert volatile == {"COM_FAIL_ACK", "EKF2_MAG_DECL"}
     state = 0xFFFFFFFF
     for name in sorted(values.keys() - volatile - {"_HASH_CHECK"}):
         state = zlib.crc32(name.encode() + raw_value(values[name]), state)
