@@ -10,15 +10,15 @@ class AttitudeControlParams:
     """Gains and limits of the attitude controller."""
 
     roll_p: float = param(
-        "MC_ROLL_P", 6.5, unit="1/s", minimum=0.0, maximum=12.0,
+        "MC_ROLL_P", 6.5, unit="1/s", minimum=2.0, maximum=12.0,
         short="Roll rate per rad of roll error",
     )  # fmt: skip
     pitch_p: float = param(
-        "MC_PITCH_P", 6.5, unit="1/s", minimum=0.0, maximum=12.0,
+        "MC_PITCH_P", 6.5, unit="1/s", minimum=2.0, maximum=12.0,
         short="Pitch rate per rad of pitch error",
     )  # fmt: skip
     yaw_p: float = param(
-        "MC_YAW_P", 2.8, unit="1/s", minimum=0.0, maximum=5.0,
+        "MC_YAW_P", 2.8, unit="1/s", minimum=0.2, maximum=5.0,
         short="Yaw rate per rad of yaw error",
     )  # fmt: skip
     yaw_weight: float = param(

@@ -15,26 +15,32 @@ class FailureDetectorParams:
     motors_enabled: int = param(
         "FD_ACT_EN", 1, unit="1", minimum=0, maximum=1,
         short="Watch the motors by the telemetry of their speed controllers: 1",
+        locked_while_armed=True,
     )  # fmt: skip
     least_command: float = param(
         "FD_ACT_MOT_THR", 0.2, unit="1", minimum=0.05, maximum=1.0,
         short="Motor command below which a motor is judged as one that idles",
+        locked_while_armed=True,
     )  # fmt: skip
     time_ms: float = param(
         "FD_ACT_MOT_TOUT", 24.0, unit="ms", minimum=8.0, maximum=10000.0,
         short="Time that a motor must be too slow to count as failed",
+        locked_while_armed=True,
     )  # fmt: skip
     full_speed_rpm: float = param(
         "FD_ACT_RPM_FULL", 10650.0, unit="rpm", minimum=100.0, maximum=100000.0,
         short="Rotor speed at full command",
+        locked_while_armed=True,
     )  # fmt: skip
     least_share: float = param(
         "FD_ACT_RPM_SHR", 0.7, unit="1", minimum=0.1, maximum=0.95,
         short="Share of the expected rotor speed below which a motor is too slow",
+        locked_while_armed=True,
     )  # fmt: skip
     weak_share: float = param(
         "FD_ACT_RPM_WEAK", 0.9, unit="1", minimum=0.0, maximum=0.98,
         short="Share of the expected speed of all rotors, below it the propulsion is weak; 0 never",
+        locked_while_armed=True,
     )  # fmt: skip
     crash_enabled: int = param(
         "FD_CRASH_EN", 1, unit="1", minimum=0, maximum=1,

@@ -42,7 +42,7 @@ class ManualControlParams:
         short="Yaw rate at full deflection",
     )  # fmt: skip
     thrust_min: float = param(
-        "MPC_MANTHR_MIN", 0.08, unit="1", minimum=0.0, maximum=0.3,
+        "MPC_MANTHR_MIN", 0.08, unit="1", minimum=0.0, maximum=0.15,
         short="Thrust in the air with the throttle down in stabilized mode, full thrust being 1",
     )  # fmt: skip
     slow_from_height: float = param(

@@ -10,11 +10,11 @@ class PositionControlParams:
     """Gains and limits of the position controller."""
 
     xy_p: float = param(
-        "MPC_XY_P", 1.4, unit="1/s", minimum=0.0, maximum=2.5,
+        "MPC_XY_P", 1.4, unit="1/s", minimum=0.2, maximum=2.5,
         short="Corrective velocity per metre of horizontal position error",
     )  # fmt: skip
     z_p: float = param(
-        "MPC_Z_P", 1.3, unit="1/s", minimum=0.0, maximum=2.5,
+        "MPC_Z_P", 1.3, unit="1/s", minimum=0.2, maximum=2.5,
         short="Corrective velocity per metre of vertical position error",
     )  # fmt: skip
     xy_velocity_p: float = param(
@@ -62,7 +62,7 @@ class PositionControlParams:
         short="Largest tilt during take-off and touch-down",
     )  # fmt: skip
     thrust_min: float = param(
-        "MPC_THR_MIN", 0.06, unit="1", minimum=0.02, maximum=0.3,
+        "MPC_THR_MIN", 0.06, unit="1", minimum=0.02, maximum=0.15,
         short="Smallest collective thrust in the air, full thrust being 1",
     )  # fmt: skip
     thrust_max: float = param(

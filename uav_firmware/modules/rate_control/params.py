@@ -10,7 +10,7 @@ class RateControlParams:
     """Gains and limits of the rate controller."""
 
     roll_p: float = param(
-        "MC_ROLLRATE_P", 0.08, unit="1/(rad/s)", minimum=0.0, maximum=0.5,
+        "MC_ROLLRATE_P", 0.08, unit="1/(rad/s)", minimum=0.04, maximum=0.5,
         short="Roll torque per rad/s of roll rate error",
     )  # fmt: skip
     roll_i: float = param(
@@ -18,7 +18,7 @@ class RateControlParams:
         short="Roll torque per rad of integrated roll rate error",
     )  # fmt: skip
     roll_d: float = param(
-        "MC_ROLLRATE_D", 0.003, unit="1/(rad/s^2)", minimum=0.0, maximum=0.05,
+        "MC_ROLLRATE_D", 0.003, unit="1/(rad/s^2)", minimum=0.0, maximum=0.01,
         short="Roll torque per rad/s^2 of roll acceleration, opposing it",
     )  # fmt: skip
     roll_integral_limit: float = param(
@@ -26,7 +26,7 @@ class RateControlParams:
         short="Largest roll torque that the integrator may hold",
     )  # fmt: skip
     pitch_p: float = param(
-        "MC_PITCHRATE_P", 0.08, unit="1/(rad/s)", minimum=0.0, maximum=0.6,
+        "MC_PITCHRATE_P", 0.08, unit="1/(rad/s)", minimum=0.04, maximum=0.6,
         short="Pitch torque per rad/s of pitch rate error",
     )  # fmt: skip
     pitch_i: float = param(
@@ -34,7 +34,7 @@ class RateControlParams:
         short="Pitch torque per rad of integrated pitch rate error",
     )  # fmt: skip
     pitch_d: float = param(
-        "MC_PITCHRATE_D", 0.003, unit="1/(rad/s^2)", minimum=0.0, maximum=0.05,
+        "MC_PITCHRATE_D", 0.003, unit="1/(rad/s^2)", minimum=0.0, maximum=0.01,
         short="Pitch torque per rad/s^2 of pitch acceleration, opposing it",
     )  # fmt: skip
     pitch_integral_limit: float = param(
@@ -42,7 +42,7 @@ class RateControlParams:
         short="Largest pitch torque that the integrator may hold",
     )  # fmt: skip
     yaw_p: float = param(
-        "MC_YAWRATE_P", 0.3, unit="1/(rad/s)", minimum=0.0, maximum=2.0,
+        "MC_YAWRATE_P", 0.3, unit="1/(rad/s)", minimum=0.05, maximum=2.0,
         short="Yaw torque per rad/s of yaw rate error",
     )  # fmt: skip
     yaw_i: float = param(
