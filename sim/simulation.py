@@ -4,6 +4,8 @@ There is no clock here: time passes only in `Simulation.step`, and whoever calls
 how fast.
 """
 
+from typing import Final
+
 from sim.config import SimulationConfig
 from sim.fault_effects import HEALTHY, FaultEffects
 from sim.faults import LASTING, Fault, FaultSchedule, Kind
@@ -20,6 +22,8 @@ from sim.wind import Wind
 from sim.world.daylight import day_shift_s
 from sim.world.farm import Farm
 from sim.world.plane import Plane
+
+_STILL: Final[Vector3] = (0.0, 0.0, 0.0)
 
 
 class Simulation:
@@ -52,7 +56,6 @@ class Simulation:
             step_s=1.0 / config.control_rate_hz,
         )
         self._update_faults(0)
-        self._set_wind(self._wind.mean_ned)
         self._log = None if config.truth_log_path is None else TruthLog(config.truth_log_path)
         self.farm = _farm(config)
         plane, start_s = self.farm.plane, config.start_time_utc_us * 1e-6
@@ -93,7 +96,7 @@ class Simulation:
         motors = self._within_supply(motors)
         self._quadrotor.command(self._effects.motors(motors) if self._motors_weak else motors)
         self._quadrotor.set_rotor_effects(self.truth)
-        if not self._wind.steady:
+        if not self._wind.calm:
             self._set_wind(self._wind.step(self.truth.height_above_home_m, self.truth.airspeed_m_s))
         self._quadrotor.advance(self._substeps)
         self.truth = self._quadrotor.truth(self.truth.time_us + self.config.step_us)
@@ -106,6 +109,11 @@ class Simulation:
     def faults(self) -> tuple[Fault, ...]:
         """Faults that act now."""
         return self._faults.active(self.truth.time_us)
+
+    @property
+    def battery_charge(self) -> float:
+        """True charge of the pack, 0 empty to 1 full; no instrument reads it."""
+        return self._suite.battery.charge
 
     @property
     def link_lost(self) -> bool:
@@ -165,8 +173,8 @@ class Simulation:
         self._next_fault_us = self._faults.next_change_us(now_us)
         self._effects.take(active)
         self._motors_weak = self._effects.efficiencies != HEALTHY
-        if self._wind.steady:
-            self._set_wind(self._wind.mean_ned)
+        if self._wind.calm:
+            self._set_wind(_STILL)
         for fault in active:
             if fault.kind in LASTING and fault not in self._begun:
                 self._begun.append(fault)

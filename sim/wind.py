@@ -1,6 +1,11 @@
-"""Steady wind with the Dryden gusts of MIL-F-8785C (1980), section 3.7, low altitude.
+"""Mean wind by height with the Dryden gusts of MIL-F-8785C (1980), section 3.7, low altitude.
 
-With h the height above ground [ft], 10 to 1000, and W20 the mean wind at 20 ft:
+With h the height above ground [ft] and W20 the mean wind at 20 ft, the mean wind at h is
+
+    W = W20 ln(h / z0) / ln(20 / z0),   z0 = 0.15 ft
+
+the standard's wind shear near the ground (3.7.3.4, category C: open country). It is used from
+1 ft, a few times the roughness z0, to 1000 ft. The gusts, h from 10 to 1000 ft:
 
     scale lengths   L_w = h,  L_u = L_v = h / (0.177 + 0.000823 h)^1.2           [ft]
     intensities     s_w = 0.1 W20,  s_u = s_v = s_w / (0.177 + 0.000823 h)^0.4
@@ -24,8 +29,12 @@ from sim.sensors.noise import standard_normals
 from sim.truth import Vector3
 from sim.units import METRES_PER_FOOT
 
+_REFERENCE_FT: Final = 20.0
+_ROUGHNESS_FT: Final = 0.15
+_LOWEST_MEAN_FT: Final = 1.0
 _LOWEST_FT: Final = 10.0
 _HIGHEST_FT: Final = 1000.0
+_LOG_OF_REFERENCE: Final = math.log(_REFERENCE_FT / _ROUGHNESS_FT)
 _SQRT_3: Final = math.sqrt(3.0)
 _SLOWEST_M_S: Final = 0.5  # Below it the gusts would stand still
 
@@ -45,6 +54,12 @@ def intensities_m_s(height_m: float, wind_speed_m_s: float) -> tuple[float, floa
 
 def _clamped_ft(height_m: float) -> float:
     return min(max(height_m / METRES_PER_FOOT, _LOWEST_FT), _HIGHEST_FT)
+
+
+def mean_wind_factor(height_m: float) -> float:
+    """Mean wind at a height above ground [m] over that at 6.1 m (20 ft)."""
+    height_ft = min(max(height_m / METRES_PER_FOOT, _LOWEST_MEAN_FT), _HIGHEST_FT)
+    return math.log(height_ft / _ROUGHNESS_FT) / _LOG_OF_REFERENCE
 
 
 class FirstOrderGust:
@@ -99,13 +114,14 @@ class Wind:
         self._along = FirstOrderGust()
         self._across = SecondOrderGust()
         self._down = SecondOrderGust()
-        self.steady = speed_m_s == 0.0 or not gusts
-        self.mean_ned: Vector3 = (speed_m_s * self._north, speed_m_s * self._east, 0.0)
+        self.calm = speed_m_s == 0.0
+        self._gusts = gusts
 
     def step(self, height_m: float, airspeed_m_s: float) -> Vector3:
         """Velocity [m/s, NED] of the air one step later, at a height above ground [m]."""
-        if self.steady:
-            return self.mean_ned
+        mean = self._speed_m_s * mean_wind_factor(height_m)
+        if self.calm or not self._gusts:
+            return (mean * self._north, mean * self._east, 0.0)
         horizontal_m, vertical_m = scale_lengths_m(height_m)
         sigma_horizontal, sigma_vertical = intensities_m_s(height_m, self._speed_m_s)
         travelled_m = max(airspeed_m_s, _SLOWEST_M_S) * self._step_s
@@ -113,7 +129,7 @@ class Wind:
         along = sigma_horizontal * self._along.step(travelled_m / horizontal_m, next(normals))
         across = sigma_horizontal * self._across.step(travelled_m / horizontal_m, next(normals))
         down = sigma_vertical * self._down.step(travelled_m / vertical_m, next(normals))
-        speed = self._speed_m_s + along
+        speed = mean + along
         return (
             speed * self._north - across * self._east,
             speed * self._east + across * self._north,

@@ -108,7 +108,7 @@ def test_an_empty_battery_stops_the_motors() -> None:
         readings = simulation.step((0.3, 0.3, 0.3, 0.3))
         if readings.battery is not None:
             last = readings.battery
-    assert last.remaining == 0.0
+    assert simulation.battery_charge == 0.0
     assert last.voltage_v < 1.0
     assert max(simulation.truth.rotor_rpm) < 100.0
 

@@ -6,7 +6,7 @@ import pytest
 
 from sim.sensors.noise import generators
 from sim.truth import Vector3
-from sim.wind import Wind, intensities_m_s, scale_lengths_m
+from sim.wind import Wind, intensities_m_s, mean_wind_factor, scale_lengths_m
 
 STEP_S = 0.05
 
@@ -33,7 +33,20 @@ def blow(air: Wind, *, seconds: float, height_m: float = 30.0) -> list[Vector3]:
 )
 def test_a_wind_is_named_after_where_it_comes_from(from_deg: float, blows_to: Vector3) -> None:
     air = wind(from_deg=from_deg, gusts=False)
-    assert air.step(10.0, 8.0) == pytest.approx(blows_to, abs=1e-12)
+    assert air.step(6.096, 8.0) == pytest.approx(blows_to, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("height_m", "factor"),
+    # ln(h / 0.15 ft) / ln(20 / 0.15), below a foot as at a foot
+    [(0.0, 0.388), (0.3048, 0.388), (0.9144, 0.612), (6.096, 1.0), (10.0, 1.101), (30.48, 1.329)],
+)
+def test_the_mean_wind_grows_with_height_as_the_standard_says(
+    height_m: float, factor: float
+) -> None:
+    assert mean_wind_factor(height_m) == pytest.approx(factor, abs=0.001)
+    air = wind(from_deg=180.0, gusts=False)
+    assert air.step(height_m, 8.0)[0] == pytest.approx(8.0 * factor, abs=0.01)
 
 
 def test_without_wind_there_are_no_gusts() -> None:
@@ -45,7 +58,7 @@ def test_gusts_fluctuate_about_the_mean_wind() -> None:
     gusty = blow(wind(from_deg=270.0), seconds=4000.0)
     north, east, down = (statistics.fmean(component) for component in zip(*gusty, strict=True))
     assert north == pytest.approx(0.0, abs=0.3)
-    assert east == pytest.approx(8.0, abs=0.3)
+    assert east == pytest.approx(8.0 * mean_wind_factor(30.0), abs=0.3)
     assert down == pytest.approx(0.0, abs=0.15)
 
 
@@ -62,7 +75,7 @@ def test_gusts_have_the_intensities_of_the_standard() -> None:
 def test_a_gust_lasts_as_long_as_its_scale_length_takes_to_pass() -> None:
     height_m, airspeed_m_s = 30.0, 8.0
     gusty = blow(wind(from_deg=270.0), seconds=10_000.0, height_m=height_m)
-    along = [east - 8.0 for _, east, _ in gusty]
+    along = [east - 8.0 * mean_wind_factor(height_m) for _, east, _ in gusty]
     lag = round(scale_lengths_m(height_m)[0] / airspeed_m_s / STEP_S)
     variance = statistics.fmean(value * value for value in along)
     later = statistics.fmean(a * b for a, b in zip(along, along[lag:], strict=False))
