@@ -12,7 +12,7 @@ wind.
 """
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 from uav_firmware.lib.drag import DragModel
 from uav_firmware.lib.rotation import rotate
@@ -25,24 +25,33 @@ _UPRIGHT: Final = 0.3  # cosine of a tilt beyond which thrust explains nothing
 _DOWN: Final[Vector3] = (0.0, 0.0, 1.0)
 
 
-def drag_acceleration(q_ned_frd: Quaternion, acceleration_ned: Vector3) -> tuple[float, float]:
-    """North and east acceleration [m/s^2] that the thrust does not explain."""
+class Push(NamedTuple):
+    """What the air does to the vehicle, and what the rotors do against it."""
+
+    drag: tuple[float, float]  # [m/s^2] North and east: what the thrust does not explain
+    thrust_ratio: float  # [-] Thrust over weight
+
+
+def push_of(q_ned_frd: Quaternion, acceleration_ned: Vector3) -> Push:
+    """Drag and thrust of an attitude and an acceleration [m/s^2]."""
     north, east, down = rotate(q_ned_frd, _DOWN)
     lift = (GRAVITY - acceleration_ned[2]) / max(down, _UPRIGHT)
-    return (acceleration_ned[0] + north * lift, acceleration_ned[1] + east * lift)
+    drag = (acceleration_ned[0] + north * lift, acceleration_ned[1] + east * lift)
+    return Push(drag, lift / GRAVITY)
 
 
 def wind_of(
-    drag: tuple[float, float],
+    push: Push,
     velocity: tuple[float, float],
     model: DragModel,
     density: float,
 ) -> tuple[float, float]:
-    """Wind [m/s, north and east: where the air goes to] of a steady drag and velocity."""
+    """Wind [m/s, north and east: where the air goes to] of a steady push and velocity."""
+    drag = push.drag
     size = math.hypot(*drag)
     if size == 0.0:
         return velocity
-    airspeed = model.airspeed_m_s(size, density)
+    airspeed = model.airspeed_m_s(size, density, push.thrust_ratio)
     return (
         velocity[0] + drag[0] / size * airspeed,
         velocity[1] + drag[1] / size * airspeed,
@@ -57,22 +66,26 @@ class WindEstimator:
 
     def restart(self) -> None:
         """Begin a flight."""
-        self._mean = (0.0, 0.0, 0.0, 0.0)  # drag north, east; velocity north, east
+        # Drag north, east; thrust ratio; velocity north, east
+        self._mean = (0.0, 0.0, 1.0, 0.0, 0.0)
         self._age_s = 0.0
 
     def update(
         self, q_ned_frd: Quaternion, acceleration_ned: Vector3, velocity_ned: Vector3, dt: float
     ) -> None:
         """Take in one moment of flight."""
-        seen = (*drag_acceleration(q_ned_frd, acceleration_ned), velocity_ned[0], velocity_ned[1])
+        push = push_of(q_ned_frd, acceleration_ned)
+        seen = (*push.drag, push.thrust_ratio, velocity_ned[0], velocity_ned[1])
         share = dt / (dt + min(self._age_s, TIME_CONSTANT_S)) if self._age_s > 0.0 else 1.0
-        a, b, c, d = (old + share * (new - old) for old, new in zip(self._mean, seen, strict=True))
-        self._mean = (a, b, c, d)
+        a, b, c, d, e = (
+            old + share * (new - old) for old, new in zip(self._mean, seen, strict=True)
+        )
+        self._mean = (a, b, c, d, e)
         self._age_s += dt
 
     def wind(self, model: DragModel, density: float) -> tuple[float, float] | None:
         """Wind [m/s, north and east]; None until the filter has settled."""
         if self._age_s < _SETTLED * TIME_CONSTANT_S:
             return None
-        north, east, v_north, v_east = self._mean
-        return wind_of((north, east), (v_north, v_east), model, density)
+        north, east, thrust_ratio, v_north, v_east = self._mean
+        return wind_of(Push((north, east), thrust_ratio), (v_north, v_east), model, density)
