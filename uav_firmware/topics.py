@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from uav_firmware.bus import Fork, Queue, Topic
 from uav_firmware.msg.actuators import ActuatorMotors
+from uav_firmware.msg.battery import BatteryStatus
 from uav_firmware.msg.control_mode import (
     ManualControlSetpoint,
     OffboardSetpoint,
@@ -70,6 +71,7 @@ class Topics:
     sensor_mag: Topic[SensorMag] = field(default_factory=Topic)
     sensor_gps: Topic[SensorGps] = field(default_factory=Topic)
     sensor_battery: Topic[SensorBattery] = field(default_factory=Topic)
+    battery_status: Topic[BatteryStatus] = field(default_factory=Topic)
     sensor_hygrometer: Topic[SensorHygrometer] = field(default_factory=Topic)
     sensor_ground: Topic[SensorGround] = field(default_factory=Topic)
     sensor_range: Topic[SensorRange] = field(default_factory=Topic)

@@ -12,6 +12,7 @@ from uav_firmware.cal.storage import Storage
 from uav_firmware.cal.vehicle import Vehicle
 from uav_firmware.modules.attitude_control.module import AttitudeControlModule
 from uav_firmware.modules.attitude_control.params import AttitudeControlParams
+from uav_firmware.modules.battery.module import BatteryModule
 from uav_firmware.modules.commander.module import CommanderModule
 from uav_firmware.modules.console.module import ConsoleModule
 from uav_firmware.modules.control_allocator.module import ControlAllocatorModule
@@ -60,6 +61,7 @@ _POSITION_PERIOD_US: Final = 16_000  # 62.5 Hz: navigator and position control
 _SLOW_PERIOD_US: Final = 20_000  # 50 Hz: commander, land detector
 _LINK_PERIOD_US: Final = 8_000  # 125 Hz; datagrams are also answered while a paced vehicle waits
 _FAILURE_PERIOD_US: Final = 8_000  # 125 Hz, as often as the speed controllers report
+_BATTERY_PERIOD_US: Final = 100_000  # 10 Hz, as often as the power monitor measures
 _CONSOLE_PERIOD_US: Final = 100_000  # 10 Hz
 _STORAGE_PERIOD_US: Final = 1_000_000  # 1 Hz
 
@@ -118,6 +120,11 @@ class Autopilot:
             hygrometer=topics.sensor_hygrometer,
             ground=topics.sensor_ground,
             truth=topics.sensor_truth,
+        )
+        self.battery = BatteryModule(
+            registry,
+            sensor_battery=topics.sensor_battery,
+            battery_status=topics.battery_status,
         )
         self.estimator = EstimatorModule(
             imu=topics.sensor_imu,
@@ -358,6 +365,7 @@ class Autopilot:
             RateGroup("vehicle_io", step_us, self.vehicle_io.update),
             RateGroup("truth", _SLOW_PERIOD_US, self.vehicle_io.update_truth),
             RateGroup("estimator", step_us, self.estimator.update),
+            RateGroup("battery", _BATTERY_PERIOD_US, self.battery.update, 2),
             RateGroup("land_detector", _SLOW_PERIOD_US, self.land_detector.update, 1),
             RateGroup("commander", _SLOW_PERIOD_US, lambda: self.commander.update(vehicle.time_us)),
             RateGroup(

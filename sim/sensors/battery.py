@@ -120,7 +120,4 @@ class Battery:
             time_us,
             max(0.0, self.voltage_v + voltage_noise),
             max(0.0, self._current_a + current_noise),
-            self._consumed_ah,
-            self._capacity_ah,
-            self.charge,
         )

@@ -52,9 +52,6 @@ class BatteryReading(NamedTuple):
     time_us: int  # [us]
     voltage_v: float  # [V] At the pack's terminals, under load
     current_a: float  # [A] Drawn
-    consumed_ah: float  # [Ah] Since the start
-    capacity_ah: float  # [Ah] Of the full pack
-    remaining: float  # [-] 0 empty to 1 full, by coulomb count
 
 
 class EscReading(NamedTuple):

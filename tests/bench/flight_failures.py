@@ -87,9 +87,7 @@ def battery_emergency(seed: int) -> Figures:
     track = Track(tester)
     break_now(tester, Kind.BATTERY_LOW, charge=_BATTERY_CHARGE)
     figures = _coming_down(tester, track)
-    battery = tester.autopilot.topics.sensor_battery.value
-    assert battery is not None
-    return {"charge": 100.0 * battery.remaining, **figures}
+    return {"charge": 100.0 * tester.simulation.battery_charge, **figures}
 
 
 def motor_lost(seed: int) -> Figures:

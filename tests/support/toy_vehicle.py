@@ -15,6 +15,7 @@ from uav_firmware.modules.commander.module import CommanderModule
 from uav_firmware.modules.commander.topics import CommanderTopics
 from uav_firmware.modules.navigator.module import NavigatorModule
 from uav_firmware.modules.position_control.params import PositionControlParams
+from uav_firmware.msg.battery import BatteryStatus
 from uav_firmware.msg.control_mode import (
     ManualControlSetpoint,
     OffboardSetpoint,
@@ -40,7 +41,6 @@ from uav_firmware.msg.mission import (
 )
 from uav_firmware.msg.sensors import (
     SensorBaro,
-    SensorBattery,
     SensorGps,
     SensorImu,
     SensorMag,
@@ -143,7 +143,7 @@ class ToyVehicle:
         self.baro: Topic[SensorBaro] = Topic()
         self.mag: Topic[SensorMag] = Topic()
         self.gps: Topic[SensorGps] = Topic()
-        self.battery_topic: Topic[SensorBattery] = Topic()
+        self.battery_topic: Topic[BatteryStatus] = Topic()
         self.heartbeat: Topic[int] = Topic()
         self.status: Topic[VehicleStatus] = Topic()
         self.home: Topic[HomePosition] = Topic()
@@ -205,7 +205,7 @@ class ToyVehicle:
                 sensor_mag=self.mag,
                 sensor_gps=self.gps,
                 sensor_range=self.range_finder,
-                sensor_battery=self.battery_topic,
+                battery_status=self.battery_topic,
                 ground_station_heartbeat=self.heartbeat,
                 manual_control_setpoint=self.sticks,
                 offboard_setpoint=self.stream,
@@ -398,7 +398,7 @@ class ToyVehicle:
                 )
             )
         if "battery" not in self.silent:
-            self.battery_topic.publish(SensorBattery(now, 15.0, 5.0, 0.0, 5.0, self.battery))
+            self.battery_topic.publish(BatteryStatus(now, 15.0, 5.0, 0.0, 5.0, self.battery))
 
     def _record(self) -> None:
         self.track.append(self.position)

@@ -134,9 +134,6 @@ class JsbsimVehicle:
             time_us=battery.time_us,
             voltage_v=battery.voltage_v,
             current_a=battery.current_a,
-            consumed_ah=battery.consumed_ah,
-            capacity_ah=battery.capacity_ah,
-            remaining=battery.remaining,
         )
 
     def read_esc(self) -> SensorEsc | None:

@@ -47,14 +47,11 @@ class SensorGps(NamedTuple):
 
 
 class SensorBattery(NamedTuple):
-    """Battery as its monitor measures it, at 5 Hz or more; read by commander and mavlink."""
+    """Battery as its monitor measures it, at 5 Hz or more; read by battery."""
 
     time_us: int  # [us]
     voltage_v: float  # [V] At the pack
     current_a: float  # [A] Drawn
-    consumed_ah: float  # [Ah] Since boot
-    capacity_ah: float  # [Ah] Of the full pack
-    remaining: float  # [-] 0 empty to 1 full
 
 
 class SensorEsc(NamedTuple):

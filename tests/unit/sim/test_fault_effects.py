@@ -147,14 +147,15 @@ def test_a_shorted_cell_takes_a_quarter_of_the_voltage_and_charge() -> None:
     assert whole is not None
     assert hurt is not None
     assert 0.65 < hurt.voltage_v / whole.voltage_v < 0.78
-    assert hurt.remaining == pytest.approx(whole.remaining - 0.25, abs=0.01)
+    assert made.battery_charge == pytest.approx(0.75, abs=0.01)
 
 
 def test_a_low_battery_is_low_once_and_then_drains() -> None:
     made = simulation("battery_low charge=0.1 start_s=1")
-    readings = [r.battery for r in run(made, 4.0, HOVER) if r.battery is not None]
-    assert readings[0].remaining > 0.99
-    assert 0.09 < readings[-1].remaining < 0.1
+    run(made, 0.5, HOVER)
+    assert made.battery_charge > 0.99
+    run(made, 3.5, HOVER)
+    assert 0.09 < made.battery_charge < 0.1
 
 
 def test_a_gust_comes_from_where_it_is_said_to_and_ends() -> None:

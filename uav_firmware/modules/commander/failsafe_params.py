@@ -71,11 +71,11 @@ class FailsafeParams:
         short="121212: a lost attitude (FD_FAIL_R, FD_FAIL_P) does not terminate the flight",
     )  # fmt: skip
     wind_warning_m_s: float = param(
-        "COM_WIND_WARN", 9.0, unit="m/s", minimum=-1.0, maximum=30.0,
+        "COM_WIND_WARN", 10.0, unit="m/s", minimum=-1.0, maximum=30.0,
         short="Wind above which the operator is warned; negative never",
     )  # fmt: skip
     wind_max_m_s: float = param(
-        "COM_WIND_MAX", 12.0, unit="m/s", minimum=-1.0, maximum=30.0,
+        "COM_WIND_MAX", 14.0, unit="m/s", minimum=-1.0, maximum=30.0,
         short="Wind above which COM_WIND_MAX_ACT is taken; negative never",
     )  # fmt: skip
     wind_action: int = param(

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from uav_firmware.bus import Queue, Topic
+from uav_firmware.msg.battery import BatteryStatus
 from uav_firmware.msg.control_mode import (
     ManualControlSetpoint,
     OffboardSetpoint,
@@ -20,7 +21,6 @@ from uav_firmware.msg.geofence import GeofenceStatus
 from uav_firmware.msg.mission import Mission, MissionProgress, NavigatorRequest, NavigatorStatus
 from uav_firmware.msg.sensors import (
     SensorBaro,
-    SensorBattery,
     SensorGps,
     SensorImu,
     SensorMag,
@@ -57,7 +57,7 @@ class CommanderTopics:
     sensor_mag: Topic[SensorMag] = field(default_factory=Topic)
     sensor_gps: Topic[SensorGps] = field(default_factory=Topic)
     sensor_range: Topic[SensorRange] = field(default_factory=Topic)
-    sensor_battery: Topic[SensorBattery] = field(default_factory=Topic)
+    battery_status: Topic[BatteryStatus] = field(default_factory=Topic)
     ground_station_heartbeat: Topic[Any] = field(default_factory=Topic)
     manual_control_setpoint: Topic[ManualControlSetpoint] = field(default_factory=Topic)
     offboard_setpoint: Topic[OffboardSetpoint] = field(default_factory=Topic)

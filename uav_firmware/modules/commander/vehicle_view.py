@@ -3,6 +3,7 @@
 import math
 from typing import NamedTuple
 
+from uav_firmware.msg.battery import BatteryStatus
 from uav_firmware.msg.control_mode import ManualControlSetpoint, OffboardSetpoint
 from uav_firmware.msg.estimate import (
     AidSource,
@@ -14,7 +15,7 @@ from uav_firmware.msg.estimate import (
 from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.geofence import GeofenceStatus
 from uav_firmware.msg.mission import MissionProgress, NavigatorStatus
-from uav_firmware.msg.sensors import SensorBattery, SensorGps
+from uav_firmware.msg.sensors import SensorGps
 from uav_firmware.msg.status import HomePosition, LandDetected, StorageStatus
 
 
@@ -40,7 +41,7 @@ class VehicleView(NamedTuple):
     position: VehicleLocalPosition | None
     estimator: EstimatorStatus | None
     gps: SensorGps | None
-    battery: SensorBattery | None
+    battery: BatteryStatus | None
     land: LandDetected | None
     home: HomePosition | None
     progress: MissionProgress | None

@@ -5,6 +5,7 @@ from typing import Final
 
 from uav_firmware.lib.atmosphere import air_density, altitude_from_pressure
 from uav_firmware.modules.logger.logged_message import Values, declare
+from uav_firmware.msg.battery import BatteryStatus
 from uav_firmware.msg.estimate import (
     AidSource,
     EstimatorStatus,
@@ -12,7 +13,7 @@ from uav_firmware.msg.estimate import (
     VehicleGlobalPosition,
     VehicleLocalPosition,
 )
-from uav_firmware.msg.sensors import SensorBaro, SensorBattery, SensorGps, SensorImu, SensorMag
+from uav_firmware.msg.sensors import SensorBaro, SensorGps, SensorImu, SensorMag
 
 _CAPACITY_MAX_MAH: Final = 65_535  # the field has two bytes
 
@@ -108,7 +109,7 @@ def _gps(gps: SensorGps) -> Values:
     )
 
 
-def _battery(battery: SensorBattery) -> Values:
+def _battery(battery: BatteryStatus) -> Values:
     return (
         battery.time_us,
         True,

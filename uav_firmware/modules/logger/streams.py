@@ -9,6 +9,7 @@ from uav_firmware.modules.logger import flight_messages as flight
 from uav_firmware.modules.logger import measured_messages as measured
 from uav_firmware.modules.logger.logged_message import LoggedMessage
 from uav_firmware.msg.actuators import ActuatorMotors
+from uav_firmware.msg.battery import BatteryStatus
 from uav_firmware.msg.estimate import (
     EstimatorStatus,
     VehicleAttitude,
@@ -16,7 +17,7 @@ from uav_firmware.msg.estimate import (
     VehicleLocalPosition,
 )
 from uav_firmware.msg.mission import MissionProgress
-from uav_firmware.msg.sensors import SensorBaro, SensorBattery, SensorGps, SensorImu, SensorMag
+from uav_firmware.msg.sensors import SensorBaro, SensorGps, SensorImu, SensorMag
 from uav_firmware.msg.setpoints import (
     ControlAllocatorStatus,
     TrajectorySetpoint,
@@ -42,7 +43,7 @@ class LoggerTopics:
     baro: Topic[SensorBaro]
     mag: Topic[SensorMag]
     gps: Topic[SensorGps]
-    battery: Topic[SensorBattery]
+    battery: Topic[BatteryStatus]
     trajectory_setpoint: Topic[TrajectorySetpoint]
     attitude_setpoint: Topic[VehicleAttitudeSetpoint]
     rates_setpoint: Topic[VehicleRatesSetpoint]

@@ -21,7 +21,6 @@ from uav_firmware.modules.mavlink.status_text import StatusTexts
 from uav_firmware.modules.mavlink.streams import default_intervals_us
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
 from uav_firmware.modules.mavlink.transmitter import Transmitter
-from uav_firmware.modules.mavlink.vehicle_facts import note_battery_size
 from uav_firmware.modules.mavlink.vibration import VibrationMeter
 from uav_firmware.parameters import Registry, UnknownParameterError
 
@@ -175,7 +174,6 @@ class MavlinkModule:
         self._reception.tick()
         if now_us >= self._housekeeping_us:
             self._housekeeping_us = now_us + _HOUSEKEEPING_US
-            note_battery_size(self._registry, self._topics.battery)
             self._peers.note_refused(self._link.refused_addresses(), now_us)
             self._dispatcher.forget(self._peers.forget_silent(now_us))
             self._reception.tell(now_us)

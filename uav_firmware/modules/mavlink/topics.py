@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from uav_firmware.bus import Queue, Topic
 from uav_firmware.msg.actuators import ActuatorMotors
+from uav_firmware.msg.battery import BatteryStatus
 from uav_firmware.msg.control_mode import ManualControlSetpoint, OffboardSetpoint
 from uav_firmware.msg.estimate import (
     EstimatorStatus,
@@ -27,7 +28,6 @@ from uav_firmware.msg.payload import (
 )
 from uav_firmware.msg.sensors import (
     SensorBaro,
-    SensorBattery,
     SensorGps,
     SensorGround,
     SensorHygrometer,
@@ -62,7 +62,7 @@ class MavlinkTopics:
     gps: Topic[SensorGps]
     imu: Topic[SensorImu]
     baro: Topic[SensorBaro]
-    battery: Topic[SensorBattery]
+    battery: Topic[BatteryStatus]
     vehicle_status: Topic[VehicleStatus]
     land_detected: Topic[LandDetected]
     home: Topic[HomePosition]

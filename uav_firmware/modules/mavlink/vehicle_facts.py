@@ -1,17 +1,14 @@
 """Facts about the vehicle that ground stations look up as parameters; nobody can set them.
 
 QGroundControl's setup pages read the airframe, the calibrated sensors and the kind of radio,
-and show a vehicle without them as not set up. The broker reads the size of the battery.
+and show a vehicle without them as not set up.
 """
 
 from dataclasses import dataclass
 from typing import Final
 
-from uav_firmware.bus import Topic
-from uav_firmware.msg.sensors import SensorBattery
-from uav_firmware.parameters import Registry, param
+from uav_firmware.parameters import param
 
-_BATTERY_SIZE: Final = "BAT1_CAPACITY"
 _DJI_F450: Final = 4011
 """PX4's number of the airframe."""
 _SIMULATED_IMU: Final = 1310988
@@ -22,7 +19,7 @@ _STICKS_BY_MAVLINK: Final = 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleFacts:
-    """What the vehicle is; the battery tells its size once it is heard."""
+    """What the vehicle is."""
 
     airframe: int = param(
         "SYS_AUTOSTART", _DJI_F450, unit="1", minimum=_DJI_F450, maximum=_DJI_F450,
@@ -45,23 +42,9 @@ class VehicleFacts:
         minimum=_STICKS_BY_MAVLINK, maximum=_STICKS_BY_MAVLINK,
         short="Where sticks come from: 1 MANUAL_CONTROL alone; cannot be set",
     )  # fmt: skip
-    battery_size_mah: float = param(
-        _BATTERY_SIZE, -1.0, unit="mAh", minimum=-1.0, maximum=1e6,
-        short="Charge of the full battery as its monitor tells it, -1 unknown; cannot be set",
-    )  # fmt: skip
 
 
 FACTS: Final = frozenset(
-    {"SYS_AUTOSTART", "CAL_GYRO0_ID", "CAL_ACC0_ID", "CAL_MAG0_ID", "COM_RC_IN_MODE", _BATTERY_SIZE}
+    {"SYS_AUTOSTART", "CAL_GYRO0_ID", "CAL_ACC0_ID", "CAL_MAG0_ID", "COM_RC_IN_MODE"}
 )
 """Names of the parameters that are read only."""
-
-
-def note_battery_size(registry: Registry, battery: Topic[SensorBattery]) -> None:
-    """Tell the size of the battery that is there, where it has changed."""
-    value = battery.value
-    if value is None or _BATTERY_SIZE not in registry.names():
-        return
-    size_mah = round(value.capacity_ah * 1e3)
-    if registry.get(_BATTERY_SIZE) != size_mah:
-        registry.set(_BATTERY_SIZE, size_mah)

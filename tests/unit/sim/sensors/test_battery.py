@@ -62,32 +62,28 @@ def test_a_hover_lasts_about_as_long_as_that_of_a_real_quadrotor() -> None:
 def test_charge_only_ever_falls() -> None:
     pack = battery()
     remaining = []
-    for index in range(2000):
+    for _ in range(2000):
         pack.draw(HOVER_W, 1.0)
-        remaining.append(pack.read(index).remaining)
+        remaining.append(pack.charge)
     assert remaining == sorted(remaining, reverse=True)
     assert remaining[-1] == 0.0
 
 
-def test_remaining_and_consumed_agree() -> None:
+def test_the_charge_falls_by_the_current_drawn() -> None:
     pack = battery(charge=0.8)
     pack.draw(HOVER_W, 600.0)
-    reading = pack.read(0)
-    assert reading.consumed_ah == pytest.approx(reading.current_a / 6.0)
-    assert reading.remaining == pytest.approx(0.8 - reading.consumed_ah / 5.2)
-    assert reading.capacity_ah == 5.2
+    assert pack.charge == pytest.approx(0.8 - pack.read(0).current_a / 6.0 / 5.2)
 
 
 def test_an_empty_pack_gives_nothing() -> None:
     pack = battery(charge=0.0)
     pack.draw(HOVER_W, 1.0)
     reading = pack.read(0)
-    assert (reading.voltage_v, reading.current_a, reading.remaining) == (0.0, 0.0, 0.0)
+    assert (reading.voltage_v, reading.current_a, pack.charge) == (0.0, 0.0, 0.0)
 
 
-def test_the_monitor_is_noisy_but_its_count_is_not() -> None:
+def test_the_monitor_is_noisy() -> None:
     noisy = battery(factor=1.0)
     noisy.draw(HOVER_W, 1.0)
     readings = [noisy.read(0) for _ in range(100)]
     assert len({reading.voltage_v for reading in readings}) == 100
-    assert len({reading.consumed_ah for reading in readings}) == 1

@@ -15,7 +15,7 @@ from uav_firmware.modules.mavlink.builders.conversion import (
 )
 from uav_firmware.modules.mavlink.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.modes import MODES
-from uav_firmware.msg.sensors import SensorBattery
+from uav_firmware.msg.battery import BatteryStatus
 from uav_firmware.msg.status import NavigationState, VehicleStatus
 
 _PREARM_CHECK: Final = mavlink.MAV_SYS_STATUS_PREARM_CHECK
@@ -122,7 +122,7 @@ def charge_state(remaining: float, thresholds: BatteryThresholds) -> int:
     return int(mavlink.MAV_BATTERY_CHARGE_STATE_OK)
 
 
-def _time_remaining_s(battery: SensorBattery) -> int:
+def _time_remaining_s(battery: BatteryStatus) -> int:
     """Time until empty at the present current [s]; 0 when unknown."""
     if not battery.current_a > 0.1:
         return 0

@@ -118,7 +118,7 @@ FAULTS = [
     (lose_satellites, "GPS uses only 4 satellites", SensorBit.PREARM_CHECK),
     (lose_accuracy, "Position accurate to 9 m only", SensorBit.PREARM_CHECK),
     (break_motor, "Motor 2 failed", SensorBit.PREARM_CHECK),
-    (storm, "Wind 20 m/s, above 12", SensorBit.PREARM_CHECK),
+    (storm, "Wind 20 m/s, above 14", SensorBit.PREARM_CHECK),
     (fill_storage, "Storage full: 3 MB left", SensorBit.PREARM_CHECK),
     (stand_outside, "Outside the geofence", SensorBit.PREARM_CHECK),
     (lose_alignment, "Attitude and heading", SensorBit.AHRS),

@@ -16,12 +16,13 @@ from uav_firmware.modules.commander.failsafe_actions import Action
 from uav_firmware.modules.commander.failsafe_causes import ROWS, Cause, Moment
 from uav_firmware.modules.commander.failsafe_params import FailsafeParams
 from uav_firmware.modules.commander.vehicle_view import SensorAges, VehicleView
+from uav_firmware.msg.battery import BatteryStatus
 from uav_firmware.msg.control_mode import ManualControlSetpoint
 from uav_firmware.msg.estimate import EstimatorStatus, WindEstimate
 from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.geofence import FenceAction, FenceBreach, GeofenceStatus
 from uav_firmware.msg.mission import MissionProgress
-from uav_firmware.msg.sensors import SensorBattery, SensorGps
+from uav_firmware.msg.sensors import SensorGps
 from uav_firmware.msg.status import (
     HomePosition,
     LandDetected,
@@ -63,7 +64,7 @@ def healthy(now_us: int) -> VehicleView:
         position=local_position(time_us=now_us),
         estimator=EstimatorStatus(now_us, 0, 0.0, 0.0, 0.0, 0.0, 0.1, 0.1, zero, True),
         gps=gps,
-        battery=SensorBattery(now_us, 15.0, 0.0, 0.0, 5.0, 1.0),
+        battery=BatteryStatus(now_us, 15.0, 0.0, 0.0, 5.0, 1.0),
         land=LandDetected(now_us, False, False, LandedState.IN_AIR),
         home=HomePosition(0, 40.0, -3.0, 650.0, zero, 0.0),
         progress=MissionProgress(now_us, 1, 0, 3, 0, 0, 1, 0),

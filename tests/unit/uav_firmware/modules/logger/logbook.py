@@ -101,7 +101,7 @@ class Logbook:
             baro=topics.sensor_baro,
             mag=topics.sensor_mag,
             gps=topics.sensor_gps,
-            battery=topics.sensor_battery,
+            battery=topics.battery_status,
             trajectory_setpoint=topics.trajectory_setpoint,
             attitude_setpoint=topics.vehicle_attitude_setpoint,
             rates_setpoint=topics.vehicle_rates_setpoint,

@@ -18,6 +18,7 @@ from uav_firmware.modules.mavlink.reception import SigningOptions
 from uav_firmware.modules.mavlink.signing import Signer
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
 from uav_firmware.msg.actuators import ActuatorMotors
+from uav_firmware.msg.battery import BatteryStatus
 from uav_firmware.msg.estimate import (
     EstimatorStatus,
     VehicleAttitude,
@@ -42,7 +43,6 @@ from uav_firmware.msg.payload import (
 )
 from uav_firmware.msg.sensors import (
     SensorBaro,
-    SensorBattery,
     SensorGps,
     SensorGround,
     SensorHygrometer,
@@ -219,7 +219,7 @@ def flying_topics() -> MavlinkTopics:
     topics.range_finder.publish(SensorRange(0, 10.0, 0.1, 40.0))
     topics.hygrometer.publish(SensorHygrometer(4_900_000, 21.37, 54.32))
     topics.ground_sample.publish(SensorGround(4_900_000, 0.23, 17.5, 65_000.0))
-    topics.battery.publish(SensorBattery(0, 11.8, 14.5, 1.2, 5.0, 0.76))
+    topics.battery.publish(BatteryStatus(0, 11.8, 14.5, 1.2, 5.0, 0.76))
     topics.vehicle_status.publish(status(armed=True))
     topics.land_detected.publish(
         LandDetected(0, landed=False, ground_contact=False, landed_state=LandedState.IN_AIR)

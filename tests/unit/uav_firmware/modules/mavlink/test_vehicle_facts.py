@@ -7,7 +7,6 @@ import pytest
 from tests.unit.uav_firmware.modules.mavlink.harness import SYSTEM, Bench
 from uav_firmware.modules.mavlink.dialect import mavlink
 from uav_firmware.modules.mavlink.vehicle_facts import FACTS, VehicleFacts
-from uav_firmware.msg.sensors import SensorBattery
 from uav_firmware.parameters import Registry
 
 SECOND_US = 1_000_000
@@ -21,17 +20,6 @@ def bench() -> Bench:
 
 def test_every_fact_is_read_only() -> None:
     assert {entry.metadata["parameter"].name for entry in fields(VehicleFacts)} == FACTS
-
-
-def test_the_battery_tells_its_size() -> None:
-    test = bench()
-    assert test.registry.get("BAT1_CAPACITY") == -1.0
-    test.topics.battery.publish(SensorBattery(0, 15.0, 1.0, 0.0, 5.2, 1.0))
-    test.run(2 * SECOND_US)
-    assert test.registry.get("BAT1_CAPACITY") == pytest.approx(5200.0)
-    version = test.registry.version
-    test.run(5 * SECOND_US)
-    assert test.registry.version == version, "told once, not every second"
 
 
 def set_to(name: str, value: int) -> Any:

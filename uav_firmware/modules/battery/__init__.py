@@ -1,0 +1,1 @@
+"""Charge of the battery, estimated from voltage and current."""
