@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from datetime import datetime
 from typing import Final, NamedTuple
 
+from afarcloud import flyable
 from afarcloud.annex import annex_faults
 from afarcloud.commands import (
     FLYING,
@@ -44,6 +45,7 @@ def check(plan: Plan, vehicles: Mapping[int, VehicleLimits], now: datetime) -> V
         else:
             faults += _limit_faults(mission, path, limits)
         faults += _mission_faults(mission, path, plan.profile)
+        faults += flyable.faults(mission, path)
         faults += _fence_faults(mission, path, fence)
         warnings += _warnings(mission, path, plan.profile)
     if plan.profile == Profile.ANNEX:

@@ -5,6 +5,7 @@ from typing import Final
 
 from afarcloud.commands import NavHotpoint, NavHotpointParameters
 from afarcloud.enumerations import OrbitType
+from afarcloud.flyable import SLOWEST_TURN_DEG_S
 from afarcloud.route import start_point
 from mavlink_broker.dialect import mavlink
 from mavlink_broker.protocol.command import CommandInt
@@ -24,8 +25,6 @@ ACCELERATION_MAX_M_S2: Final = 0.98 * 0.98 * 2.0
 COPTER_ACCELERATION_MAX_M_S2: Final = 1.25
 """ArduCopter takes half of WPNAV_ACCEL for the way round, 2.5 m/s^2 unless somebody changed it."""
 SLACK_S: Final = 120.0
-SLOWEST_DEG_S: Final = 360.0 / 86_400.0
-"""One turn a day: what is slower stands still, and vehicles refuse it in flight."""
 _ALWAYS_FLOWN: Final = frozenset(
     {
         OrbitType.ALONG_CIRCLE_LOOKING_BACKWARDS,
@@ -43,7 +42,7 @@ _FORWARDS: Final = 3.0  # ORBIT_YAW_BEHAVIOUR_HOLD_FRONT_TANGENT_TO_CIRCLE
 def hotpoint(command: NavHotpoint, situation: Situation) -> Items | LiveAction | Refusal:
     """One full turn, begun at the start point if there is one."""
     p = command.parameters
-    if p.angular_velocity < SLOWEST_DEG_S:
+    if p.angular_velocity < SLOWEST_TURN_DEG_S:
         slow = f"a turn at {p.angular_velocity:g} deg/s takes longer than a day"
         return Refusal("angular_velocity", slow)
     manner = _manner(p, situation.family)

@@ -37,7 +37,7 @@ def parameters(profile: Profile = Profile.FIELD) -> Mapping[CommandType, Drawn]:
     annex = profile is Profile.ANNEX
     return {
         CommandType.NAV_TAKEOFF: st.fixed_dictionaries(
-            {**_PLACE, "altitude": st.floats(0.5, takeoff_m)},
+            {**_PLACE, "altitude": st.floats(1.0, takeoff_m)},
             optional={"yaw_angle": yaw, "minimum_pitch": st.floats(0.0, 45.0)},
         ),
         CommandType.NAV_LAND: st.fixed_dictionaries(
@@ -125,6 +125,8 @@ def missions(
     commands: list[dict[str, Any]] = []
     stands = not in_any_order
     for kind in kinds:
+        if kind is CommandType.NAV_TAKEOFF and not (stands or in_any_order):
+            continue  # It flies already
         if stands and kind is not CommandType.NAV_TAKEOFF:
             commands.append(draw(_command(CommandType.NAV_TAKEOFF, len(commands), profile)))
         commands.append(draw(_command(kind, len(commands), profile)))

@@ -12,7 +12,7 @@ import pytest
 
 from mavlink_broker.command_line.program import UsageError
 from mavlink_broker.command_line.translate import FAMILIES, run
-from tests.support.broker_world import first_flight, go_home, mission, takeoff, waypoint
+from tests.support.broker_world import first_flight, go_home, land, mission, takeoff, waypoint
 from tests.support.scripted_vehicle import HOME
 
 NOW = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
@@ -96,15 +96,24 @@ def test_a_home_that_is_nowhere_is_refused(
 def test_what_cannot_be_flown_is_named_with_its_parameter(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    nowhere = [takeoff(1), go_home(2), waypoint(3)]
-    plan = saved(tmp_path, {"missions": [mission(*nowhere), first_flight(1202, 2)]})
-    assert run([str(plan), "--json"], NOW) == 1
+    """Only who knows where home is can tell that the way there is forbidden."""
+    east = [HOME[1] + metres * 1.2e-5 for metres in (10, 15, 40)]
+    hedge = [[HOME[0] + m * 9e-6, at] for m in (-50, 50) for at in east[:2]]
+    plan = {
+        "missions": [
+            mission(takeoff(1), waypoint(2), go_home(3)),
+            mission(takeoff(1), waypoint(2), land(3), mission_id=1202, vehicle_id=2),
+        ],
+        "geofence": {"exclusion": [[hedge[0], hedge[1], hedge[3], hedge[2]]]},
+    }
+    home = f"--home={HOME[0]},{east[2]},650"
+    assert run([str(saved(tmp_path, plan)), "--json", home], NOW) == 1
     out, errors = capsys.readouterr()
-    assert "mission 1201, command 3 (NAV_WAYPOINT) cannot be flown: command_type_id" in errors
+    assert "mission 1201, command 3 (NAV_HOME) cannot be flown: landing" in errors
     refused, flown = json.loads(out)["missions"]
     assert refused["refused"]["command_id"] == 3
-    assert refused["refused"]["parameter"] == "command_type_id"
-    assert "landing" in refused["refused"]["reason"]
+    assert refused["refused"]["parameter"] == "landing"
+    assert "the way there enters" in refused["refused"]["reason"]
     assert flown["segments"]
 
 

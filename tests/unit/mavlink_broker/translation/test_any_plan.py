@@ -95,7 +95,7 @@ def test_any_plan_in_any_order_is_translated_or_refused_with_a_reason(
     family: Family, profile: Profile, data: st.DataObject
 ) -> None:
     document = data.draw(plans(profile, in_any_order=profile is Profile.ANNEX))
-    for mission in read(document).missions:
+    for mission in wire.read_plan(json.dumps(document).encode()).missions:
         result = translated(mission, family)
         if isinstance(result, RefusedError):
             check_refusal(mission, result)
