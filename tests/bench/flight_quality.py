@@ -157,7 +157,7 @@ FLIGHTS: Final = (
         (Bar("landing", "m from home", 1.0), *_LANDING[1:]),
     ),
     Flight(
-        "GPS lost for 10 s in a mission, wind 3 m/s",
+        "GPS lost for 4 s in a mission, wind 3 m/s",
         gps_outage,
         (Bar("estimate", "m off", 5.0), Bar("track", "m beside", 5.0), _UNHARMED),
     ),

@@ -106,6 +106,7 @@ class ToyVehicle:
     yaw: float = 0.0
     position_valid: bool = True
     altitude_valid: bool = True
+    dead_reckoning: bool = False
     aligned: bool = True
     battery: float = 1.0
     fix_type: int = 3
@@ -349,6 +350,7 @@ class ToyVehicle:
                 velocity_valid=valid,
                 heading_valid=self.aligned,
                 resets=self.resets,
+                dead_reckoning=self.dead_reckoning,
             )
         )
         self.estimator.publish(

@@ -72,6 +72,7 @@ class VehicleLocalPosition(NamedTuple):
     velocity_valid: bool  # Velocity observed
     heading_valid: bool  # Heading observed
     resets: EstimateResets = EstimateResets()
+    dead_reckoning: bool = False  # Neither GPS position nor GPS velocity aids it
 
 
 class VehicleGlobalPosition(NamedTuple):

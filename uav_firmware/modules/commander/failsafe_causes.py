@@ -134,7 +134,14 @@ def _battery_below(threshold: Callable[[FailsafeParams], float]) -> Callable[[Mo
 
 def _gps_lost(moment: Moment, _present: bool) -> bool:  # noqa: FBT001  # one signature for all
     view = moment.view
-    return view.ages.gps > GPS_STALE_S or view.gps is None or view.gps.fix_type < FIX_3D
+    without_fix = view.ages.gps > GPS_STALE_S or view.gps is None or view.gps.fix_type < FIX_3D
+    return without_fix or view.dead_reckoning
+
+
+def _without_gps(moment: Moment) -> Action:
+    """Brake at once, wait in hold for the fix, then land: dead reckoning leads nowhere else."""
+    piloted = moment.intended in PILOTED
+    return Action.WARN if piloted or not _needs(moment, Need.POSITION) else Action.LAND
 
 
 def _stopped(source: AidSource) -> Callable[[Moment, bool], bool]:
@@ -269,7 +276,7 @@ ROWS: Final[Mapping[Cause, Row]] = {
         _emergency_action,
         urgent=True,
     ),
-    Cause.GPS_LOST: Row("GPS lost, flying by dead reckoning", _gps_lost, _always(Action.WARN)),
+    Cause.GPS_LOST: Row("GPS lost, flying by dead reckoning", _gps_lost, _without_gps),
     Cause.GPS_POSITION_STOPPED: Row(
         "GPS position disagrees, not used", _stopped(AidSource.GPS_POSITION), _always(Action.WARN)
     ),

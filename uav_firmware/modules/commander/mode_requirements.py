@@ -16,23 +16,25 @@ class Need(Enum):
     ATTITUDE = auto()
     ALTITUDE = auto()
     POSITION = auto()
+    FIX = auto()  # A position that is measured, not dead reckoning: the mode leads elsewhere
     HOME = auto()
     MISSION = auto()
     STICKS = auto()  # MANUAL_CONTROL is heard
     SETPOINTS = auto()  # Set-points are streamed; by their kind also POSITION and ALTITUDE
 
 
-_FLY: Final = frozenset({Need.ATTITUDE, Need.ALTITUDE, Need.POSITION})
+_STAY: Final = frozenset({Need.ATTITUDE, Need.ALTITUDE, Need.POSITION})
+_FLY: Final = _STAY | {Need.FIX}
 
 REQUIREMENTS: Final[Mapping[NavigationState, frozenset[Need]]] = {
-    NavigationState.AUTO_LOITER: _FLY,
+    NavigationState.AUTO_LOITER: _STAY,
     NavigationState.AUTO_TAKEOFF: _FLY | {Need.HOME},
     NavigationState.AUTO_MISSION: _FLY | {Need.HOME, Need.MISSION},
     NavigationState.AUTO_RTL: _FLY | {Need.HOME},
     NavigationState.AUTO_LAND: frozenset({Need.ATTITUDE}),
     NavigationState.ORBIT: _FLY | {Need.HOME},
     NavigationState.AUTO_FOLLOW_TARGET: _FLY | {Need.HOME},
-    NavigationState.POSCTL: _FLY | {Need.STICKS},
+    NavigationState.POSCTL: _STAY | {Need.STICKS},
     NavigationState.ALTCTL: frozenset({Need.ATTITUDE, Need.ALTITUDE, Need.STICKS}),
     NavigationState.STAB: frozenset({Need.ATTITUDE, Need.STICKS}),
     NavigationState.MANUAL: frozenset({Need.ATTITUDE, Need.STICKS}),
@@ -102,6 +104,10 @@ def _position(view: VehicleView) -> str | None:
     return None if view.position_valid else "Position not estimated"
 
 
+def _fix(view: VehicleView) -> str | None:
+    return "Position by dead reckoning only" if view.dead_reckoning else None
+
+
 def _home(view: VehicleView) -> str | None:
     return None if view.home is not None else "Home position not set"
 
@@ -118,6 +124,7 @@ _CHECKS: Final[Mapping[Need, Callable[[VehicleView], str | None]]] = {
     Need.ATTITUDE: _attitude,
     Need.ALTITUDE: _altitude,
     Need.POSITION: _position,
+    Need.FIX: _fix,
     Need.HOME: _home,
     Need.MISSION: health_checks.mission_ready,
     Need.STICKS: _sticks,

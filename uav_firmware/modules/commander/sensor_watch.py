@@ -102,7 +102,8 @@ def healthy_bits(view: VehicleView, *, ready: bool) -> int:
     heading = estimate is not None and estimate.heading_valid
     height = estimate is not None and estimate.altitude_valid
     # A receiver that delivers and an estimate that was there and is not: the fault is between
-    lost = gps_good and view.home is not None and not view.position_valid
+    unaided = view.dead_reckoning or not view.position_valid
+    lost = gps_good and view.home is not None and unaided
     imu_good = ages.imu < IMU_STALE_S and view.imu_delivers
     # Without it nobody can tell how the vehicle moves, nor what its rotors do to it
     bits = _propulsion_bits(view.failure if imu_good or view.crashed else None)

@@ -96,6 +96,11 @@ class VehicleView(NamedTuple):
         return self.land is None or self.land.landed
 
     @property
+    def dead_reckoning(self) -> bool:
+        """Whether the position is reckoned from the last fix, by inertial sensors and drag."""
+        return self.position is not None and self.position.dead_reckoning
+
+    @property
     def position_valid(self) -> bool:
         """Whether position and velocity are observed on all axes."""
         estimate = self.position

@@ -25,6 +25,7 @@ from uav_firmware.modules.estimator.state import (
     POSITION,
     SIZE,
     VELOCITY,
+    WIND,
     NominalState,
 )
 from uav_firmware.modules.estimator.turned import Turned
@@ -32,6 +33,9 @@ from uav_firmware.msg.vectors import Vector3
 
 RESET_AFTER_S: Final = 5.0
 """When nothing has aided a quantity for so long, it is reset to the source that delivers."""
+
+START_WIND_SIGMA_M_S: Final = 5.0
+"""[m/s] One sigma of the wind before the drag in flight has shown it."""
 
 _HISTORY_SAMPLES: Final = 256  # One second at 250 Hz: a GPS that is later than that is useless
 _START_POSITION_SIGMA_M: Final = 10.0
@@ -120,6 +124,7 @@ def _noise(params: EstimatorParams, gps_height_sigma: float) -> Noise:
         gyro_bias_walk=params.gyro_bias_walk,
         baro_bias_walk=params.baro_walk if by_gps else 0.0,
         heading_bias_walk=params.heading_bias_walk,
+        wind_walk=params.wind_walk,
         gps_height_sigma=gps_height_sigma if by_gps else _FREE_GPS_HEIGHT_SIGMA_M,
         gps_height_time=2.0 * params.gps_height_time,  # Of what has changed since the origin
     )
@@ -135,5 +140,6 @@ def _initial_sigmas(alignment: TiltAlignment, params: EstimatorParams) -> Array:
     sigmas[GYRO_BIAS] = max(alignment.gyro_bias_sigma, 1e-4)
     sigmas[BARO_BIAS] = max(params.baro_noise, 1e-3)
     sigmas[GPS_HEIGHT_BIAS] = max(params.gps_position_noise, 1e-3)
+    sigmas[WIND] = START_WIND_SIGMA_M_S
     sigmas[HEADING_BIAS] = max(params.heading_bias_sigma, 1e-4)
     return sigmas

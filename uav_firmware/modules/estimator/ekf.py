@@ -5,7 +5,7 @@ sections 5 to 7, from which the equation numbers are.
 
 The nominal state is integrated at the rate of the inertial sensor, in plain floats. The
 covariance follows every COVARIANCE_STEPS samples with the impulse summed up in between: its
-entries change little in 16 ms, and a 18 by 18 product is the dearest thing here. Measurements
+entries change little in 16 ms, and a 20 by 20 product is the dearest thing here. Measurements
 are scalars, fused one after the other, so that nothing is ever inverted. Each call of numpy costs
 more than what it computes here; so they are few, and work in place.
 
@@ -31,6 +31,7 @@ from uav_firmware.modules.estimator.state import (
     POSITION,
     SIZE,
     VELOCITY,
+    WIND,
     NominalState,
     places,
 )
@@ -74,6 +75,7 @@ class Noise:
     heading_bias_walk: float  # [rad/sqrt(s)]
     gps_height_sigma: float  # [m] Slow error of GPS height, stationary, one sigma
     gps_height_time: float  # [s] Its correlation time
+    wind_walk: float = 0.0  # [m/s/sqrt(s)]
 
 
 class ErrorStateEkf:
@@ -201,6 +203,7 @@ class ErrorStateEkf:
             added[ACCEL_BIAS] = noise.accel_bias_walk**2 * elapsed
             added[GYRO_BIAS] = noise.gyro_bias_walk**2 * elapsed
             added[BARO_BIAS] = noise.baro_bias_walk**2 * elapsed
+            added[WIND] = noise.wind_walk**2 * elapsed
             added[HEADING_BIAS] = noise.heading_bias_walk**2 * elapsed
             added[GPS_HEIGHT_BIAS] = noise.gps_height_sigma**2 * (1.0 - self._kept(elapsed) ** 2)
         return added

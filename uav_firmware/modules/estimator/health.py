@@ -31,6 +31,7 @@ class Validity(NamedTuple):
     altitude: bool = False
     gps_rejected: bool = False
     accelerometer_bad: bool = False
+    dead_reckoning: bool = False
 
 
 def status_flags(validity: Validity) -> int:
@@ -49,7 +50,7 @@ def status_flags(validity: Validity) -> int:
     if validity.position:
         flags |= StatusFlag.POS_HORIZ_REL | StatusFlag.POS_HORIZ_ABS
         flags |= StatusFlag.PRED_POS_HORIZ_REL | StatusFlag.PRED_POS_HORIZ_ABS
-    elif validity.attitude:
+    elif validity.attitude and not validity.velocity:
         flags |= StatusFlag.CONST_POS_MODE
     if validity.altitude:
         flags |= StatusFlag.POS_VERT_ABS

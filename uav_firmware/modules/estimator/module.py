@@ -4,6 +4,7 @@ import math
 from typing import Final, TypeVar
 
 from uav_firmware.bus import Topic
+from uav_firmware.lib.drag import DragModel
 from uav_firmware.lib.rotation import yaw_of
 from uav_firmware.modules.estimator.core import Core
 from uav_firmware.modules.estimator.health import Validity, status_flags
@@ -21,8 +22,17 @@ from uav_firmware.parameters import Registry
 
 T = TypeVar("T")
 
+_DRAG_PARAMETERS: Final = ("EKF2_BCOEF_X", "EKF2_MCOEF")  # The commander's
 _GLOBAL_EVERY_US: Final = 20_000  # Validity and accuracy too: they change slowly
 _STATUS_EVERY_US: Final = 200_000
+
+
+def drag_of(registry: Registry) -> DragModel | None:
+    """Drag of the airframe; None where its coefficients are not declared, or both say none."""
+    if not set(_DRAG_PARAMETERS) <= set(registry.names()):
+        return None
+    ballistic, momentum = (float(registry.get(name)) for name in _DRAG_PARAMETERS)
+    return DragModel(ballistic, momentum)
 
 
 class EstimatorModule:
@@ -50,7 +60,7 @@ class EstimatorModule:
     ) -> None:
         self._registry = registry
         self._seen_version = registry.version
-        self.navigation = Navigation(registry.read(EstimatorParams))
+        self.navigation = Navigation(registry.read(EstimatorParams), drag_of(registry))
         self._imu, self._baro, self._mag, self._gps = imu, baro, mag, gps
         self._landed: Topic[LandDetected] = Topic() if landed is None else landed
         self._attitude = attitude
@@ -68,7 +78,7 @@ class EstimatorModule:
         """Take what is new on the topics and publish the estimate."""
         if self._registry.version != self._seen_version:
             self._seen_version = self._registry.version
-            self.navigation.configure(self._registry.read(EstimatorParams))
+            self.navigation.configure(self._registry.read(EstimatorParams), drag_of(self._registry))
         imu = self._new(0, self._imu)
         if imu is None:
             return
@@ -95,7 +105,7 @@ class EstimatorModule:
         self._aid_counts = counts
         landed = self._new(1, self._landed)
         if landed is not None:
-            navigation.take_landed(landed=landed.landed)
+            navigation.take_landed(landed=landed.landed, contact=landed.ground_contact)
         mag = self._new(2, self._mag)
         if mag is not None:
             navigation.take_mag(mag)
@@ -143,6 +153,7 @@ class EstimatorModule:
                 validity.velocity,
                 validity.heading,
                 core.reset_log.resets,
+                validity.dead_reckoning,
             )
         )
 

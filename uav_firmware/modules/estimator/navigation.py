@@ -6,16 +6,25 @@ optional and may come, go and come back at any time.
 
 import math
 
+from uav_firmware.lib.drag import DragModel
 from uav_firmware.modules.estimator.alignment import RestAverage
 from uav_firmware.modules.estimator.baro_aiding import BaroAiding
 from uav_firmware.modules.estimator.compass_aiding import CompassAiding
 from uav_firmware.modules.estimator.core import RESET_AFTER_S, Core
+from uav_firmware.modules.estimator.drag_aiding import DragAiding
 from uav_firmware.modules.estimator.gps_aiding import GpsAiding
 from uav_firmware.modules.estimator.health import Validity
 from uav_firmware.modules.estimator.imu_guard import ImuGuard
 from uav_firmware.modules.estimator.params import EstimatorParams, HeightReference
 from uav_firmware.modules.estimator.rest_aiding import RestAiding
-from uav_firmware.modules.estimator.state import ACCEL_BIAS, ATTITUDE, DOWN, GYRO_BIAS, HEADING
+from uav_firmware.modules.estimator.state import (
+    ACCEL_BIAS,
+    ATTITUDE,
+    DOWN,
+    GYRO_BIAS,
+    HEADING,
+    VELOCITY,
+)
 from uav_firmware.msg.estimate import AidSource
 from uav_firmware.msg.sensors import SensorBaro, SensorGps, SensorImu, SensorMag
 from uav_firmware.msg.vectors import Vector3
@@ -24,6 +33,8 @@ _LARGEST_TILT_SIGMA_RAD = 0.1
 _LARGEST_HEADING_SIGMA_RAD = 0.35
 _SCALE_ERROR = 0.01  # [1/s] Of the angle turned through of late, taken for a bias
 _AIDED_S = 1.0  # A velocity that was fused longer ago does not hold the position any more
+_RECKONING_S = 1.5  # Without a fix for longer, the estimate is dead reckoning
+_LARGEST_SPEED_M_S = 1.5  # One sigma of a velocity that can be controlled
 _LARGEST_DRIFT_M = 5.0  # One sigma; PX4's COM_POS_FS_EPH
 _CERTAIN = 3.0  # [SD] By which a bias must be beyond its limit, as in PX4's check
 _BROKEN_GYRO_LIMIT = 2.0  # [-] Of EKF2_GYR_B_LIM; a bias up to there is followed, to land with
@@ -33,13 +44,14 @@ _BROKEN_ACCEL_LIMIT_M_S2 = 8.0  # Likewise, once a jump has been suspected
 class Navigation:
     """Alignment, then the filter with its four kinds of aid."""
 
-    def __init__(self, params: EstimatorParams) -> None:
+    def __init__(self, params: EstimatorParams, drag: DragModel | None = None) -> None:
         self.core: Core | None = None  # None until aligned
         self.guard = ImuGuard()
         self.gps = GpsAiding(params)
         self.baro = BaroAiding(params)
         self.compass = CompassAiding(params)
         self.rest = RestAiding()
+        self.drag = DragAiding(drag)
         self.rate_frd: Vector3 = (0.0, 0.0, 0.0)  # [rad/s] Of the last good sample, bias removed
         self._params = params
         self._average = RestAverage()
@@ -48,9 +60,10 @@ class Navigation:
         self.gyro_broken = False
         self.accel_broken = False
 
-    def configure(self, params: EstimatorParams) -> None:
+    def configure(self, params: EstimatorParams, drag: DragModel | None = None) -> None:
         """Work with changed parameters from now on."""
         self._params = params
+        self.drag.drag = drag
         self.gps.configure(params)
         self.baro.configure(params)
         self.compass.configure(params)
@@ -68,6 +81,7 @@ class Navigation:
             self._align(SensorImu(imu.time_us, rate, force))
             return self.core is not None
         core.step(imu.time_us, rate, force, dt)
+        self.drag.take(core, force, self._params)
         bias = core.state.gyro_bias_frd
         self.rate_frd = (rate[0] - bias[0], rate[1] - bias[1], rate[2] - bias[2])
         return True
@@ -99,9 +113,10 @@ class Navigation:
         if self.core is not None:
             self.compass.take(self.core, mag)
 
-    def take_landed(self, *, landed: bool) -> None:
-        """Hear from the land detector."""
+    def take_landed(self, *, landed: bool, contact: bool = False) -> None:
+        """Take what the land detector says: whether it stands, and whether something carries it."""
         self._on_ground = landed
+        self.drag.carried = contact
         if self.core is not None:
             self.core.on_ground = landed
 
@@ -113,7 +128,7 @@ class Navigation:
         validity = self.validity()
         self.rest.take(
             core,
-            horizontal_lost=not validity.position,
+            horizontal_lost=not (validity.position or validity.velocity),
             height_lost=not validity.altitude,
         )
         core.state.limit_biases(
@@ -190,6 +205,10 @@ class Navigation:
         altitude = located and (
             height_s <= limit_s or (steady and ekf.sigma(DOWN) < _LARGEST_DRIFT_M)
         )
+        # The drag holds the velocity as well as the wind is known; without it the tilt does not
+        slow = max(ekf.sigma(VELOCITY.start), ekf.sigma(VELOCITY.start + 1)) < _LARGEST_SPEED_M_S
+        dragged = self.drag.force.age_s(now_us) <= _AIDED_S and slow
+        velocity = located and (moving_s <= limit_s or dragged)
         upright = (
             ekf.sigma(ATTITUDE.start) < _LARGEST_TILT_SIGMA_RAD
             and ekf.sigma(ATTITUDE.start + 1) < _LARGEST_TILT_SIGMA_RAD
@@ -198,11 +217,12 @@ class Navigation:
         return Validity(
             healthy and upright,
             healthy and turned,
-            located and moving_s <= limit_s,
+            velocity,
             position,
             altitude,
             any(
                 aid.rejecting for aid in (self.gps.horizontal, self.gps.velocity, self.gps.vertical)
             ),
             self.accel_broken or not self.guard.healthy,
+            located and min(moving_s, position_s) > _RECKONING_S,
         )

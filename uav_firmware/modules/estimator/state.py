@@ -22,7 +22,8 @@ GYRO_BIAS: Final = slice(12, 15)  # [rad/s] FRD
 BARO_BIAS: Final = 15  # [m] Barometric height above origin, minus true height
 HEADING_BIAS: Final = 16  # [rad] Heading by compass minus true heading
 GPS_HEIGHT_BIAS: Final = 17  # [m] Height by GPS above origin, minus true height
-SIZE: Final = 18
+WIND: Final = slice(18, 20)  # [m/s] North, east: where the air goes to
+SIZE: Final = 20
 
 DOWN: Final = 2
 HEADING: Final = 8
@@ -49,6 +50,7 @@ class NominalState:
         "position_ned",
         "q_ned_frd",
         "velocity_ned",
+        "wind_ne",
     )
 
     def __init__(self, q_ned_frd: Quaternion = IDENTITY) -> None:
@@ -60,10 +62,12 @@ class NominalState:
         self.baro_bias_m = 0.0
         self.gps_height_bias_m = 0.0
         self.heading_bias = 0.0
+        self.wind_ne = (0.0, 0.0)
 
     def inject(self, error: Sequence[float]) -> None:
         """Add an estimated error (Sola 2017, section 6.2, attitude as in section 7)."""
-        px, py, pz, vx, vy, vz, rx, ry, rz, ax, ay, az, gx, gy, gz, baro, heading, gps = error
+        px, py, pz, vx, vy, vz, rx, ry, rz, ax, ay, az, gx, gy, gz, baro, heading, gps = error[:18]
+        wind_north, wind_east = error[WIND]
         x, y, z = self.position_ned
         self.position_ned = (x + px, y + py, z + pz)
         x, y, z = self.velocity_ned
@@ -75,6 +79,8 @@ class NominalState:
         self.baro_bias_m += baro
         self.heading_bias += heading
         self.gps_height_bias_m += gps
+        north, east = self.wind_ne
+        self.wind_ne = (north + wind_north, east + wind_east)
         half = (1.0, 0.5 * rx, 0.5 * ry, 0.5 * rz)
         self.q_ned_frd = normalise(multiply(half, self.q_ned_frd))
 
@@ -100,6 +106,7 @@ class NominalState:
             self.baro_bias_m,
             self.heading_bias,
             self.gps_height_bias_m,
+            *self.wind_ne,
         )
         return math.isfinite(sum(numbers))
 

@@ -83,14 +83,19 @@ class LandDetectorModule:
             self._ground_down - position.position_ned[2],
             self._led_down(position, now_us),
         )
-        self._note_times(seen, now_us)
+        self._note_times(seen, now_us, reckoned=position.dead_reckoning)
         for event in self._events(seen, status, now_us):
             self._state = next_state(self._state, event)
         self._publish(now_us, status)
 
-    def _note_times(self, seen: Observation, now_us: int) -> None:
-        """Remember since when each sign has held."""
+    def _note_times(self, seen: Observation, now_us: int, *, reckoned: bool) -> None:
+        """Remember since when each sign has held.
+
+        A velocity that is reckoned by drag shows a wind to a vehicle that stands: it is no sign.
+        """
         limits = self._limits._replace(thrust=self._low_thrust)
+        if reckoned:
+            limits = limits._replace(horizontal_speed=math.inf)
         if not touches_ground(seen, limits):
             self._touching_since_us = None
         elif self._touching_since_us is None:

@@ -21,7 +21,7 @@ from uav_firmware.msg.estimate import WindEstimate
 from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.geofence import FenceAction, FenceBreach, GeofenceStatus
 from uav_firmware.msg.setpoints import TrajectorySetpoint
-from uav_firmware.msg.status import Command, NavigationState, StorageStatus
+from uav_firmware.msg.status import Command, CommandResult, NavigationState, StorageStatus
 from uav_firmware.parameters import Registry
 
 State = NavigationState
@@ -422,9 +422,7 @@ def test_a_storage_that_fills_up_is_told_and_the_mission_goes_on(
     assert vehicle.armed
 
 
-@pytest.mark.parametrize(
-    ("sensor", "sentence"), [("gps", "GPS lost"), ("mag", "Compass"), ("baro", "Barometer")]
-)
+@pytest.mark.parametrize(("sensor", "sentence"), [("mag", "Compass"), ("baro", "Barometer")])
 def test_a_sensor_that_falls_silent_is_told_and_the_mission_goes_on(
     sensor: str, sentence: str
 ) -> None:
@@ -433,6 +431,26 @@ def test_a_sensor_that_falls_silent_is_told_and_the_mission_goes_on(
     vehicle.run(3.0)
     assert any(sentence in text for text in vehicle.texts)
     assert vehicle.mode is MISSION
+
+
+def test_without_gps_it_holds_and_goes_on_when_the_fix_is_back_in_time() -> None:
+    vehicle = on_mission(COM_FAIL_ACT_T=5.0)
+    vehicle.fix_type = 1
+    vehicle.run(3.0)
+    assert vehicle.mode is State.AUTO_LOITER
+    vehicle.fix_type = 3
+    vehicle.run(1.0)
+    assert vehicle.mode is MISSION
+
+
+def test_without_gps_it_lands_and_no_mode_that_leads_elsewhere_can_be_chosen() -> None:
+    vehicle = on_mission(COM_FAIL_ACT_T=5.0)
+    vehicle.fix_type, vehicle.dead_reckoning = 1, True
+    vehicle.run(2.0)
+    for command in (Command.NAV_RETURN_TO_LAUNCH, Command.MISSION_START):
+        assert vehicle.send(command) == CommandResult.TEMPORARILY_REJECTED
+    vehicle.run(4.0)
+    assert vehicle.mode is State.AUTO_LAND
 
 
 def lose_attitude(vehicle: ToyVehicle) -> None:

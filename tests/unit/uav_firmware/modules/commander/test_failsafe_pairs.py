@@ -18,7 +18,7 @@ from uav_firmware.modules.commander.failsafe_params import FailsafeParams
 from uav_firmware.modules.commander.vehicle_view import SensorAges, VehicleView
 from uav_firmware.msg.battery import BatteryStatus
 from uav_firmware.msg.control_mode import ManualControlSetpoint
-from uav_firmware.msg.estimate import EstimatorStatus, WindEstimate
+from uav_firmware.msg.estimate import AidSource, EstimatorStatus, WindEstimate
 from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.geofence import FenceAction, FenceBreach, GeofenceStatus
 from uav_firmware.msg.mission import MissionProgress
@@ -137,6 +137,10 @@ RAISE: Final[Mapping[Cause, Callable[[VehicleView], VehicleView]]] = {
     Cause.BATTERY_CRITICAL: _battery(0.065),
     Cause.BATTERY_EMERGENCY: _battery(0.04),
     Cause.GPS_LOST: lambda view: _aged(view, gps=100.0),
+    Cause.GPS_POSITION_STOPPED: _estimator(stopped=AidSource.GPS_POSITION),
+    Cause.GPS_VELOCITY_STOPPED: _estimator(stopped=AidSource.GPS_VELOCITY),
+    Cause.GPS_HEIGHT_STOPPED: _estimator(stopped=AidSource.GPS_HEIGHT),
+    Cause.BAROMETER_STOPPED: _estimator(stopped=AidSource.BAROMETER),
     Cause.COMPASS_LOST: lambda view: _aged(view, mag=100.0),
     Cause.BAROMETER_LOST: lambda view: _aged(view, baro=100.0),
     Cause.POSITION_LOST: _unestimated(position_valid=False),

@@ -1,0 +1,73 @@
+"""Drag tells airspeed: its model against one written down here, its Jacobian by differences."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from uav_firmware.lib.drag import DragModel
+from uav_firmware.lib.rotation import from_euler
+from uav_firmware.modules.estimator.fuse_drag import Air, drag_measurements
+from uav_firmware.modules.estimator.state import SIZE, WIND, NominalState
+
+AIR = Air(DragModel(87.0, 0.295), 1.15)
+BALLISTIC_ONLY = Air(DragModel(87.0, 0.0), 1.15)
+STEP = 1e-5
+
+speed = st.floats(-12.0, 12.0)
+tilt = st.floats(-0.6, 0.6)
+
+
+def state_of(
+    velocity: tuple[float, float, float], wind: tuple[float, float], euler: tuple[float, ...]
+) -> NominalState:
+    roll, pitch, yaw = euler
+    state = NominalState(from_euler(roll, pitch, yaw))
+    state.velocity_ned, state.wind_ne = velocity, wind
+    return state
+
+
+def test_a_vehicle_that_goes_with_the_wind_feels_its_bias_alone() -> None:
+    state = state_of((6.0, -2.0, 0.0), (6.0, -2.0), (0.1, 0.2, 1.0))
+    state.accel_bias_frd = (0.05, -0.03, 0.2)
+    x, y = drag_measurements(state, (0.05, -0.03), AIR, 1.0)
+    assert (x.innovation, y.innovation) == pytest.approx((0.0, 0.0), abs=1e-12)
+
+
+def test_a_level_flight_to_the_nose_is_braked_by_both_terms() -> None:
+    state = state_of((0.0, 6.0, 0.0), (0.0, 2.0), (0.0, 0.0, math.pi / 2.0))
+    felt = -(0.295 * math.sqrt(1.15 / 1.225) * 4.0 + 0.5 * 1.15 / 87.0 * 4.0**2)
+    x, y = drag_measurements(state, (felt, 0.0), AIR, 1.0)
+    assert (x.innovation, y.innovation) == pytest.approx((0.0, 0.0), abs=1e-9)
+
+
+@given(st.tuples(speed, speed, speed), st.tuples(speed, speed), st.tuples(tilt, tilt, tilt))
+def test_the_jacobian_is_the_slope_at_a_fixed_drag_factor(
+    velocity: tuple[float, float, float],
+    wind: tuple[float, float],
+    euler: tuple[float, float, float],
+) -> None:
+    relative = math.hypot(velocity[0] - wind[0], velocity[1] - wind[1], velocity[2])
+    factor = AIR.drag.drag_m_s2(max(relative, 0.01), 1.15) / max(relative, 0.01)
+    linear = Air(DragModel(1e9, factor / math.sqrt(1.15 / 1.225)), 1.15)  # The factor, frozen
+    group = drag_measurements(state_of(velocity, wind, euler), (0.0, 0.0), AIR, 1.0)
+    for column in range(SIZE):
+        expected = []
+        for sign in (1.0, -1.0):
+            state = state_of(velocity, wind, euler)
+            error = np.zeros(SIZE)
+            error[column] = sign * STEP
+            state.inject(error.tolist())
+            moved = drag_measurements(state, (0.0, 0.0), linear, 1.0)
+            expected.append([-m.innovation for m in moved])
+        slopes = (np.array(expected[0]) - np.array(expected[1])) / (2.0 * STEP)
+        assert [m.jacobian[column] for m in group] == pytest.approx(slopes.tolist(), abs=2e-4)
+
+
+def test_without_momentum_drag_a_still_vehicle_says_nothing_of_the_wind() -> None:
+    x, _ = drag_measurements(
+        state_of((0.0, 0.0, 0.0), (0.0, 0.0), (0.0, 0.0, 0.0)), (0.0, 0.0), BALLISTIC_ONLY, 1.0
+    )
+    assert abs(x.jacobian[WIND.start]) < 1e-3
