@@ -55,6 +55,7 @@ class FlightAttachment(FlightPreparation):
     def _step_attaching(self, now: float, effects: Effects) -> None:
         if self._activity is not None:
             return
+        self._believe_notes(now, effects)
         if self._heard_at is None and self._vehicle.is_heard(now):
             self._heard_at = now
         attachment = readiness.attachment(
@@ -69,6 +70,29 @@ class FlightAttachment(FlightPreparation):
                 self._move(Event.NOT_STARTED, now, effects)
             case Attachment.COMPARE if not self._flies_another:
                 self._attach(now, effects)
+
+    def _believe_notes(self, now: float, effects: Effects) -> None:
+        """Learn from the journal what the edge server was not told before the broker died.
+
+        Whatever lies before a stage that was begun has ended, and the stage itself may have been
+        flown: its name was written down before the vehicle was ordered to begin it.
+        """
+        live = self._vehicle.live
+        noted = {self._vehicle.started, None if live is None else live.name} - {None}
+        indices = [i for i in range(len(self.ledger.commands)) if self.ledger.name_of(i) in noted]
+        newest = max(indices, default=-1)
+        begun = live is None or self.ledger.name_of(newest) != live.name or live.is_agreed
+        if newest < 0 or self.ledger.status.is_terminal or newest < self.ledger.finished:
+            return
+        changes = self.ledger.set_mission(Status.RUNNING)
+        for index in range(self.ledger.finished, newest):
+            if not self.ledger.commands[index].is_terminal:
+                changes |= self.ledger.set_command(index, Status.FINISHED)
+                effects.for_edge += self._reporter.results(self.ledger.name_of(index), now)
+        if begun and self.ledger.commands[newest] is Status.NOT_STARTED:
+            changes |= self.ledger.set_command(newest, Status.RUNNING)
+        if changes:
+            effects.for_edge.append(self._reporter.mission(self.ledger))
 
     def _attach(self, now: float, effects: Effects) -> None:
         """Find the stage that was being flown; a live command shows in the vehicle's mode."""

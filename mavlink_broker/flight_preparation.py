@@ -175,7 +175,8 @@ class FlightPreparation(FlightCore):
     def _enter_starting(self, now: float, effects: Effects) -> None:
         """Write down that the stage runs before the vehicle is told to start it.
 
-        A broker that is killed meanwhile would not know that it may have been flown.
+        A broker that is killed meanwhile would not know that it may have been flown: its report
+        may still be waiting for the edge server.
         """
         self._told_to_start = True
         hover.end(self._vehicle)
@@ -183,6 +184,12 @@ class FlightPreparation(FlightCore):
         self.ledger.set_command(self._plan.first_command, Status.RUNNING)
         effects.for_edge.append(self._reporter.mission(self.ledger))
         self._was_in_mission_mode = self._vehicle.mode_role is ModeRole.MISSION
+        self._vehicle.started = self.ledger.name_of(self._plan.first_command)
+        self._start_when_noted(now, effects)
+
+    def _start_when_noted(self, now: float, effects: Effects) -> None:
+        if not self._vehicle.is_noted:
+            return
         self._start_again_at = now + START_AGAIN_AFTER_S
         ways = self._vehicle.family.starting
         self._start(activities.commands(ways, self._vehicle), now, effects)
@@ -267,6 +274,9 @@ class FlightPreparation(FlightCore):
 
         A mode that it has taken since it was told to start tells as much as its answer.
         """
+        if self._activity is None:
+            self._start_when_noted(now, effects)
+            return
         vehicle, accepted_at = self._vehicle, self._accepted_at
         flies = bool(vehicle.snapshot.armed) and vehicle.mode_role is ModeRole.MISSION
         if flies and (accepted_at is not None or not self._was_in_mission_mode):

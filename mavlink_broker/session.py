@@ -98,7 +98,7 @@ class Session:
         self.vehicle.recall(memo)
         self._failed = memo.homeward
         if self._flight is not None and not self._flight.work.was_accepted:
-            self.vehicle.live = None
+            self.vehicle.live = self.vehicle.started = None
         if memo.abort is not None:
             self._events.recall_abort(memo.abort)
         if memo.homeward is None:
@@ -362,7 +362,7 @@ class Session:
         if self._flight is None and not may_be_needed:
             vehicle.parameters.want(())
         if self._flight is None and vehicle.snapshot.is_on_ground:
-            vehicle.live = None
+            vehicle.live = vehicle.started = None
         return vehicle.parameters.tick(
             now,
             vehicle.route,
@@ -427,7 +427,8 @@ class Session:
                 accepted = Acknowledgement(self._flight.work.work_id, "accepted")
                 effects.for_edge.append(accepted)
             if not resumed:
-                self.vehicle.live = None  # It may have the name of one that was flown before
+                # They may have the names of what was flown before
+                self.vehicle.live = self.vehicle.started = None
             self._flight.begin(now, effects, hovering=self.vehicle.hovers, resumed=resumed)
         elif flight.is_expired(now):
             self._waiting.popleft().abort("expired before take-off", effects)
@@ -440,7 +441,7 @@ class Session:
     def _close_flight(self) -> None:
         if self._flight is not None and self._flight.state is State.IDLE:
             self._note_hover(hovers=self._flight.leaves_hovering)
-            self.vehicle.homeward = self.vehicle.live = None
+            self.vehicle.homeward = self.vehicle.live = self.vehicle.started = None
             if self._flight.has_failed_in_flight:
                 self._landing_of = self._flight.work.name
             self._flight = None

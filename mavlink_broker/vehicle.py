@@ -69,6 +69,7 @@ class Vehicle:
     homeward: Homeward | None = None  # It is to go home, and has not obeyed yet
     abort: AbortNote | None = None  # It was accepted, and the vehicle has not obeyed yet
     live: LiveNote | None = None  # The live command that it was told last
+    started: str | None = None  # First command of the items that it was ordered to fly last
     is_taken: bool = False  # Somebody else has taken it from a mission; until it is disarmed
     _tells_manual: bool = False  # Its heartbeats tell by standard bits who steers it
     _heard_at: dict[str, float] = field(default_factory=dict)
@@ -120,6 +121,7 @@ class Vehicle:
             homeward=self.homeward,
             abort=self.abort,
             live=self.live,
+            started=self.started,
         )
 
     def recall(self, memo: Memo) -> None:
@@ -128,12 +130,12 @@ class Vehicle:
         self.loan.plans, self.loan.values = dict(both.plans), dict(both.values)
         self.parameters.recall(both.borrowed)
         self.hover, self.homeward, self.live = both.hover, both.homeward, both.live
-        self.abort = both.abort
+        self.abort, self.started = both.abort, both.started
 
     def forget(self) -> None:
         """Start anew with what is noted: it is another vehicle."""
         self.loan, self.parameters = Loan(), ParameterKeeper()
-        self.hover = self.homeward = self.abort = self.live = None
+        self.hover = self.homeward = self.abort = self.live = self.started = None
         self.hovers = False
 
     @property

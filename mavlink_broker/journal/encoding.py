@@ -107,6 +107,7 @@ class _Page(_Row):
     homeward: _Homeward | None = None
     abort: _Abort | None = None
     live: _Live | None = None
+    started: _Text | None = None
 
 
 def encode(owner: Owner, memo: Memo) -> bytes:
@@ -127,6 +128,7 @@ def encode(owner: Owner, memo: Memo) -> bytes:
             homeward=_if_any(_homeward, memo.homeward),
             abort=_if_any(_abort, memo.abort),
             live=_if_any(_live, memo.live),
+            started=memo.started,
         )
     except ValidationError as error:
         raise PageError(_first(error)) from error
@@ -168,6 +170,7 @@ def _memo(page: _Page) -> Memo:
         homeward=_if_any(_read_homeward, page.homeward),
         abort=_if_any(_read_abort, page.abort),
         live=_if_any(_read_live, page.live),
+        started=page.started,
     )
 
 

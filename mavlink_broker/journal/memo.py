@@ -74,6 +74,7 @@ class Memo:
     homeward: Homeward | None = None
     abort: AbortNote | None = None
     live: LiveNote | None = None
+    started: str | None = None  # First command of the items that it was ordered to fly last
 
 
 NOTHING: Final = Memo()
@@ -97,6 +98,7 @@ def merged(earlier: Memo, later: Memo) -> Memo:
         homeward=later.homeward or earlier.homeward,
         abort=later.abort or earlier.abort,
         live=later.live or earlier.live,
+        started=later.started or earlier.started,
     )
 
 

@@ -28,6 +28,7 @@ class FakeEdge:
         self._new: list[dict[str, Any]] = []
         self._verdicts: list[Verdict] = []
         self.dead_letters: dict[int, int] = {}  # By vehicle
+        self.is_stalled = False  # Takes nothing; what is posted is lost if the broker dies
         self.answers_acceptances = True  # It may be slow, or away for the moment
 
     # What tests do.
@@ -140,6 +141,8 @@ class FakeEdge:
 
     def post(self, post: Post) -> None:
         """Take a post; it is answered at once."""
+        if self.is_stalled:
+            return
         self.posts.append(post)
         if post.path.endswith("/ack"):
             self._acknowledged(int(post.path.split("/")[3]), post.body["status"])

@@ -1,5 +1,6 @@
 """A broker that is killed goes on with a live command where it was; simulated time."""
 
+import dataclasses
 import math
 from pathlib import Path
 from typing import Any
@@ -8,9 +9,10 @@ import pytest
 
 from afarcloud.enumerations import Status
 from mavlink_broker.dialect import mavlink
-from tests.support.broker_world import World, go_home, mission, takeoff
+from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
 from tests.support.scripted_vehicle import (
     PX4,
+    PX4_FOLLOW,
     PX4_HOLD,
     Script,
 )
@@ -164,3 +166,56 @@ def test_the_same_plan_once_more_is_flown_from_its_beginning(tmp_path: Path) -> 
     again.run_until(lambda: is_running(again))
     again.run(35.0)
     assert is_running(again)
+
+
+class TestAStalledEdgeServer:
+    """Reports wait in memory; the broker dies with them. The journal knows the stage."""
+
+    @pytest.mark.parametrize("after_s", [0.0, 0.15, 3.0])
+    def test_a_circle_that_has_ended_is_not_resumed(self, tmp_path: Path, after_s: float) -> None:
+        slow = dataclasses.replace(OWN, item_time_s=6.0)
+        world = begun(tmp_path, hotpoint(radius=10.0, start_point=4), waypoint(3), script=slow)
+        vehicle = world.only_vehicle
+        world.run_until(lambda: is_running(world))
+        world.edge.is_stalled = True
+        world.run_until(lambda: vehicle.uploads == 2 and vehicle.in_mission)
+        world.run(after_s)
+        world.kill_broker()
+        world.edge.is_stalled = False
+        world.run(2.0)
+        world.restart_broker()
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == [Status.FINISHED] * 4
+        assert vehicle.uploads == 2
+        assert vehicle.commands.count(ORBIT) == 1
+
+    def test_a_mission_that_was_over_meanwhile_is_not_flown_twice(self, tmp_path: Path) -> None:
+        world = begun(tmp_path, waypoint(2), script=OWN)
+        vehicle = world.only_vehicle
+        world.run_until(lambda: world.app.sessions.get(1) and bool(world.edge.acknowledgements(1)))
+        world.edge.is_stalled = True
+        world.run_until(lambda: vehicle.airborne)
+        world.kill_broker()
+        world.edge.is_stalled = False
+        world.run_until(lambda: not vehicle.armed)
+        world.run(5.0)
+        world.restart_broker()
+        world.run_until_over(1201)
+        assert world.edge.status(1201) == Status.FINISHED
+        assert vehicle.uploads == 1
+
+    def test_two_live_commands_one_behind_the_other(self, tmp_path: Path) -> None:
+        world = begun(tmp_path, hotpoint(2, radius=10.0, start_point=4), follow(3), script=OWN)
+        vehicle = world.only_vehicle
+        world.run_until(lambda: is_running(world))
+        world.edge.is_stalled = True
+        world.run_until(lambda: vehicle.custom_mode == PX4_FOLLOW)
+        world.run(0.15)
+        world.kill_broker()
+        world.edge.is_stalled = False
+        world.run(2.0)
+        world.restart_broker()
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == [Status.FINISHED] * 4
+        assert vehicle.commands.count(ORBIT) == 1
+        assert vehicle.commands.count(mavlink.MAV_CMD_DO_FOLLOW) == 1

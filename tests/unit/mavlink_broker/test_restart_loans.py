@@ -178,12 +178,16 @@ def test_an_operators_fence_that_is_the_plans_own_stays(tmp_path: Path) -> None:
     assert vehicle.fence == operators
 
 
-def test_without_anything_borrowed_nothing_is_written(tmp_path: Path) -> None:
+def test_nothing_is_written_before_a_start_and_nothing_is_left_behind_a_mission(
+    tmp_path: Path,
+) -> None:
     world = World(journal=tmp_path)
     world.add_vehicle()
     world.edge.plan(first_flight())
-    world.run_until(lambda: any(s.state is State.RUNNING for s in world.app.sessions.values()))
+    world.run_until(lambda: any(s.state is State.ARMING for s in world.app.sessions.values()))
     assert list(tmp_path.iterdir()) == []
+    world.run_until_over(1201)
+    world.run_until(lambda: not list(tmp_path.iterdir()))
 
 
 def test_a_vehicle_that_tells_its_number_late_keeps_its_page(tmp_path: Path) -> None:

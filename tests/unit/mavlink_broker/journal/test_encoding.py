@@ -56,6 +56,7 @@ MEMOS = st.builds(
         point=st.none() | POSES,
         noted_s=st.none() | NUMBERS,
     ),
+    started=st.none() | TEXTS,
     live=st.none()
     | st.builds(
         LiveNote,
