@@ -39,6 +39,7 @@ SLOW_SOCKETS: Final = 300
 DISK_MIB: Final = 96
 ANSWER_LIMIT_S: Final = 10.0
 SETTLE_S: Final = 900.0
+LANDED_S: Final = 300.0
 TOUCHDOWN_LIMIT_M_S: Final = 1.0
 STANDING_M: Final = 0.3
 """Height above home below which a vehicle touches the ground."""
@@ -225,7 +226,7 @@ def run(folder: Path, vehicles: int, minutes: float, seed: int, say: Callable[[s
         faults.stop()
         proxy.share_off()
         slow.__exit__()
-        broken = _settle(farm)
+        broken = _settle(farm, pilots)
         _report(farm.record, proxy.counts + slow.counts, pilots, say)
         broken += _judge(farm, pilots)
     assert not broken, "\n".join(broken)
@@ -252,7 +253,7 @@ def _measure(farm: Farm) -> None:
             farm.record.largest_mb[name] = max(farm.record.largest_mb[name], size_mb)
 
 
-def _settle(farm: Farm) -> list[str]:
+def _settle(farm: Farm, pilots: Pilots) -> list[str]:
     """Wait, without faults, until nothing is under way; gives what never ended."""
     broken = []
     for plan_id in sorted(set(farm.record.missions.values())):
@@ -264,6 +265,10 @@ def _settle(farm: Farm) -> list[str]:
         farm.system.wait_until_delivered()
     except AssertionError as error:
         broken.append(f"records stay on the farm: {error}")
+    try:
+        wait_for(lambda: not pilots.armed(), "every vehicle to stand disarmed", LANDED_S)
+    except AssertionError:
+        broken += [f"never disarmed: {pilots.describe(number)}" for number in pilots.armed()]
     return broken
 
 
@@ -289,7 +294,6 @@ def _judge(farm: Farm, pilots: Pilots) -> list[str]:
             broken.append(f"{name} took {farm.record.largest_mb[name]:.0f} MB")
     for number in system.settings.started_ids:
         broken += _judge_track(number, system.state_dir / f"vehicle-{number}" / "truth.csv")
-    broken += [f"vehicle {number} is still armed" for number in sorted(pilots.armed())]
     return broken
 
 

@@ -7,7 +7,8 @@ change it. He centres the sticks (the vehicle hovers), and at the end orders a r
 import socket
 import threading
 import time
-from dataclasses import dataclass
+from collections import deque
+from dataclasses import dataclass, field
 from random import Random
 from typing import Final, Self
 
@@ -29,6 +30,8 @@ class _Seen:
 
     address: tuple[str, int]
     main_mode: int = 0
+    sub_mode: int = 0
+    texts: deque[str] = field(default_factory=lambda: deque(maxlen=5))
     armed: bool = False
     height_m: float = 0.0
     at_s: float = 0.0
@@ -91,6 +94,16 @@ class Pilots:
         with self._lock:
             return {system for system, seen in self._seen.items() if seen.armed}
 
+    def describe(self, system: int) -> str:
+        """What was last received of a vehicle."""
+        with self._lock:
+            seen = self._seen[system]
+            age_s = time.monotonic() - seen.at_s
+            return (
+                f"vehicle {system}, PX4 mode {seen.main_mode}.{seen.sub_mode}, "
+                f"{seen.height_m:.1f} m above home, {age_s:.0f} s ago; {'; '.join(seen.texts)}"
+            )
+
     def _run(self) -> None:
         heartbeat_s = sticks_s = 0.0
         while not self._ended.is_set():
@@ -119,10 +132,13 @@ class Pilots:
         system = message.get_srcSystem()
         seen = self._seen.setdefault(system, _Seen(address))
         seen.address, seen.at_s = address, time.monotonic()
+        if message.get_type() == "STATUSTEXT":
+            seen.texts.append(message.text)
         if message.get_type() == "GLOBAL_POSITION_INT":
             seen.height_m = message.relative_alt * 1e-3
         if message.get_type() == "HEARTBEAT" and message.get_srcComponent() == 1:
             seen.main_mode = message.custom_mode >> 16 & 0xFF
+            seen.sub_mode = message.custom_mode >> 24 & 0xFF
             seen.armed = bool(message.base_mode & _ARMED)
             self._watch(system, seen)
 
