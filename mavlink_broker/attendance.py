@@ -29,8 +29,10 @@ _COMPLAINTS: Final = ("no connection to the ground contro", "no connection to th
 class Attendance:
     """Our heartbeats for one vehicle."""
 
-    def __init__(self, vehicle: Vehicle) -> None:
+    def __init__(self, vehicle: Vehicle, *, observes: bool = False) -> None:
+        """Greet a vehicle; an observer is never its ground station, for it soon goes away."""
         self._vehicle = vehicle
+        self._observes = observes
         self._heartbeat = OwnHeartbeat()
         self._link_loss: ParameterRead | None = None
         self._patience: ParameterRead | None = None
@@ -73,6 +75,8 @@ class Attendance:
         kind = (
             mavlink.MAV_TYPE_GCS if self.is_ground_station else mavlink.MAV_TYPE_ONBOARD_CONTROLLER
         )
+        if self._observes:
+            return self._heartbeat.tick(now)
         if not self._vehicle.is_identified:
             return self._heartbeat.tick(now, kind)
         family = self._vehicle.family

@@ -84,7 +84,8 @@ class CaptureJudge:
 
     def _is_new(self, message: Message) -> bool:
         """Whether a picture was taken since the order, by the vehicle's clock."""
-        return self._began_s is not None and message.time_boot_ms * 1e-3 >= self._began_s
+        taken_s = self._vehicle.snapshot.since_boot_s(message.time_boot_ms)
+        return self._began_s is not None and taken_s >= self._began_s
 
     def _is_asked_for(self, message: Message) -> bool:
         cameras = self._vehicle.cameras or {mavlink.MAV_COMP_ID_CAMERA}

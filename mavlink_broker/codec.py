@@ -22,6 +22,10 @@ _MAX_FAULTS_PER_DATAGRAM: Final = 16
 """So that a datagram full of frames' first bytes cannot keep the broker busy."""
 
 
+SOURCES_KEPT: Final = 256
+"""Senders per correspondent whose frames are counted."""
+
+
 class Encoder:
     """Frames messages for one peer, with a sequence counter of its own."""
 
@@ -95,6 +99,8 @@ class Decoder:
 
     def _count(self, message: Message) -> None:
         source, sequence = source_of(message), message.get_seq()
+        if source not in self._expected and len(self._expected) >= SOURCES_KEPT:
+            self._expected.clear()  # Somebody counts through all numbers
         gap = (sequence - self._expected.get(source, sequence)) % _SEQUENCES
         self.received += 1
         if gap < _SEQUENCES // 2:  # Beyond half a turn it is a late or repeated frame

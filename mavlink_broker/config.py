@@ -49,6 +49,7 @@ class Config:
     follow_targets: Mapping[int, int | Path] = field(default_factory=dict)
     """Per vehicle whom it follows: another vehicle, or the way in a file."""
     log_level: str = "INFO"
+    observes: bool = False  # It looks at vehicles and changes nothing about them
     traffic: TrafficSettings = field(default_factory=TrafficSettings)
 
     @property

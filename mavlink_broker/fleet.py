@@ -10,7 +10,7 @@ from mavlink_broker.config import Config
 from mavlink_broker.dialect import Message, Source, source_of
 from mavlink_broker.effects import ForEdge
 from mavlink_broker.leads import read_leads
-from mavlink_broker.protocol.heartbeat import is_vehicle
+from mavlink_broker.protocol.heartbeat import is_elected, is_vehicle
 from mavlink_broker.protocol.route import Route
 from mavlink_broker.session import Session
 from mavlink_broker.vehicle import Vehicle
@@ -77,8 +77,10 @@ class Fleet:
         if vehicle_id is None:
             return
         peer = self.enlist(source.system, vehicle_id)
-        if peer.component is None:
-            _LOG.info("vehicle %d is heard", vehicle_id)
+        if is_elected(source.component, peer.component):
+            _LOG.info("vehicle %d is heard, component %d", vehicle_id, source.component)
+            if peer.component is not None:
+                peer.session.change_autopilot()
             peer.component = source.component
             route = peer.session.vehicle.route
             peer.session.vehicle.route = route._replace(target_component=source.component)
@@ -97,6 +99,7 @@ class Fleet:
                 state_vector_every_s=config.state_vector_every_s,
                 observations_every_s=config.observations_every_s,
                 battery_capacity_ah=config.battery_capacity_ah,
+                observes=config.observes,
             )
             vehicle.lead = self._leads.get(vehicle_id)
             vehicle.diary = self._books.new_diary()

@@ -48,6 +48,9 @@ class VehicleSigning:
     """The key shared with one vehicle."""
 
     def __init__(self, key: bytes, utc: Callable[[], datetime]) -> None:
+        self._judge = mavlink.MAVLink(None)  # Its clock is not what we have signed with
+        self._judge.signing.secret_key = key
+        self._newest = 0  # [10 us] Of all genuine frames
         self._codec = mavlink.MAVLink(None)
         self._codec.signing.secret_key = key
         self._codec.signing.sign_outgoing = True
@@ -57,8 +60,7 @@ class VehicleSigning:
     def for_sending(self) -> Any:
         """What pymavlink signs the next frame by: the key, and a time that is never used twice."""
         signing = self._codec.signing
-        now = int((self._utc() - EPOCH).total_seconds() * TICKS_PER_S)
-        signing.timestamp = max(signing.timestamp, now)
+        signing.timestamp = max(signing.timestamp, self._ticks(), self._newest)
         return signing
 
     def mark(self, frame: bytes) -> bytes:
@@ -73,9 +75,18 @@ class VehicleSigning:
         mark = hashlib.sha256(self._key + frame[:-_MARK_LENGTH]).digest()[:_MARK_LENGTH]
         if not hmac.compare_digest(mark, frame[-_MARK_LENGTH:]):
             return Refusal.BAD_SIGNATURE
-        self.for_sending()  # Sets the clock that a new stream is held against
-        is_news: bool = self._codec.check_signature(frame, *source)
-        return None if is_news else Refusal.REPLAYED
+        # A new stream is held against the time of day as it is now, and what was genuine: a clock
+        # that was ahead and has been corrected must not keep genuine frames out.
+        clock = self._judge.signing
+        clock.timestamp = max(self._ticks(), self._newest)
+        is_news: bool = self._judge.check_signature(frame, *source)
+        if not is_news:
+            return Refusal.REPLAYED
+        self._newest = max(self._newest, int.from_bytes(frame[-12:-6], "little"))
+        return None
+
+    def _ticks(self) -> int:
+        return int((self._utc() - EPOCH).total_seconds() * TICKS_PER_S)
 
 
 class Guard:

@@ -60,7 +60,8 @@ class LiveRecord:
                 return message.command == self._action.order and message.result in _HEARD
             case "CAMERA_IMAGE_CAPTURED":
                 began_s = None if self.earlier is None else self.earlier.began_s
-                return began_s is not None and message.time_boot_ms * 1e-3 > began_s
+                taken_s = self._vehicle.snapshot.since_boot_s(message.time_boot_ms)
+                return began_s is not None and taken_s > began_s
             case "CAMERA_TRACKING_IMAGE_STATUS":
                 active: int = mavlink.CAMERA_TRACKING_STATUS_FLAGS_ACTIVE
                 return bool(message.tracking_status == active)

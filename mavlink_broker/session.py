@@ -53,7 +53,10 @@ class Session:
         state_vector_every_s: float,
         observations_every_s: float,
         battery_capacity_ah: float,
+        observes: bool = False,
     ) -> None:
+        """Look after a vehicle; `observes`: change nothing about it, and fetch nothing of it."""
+        self._observes = observes
         self.vehicle = vehicle
         self._new_session_id = new_session_id
         self._reporter = Reporter(vehicle, new_session_id())
@@ -64,8 +67,8 @@ class Session:
             observations_every_s=observations_every_s,
         )
         self.pictures = PictureDesk(vehicle, self._reporter)
-        self._attendance = Attendance(vehicle)
-        self._streams = StreamRequests(vehicle.route, vehicle.round_trip)
+        self._attendance = Attendance(vehicle, observes=observes)
+        self._streams = StreamRequests(vehicle.route, vehicle.round_trip, observes=observes)
         self._battery_size = BatterySize(vehicle, battery_capacity_ah)
         self._alarms = AlarmWatch()
         self._giving_back = GivingBack(vehicle)
@@ -119,6 +122,15 @@ class Session:
             return False
         self.vehicle.forget()
         return True
+
+    def change_autopilot(self) -> None:
+        """Learn that another component is the vehicle's autopilot: nothing said so far was its."""
+        self.vehicle.is_identified = False
+        self.vehicle.snapshot.forget()
+        self._streams.route = self.vehicle.route
+        self._streams.renew()
+        self._attendance.renew()
+        self._alarms.forget()
 
     @property
     def is_giving_back(self) -> bool:
@@ -376,7 +388,7 @@ class Session:
         ledger = None if flight is None else flight.ledger
         self.pictures.watch(None if flight is None else flight.work, ledger, now)
         self.pictures.is_reachable = self.vehicle.is_heard(now)
-        if self.pictures.is_reachable:
+        if self.pictures.is_reachable and not self._observes:
             self.pictures.step(now, effects, is_busy=self.state in PREPARATION)
 
     def _watch_link(self, now: float) -> None:

@@ -22,11 +22,12 @@ from mavlink_broker.frames import unsigned
 from mavlink_broker.ground import Ground
 from mavlink_broker.guard import Guard
 from mavlink_broker.key_ring import KeyRing
-from mavlink_broker.protocol.heartbeat import INTERVAL_S, is_vehicle, own_heartbeat
+from mavlink_broker.protocol.heartbeat import INTERVAL_S, is_elected, is_vehicle, own_heartbeat
 from mavlink_broker.twins import Twins
 from mavlink_broker.ways import Ways
 
 PEERS_KEPT: Final = 1024
+NAMESAKE_EVERY_S: Final = 60.0
 COMPONENTS_KEPT: Final = 32
 """Per system; what else speaks in its name is not listened to."""
 SILENT_COMPONENT_S: Final = 5.0
@@ -95,6 +96,7 @@ class Traffic:
         self._twins = Twins()
         self._is_trusted = [url.is_trusted for url in config.vehicle_links]
         self._greet_at = 0.0
+        self._tell_namesake_at = 0.0
 
     def receive(self, wait_s: float) -> list[Message]:
         """Wait at most so long; gives what vehicles have said, each message once."""
@@ -183,8 +185,8 @@ class Traffic:
             if not self._is_new_vehicle(message, source):
                 return False
             _LOG.info("system %d is heard from %s", source.system, address)
-            self._autopilots[source.system] = source.component
             components = self._ways[source.system] = {}
+        self._elect(message, source)
         if source.component not in components:
             if len(components) >= COMPONENTS_KEPT:
                 return False
@@ -194,7 +196,7 @@ class Traffic:
         counts = ways.hear(address, now)
         if before not in {None, ways.active}:
             _LOG.info("%s is now heard from %s, not %s", source, ways.active, before)
-        if source.component == self._autopilots[source.system]:
+        if source.component == self._autopilots.get(source.system):
             self._compare_clocks(message, address, now, counts=counts)
         return counts
 
@@ -207,11 +209,32 @@ class Traffic:
         elif self._twins.elsewhere(message, address, now):
             _LOG.warning("%s", self._twins.warning(source_of(message).system, now))
 
+    def _elect(self, message: Message, source: Source) -> None:
+        """Take the component that says that it is the system's autopilot."""
+        before = self._autopilots.get(source.system)
+        is_one = message.get_type() == "HEARTBEAT" and is_vehicle(message)
+        if is_one and is_elected(source.component, before):
+            self._autopilots[source.system] = source.component
+
     def _is_new_vehicle(self, message: Message, source: Source) -> bool:
-        if source.system in {0, self._config.system_id}:
+        if message.get_type() != "HEARTBEAT" or not is_vehicle(message):
             return False
+        if source.system == self._config.system_id:
+            self._tell_of_namesake(source.system)
         is_named = self._config.vehicle_id(source.system) is not None
-        return is_named and message.get_type() == "HEARTBEAT" and is_vehicle(message)
+        return is_named and source.system not in {0, self._config.system_id}
+
+    def _tell_of_namesake(self, system: int) -> None:
+        """Log that a vehicle has the broker's own number, and cannot be told from it."""
+        now = self._clock.monotonic()
+        if now < self._tell_namesake_at:
+            return
+        self._tell_namesake_at = now + NAMESAKE_EVERY_S
+        _LOG.warning(
+            "a vehicle has system id %d, which is the broker's own: it is not listened to; give "
+            "one of them another number (MAVLINK_SYSTEM_ID for the broker)",
+            system,
+        )
 
     def _way_to(self, system: int, component: int, now: float) -> Address | None:
         """Where a component was heard lately; else where its autopilot was."""

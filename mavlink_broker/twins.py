@@ -12,6 +12,8 @@ from mavlink_broker.dialect import Message, source_of
 
 DIFFERENT_MS: Final = 10_000
 """More than frames are late on any way, and than a fast simulation's clock runs meanwhile."""
+COUNTER: Final = 1 << 32
+"""Values of `time_boot_ms`, which begins at 0 again behind them."""
 CONFIRMATIONS: Final = 3
 TOLD_FOR_S: Final = 10.0
 
@@ -47,7 +49,8 @@ class Twins:
         if other is None or other.address != address:
             other = self._others[system] = _Other(address, now)
         expected_ms = clock[0] + 1000.0 * (now - clock[1])
-        differs = abs(boot_ms - expected_ms) > DIFFERENT_MS
+        apart_ms = (boot_ms - expected_ms + COUNTER / 2) % COUNTER - COUNTER / 2
+        differs = abs(apart_ms) > DIFFERENT_MS
         other.differing = other.differing + 1 if differs else 0
         if differs:
             other.since = now

@@ -120,8 +120,12 @@ def put(text: str) -> None:
 
 
 def begin_log(level: str) -> None:
-    """Log to the standard error."""
+    """Log to the standard error.
+
+    pymavlink logs a line for every old frame, which the guard counts and logs twice a minute.
+    """
     logging.basicConfig(level=level, format=_LOG_FORMAT)
+    logging.getLogger("pymavlink").setLevel(logging.WARNING)
 
 
 def open_link(settings: Config) -> Hub:

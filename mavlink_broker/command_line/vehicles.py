@@ -1,6 +1,7 @@
 """`vehicles`: who is heard on the link.
 
-It listens as the broker does, and asks for the same messages, but flies nothing. Where the
+It listens as the broker does and flies nothing. It changes no rate of a message and is nobody's
+ground station: what does not come by itself is asked for once at a time. Where the
 configured port is taken, by a broker that runs, that broker's edge server is asked instead.
 """
 
@@ -121,4 +122,5 @@ def _options(
     if not 0 < options.seconds <= 3600:
         parser.error("--seconds must be above 0, at most 3600")
     settings = connected(config.settings(parser, options), options.connect)
-    return replace(settings, traffic=TrafficSettings(links=settings.traffic.links)), options
+    traffic = TrafficSettings(links=settings.traffic.links)
+    return replace(settings, traffic=traffic, observes=True), options

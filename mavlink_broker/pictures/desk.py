@@ -154,7 +154,8 @@ class PictureDesk:
         if component in self._cameras:
             self._cameras[component].told(message.image_count)
             if message.time_boot_ms:
-                self._clock_s[component] = self._vehicle_time_s(now) - message.time_boot_ms / 1e3
+                camera_s = self._vehicle.snapshot.since_boot_s(message.time_boot_ms)
+                self._clock_s[component] = self._vehicle_time_s(now) - camera_s
 
     def _captured(self, capture: Capture, now: float) -> None:
         self.camera_heard(capture.component)
@@ -184,7 +185,8 @@ class PictureDesk:
         if capture.taken_s is None:
             return time_s + self._epoch_s
         behind_s = self._clock_s.get(capture.component, 0.0)
-        taken_s = capture.taken_s + (behind_s if abs(behind_s) > OWN_CLOCK_S else 0.0)
+        taken_s = self._vehicle.snapshot.since_boot_s(round(capture.taken_s * 1e3))
+        taken_s += behind_s if abs(behind_s) > OWN_CLOCK_S else 0.0
         if self._epoch_before_s is not None and self._is_of_before(capture, taken_s, time_s):
             return taken_s + self._epoch_before_s
         return min(taken_s, time_s) + self._epoch_s

@@ -4,6 +4,7 @@ Type 18, onboard controller, unless a vehicle asks for a ground station, 6: one 
 ground station may be told to return home, but a mission must survive a broker that dies.
 """
 
+import re
 from enum import StrEnum
 from typing import Final
 
@@ -44,9 +45,29 @@ class LinkState(StrEnum):
     LOST = "lost"
 
 
+AUTOPILOT: Final[int] = mavlink.MAV_COMP_ID_AUTOPILOT1
+_OF_USERS: Final = re.compile("MAV_COMP_ID_(USER[0-9]+|AUTOPILOT1)")
+OTHER_PARTS: Final = frozenset(
+    number
+    for number, entry in mavlink.enums["MAV_COMPONENT"].items()
+    if _OF_USERS.fullmatch(entry.name) is None
+)
+"""Component ids that belong to something else than an autopilot: companions, cameras, gimbals."""
+
+
 def is_vehicle(message: Message) -> bool:
-    """Whether a HEARTBEAT is that of an autopilot which flies."""
-    return message.autopilot != mavlink.MAV_AUTOPILOT_INVALID and message.type not in NOT_VEHICLES
+    """Whether a HEARTBEAT is that of an autopilot which flies.
+
+    A companion computer may call itself a generic autopilot; its component id says what it is.
+    """
+    is_autopilot = message.autopilot != mavlink.MAV_AUTOPILOT_INVALID
+    is_part = message.get_srcComponent() in OTHER_PARTS
+    return is_autopilot and not is_part and message.type not in NOT_VEHICLES
+
+
+def is_elected(component: int, before: int | None) -> bool:
+    """Whether a component is the system's autopilot, instead of the one that was taken for it."""
+    return before is None or (component == AUTOPILOT and before != AUTOPILOT)
 
 
 def own_heartbeat(kind: int = mavlink.MAV_TYPE_ONBOARD_CONTROLLER) -> Message:

@@ -116,6 +116,7 @@ LONGEST_PAUSE_S: Final = 60.0
 REFUSALS: Final = 2
 """That many and nothing accepted: it does not know the command. PX4 refuses MISSION_CURRENT."""
 HOME_EVERY_S: Final = 1.0
+SINGLE_EVERY_S: Final = 1.5
 VERSION_EVERY_S: Final = 0.5
 VERSION_ATTEMPTS: Final = 8
 
@@ -124,10 +125,19 @@ class StreamRequests:
     """Keeps the wanted messages of one vehicle coming.
 
     `turns_off`: what nobody here reads is turned off; not where others listen to the same link.
+    `observes`: no rate is changed at all; what does not come is asked for once at a time.
     """
 
-    def __init__(self, route: Route, round_trip: RoundTrip, *, turns_off: bool = True) -> None:
-        self._route = route
+    def __init__(
+        self,
+        route: Route,
+        round_trip: RoundTrip,
+        *,
+        turns_off: bool = True,
+        observes: bool = False,
+    ) -> None:
+        self._observes = observes
+        self.route = route
         self._round_trip = round_trip
         self._turns_off = turns_off
         self._heard_at: dict[str, float] = {}
@@ -187,10 +197,27 @@ class StreamRequests:
 
     def tick(self, now: float) -> list[Message]:
         """Ask for what is missing; to be called only while the vehicle is heard."""
-        messages = [*self._home(now), *self._version(now), *self._by_groups(now)]
+        messages = [*self._home(now), *self._version(now)]
+        if self._observes:
+            return messages + self._single(now)
+        messages += self._by_groups(now)
         if self._running is not None:
             messages += self._running.tick(now)
         return messages + self._next(now)
+
+    def _single(self, now: float) -> list[Message]:
+        """Ask once for each message that does not come by itself."""
+        messages = []
+        for stream in STREAMS:
+            last = max(
+                self._heard_at.get(stream.name, -math.inf),
+                self._asked_at.get(stream.name, -math.inf),
+            )
+            if now - last >= SINGLE_EVERY_S:
+                self._asked_at[stream.name] = now
+                number = getattr(mavlink, f"MAVLINK_MSG_ID_{stream.name}")
+                messages.append(request_message(self.route, number))
+        return messages
 
     def _next(self, now: float) -> list[Message]:
         if self._running is not None:
@@ -229,7 +256,7 @@ class StreamRequests:
             pause_s = self._pause_s.get(name, ASK_AGAIN_S)
             self._pause_s[name] = min(2.0 * pause_s, LONGEST_PAUSE_S)
         self._asked_at[name], self._asked_for = now, name
-        self._running = CommandTransaction(request, self._route, self._round_trip)
+        self._running = CommandTransaction(request, self.route, self._round_trip)
         return self._running.start(now)
 
     def _is_wanted(self, stream: Stream, now: float) -> bool:
@@ -263,7 +290,7 @@ class StreamRequests:
         if not self.overdue(now):
             return []
         self._groups_at = now
-        target = self._route.target_system, self._route.target_component
+        target = self.route.target_system, self.route.target_component
         return [
             mavlink.MAVLink_request_data_stream_message(*target, group, rate_hz, 1)
             for group, rate_hz in _GROUPS
@@ -275,7 +302,7 @@ class StreamRequests:
         if self._home_asked_at is not None and now - self._home_asked_at < HOME_EVERY_S:
             return []
         self._home_asked_at = now
-        return [request_message(self._route, mavlink.MAVLINK_MSG_ID_HOME_POSITION)]
+        return [request_message(self.route, mavlink.MAVLINK_MSG_ID_HOME_POSITION)]
 
     def _version(self, now: float) -> list[Message]:
         if "AUTOPILOT_VERSION" in self._heard_at:
@@ -286,7 +313,7 @@ class StreamRequests:
         self._version_asked_at = now
         if self._version_asked > VERSION_ATTEMPTS:
             return []
-        return [request_message(self._route, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)]
+        return [request_message(self.route, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)]
 
 
 _FOLLOWED: Final = frozenset({*(stream.name for stream in STREAMS), *UNREAD, "AUTOPILOT_VERSION"})

@@ -79,6 +79,8 @@ class LeadTrack:
 
     def take(self, time_s: float, latitude_deg: float, longitude_deg: float) -> None:
         """Take a place."""
+        if self._marks and time_s < self._marks[-1].time_s:
+            self._marks = []  # It was restarted: its time begins anew
         self._marks = [mark for mark in self._marks if time_s - mark.time_s <= _MEMORY_S]
         self._marks.append(_Mark(time_s, latitude_deg, longitude_deg))
 

@@ -16,6 +16,8 @@ from mavlink_broker.translation.situation import Home
 _PREARM: Final = mavlink.MAV_SYS_STATUS_PREARM_CHECK
 _NAVIGABLE: Final = mavlink.EKF_POS_HORIZ_ABS | mavlink.EKF_PRED_POS_HORIZ_ABS
 _MAXIMUM_SPEED_M_S: Final = 100.0
+_COUNTER: Final = 1 << 32
+"""Values of `time_boot_ms`."""
 _EARLIEST_UTC_S: Final = 1_420_070_400.0
 """2015: a clock that shows less has not been set."""
 
@@ -76,6 +78,8 @@ class Snapshot:
     ready_to_arm: bool | None = None  # None: the vehicle does not say
     passes_checks: bool = False  # The same, of a vehicle that says no more than that they pass
     can_navigate: bool | None = None  # By its position estimate; None: it does not say
+    boot_ms: int = 0  # Newest time since boot as it came, which begins at 0 again after 2^32 ms
+    rounds: int = 0  # How often it has
     has_estimate: bool = True  # Of its place, by ESTIMATOR_STATUS or EKF_STATUS_REPORT
     has_gps: bool | None = None  # False: its receiver has failed; None: it has not told yet
     mission: MissionNow | None = None
@@ -95,6 +99,24 @@ class Snapshot:
     def knows_whether_placed(self) -> bool:
         """Whether it has told enough to be sent somewhere: its place, and how its sensors are."""
         return self.position is not None and self.has_gps is not None
+
+    def since_boot_s(self, boot_ms: int) -> float:
+        """Give a time since boot in seconds that go on where the counter ends, after 49.7 days.
+
+        A frame that is late comes from before the end.
+        """
+        rounds = self.rounds
+        if boot_ms - self.boot_ms > _COUNTER // 2:
+            rounds = max(0, rounds - 1)
+        elif self.boot_ms - boot_ms > _COUNTER // 2:
+            rounds += 1
+        return (boot_ms + rounds * _COUNTER) / 1e3
+
+    def clock(self, boot_ms: int) -> float:
+        """Take the newest time since boot; gives it as `since_boot_s` does."""
+        time_s = self.since_boot_s(boot_ms)
+        self.rounds, self.boot_ms = int(time_s * 1e3 + 0.5) // _COUNTER, boot_ms
+        return time_s
 
     def take(self, message: Message) -> None:
         """Remember what a message tells; other kinds of message are ignored."""
@@ -117,7 +139,7 @@ def _heartbeat(snapshot: Snapshot, message: Message) -> None:
 
 
 def _global_position(snapshot: Snapshot, message: Message) -> None:
-    snapshot.time_s = message.time_boot_ms / 1e3
+    snapshot.time_s = snapshot.clock(message.time_boot_ms)
     if not _is_place(message.lat, message.lon):
         return
     snapshot.home_amsl_m = (message.alt - message.relative_alt) / 1e3
@@ -154,7 +176,8 @@ def _battery(snapshot: Snapshot, message: Message) -> None:
 def _system_time(snapshot: Snapshot, message: Message) -> None:
     utc_s = message.time_unix_usec / 1e6
     is_set = utc_s >= _EARLIEST_UTC_S
-    snapshot.booted_at_utc_s = utc_s - message.time_boot_ms / 1e3 if is_set else None
+    since_boot_s = snapshot.since_boot_s(message.time_boot_ms)
+    snapshot.booted_at_utc_s = utc_s - since_boot_s if is_set else None
 
 
 def _extended_state(snapshot: Snapshot, message: Message) -> None:
