@@ -82,7 +82,7 @@ class Battery:
         self._consumed_ah = 0.0
         self._lost_charge = 0.0
         self._live_share = 1.0  # [-] Cells that give voltage, of all
-        self._current_a = 0.0
+        self.current_a = 0.0  # [A] Drawn from the pack
         self.voltage_v = 0.0  # [V] At the terminals
         self.draw(0.0, 0.0)
 
@@ -105,12 +105,12 @@ class Battery:
     def draw(self, motor_power_w: float, duration_s: float) -> None:
         """Feed the motors and the avionics for `duration_s`."""
         if self.charge <= 0.0 or self._live_share <= 0.0:
-            self._current_a, self.voltage_v = 0.0, 0.0
+            self.current_a, self.voltage_v = 0.0, 0.0
             return
         open_circuit_v = self._live_share * open_circuit_voltage_v(self.charge)
-        self._current_a = current_for_power_a(motor_power_w + AVIONICS_POWER_W, open_circuit_v)
-        self.voltage_v = open_circuit_v - self._current_a * INTERNAL_RESISTANCE_OHM
-        self._consumed_ah += self._current_a * duration_s / _SECONDS_PER_HOUR
+        self.current_a = current_for_power_a(motor_power_w + AVIONICS_POWER_W, open_circuit_v)
+        self.voltage_v = open_circuit_v - self.current_a * INTERNAL_RESISTANCE_OHM
+        self._consumed_ah += self.current_a * duration_s / _SECONDS_PER_HOUR
 
     def read(self, time_us: int) -> BatteryReading:
         """One sample of the monitor."""
@@ -119,5 +119,5 @@ class Battery:
         return BatteryReading(
             time_us,
             max(0.0, self.voltage_v + voltage_noise),
-            max(0.0, self._current_a + current_noise),
+            max(0.0, self.current_a + current_noise),
         )

@@ -1,14 +1,17 @@
 """Inertial measurement unit: a MEMS gyroscope and accelerometer of a small autopilot.
 
-Per axis: reading = truth + turn-on bias + drifting bias + white noise + vibration, limited
-to the full scale of +-2000 deg/s and +-16 g, which a hard landing exceeds.
+reading = (I + M) truth + turn-on bias + drifting bias + white noise + vibration, limited to the
+full scale of +-2000 deg/s and +-16 g, which a hard landing exceeds. M holds the errors of scale
+in its diagonal and those of alignment, cross-axis sensitivity, beside it.
 
 Noise densities are those of the TDK InvenSense ICM-42688-P data sheet (DS-000347, tables 1
 and 2): 0.0028 deg/s/sqrt(Hz) and 70 ug/sqrt(Hz). Turn-on biases are what a calibration
-leaves of the sheet's +-0.5 deg/s and +-20 mg. Bias instability, which the sheet does not
-give, is 3 deg/h and 0.03 mg with a correlation time of 300 s, usual for the class. Vibration
-grows with the square of the rotor speed; on the soft mount of a quadrotor in hover it is
-some 0.4 m/s^2 and 0.01 rad/s, white at the sampling rate.
+leaves of the sheet's +-0.5 deg/s and +-20 mg. Scale and alignment of the gyroscope are not
+calibrated on the ground: a third of the sheet's +-0.5 % and +-1.25 % is one sigma, 0.17 % and
+0.4 %. A calibration in six positions leaves 0.1 % of both with the accelerometer. Bias
+instability, which the sheet does not give, is 3 deg/h and 0.03 mg with a correlation time of
+300 s, usual for the class. Vibration grows with the square of the rotor speed; on the soft mount
+of a quadrotor in hover it is some 0.4 m/s^2 and 0.01 rad/s, white at the sampling rate.
 """
 
 import math
@@ -35,6 +38,8 @@ class AxisNoise(NamedTuple):
     correlation_time_s: float  # [s] Of the drift
     vibration_at_hover: float  # White, in proportion to the square of the rotor speed
     full_scale: float  # Largest reading of an axis
+    scale_sigma: float  # [-] Error of scale, constant for a vehicle
+    cross_axis_sigma: float  # [-] Share of another axis that is read as this one's
 
 
 GYROSCOPE: Final = AxisNoise(
@@ -44,6 +49,8 @@ GYROSCOPE: Final = AxisNoise(
     correlation_time_s=300.0,
     vibration_at_hover=0.01,
     full_scale=math.radians(2000.0),
+    scale_sigma=1.7e-3,
+    cross_axis_sigma=4e-3,
 )
 ACCELEROMETER: Final = AxisNoise(
     density=70e-6 * _STANDARD_GRAVITY_M_S2,
@@ -52,6 +59,8 @@ ACCELEROMETER: Final = AxisNoise(
     correlation_time_s=300.0,
     vibration_at_hover=0.4,
     full_scale=16.0 * _STANDARD_GRAVITY_M_S2,
+    scale_sigma=1e-3,
+    cross_axis_sigma=1e-3,
 )
 
 
@@ -75,6 +84,7 @@ class Triad:
         self._variance = (white_sigma(noise.density, rate_hz) * factor) ** 2
         self._vibration = noise.vibration_at_hover * factor
         self._full_scale = noise.full_scale
+        self._rows = tuple(_sensitivity(normals, noise, axis, factor) for axis in range(3))
         self.bias: Vector3 = self._turn_on
         self.step_bias()
 
@@ -89,9 +99,11 @@ class Triad:
         vibration = self._vibration * rotor_load
         sigma = math.sqrt(self._variance + vibration * vibration)
         normals, bias, limit = self._normals, self.bias, self._full_scale
-        x = true_value[0] + bias[0] + sigma * next(normals)
-        y = true_value[1] + bias[1] + sigma * next(normals)
-        z = true_value[2] + bias[2] + sigma * next(normals)
+        true_x, true_y, true_z = true_value
+        (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = self._rows
+        x = xx * true_x + xy * true_y + xz * true_z + bias[0] + sigma * next(normals)
+        y = yx * true_x + yy * true_y + yz * true_z + bias[1] + sigma * next(normals)
+        z = zx * true_x + zy * true_y + zz * true_z + bias[2] + sigma * next(normals)
         if -limit <= x <= limit and -limit <= y <= limit and -limit <= z <= limit:
             return x, y, z
         return (
@@ -99,6 +111,13 @@ class Triad:
             min(max(y, -limit), limit),
             min(max(z, -limit), limit),
         )
+
+
+def _sensitivity(normals: Iterator[float], noise: AxisNoise, axis: int, factor: float) -> Vector3:
+    """What an axis reads per unit along each of the three: a row of I + M."""
+    row = list(normal_vector(normals, noise.cross_axis_sigma * factor))
+    row[axis] = 1.0 + noise.scale_sigma * factor * next(normals)
+    return (row[0], row[1], row[2])
 
 
 class Imu:

@@ -51,7 +51,10 @@ class SensorSuite:
         self.imu = Imu(streams["imu"], rate_hz=config.control_rate_hz, factor=factor)
         self.baro = Barometer(streams["baro"], factor=factor)
         self.magnetometer = Magnetometer(
-            streams["magnetometer"], factor=factor, field_ned_gauss=_field_at_home(config)
+            streams["magnetometer"],
+            factor=factor,
+            field_ned_gauss=_field_at_home(config),
+            supply_current_a=lambda: self.battery.current_a,
         )
         self.gps = Gps(
             streams["gps"],

@@ -12,11 +12,12 @@ from tests.unit.sim.truths import truth
 DECLINATION_DEG = 0.607
 
 
-def magnetometer(*, seed: int = 1, factor: float = 1.0) -> Magnetometer:
+def magnetometer(*, seed: int = 1, factor: float = 1.0, current_a: float = 0.0) -> Magnetometer:
     return Magnetometer(
         generators(seed)["magnetometer"],
         factor=factor,
         field_ned_gauss=(0.257578, 0.002731, 0.370230),
+        supply_current_a=lambda: current_a,
     )
 
 
@@ -68,3 +69,26 @@ def test_noise_and_hard_iron_are_as_documented() -> None:
         other = magnetometer(seed=seed)
         means.append(statistics.fmean(other.read(truth()).field_frd_gauss[2] for _ in range(50)))
     assert statistics.pstdev(means) == pytest.approx(HARD_IRON_SIGMA_GAUSS, rel=0.2)
+
+
+def mean_field(instrument: Magnetometer) -> list[float]:
+    samples = [instrument.read(truth()).field_frd_gauss for _ in range(500)]
+    return [statistics.fmean(axis) for axis in zip(*samples, strict=True)]
+
+
+def test_the_supply_current_bends_the_field_in_proportion() -> None:
+    resting, hovering, climbing = (
+        mean_field(magnetometer(current_a=current_a)) for current_a in (0.0, 11.0, 44.0)
+    )
+    hover_shift = [b - a for a, b in zip(resting, hovering, strict=True)]
+    climb_shift = [b - a for a, b in zip(resting, climbing, strict=True)]
+    assert math.hypot(*climb_shift) > 4e-3
+    assert climb_shift == pytest.approx([4.0 * shift for shift in hover_shift], abs=2e-3)
+
+
+def test_the_bend_of_many_vehicles_is_as_documented() -> None:
+    shifts = []
+    for seed in range(300):
+        loud = magnetometer(seed=seed, current_a=10_000.0).read(truth()).field_frd_gauss[0]
+        shifts.append(loud / 10_000.0)
+    assert statistics.pstdev(shifts) == pytest.approx(0.4e-3, rel=0.15)
