@@ -6,7 +6,10 @@ AFarCloudError
        +- InvalidError      it is JSON and breaks the model or a rule
 """
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
+
+MOST_FAULTS: Final = 50
+"""So many are reported; a document of a megabyte may have a hundred thousand."""
 
 
 class Fault(NamedTuple):
@@ -23,13 +26,20 @@ class AFarCloudError(Exception):
 
 
 class DocumentError(AFarCloudError):
-    """A document that cannot be used."""
+    """A document that cannot be used.
 
-    def __init__(self, faults: tuple[Fault, ...]) -> None:
+    It carries the first `MOST_FAULTS` faults and, if there are more, one that says how many;
+    `uncounted` is how many there are that were not even made.
+    """
+
+    def __init__(self, faults: tuple[Fault, ...], uncounted: int = 0) -> None:
+        shown = faults[:MOST_FAULTS]
+        if (more := len(faults) - len(shown) + uncounted) > 0:
+            shown = (*shown, Fault("", f"and {more} more faults"))
         super().__init__(
-            "; ".join(f"{fault.path or 'document'}: {fault.message}" for fault in faults)
+            "; ".join(f"{fault.path or 'document'}: {fault.message}" for fault in shown)
         )
-        self.faults = faults
+        self.faults = shown
 
 
 class SyntaxFaultError(DocumentError):

@@ -6,16 +6,18 @@ path in the document as it was sent, envelope left out.
 """
 
 import json
+import threading
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
+from itertools import islice
 from typing import Any, Final, TypeVar
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from afarcloud.commands import TAG_PREFIX
-from afarcloud.faults import Fault, InvalidError, SyntaxFaultError
+from afarcloud.faults import MOST_FAULTS, Fault, InvalidError, SyntaxFaultError
 from afarcloud.importers.canonical import import_event_document, import_names, import_plan
 from afarcloud.importers.document import Imported
 from afarcloud.importers.spellings import ENVELOPES, SPELLINGS
@@ -140,20 +142,36 @@ def read_as(model: type[_Model], body: Any) -> _Model:
 
 def _typed(model: type[_Model], imported: Imported, prefix: str) -> _Model:
     """Let the type judge an imported document; faults name the place as it was sent."""
-    faults = list(imported.faults)
+    faults, uncounted = list(imported.faults), 0
     try:
         typed = model.model_validate(imported.document)
     except ValidationError as error:
-        faults += [
-            fault._replace(path=imported.sent_path(fault.path))
-            for fault in _faults(error.errors())
-            if not imported.is_unread(fault.path)
-        ]
+        found, uncounted = _first_faults(error, imported)
+        faults += found
     except RecursionError:
         faults.append(Fault("", "nests too deep"))
     if faults:
-        raise InvalidError(tuple(f._replace(path=f.path.removeprefix(prefix)) for f in faults))
+        told = tuple(f._replace(path=f.path.removeprefix(prefix)) for f in faults)
+        raise InvalidError(told, uncounted)
     return typed
+
+
+_ONE_AT_A_TIME: Final = threading.Lock()
+"""Pydantic lists all errors of a document or none: a bad megabyte costs some hundred, once."""
+
+
+def _first_faults(error: ValidationError, imported: Imported) -> tuple[list[Fault], int]:
+    """Give the first faults as they were sent, and how many there are besides, at most."""
+    with _ONE_AT_A_TIME:
+        errors = error.errors(include_url=False, include_input=False)
+        found = (
+            fault._replace(path=imported.sent_path(fault.path))
+            for fault in _faults(errors)
+            if not imported.is_unread(fault.path)
+        )
+        first = list(islice(found, MOST_FAULTS))
+        more = len(errors) - len(first) if len(first) == MOST_FAULTS else 0
+    return first, more
 
 
 def read_plan(raw: bytes) -> Plan:

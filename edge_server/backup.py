@@ -7,10 +7,6 @@ import os
 import sqlite3
 from contextlib import closing
 from pathlib import Path
-from typing import Final
-
-_PAGES_PER_STEP: Final = 1024
-"""4 MiB between two chances for the writers."""
 
 
 class BackupError(Exception):
@@ -46,7 +42,9 @@ def _copy(database: Path, part: Path) -> None:
         closing(sqlite3.connect(f"{database.absolute().as_uri()}?mode=ro", uri=True)) as source,
         closing(sqlite3.connect(part)) as copy,
     ):
-        source.backup(copy, pages=_PAGES_PER_STEP, sleep=0.0)
+        # In one step, which reads one state while others write (WAL). Between two steps SQLite
+        # would begin again for each commit, and with many commits a second it would never end.
+        source.backup(copy, pages=-1)
         (found,) = copy.execute("PRAGMA quick_check(1)").fetchone()
         if found != "ok":
             raise sqlite3.DatabaseError(f"the copy is broken: {found}")

@@ -11,6 +11,7 @@ from flask import g
 from werkzeug.exceptions import Forbidden
 
 from edge_server.services.context import Precondition
+from edge_server.services.listing import Listing
 from edge_server.store.keys import Scope, StoredKey
 
 SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
@@ -106,14 +107,18 @@ def own_missions(plan: dict[str, Any]) -> dict[str, Any]:
 def pages(page: Page, wanted: int | None, limit: int) -> list[dict[str, Any]]:
     """List things of the vehicle that is asked for, or of all that the key is good for.
 
-    `page` lists those of one vehicle (None: of all), ordered by id and at most `limit`.
+    `page` lists those of one vehicle (None: of all), ordered by id and at most `limit`. Where one
+    of several pages is cut for its size, nothing behind its end is shown: it would be passed over.
     """
     known = vehicles()
     if wanted is not None or known is None:
         check(*([] if wanted is None else [wanted]))
         return page(wanted)
-    found = {item["id"]: item for vehicle_id in sorted(known) for item in page(vehicle_id)}
-    return [found[identifier] for identifier in sorted(found)][:limit]
+    parts = [page(vehicle_id) for vehicle_id in sorted(known)]
+    ends = [part[-1]["id"] for part in parts if isinstance(part, Listing) and part.is_cut]
+    found = {item["id"]: item for part in parts for item in part}
+    shown = [identifier for identifier in sorted(found) if not ends or identifier <= min(ends)]
+    return [found[identifier] for identifier in shown][:limit]
 
 
 def _key() -> StoredKey:

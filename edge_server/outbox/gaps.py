@@ -42,24 +42,37 @@ class Lost(NamedTuple):
     record_id: int
     message_id: str
     stream: Stream
-    payload: str
+    sequence_number: int | None
+    recorded_at: str | None
     received_at: float
+    size_bytes: int
 
 
 def drop(
     connection: Connection, lost: Sequence[Lost], reason: Reason, now: float
 ) -> dict[str, int]:
-    """Delete records, and declare a gap for each of their streams; returns how many by kind."""
+    """Delete records, and declare a gap for each of their streams; returns how many by kind.
+
+    One that was delivered or changed since it was chosen is left out.
+    """
     streams: dict[Stream, list[Lost]] = {}
-    for one in lost:
-        streams.setdefault(one.stream, []).append(one)
     for start in range(0, len(lost), _CHUNK):
-        going = [one.record_id for one in lost[start : start + _CHUNK]]
-        connection.execute(delete(telemetry).where(telemetry.c.id.in_(going)))
+        chunk = lost[start : start + _CHUNK]
+        messages = [one.message_id for one in chunk]
+        gone = set(
+            connection.execute(
+                delete(telemetry)
+                .where(telemetry.c.message_id.in_(messages))
+                .returning(telemetry.c.message_id)
+            ).scalars()
+        )
+        for one in chunk:
+            if one.message_id in gone:
+                streams.setdefault(one.stream, []).append(one)
     dropped: dict[str, int] = {}
-    for stream, gone in streams.items():
-        _declare(connection, stream, gone, reason, now)
-        dropped[stream.kind] = dropped.get(stream.kind, 0) + len(gone)
+    for stream, going in streams.items():
+        _declare(connection, stream, going, reason, now)
+        dropped[stream.kind] = dropped.get(stream.kind, 0) + len(going)
     return dropped
 
 
@@ -94,11 +107,11 @@ def _body(stream: Stream, gone: Sequence[Lost], reason: Reason, now: float) -> d
         "stream": f"{stream.vehicle_id}/{stream.kind}",
         "vehicle_id": stream.vehicle_id,
         "kind": stream.kind,
-        "from_sequence_number": json.loads(first.payload).get("sequence_number"),
+        "from_sequence_number": first.sequence_number,
         "from_message_id": first.message_id,
         "from_id": first.record_id,
         "from_received_at": _time(first.received_at),
-        "to_sequence_number": json.loads(last.payload).get("sequence_number"),
+        "to_sequence_number": last.sequence_number,
         "to_message_id": last.message_id,
         "to_id": last.record_id,
         "to_received_at": _time(last.received_at),

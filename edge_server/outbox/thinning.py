@@ -1,19 +1,19 @@
-"""Picks what goes when there is too much, oldest first, on the caller's transaction.
+"""Picks what goes when there is too much, oldest first; reads only, so it holds no writer up.
 
-Each call takes a bounded number of rows, so that no writer waits long. A bookmark says how far the
-backlog has been looked through: what stays is not looked at twice.
+Each call takes a bounded number of rows. A bookmark says how far the backlog has been looked
+through: what stays is not looked at twice. Of a record only what a gap says of it is read, never
+its payload: a thousand pictures are hundreds of megabytes.
 """
 
-import json
 from collections.abc import Sequence
 from datetime import datetime
 from typing import Any, Final, NamedTuple
 
-from sqlalchemy import Connection, Select, func, select
+from sqlalchemy import JSON, ColumnElement, Connection, Integer, Select, cast, func, select
 
-from edge_server.outbox import budget, gaps
+from edge_server.outbox import budget
 from edge_server.outbox.budget import Sample
-from edge_server.outbox.gaps import Lost, Reason
+from edge_server.outbox.gaps import KIND, Lost
 from edge_server.outbox.queue import Stream
 from edge_server.store.tables import outbox, telemetry
 
@@ -22,9 +22,9 @@ DEAD: Final = "dead"
 
 
 class Pass(NamedTuple):
-    """What one call has done: how many went by kind, where to go on, whether that is the end."""
+    """What one call has found: what goes, where to go on, whether that is the end."""
 
-    dropped: dict[str, int]
+    going: list[Lost]
     bookmark: int
     at_end: bool
 
@@ -33,11 +33,9 @@ Intervals = dict[Stream, float | None]
 """The interval of the last record that stayed, by stream."""
 
 
-def thin(
-    connection: Connection, bookmark: int, limit: int, intervals: Intervals, now: float
-) -> Pass:
+def to_thin(connection: Connection, bookmark: int, limit: int, intervals: Intervals) -> Pass:
     """Thin the next rows of the backlog to one record per stream and interval."""
-    rows = _rows(connection, _backlog(budget.THINNED, bookmark, limit))
+    rows = _rows(connection, _backlog(connection, budget.THINNED, bookmark, limit))
     streams: dict[Stream, list[tuple[int, Lost]]] = {}
     for row, lost in rows:
         streams.setdefault(lost.stream, []).append((row, lost))
@@ -47,63 +45,69 @@ def thin(
         out, intervals[stream] = budget.superfluous(samples, intervals.get(stream))
         gone = set(out)
         going += [lost for row, lost in found if row in gone]
-    dropped = gaps.drop(connection, going, Reason.THINNED, now)
-    return Pass(dropped, rows[-1][0] if rows else bookmark, len(rows) < limit)
+    return Pass(going, rows[-1][0] if rows else bookmark, len(rows) < limit)
 
 
-def drop_oldest(connection: Connection, limit: int, now: float) -> dict[str, int]:
-    """Drop the oldest records that may be missed."""
-    rows = _rows(connection, _backlog(budget.DROPPED, 0, limit))
-    return gaps.drop(connection, [lost for _, lost in rows], Reason.BUDGET, now)
+def oldest(connection: Connection, limit: int) -> list[Lost]:
+    """Find the oldest records that may be missed."""
+    return [lost for _, lost in _rows(connection, _backlog(connection, budget.DROPPED, 0, limit))]
 
 
-def drop_aged(
-    connection: Connection, kind: str, before: float, limit: int, now: float
-) -> dict[str, int]:
-    """Drop those of the oldest records of a kind that were received before a time."""
-    oldest = _query().where(telemetry.c.kind == kind).order_by(telemetry.c.id).limit(limit)
-    going = [lost for _, lost in _rows(connection, oldest) if lost.received_at < before]
-    return gaps.drop(connection, going, Reason.AGE, now)
+def aged(connection: Connection, kind: str, before: float, limit: int) -> list[Lost]:
+    """Find those of the oldest records of a kind that were received before a time."""
+    of_kind = _query(connection).where(telemetry.c.kind == kind)
+    found = _rows(connection, of_kind.order_by(telemetry.c.id).limit(limit))
+    return [lost for _, lost in found if lost.received_at < before]
 
 
-def drop_dead_letters(
-    connection: Connection, budget_bytes: int, limit: int, now: float
-) -> dict[str, int]:
-    """Drop the oldest dead letters while all of them take more than their budget."""
-    dead = (outbox.c.state == DEAD) & (outbox.c.kind != gaps.KIND)
+def excess_dead_letters(connection: Connection, budget_bytes: int, limit: int) -> list[Lost]:
+    """Find the oldest dead letters while all of them take more than their budget."""
+    dead = (outbox.c.state == DEAD) & (outbox.c.kind != KIND)
     used = connection.execute(
         select(func.coalesce(func.sum(telemetry.c.size_bytes), 0))
         .join(outbox, outbox.c.record_id == telemetry.c.id)
         .where(dead)
     ).scalar_one()
     excess = used - budget_bytes
-    if excess <= 0:
-        return {}
     going: list[Lost] = []
-    for _, lost in _rows(connection, _query().where(dead).order_by(outbox.c.id).limit(limit)):
+    for _, lost in _rows(
+        connection, _query(connection).where(dead).order_by(outbox.c.id).limit(limit)
+    ):
         if excess <= 0:
             break
-        excess -= len(lost.payload)
+        excess -= lost.size_bytes
         going.append(lost)
-    return gaps.drop(connection, going, Reason.DEAD_LETTERS, now)
+    return going
 
 
-def _query() -> Select[Any]:
+def _query(connection: Connection) -> Select[Any]:
     return select(
         outbox.c.id,
         telemetry.c.id,
         telemetry.c.message_id,
         telemetry.c.vehicle_id,
         telemetry.c.kind,
-        telemetry.c.payload,
+        cast(_member(connection, "sequence_number"), Integer),
+        _member(connection, "recorded_at"),
         telemetry.c.received_at,
+        telemetry.c.size_bytes,
     ).join(outbox, outbox.c.record_id == telemetry.c.id)
 
 
-def _backlog(kinds: Sequence[str], bookmark: int, limit: int) -> Select[Any]:
+def _member(connection: Connection, name: str) -> ColumnElement[Any]:
+    """A member of a payload, which the engine reads out of it."""
+    if connection.dialect.name == "sqlite":
+        return func.json_extract(telemetry.c.payload, f"$.{name}")
+    member: ColumnElement[Any] = cast(telemetry.c.payload, JSON)[name].as_string()
+    return member
+
+
+def _backlog(
+    connection: Connection, kinds: Sequence[str], bookmark: int, limit: int
+) -> Select[Any]:
     """The oldest rows after a bookmark, in the order of their ids."""
     return (
-        _query()
+        _query(connection)
         .where(outbox.c.id > bookmark, outbox.c.state == QUEUED, outbox.c.kind.in_(kinds))
         .order_by(outbox.c.id)
         .limit(limit)
@@ -112,17 +116,16 @@ def _backlog(kinds: Sequence[str], bookmark: int, limit: int) -> Select[Any]:
 
 def _rows(connection: Connection, query: Select[Any]) -> list[tuple[int, Lost]]:
     return [
-        (row[0], Lost(row[1], row[2], Stream(row[3], row[4]), row[5], row[6]))
+        (row[0], Lost(row[1], row[2], Stream(row[3], row[4]), *row[5:]))
         for row in connection.execute(query)
     ]
 
 
 def _taken_at(lost: Lost) -> float:
     """When a record was taken: as its vehicle says, else when it was received."""
-    said = json.loads(lost.payload).get("recorded_at")
-    if not isinstance(said, str):
+    if not isinstance(lost.recorded_at, str):
         return lost.received_at
     try:
-        return datetime.fromisoformat(said).timestamp()
-    except ValueError:
+        return datetime.fromisoformat(lost.recorded_at).timestamp()
+    except (ValueError, OverflowError):
         return lost.received_at

@@ -9,30 +9,34 @@ from ulid import ULID
 from afarcloud.state import Report
 from afarcloud.wire import write
 from edge_server.outbox import queue
-from edge_server.services import telemetry
+from edge_server.services import listing, telemetry
 from edge_server.services.attempts import repeatable
 from edge_server.services.context import Context
 from edge_server.services.errors import ConflictError, NotFoundError
+from edge_server.services.listing import Listing
 from edge_server.store import dead_letters
 from edge_server.store import telemetry as records
 from edge_server.store.database import to_json
 from edge_server.store.dead_letters import DeadLetter
 
-_EXPORTED_AT_ONCE: Final = 20  # Pictures are large
+_EXPORTED_AT_ONCE: Final = 4  # Pictures are large
 _RETRIED_AT_ONCE: Final = 500
 
 
 def page(
     context: Context, *, after_id: int, limit: int, kind: str | None, vehicle_id: int | None
-) -> list[dict[str, Any]]:
+) -> Listing:
     """List dead letters, oldest first; pictures without their frame."""
     with context.database.read() as connection:
         found = dead_letters.page(
             connection, after_id=after_id, limit=limit, kind=kind, vehicle_id=vehicle_id
         )
-    shown = [show(letter) for letter in found]
-    for item in shown:
-        item["report"].pop("frame", None)
+        return listing.fill(found, _show_without_frame)
+
+
+def _show_without_frame(letter: DeadLetter) -> dict[str, Any]:
+    shown = show(letter)
+    shown["report"].pop("frame", None)
     return shown
 
 
@@ -112,12 +116,14 @@ def export(
     after_id = 0
     while True:
         with context.database.read() as connection:
-            found = dead_letters.page(
-                connection,
-                after_id=after_id,
-                limit=_EXPORTED_AT_ONCE,
-                kind=kind,
-                vehicle_id=vehicle_id,
+            found = list(
+                dead_letters.page(
+                    connection,
+                    after_id=after_id,
+                    limit=_EXPORTED_AT_ONCE,
+                    kind=kind,
+                    vehicle_id=vehicle_id,
+                )
             )
         if not found:
             return

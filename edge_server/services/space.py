@@ -7,13 +7,13 @@ budget has come in since; in between, what comes in is only added up.
 import logging
 import shutil
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from edge_server.config import Config
 from edge_server.outbox import budget, gaps, thinning, usage
 from edge_server.outbox.budget import Level, Usage
-from edge_server.outbox.gaps import Reason
+from edge_server.outbox.gaps import Lost, Reason
 from edge_server.outbox.queue import PRIORITY
 from edge_server.outbox.thinning import Intervals
 from edge_server.services.errors import FullError
@@ -165,7 +165,7 @@ class Space:
             for kind in PRIORITY.keys() - {gaps.KIND}:
                 while self._drop_aged(kind, now):
                     continue
-        while self._drop_dead_letters(now):
+        while self._drop_dead_letters():
             continue
 
     def trusts_clock(self, monotonic: float) -> bool:
@@ -210,33 +210,39 @@ class Space:
 
     def _thin(self) -> bool:
         """Thin the next part of the backlog; false when all of it has been looked through."""
-        with self._database.write() as connection:
-            done = thinning.thin(
-                connection, self._thinned_to, self.rows_at_once, self._intervals, self._clock()
+        with self._database.read() as connection:
+            found = thinning.to_thin(
+                connection, self._thinned_to, self.rows_at_once, self._intervals
             )
-        self._thinned_to = done.bookmark
-        self._note_dropped(done.dropped, Reason.THINNED)
-        return not done.at_end
+        self._thinned_to = found.bookmark
+        self._drop(found.going, Reason.THINNED)
+        return not found.at_end
 
     def _drop_oldest(self) -> bool:
-        with self._database.write() as connection:
-            dropped = thinning.drop_oldest(connection, self.rows_at_once, self._clock())
-        return self._note_dropped(dropped, Reason.BUDGET)
+        with self._database.read() as connection:
+            going = thinning.oldest(connection, self.rows_at_once)
+        return self._drop(going, Reason.BUDGET)
 
     def _drop_aged(self, kind: str, now: float) -> bool:
         is_picture = kind == "image"
         days = self._config.retain_images_days if is_picture else self._config.retain_telemetry_days
-        with self._database.write() as connection:
-            dropped = thinning.drop_aged(
-                connection, kind, now - days * 86400.0, self.rows_at_once, now
-            )
-        return self._note_dropped(dropped, Reason.AGE)
+        with self._database.read() as connection:
+            going = thinning.aged(connection, kind, now - days * 86400.0, self.rows_at_once)
+        return self._drop(going, Reason.AGE)
 
-    def _drop_dead_letters(self, now: float) -> bool:
+    def _drop_dead_letters(self) -> bool:
         most = self._config.dead_letter_budget_mib * _MIB
+        with self._database.read() as connection:
+            going = thinning.excess_dead_letters(connection, most, self.rows_at_once)
+        return self._drop(going, Reason.DEAD_LETTERS)
+
+    def _drop(self, going: Sequence[Lost], reason: Reason) -> bool:
+        """Drop what was found to go; says whether anything went."""
+        if not going:
+            return False
         with self._database.write() as connection:
-            dropped = thinning.drop_dead_letters(connection, most, self.rows_at_once, now)
-        return self._note_dropped(dropped, Reason.DEAD_LETTERS)
+            dropped = gaps.drop(connection, going, reason, self._clock())
+        return self._note_dropped(dropped, reason)
 
     def _note_dropped(self, dropped: dict[str, int], reason: Reason) -> bool:
         """Count what was dropped; says whether anything was."""

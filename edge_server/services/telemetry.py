@@ -12,7 +12,7 @@ from afarcloud.state import Alarm, Image, MissionReport, Report
 from afarcloud.wire import Kind, write
 from edge_server.outbox import queue
 from edge_server.outbox.queue import Stream
-from edge_server.services import intake, once, progress, vehicle_holds
+from edge_server.services import intake, listing, once, progress, vehicle_holds
 from edge_server.services.attempts import repeatable
 from edge_server.services.context import (
     Caller,
@@ -28,6 +28,7 @@ from edge_server.services.errors import (
     NotFoundError,
 )
 from edge_server.services.intake import Entry
+from edge_server.services.listing import Listing
 from edge_server.store import idempotency, telemetry
 from edge_server.store.database import to_json
 from edge_server.store.idempotency import Answered
@@ -218,7 +219,7 @@ def page(  # each narrows the list
     limit: int,
     vehicle_id: int | None,
     since_s: float,
-) -> list[dict[str, Any]]:
+) -> Listing:
     """List what the cloud has not confirmed, oldest first; pictures without their frame."""
     with context.database.read() as connection:
         records = telemetry.page(
@@ -229,10 +230,7 @@ def page(  # each narrows the list
             vehicle_id=vehicle_id,
             since_s=since_s,
         )
-    shown = [show(record) for record in records]
-    for item in shown:
-        item.pop("frame", None)
-    return shown
+        return listing.fill(records, show_without_frame)
 
 
 def find(context: Context, kind: Kind, record_id: int) -> dict[str, Any]:
@@ -277,6 +275,13 @@ def remove(context: Context, kind: Kind, record_id: int) -> None:
         if not telemetry.remove(connection, kind.value, record_id):
             raise _missing(kind, record_id)
     context.wake_relay(changed=True)
+
+
+def show_without_frame(record: Record) -> dict[str, Any]:
+    """Give a record as a list shows it."""
+    shown = show(record)
+    shown.pop("frame", None)
+    return shown
 
 
 def show(record: Record) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from contextvars import ContextVar
 from enum import StrEnum
 from typing import Any, Final, Generic, TypeVar
 
-from sqlalchemy import Connection, CursorResult, Engine, Table
+from sqlalchemy import Connection, CursorResult, Engine, Select, Table
 from sqlalchemy.dialects import postgresql, sqlite
 
 from edge_server.store import locks
@@ -19,6 +19,7 @@ from edge_server.store.locks import Lock
 
 Witness = Callable[[Connection], AbstractContextManager[None]]
 _T = TypeVar("_T")
+_FEW_ROWS: Final = 4
 _TEND_TIMEOUT_MS: Final = 100
 _GROUP: Final = 64
 """Pieces of work in one transaction, at most."""
@@ -169,6 +170,11 @@ class Database:
             if part is not None:
                 part.close()
         self.engine.dispose()
+
+
+def one_by_one(connection: Connection, query: Select[Any]) -> Iterator[Any]:
+    """Give the rows of a query with a few of them in memory, however large they are."""
+    return iter(connection.execute(query, execution_options={"yield_per": _FEW_ROWS}))
 
 
 def new_id(result: CursorResult[Any]) -> int:

@@ -1,9 +1,11 @@
 """Records that the cloud has rejected, as rows; they are kept until somebody decides."""
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from sqlalchemy import Connection, Select, func, select
 
+from edge_server.store.database import one_by_one
 from edge_server.store.tables import outbox, telemetry
 from edge_server.store.telemetry import Record
 
@@ -35,10 +37,10 @@ def find(connection: Connection, record_id: int, *, to_change: bool = False) -> 
 
 def page(
     connection: Connection, *, after_id: int, limit: int, kind: str | None, vehicle_id: int | None
-) -> list[DeadLetter]:
-    """List dead letters, oldest record first."""
+) -> Iterator[DeadLetter]:
+    """Give dead letters one by one, oldest record first, while the transaction lasts."""
     query = _narrowed(_query(), after_id, kind, vehicle_id)
-    return [_letter(row) for row in connection.execute(query.limit(limit))]
+    return map(_letter, one_by_one(connection, query.limit(limit)))
 
 
 def ids(

@@ -1,12 +1,12 @@
 """Reports of vehicles as rows: one row per report, any kind."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Final, NamedTuple
 
 from sqlalchemy import Connection, delete, func, insert, select, update
 
-from edge_server.store.database import new_id
+from edge_server.store.database import new_id, one_by_one
 from edge_server.store.tables import outbox, telemetry
 
 
@@ -89,14 +89,17 @@ def page(  # each narrows the list
     limit: int,
     vehicle_id: int | None,
     since_s: float,
-) -> list[Record]:
-    """List reports of a kind, oldest first: those received from `since_s`."""
+) -> Iterator[Record]:
+    """Give reports of a kind received from `since_s` one by one, oldest first.
+
+    They are read while the transaction lasts: of pictures, one after the other is in memory.
+    """
     query = select(telemetry).where(
         telemetry.c.kind == kind, telemetry.c.id > after_id, telemetry.c.received_at >= since_s
     )
     if vehicle_id is not None:
         query = query.where(telemetry.c.vehicle_id == vehicle_id)
-    return [_record(row) for row in connection.execute(query.order_by(telemetry.c.id).limit(limit))]
+    return map(_record, one_by_one(connection, query.order_by(telemetry.c.id).limit(limit)))
 
 
 def replace(connection: Connection, record_id: int, *, message_id: str, payload: str) -> None:

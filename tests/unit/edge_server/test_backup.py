@@ -1,8 +1,10 @@
 """A copy of the database while it is in use."""
 
+import base64
 import sqlite3
 import stat
 import threading
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -30,6 +32,37 @@ def test_a_backup_holds_what_was_acknowledged(edge: Edge, tmp_path: Path) -> Non
     assert poses_in(copy) == 1
     edge.report("pose", telemetry("pose", 1))
     assert poses_in(copy) == 1
+
+
+def test_a_large_backup_ends_though_reports_come_in_all_the_time(
+    edge: Edge, tmp_path: Path
+) -> None:
+    """Larger than SQLite copies in one step of ours; it would begin again at every commit."""
+    for number in range(20):
+        edge.report("image", telemetry("image", number) | picture(600_000))
+    stop = threading.Event()
+
+    def write() -> None:
+        with closing(sqlite3.connect(edge.config.database_path, timeout=30.0)) as connection:
+            while not stop.wait(0.002):
+                connection.execute(
+                    "UPDATE telemetry SET received_at = received_at + 1 WHERE id = 1"
+                )
+                connection.commit()
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    try:
+        copy = tmp_path / "copy.sqlite3"
+        assert back_up(edge.config.database_path, copy) > 12_000_000
+    finally:
+        stop.set()
+        writer.join()
+
+
+def picture(size: int) -> dict[str, object]:
+    jpeg = b"\xff\xd8\xff" + bytes(size) + b"\xff\xd9"
+    return {"frame": base64.b64encode(jpeg).decode(), "image_size": len(jpeg)}
 
 
 def test_a_backup_is_of_one_moment_though_reports_come_in(edge: Edge, tmp_path: Path) -> None:

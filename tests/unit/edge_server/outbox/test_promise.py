@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 from sqlalchemy import text
 
-from edge_server.outbox import queue, thinning
+from edge_server.outbox import gaps, queue, thinning
 from edge_server.outbox.answers import Answer, Reply, Unreachable, judge
 from edge_server.outbox.ledger import Entry, Ledger
 from edge_server.outbox.queue import Parcel, Stream
@@ -156,7 +156,8 @@ class Promise(RuleBasedStateMachine):
     @rule(most=st.integers(1, 5))
     def fill_the_disk(self, most: int) -> None:
         with self._database.write() as connection:
-            gone = thinning.drop_oldest(connection, most, 0.0)
+            going = thinning.oldest(connection, most)
+            gone = gaps.drop(connection, going, gaps.Reason.BUDGET, 0.0)
         self._dropped += sum(gone.values())
         self._schedule.rewind()
 

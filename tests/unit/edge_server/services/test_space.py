@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from sqlalchemy import Connection
 
 from afarcloud.state import Report
 from afarcloud.wire import Kind, read
@@ -24,6 +25,7 @@ from edge_server.services.context import Caller, Context, show_time
 from edge_server.services.errors import FullError
 from edge_server.services.space import STEADY_S
 from edge_server.services.telemetry import Arrival
+from edge_server.store import telemetry as stored
 from edge_server.store.database import Database
 from edge_server.store.tables import METADATA
 from tests.support.databases import BOTH_ENGINES
@@ -156,15 +158,35 @@ def test_thinning_again_takes_no_more_than_one_per_interval_needs(either: Farm) 
     bookmark, survivors = 0, len(either.here("pose"))
     for _ in range(2):
         with either.database.write() as connection:
-            found = thinning.thin(connection, bookmark, 10**6, intervals, 0.0)
+            found = thinning.to_thin(connection, bookmark, 10**6, intervals)
+            gaps.drop(connection, found.going, Reason.THINNED, 0.0)
         bookmark = found.bookmark
         assert found.at_end
-        survivors -= sum(found.dropped.values())
+        survivors -= len(found.going)
         assert len(either.here("pose")) == survivors
-    assert found.dropped == {}
+    assert found.going == []
     for_anew: thinning.Intervals = {}
+    with either.database.read() as connection:
+        assert thinning.to_thin(connection, 0, 10**6, for_anew).going == []
+
+
+@BOTH_ENGINES
+def test_what_was_delivered_or_changed_since_it_was_chosen_is_not_declared_lost(
+    either: Farm,
+) -> None:
+    either.keep_many("pose", 4)
+    with either.database.read() as connection:
+        going = thinning.oldest(connection, 4)
     with either.database.write() as connection:
-        assert thinning.thin(connection, 0, 10**6, for_anew, 0.0).dropped == {}
+        stored.remove(connection, "pose", going[0].record_id)
+        stored.replace(connection, going[1].record_id, message_id="another", payload="{}")
+        assert gaps.drop(connection, going, Reason.BUDGET, 0.0) == {"pose": 2}
+    (gap,) = either.here("gap")
+    assert (gap["count"], gap["from_sequence_number"], gap["to_sequence_number"]) == (2, 2, 3)
+
+
+def drop_oldest(connection: Connection, number: int, now: float) -> dict[str, int]:
+    return gaps.drop(connection, thinning.oldest(connection, number), Reason.BUDGET, now)
 
 
 def test_batteries_observations_and_alarms_are_not_thinned(farm: Farm) -> None:
@@ -195,7 +217,7 @@ def test_what_goes_next_is_added_to_the_gap_that_waits(either: Farm) -> None:
     for _ in range(10):
         either.keep_many("battery", 20)
         with either.database.write() as connection:
-            dropped = thinning.drop_oldest(connection, 20, either.clock.now)
+            dropped = drop_oldest(connection, 20, either.clock.now)
         either.dropped += [(kind, "budget", number) for kind, number in dropped.items()]
     (gap,) = either.here("gap")
     assert (gap["count"], gap["from_sequence_number"], gap["to_sequence_number"]) == (200, 0, 199)
@@ -207,9 +229,9 @@ def test_what_goes_next_is_added_to_the_gap_that_waits(either: Farm) -> None:
 def test_a_gap_that_grew_in_flight_goes_again_in_its_larger_form(either: Farm) -> None:
     either.keep_many("battery", 20)
     with either.database.write() as connection:
-        thinning.drop_oldest(connection, 10, either.clock.now)
+        drop_oldest(connection, 10, either.clock.now)
         (sent,) = queue.heads(connection, Stream(1, "gap"), 0, 10)
-        thinning.drop_oldest(connection, 10, either.clock.now)
+        drop_oldest(connection, 10, either.clock.now)
         assert queue.settle(connection, [Delivered(sent, 200)], 0.0) == [sent]
     (gap,) = either.here("gap")
     assert gap["gap_id"] == sent.message_id
@@ -314,7 +336,7 @@ def test_a_gap_and_what_it_declares_are_one_transaction(either: Farm) -> None:
     either.keep_many("pose", 3)
     with either.database.read() as connection:
         parcels = queue.heads(connection, Stream(1, "pose"), 0, 10)
-    lost = [Lost(p.record_id, p.message_id, p.stream, p.payload, 0.0) for p in parcels]
+    lost = [Lost(p.record_id, p.message_id, p.stream, 0, None, 0.0, 2) for p in parcels]
     with either.database.write() as connection:
         gaps.drop(connection, lost, Reason.BUDGET, 0.0)
         connection.rollback()

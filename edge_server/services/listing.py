@@ -1,0 +1,28 @@
+"""A page of a list: bounded in number by its caller, and here in bytes."""
+
+import json
+from collections.abc import Callable, Iterable
+from typing import Any, Final, TypeVar
+
+MOST_BYTES: Final = 8 * 1024 * 1024
+"""Of what a page shows; a single thing is always shown, whatever its size."""
+_T = TypeVar("_T")
+
+
+class Listing(list[dict[str, Any]]):
+    """Things as the API shows them, ordered by id; `is_cut` when the page ends for its size."""
+
+    is_cut = False
+
+
+def fill(found: Iterable[_T], show: Callable[[_T], dict[str, Any]]) -> Listing:
+    """Show one thing after the other until the page is full; none is kept in another form."""
+    listing, room = Listing(), MOST_BYTES
+    for one in found:
+        shown = show(one)
+        room -= len(json.dumps(shown))
+        if listing and room < 0:
+            listing.is_cut = True
+            break
+        listing.append(shown)
+    return listing
