@@ -49,6 +49,7 @@ class Config:
     follow_targets: Mapping[int, int | Path] = field(default_factory=dict)
     """Per vehicle whom it follows: another vehicle, or the way in a file."""
     log_level: str = "INFO"
+    log_file: Path | None = None  # Beside the standard error
     observes: bool = False  # It looks at vehicles and changes nothing about them
     traffic: TrafficSettings = field(default_factory=TrafficSettings)
 
@@ -173,6 +174,7 @@ def settings(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Co
         battery_capacity_ah=options.battery_capacity,
         follow_targets=options.follow_targets,
         log_level=options.log_level.upper(),
+        log_file=options.log_file,
         traffic=traffic_settings.read_options(parser, options),
     )
 
@@ -198,6 +200,7 @@ def settings_parser(environment: Mapping[str, str], **about: str) -> argparse.Ar
         ("BATTERY_CAPACITY", float, DEFAULT_BATTERY_CAPACITY_AH, "Ah, if a vehicle is silent"),
         ("FOLLOW_TARGETS", parse_targets, "", "vehicle:vehicle or vehicle:file.csv, ... to follow"),
         ("LOG_LEVEL", str, "INFO", "DEBUG, INFO, WARNING or ERROR"),
+        ("LOG_FILE", Path, None, "file of the log too; five of 10 MiB at most"),
     )
     for name, kind, default, text in options:
         parser.add_argument(

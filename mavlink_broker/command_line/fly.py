@@ -157,7 +157,7 @@ def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
     plan, warnings = read_plan(options.plan, clock.utc())
     missions = chosen(plan, options.mission_id, options.vehicle_id)
     _refuse_unknown(missions, settings)
-    begin_log(settings.log_level)
+    begin_log(settings.log_level, settings.log_file)
     for warning in warnings:
         print(f"warning: {warning}", file=sys.stderr)
     return _fly(plan, missions, settings, options, clock)

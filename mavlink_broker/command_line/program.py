@@ -13,6 +13,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
+from pathlib import Path
 from types import FrameType
 from typing import Final
 
@@ -21,6 +22,7 @@ from mavlink_broker.address import LinkUrl, LinkUrlError
 from mavlink_broker.config import Config
 from mavlink_broker.links.hub import Hub, open_links
 from mavlink_broker.links.link import LinkError, PortBusyError
+from mavlink_broker.log_file import LogFile
 
 SUCCEEDED: Final = 0
 FAILED: Final = 1
@@ -119,13 +121,17 @@ def put(text: str) -> None:
         raise UsageError(f"the standard output: {error.strerror}") from None
 
 
-def begin_log(level: str) -> None:
-    """Log to the standard error.
+def begin_log(level: str, file: Path | None = None) -> None:
+    """Log to the standard error, and to a file of bounded size where one is named.
 
     pymavlink logs a line for every old frame, which the guard counts and logs twice a minute.
     """
     logging.basicConfig(level=level, format=_LOG_FORMAT)
     logging.getLogger("pymavlink").setLevel(logging.WARNING)
+    if file is not None:
+        handler = LogFile(file)
+        handler.setFormatter(logging.Formatter(_LOG_FORMAT))
+        logging.getLogger().addHandler(handler)
 
 
 def open_link(settings: Config) -> Hub:

@@ -38,7 +38,7 @@ def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
         UsageError: if the link cannot be opened, or another broker has the state folder.
     """
     settings = config.load(arguments, environment)
-    begin_log(settings.log_level)
+    begin_log(settings.log_level, settings.log_file)
     spool = open_spool(settings)
     link = open_link(settings)
     signals, alarm = Signals(), Alarm(link.wake)
