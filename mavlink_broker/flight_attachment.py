@@ -5,6 +5,7 @@ A stage is written into a report before the vehicle is told to start it: without
 started it, and with it the vehicle itself knows the rest.
 """
 
+import math
 from typing import Final
 
 from afarcloud.enumerations import Status
@@ -15,7 +16,8 @@ from mavlink_broker.flight_preparation import FlightPreparation
 from mavlink_broker.protocol.mission_verify import Different, Untold, Verified
 from mavlink_broker.readiness import Attachment
 from mavlink_broker.session_states import Event, State
-from mavlink_broker.translation.mission import LiveCommand, RefusedError
+from mavlink_broker.stages import SHORTEST_ITEMS
+from mavlink_broker.translation.mission import SPARE_ITEMS, LiveCommand, RefusedError
 from mavlink_broker.translation.modes import ModeRole
 
 _NOTHING_DONE: Final = frozenset(
@@ -37,6 +39,10 @@ _REFUSED_PERHAPS: Final = (
     {_GIMBAL, _MOUNT, _CAPTURE},
 )
 """What a vehicle may have refused as items, so that an earlier run said it otherwise."""
+
+
+_PARTINGS: Final = 3
+"""How often a stretch may have been parted by an earlier run: into eight parts."""
 
 
 class FlightAttachment(FlightPreparation):
@@ -146,12 +152,30 @@ class FlightAttachment(FlightPreparation):
             guess = _REFUSED_PERHAPS[self._guesses]
             self._guesses += 1
             before = self._plan.items
-            self._vehicle.refused_items = set(guess)
+            self._vehicle.refused_items, self._vehicle.most_items = set(guess), None
             self._stages.translate()
             if self._plan.items != before:
                 return True
         self._vehicle.refused_items = set()
-        return False
+        return self._guess_parts()
+
+    def _guess_parts(self) -> bool:
+        """Think of the parts that a vehicle without space for all items was given."""
+        if self._part_guesses >= _PARTINGS:
+            return False
+        self._part_guesses += 1
+        if self._whole_items == 0:
+            self._vehicle.most_items = None
+            self._stages.translate()
+            self._whole_items = self._stages.longest
+        if self._whole_items <= SHORTEST_ITEMS:
+            return False
+        items = self._whole_items
+        for _ in range(self._part_guesses):
+            items = math.ceil(items / 2) + SPARE_ITEMS
+        self._vehicle.most_items = items
+        self._stages.translate()
+        return True
 
     def _was_restarted(self, now: float) -> bool:
         """Whether the vehicle, which stands, was switched on since the mission was last reported.

@@ -78,6 +78,8 @@ class FlightCore:
         self._performer: Performer | None = None
         self._looks = 0  # So often the link was away when something was asked
         self._armed_in: str | None = None  # Mode in which the vehicle is armed, until it is left
+        self._part_guesses = 0  # At the parts that it was given in
+        self._whole_items = 0  # Of its longest stretch, unparted; 0: not counted yet
         self._guesses = 0  # At what the vehicle refused in an earlier run of the broker
         self._was_running = False  # An earlier run of the broker has seen it fly
         self._area = None if work.geofence is None else AreaCheck(work.geofence)

@@ -63,7 +63,12 @@ class FlightPreparation(FlightCore):
     def _not_stored(self, refusal: NotStored, now: float, effects: Effects) -> None:
         """Say otherwise what the vehicle does not know, if there is another way to say it."""
         item = refusal.item
-        if item is None:
+        if item is None and refusal.is_too_long and self._stages.shorten():
+            self._note_all()
+            part = len(self._plan.items)
+            self.ledger.remark((f"flown in parts of up to {part} items: {refusal.reason}",))
+            self._move(Event.REFUSED, now, effects)
+        elif item is None:
             self._fail(refusal.reason, now, effects)
         elif refusal.is_unsupported and self._stages.do_without(item):
             self._note_all()

@@ -1,7 +1,11 @@
 """The stages of one mission on one vehicle: which is flown now, and what it became."""
 
+import math
+from typing import Final
+
 from afarcloud.plan import Mission
 from mavlink_broker.translation.mission import (
+    SPARE_ITEMS,
     FlightPlan,
     Itinerary,
     LiveCommand,
@@ -10,6 +14,9 @@ from mavlink_broker.translation.mission import (
 )
 from mavlink_broker.translation.situation import Home
 from mavlink_broker.vehicle import Vehicle
+
+SHORTEST_ITEMS: Final = 50
+"""A vehicle that has no space for so few items has another reason to refuse them."""
 
 
 class Stages:
@@ -34,6 +41,7 @@ class Stages:
             vehicle.snapshot.home or Home(0.0, 0.0, 0.0),
             own_system=vehicle.route.own_system,
             refused=frozenset(vehicle.refused_items),
+            most_items=vehicle.most_items,
         )
 
     @property
@@ -51,6 +59,23 @@ class Stages:
         self._mission = self._mission.model_copy(update={"maximum_speed": speed_m_s})
         if self._itinerary is not None:
             self.translate()
+
+    def shorten(self) -> bool:
+        """Fly this stretch, which is too long for the vehicle, in two; false if it cannot be."""
+        before = self.plan
+        if len(before.items) <= SHORTEST_ITEMS:
+            return False
+        self._vehicle.most_items = math.ceil(len(before.items) / 2) + SPARE_ITEMS
+        self.translate()
+        self.go_to(before.first_command)
+        return len(self.plan.items) < len(before.items)
+
+    @property
+    def longest(self) -> int:
+        """How many items the longest stretch has."""
+        return max(
+            (len(part.items) for part in self._segments if isinstance(part, FlightPlan)), default=0
+        )
 
     def do_without(self, item: int) -> bool:
         """Translate again without the command of an item; whether that changes anything."""

@@ -60,6 +60,7 @@ class Vehicle:
     parameters: ParameterKeeper = field(default_factory=ParameterKeeper)  # What is borrowed of it
     lasting: tuple[Wish, ...] = ()  # What is borrowed of it during all of every mission
     lead: Lead | None = None  # Whom it follows, if somebody that moves
+    most_items: int | None = None  # That a mission of it may hold, once it has refused more
     refused_items: set[int] = field(default_factory=set)  # MAV_CMD that no mission of it may hold
     cameras: set[int] = field(default_factory=set)  # Components that are known to be cameras
     uid: str = ""  # Its own number, hexadecimal, once it has told one

@@ -68,6 +68,7 @@ class NotStored:
     reason: str
     item: int | None = None
     is_unsupported: bool = False  # It knows no such item, or not with such parameters
+    is_too_long: bool = False  # It has no space for so many items
 
 
 UploadOutcome: TypeAlias = Stored | Uncertain | NotStored
@@ -231,10 +232,13 @@ class MissionUpload:
         elif complete and self._attempts > 1 and result in _TRANSIENT:
             self.outcome = Uncertain()
         elif result not in _TRANSIENT:
+            is_too_long = result == mavlink.MAV_MISSION_NO_SPACE
+            size = f" for {len(self._items)} items" if is_too_long else ""
             self.outcome = NotStored(
-                f"{PLAN_NAMES[self._type]} refused: {self._complaint}",
+                f"{PLAN_NAMES[self._type]} refused: {self._complaint}{size}",
                 self._last_requested,
                 is_unsupported=result in _UNSUPPORTED,
+                is_too_long=is_too_long,
             )
 
     def _pause(self, seconds: float, now: float) -> None:

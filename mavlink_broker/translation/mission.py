@@ -5,7 +5,7 @@ is lost after the start costs nothing. A stretch that does not end on the ground
 """
 
 from dataclasses import dataclass, field, replace
-from typing import Self, TypeAlias
+from typing import Final, Self, TypeAlias
 
 from afarcloud.commands import FLYING, CameraImage, Command, NavWaypoint
 from afarcloud.enumerations import CommandType
@@ -130,6 +130,10 @@ class Itinerary:
         return next(numbers, len(self.segments) - 1)
 
 
+SPARE_ITEMS: Final = 6
+"""Of a stretch: home, its speed, which some are told three times, and the hold at its end."""
+
+
 @dataclass(slots=True)
 class _Stretch:
     """Items that are being put together."""
@@ -168,7 +172,10 @@ class _Stretch:
 class _Translation:
     """Goes through the commands and keeps what the next one has to know."""
 
-    def __init__(self, mission: Mission, situation: Situation) -> None:
+    def __init__(
+        self, mission: Mission, situation: Situation, most_items: int | None = None
+    ) -> None:
+        self._most_items = most_items
         self._mission = mission
         self._situation = situation
         self._at_home = False
@@ -205,7 +212,7 @@ class _Translation:
             raise RefusedError(index, command, _ON_THE_GROUND)
 
     def _take(self, index: int, command: Command, part: Items) -> None:
-        if self._stretch is not None and self._stretch.contradicts(part):
+        if self._stretch is not None and self._must_end(self._stretch, part):
             self._close()
         if self._stretch is None:
             self._stretch = _Stretch(index)
@@ -230,6 +237,14 @@ class _Translation:
             self._landed = True
             self._situation = self._situation._replace(spot=None, after_live=True)
             self._close()
+
+    def _must_end(self, stretch: _Stretch, part: Items) -> bool:
+        """Whether a stretch cannot take one more part, and the vehicle can wait where it ends."""
+        if stretch.contradicts(part):
+            return True
+        if self._most_items is None or self._situation.spot is None:
+            return False
+        return len(stretch.items) + len(part.items) + SPARE_ITEMS > self._most_items
 
     def _close(self) -> None:
         stretch, self._stretch = self._stretch, None
@@ -269,11 +284,13 @@ def translate(
     *,
     own_system: int = 254,
     refused: frozenset[int] = frozenset(),
+    most_items: int | None = None,
 ) -> Itinerary:
     """Translate a whole mission for one family of autopilots.
 
     The same mission, family, home and refusals always give the same items. `refused` are the
-    MAV_CMDs that the vehicle has refused as mission items.
+    MAV_CMDs that the vehicle has refused as mission items; a stretch of more than `most_items` is
+    flown in parts, between which the vehicle holds.
 
     Raises:
         RefusedError: for the first command that cannot be flown.
@@ -288,7 +305,7 @@ def translate(
         common_radius_m=_common_radius_m(mission),
         after_live=not any(one.command_type_id in FLYING for one in mission.command_array),
     )
-    return _Translation(mission, situation).go()
+    return _Translation(mission, situation, most_items).go()
 
 
 def _common_radius_m(mission: Mission) -> float | None:

@@ -54,6 +54,7 @@ class Script:
     loses_current: bool = False  # Behind an upload it tells 65535 until one has been set
     version: int = 0  # AUTOPILOT_VERSION.flight_sw_version
     has_checks: bool = True  # Else SYS_STATUS tells that they pass, and not that there are any
+    most_items: float = math.inf  # Of a mission; more are answered by NO_SPACE
     goes_to_places: bool = True  # At once; else it is on its way for ever
     fence_m: float = math.inf  # From home; what leads out is accepted, and not done
     streams_unasked: bool = True
@@ -172,6 +173,9 @@ class ScriptedMissions:
     def _count(self, message: Message) -> None:
         if self._now < self.busy_until:
             self._acknowledge(mavlink.MAV_MISSION_ERROR)
+            return
+        if message.count > self.script.most_items:
+            self._acknowledge(mavlink.MAV_MISSION_NO_SPACE)
             return
         self._transfer = {}
         self._transfer_count = message.count
