@@ -28,6 +28,7 @@ class Verdict(NamedTuple):
 
     faults: tuple[Fault, ...]
     warnings: tuple[Fault, ...]
+    missing: tuple[Fault, ...] = ()  # Of the faults: what a draft may still lack
 
 
 def check(plan: Plan, vehicles: Mapping[int, VehicleLimits], now: datetime) -> Verdict:
@@ -35,6 +36,7 @@ def check(plan: Plan, vehicles: Mapping[int, VehicleLimits], now: datetime) -> V
     fence = None if plan.geofence is None else FenceCheck(plan.geofence)
     faults = [*_plan_faults(plan, now), *_rally_faults(plan, fence)]
     warnings: list[Fault] = []
+    missing: list[Fault] = []
     for index, mission in enumerate(plan.missions):
         path = f"missions.{index}"
         limits = vehicles.get(mission.vehicle_id)
@@ -44,13 +46,16 @@ def check(plan: Plan, vehicles: Mapping[int, VehicleLimits], now: datetime) -> V
             )
         else:
             faults += _limit_faults(mission, path, limits)
-        faults += _mission_faults(mission, path, plan.profile)
+        faults += _mission_faults(mission, path)
+        if plan.profile == Profile.FIELD:
+            missing += _takeoff_first(mission, path)
         faults += flyable.faults(mission, path)
         faults += _fence_faults(mission, path, fence)
         warnings += _warnings(mission, path, plan.profile)
+    faults += missing
     if plan.profile == Profile.ANNEX:
         faults += annex_faults(plan)
-    return Verdict(tuple(faults), tuple(warnings))
+    return Verdict(tuple(faults), tuple(warnings), tuple(missing))
 
 
 def _plan_faults(plan: Plan, now: datetime) -> Iterator[Fault]:
@@ -83,7 +88,7 @@ def _limit_faults(mission: Mission, path: str, limits: VehicleLimits) -> Iterato
             )
 
 
-def _mission_faults(mission: Mission, path: str, profile: Profile) -> Iterator[Fault]:
+def _mission_faults(mission: Mission, path: str) -> Iterator[Fault]:
     seen: dict[int, int] = {}
     for index, (where, command) in enumerate(_commands(mission, path)):
         first = seen.setdefault(command.command_id, index)
@@ -100,8 +105,6 @@ def _mission_faults(mission: Mission, path: str, profile: Profile) -> Iterator[F
                     f"times radius is {speed:.2f} m/s, above maximum_speed "
                     f"{mission.maximum_speed} m/s",
                 )
-    if profile == Profile.FIELD:
-        yield from _takeoff_first(mission, path)
 
 
 _BEGINNINGS: Final = frozenset(

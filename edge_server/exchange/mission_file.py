@@ -17,3 +17,4 @@ class MissionFile(NamedTuple):
     geofence: dict[str, Any] | None = None
     rally_points: Sequence[Mapping[str, Any]] = ()
     warnings: tuple[Fault, ...] = ()
+    missing: tuple[Fault, ...] = ()  # Parts that the file names and does not carry

@@ -8,6 +8,7 @@ from afarcloud.faults import Fault, InvalidError
 from edge_server.exchange.mission_item import EXTRA, Place
 
 VERSION: Final = 2
+_OLDEST: Final = 1
 CORNERS_OF_A_CIRCLE: Final = 72
 _SMALLEST_M, _LARGEST_M = 0.1, 1e6
 _RALLY: Final = ("latitude", "longitude", "altitude")
@@ -21,7 +22,11 @@ def read(fence: Any) -> tuple[dict[str, Any] | None, list[Fault]]:
     """
     if fence is None:
         return None, []
-    if not isinstance(fence, dict) or fence.get("version") != VERSION:
+    version = fence.get("version", _OLDEST) if isinstance(fence, dict) else None
+    if version == _OLDEST and not isinstance(version, bool):
+        message = "is of an old version, which QGroundControl ignores: the plan has no geofence"
+        return None, [Fault("geoFence", message)]
+    if not isinstance(fence, dict) or version != VERSION:
         raise InvalidError((Fault("geoFence.version", f"must be {VERSION}"),))
     found: dict[str, Any] = {"inclusion": [], "exclusion": []}
     warnings: list[Fault] = []

@@ -42,14 +42,16 @@ def read(document: Any) -> MissionFile:
     if not isinstance(mission, dict) or mission.get("version") != MISSION_VERSION:
         raise InvalidError((Fault("mission.version", f"must be {MISSION_VERSION}"),))
     geofence, warnings = qgc_fence.read(document.get("geoFence"))
+    missing: list[Fault] = []
     return MissionFile(
-        _items(mission.get("items")),
+        _items(mission.get("items"), missing),
         _home(mission.get("plannedHomePosition")),
         _speed(mission.get("hoverSpeed")),
         zero_yaw_is_unset=mission.get("firmwareType") == ARDUPILOT,
         geofence=geofence,
         rally_points=qgc_fence.read_rally(document.get("rallyPoints")),
         warnings=tuple(warnings),
+        missing=tuple(missing),
     )
 
 
@@ -76,13 +78,13 @@ def _is_number(value: Any) -> bool:
     return is_number and -_FARTHEST < value < _FARTHEST
 
 
-def _items(raw: Any) -> list[Item]:
-    """Every simple item, those inside of complex ones in their place."""
+def _items(raw: Any, missing: list[Fault]) -> list[Item]:
+    """Every simple item, those inside of complex ones in their place; what is missing is noted."""
     if not isinstance(raw, list):
         raise InvalidError((Fault("mission.items", "must be a list of items"),))
     items: list[Item] = []
     faults: list[Fault] = []
-    for path, simple in _flat(raw, faults):
+    for path, simple in _flat(raw, faults, missing):
         try:
             items.append(_item(simple, path, len(items) + 1))
         except ValueError as error:
@@ -92,7 +94,7 @@ def _items(raw: Any) -> list[Item]:
     return items
 
 
-def _flat(raw: list[Any], faults: list[Fault]) -> Iterator[tuple[str, Any]]:
+def _flat(raw: list[Any], faults: list[Fault], missing: list[Fault]) -> Iterator[tuple[str, Any]]:
     for index, item in enumerate(raw):
         path = f"mission.items.{index}"
         kind = item.get("type") if isinstance(item, dict) else None
@@ -103,7 +105,8 @@ def _flat(raw: list[Any], faults: list[Fault]) -> Iterator[tuple[str, Any]]:
         else:
             inner = _inside(item)
             if inner is None:
-                faults.append(Fault(path, _why_not(item, index + 1)))
+                found = missing if _kind(item) in EXPANDED else faults
+                found.append(Fault(path, _why_not(item, index + 1)))
                 continue
             for place, one in enumerate(inner):
                 yield f"{path}.TransectStyleComplexItem.Items.{place}", one

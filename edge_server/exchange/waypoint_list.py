@@ -64,10 +64,9 @@ def _lines(raw: bytes) -> Iterator[tuple[int, str]]:
 
 def _row(line: str, index: int, path: str) -> Item:
     """Read a line; raises ValueError with the reason."""
-    columns = line.split("\t") if "\t" in line else line.split()
-    if len(columns) != COLUMNS:
-        raise ValueError(f"must have {COLUMNS} columns, not {len(columns)}")
-    numbers = [column.strip() for column in columns]
+    numbers = line.split()
+    if len(numbers) != COLUMNS:
+        raise ValueError(f"must have {COLUMNS} columns, not {len(numbers)}")
     sequence, _, frame, command = (_whole(numbers[place]) for place in range(4))
     if sequence != index:
         raise ValueError(f"must be number {index}: the numbers run from 0 without gaps")
@@ -100,10 +99,16 @@ def _number(text: str) -> float | None:
 
 
 def _home(rows: list[Item]) -> Home | None:
-    """Home out of the first row, when that is what it is."""
-    if not rows or rows[0].command != Cmd.NAV_WAYPOINT or rows[0].frame not in ABSOLUTE:
+    """Home out of the first row, when that is what it is: nothing of it is flown.
+
+    Some tools write it in a frame above home, where its height says nothing; a waypoint before the
+    take-off can be nothing else.
+    """
+    if not rows or rows[0].command != Cmd.NAV_WAYPOINT:
         return None
+    is_absolute = rows[0].frame in ABSOLUTE
+    takes_off_next = len(rows) > 1 and rows[1].command == Cmd.NAV_TAKEOFF
     latitude, longitude, altitude = rows[0].parameters[4:]
-    if latitude is None or longitude is None:
+    if latitude is None or longitude is None or not (is_absolute or takes_off_next):
         return None
-    return Home(latitude, longitude, altitude)
+    return Home(latitude, longitude, altitude if is_absolute else None)

@@ -58,7 +58,13 @@ def create(
     try:
         plan = read_as(Plan, _document(context, file, translated, order))
         (kept,) = plans.create_all(
-            context, [plan], caller, asked, warnings, numbered_here=order.mission_id is None
+            context,
+            [plan],
+            caller,
+            asked,
+            warnings,
+            numbered_here=order.mission_id is None,
+            missing=file.missing,
         )
     except InvalidError as error:
         raise InvalidError(_placed(error.faults, translated.paths)) from None

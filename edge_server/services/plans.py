@@ -25,6 +25,8 @@ from edge_server.store.locks import WORK
 from edge_server.store.plans import StoredPlan
 
 _SEVERAL = "plans"
+MISSING: Final = "missing"
+"""With this a warning begins that keeps a draft from being dispatched; a PUT completes it."""
 SILENT_S: Final = 300.0
 """So long nothing was said of a vehicle whose accepted mission an operator may close; a broker
 that lives says something every 30 s even of a vehicle that is lost."""
@@ -66,12 +68,14 @@ def create_all(
     warnings: Sequence[Fault] = (),
     *,
     numbered_here: bool = False,
+    missing: Sequence[Fault] | None = None,
 ) -> list[dict[str, Any]]:
     """Keep several plans in one transaction, in their order; returns them as stored.
 
     `asked` is what they were made from, by which a repeated request is known; `warnings` of the
     making are kept with each. With `numbered_here` nobody has asked for their mission_ids: they
-    get the next ones that no mission here has.
+    get the next ones that no mission here has. `missing` is what drafts lack by their source, None
+    if they must be whole: a draft is kept with all that it lacks, and dispatched when it is whole.
 
     Raises:
         as `create`; then none of them is kept.
@@ -83,7 +87,9 @@ def create_all(
             now = context.clock()
             if numbered_here:
                 documents = _with_free_ids(connection, documents)
-            rows = [_create(connection, context, plan, now, warnings) for plan in documents]
+            rows = [
+                _create(connection, context, plan, now, warnings, missing) for plan in documents
+            ]
             shown = [_show(connection, _find(connection, row)) for row in rows]
             answered = Answered(_SEVERAL, body_sha256, rows[0], None, now, to_json(shown))
             once.remember(connection, caller, answered)
@@ -122,9 +128,10 @@ def _create(
     plan: Plan,
     now: float,
     warnings: Sequence[Fault] = (),
+    missing: Sequence[Fault] | None = None,
 ) -> int:
     broker_work.expire(connection, now)
-    stored = _checked(connection, context, plan, now)
+    stored = _checked(connection, context, plan, now, missing)
     stored.warnings.extend({"path": one.path, "message": one.message} for one in warnings)
     if plans.find(connection, stored.plan_id) is not None:
         raise ConflictError(
@@ -188,12 +195,20 @@ def dispatch(context: Context, reference: int | str) -> dict[str, Any]:
         stored = _find(connection, reference)
         missions = work.of_plan(connection, stored.id)
         if any(item.held for item in missions):
+            _check_whole(stored)
             if any(item.state == work.CLOSED for item in missions):
                 raise ConflictError(f"plan {stored.id} has ended: {missions[0].message}")
             stored = _let_go(connection, context, stored, missions, now)
         shown = _show(connection, stored)
     context.bell.ring()
     return shown
+
+
+def _check_whole(stored: StoredPlan) -> None:
+    """Let a draft pass that lacks nothing; raises InvalidError with what it lacks."""
+    lacks = [one for one in stored.warnings if one["message"].startswith(f"{MISSING}: ")]
+    if lacks:
+        raise InvalidError(tuple(Fault(one["path"], one["message"]) for one in lacks))
 
 
 def _let_go(
@@ -310,13 +325,24 @@ def _check_silent(connection: Connection, item: work.Work, now: float) -> None:
     )
 
 
-def _checked(connection: Connection, context: Context, plan: Plan, now: float) -> StoredPlan:
-    """Hold a plan against the rules; raises InvalidError with every fault."""
+def _checked(
+    connection: Connection,
+    context: Context,
+    plan: Plan,
+    now: float,
+    missing: Sequence[Fault] | None = None,
+) -> StoredPlan:
+    """Hold a plan against the rules; raises InvalidError with every fault.
+
+    Given what a draft lacks, it may lack more, such as a take-off; all of it is noted.
+    """
     registered = vehicles.known(connection, {item.vehicle_id for item in plan.missions})
     limits = dict.fromkeys(registered, VehicleLimits())
     verdict = rules.check(plan, limits, moment(now))
-    if verdict.faults:
-        raise InvalidError(verdict.faults)
+    lacks = () if missing is None else (*missing, *verdict.missing)
+    faults = tuple(fault for fault in verdict.faults if fault not in lacks)
+    if faults or (lacks and plan.dispatch):
+        raise InvalidError(faults or lacks)
     lifetime_end = now + context.config.plan_lifetime_s
     expires_at = plan.expires_at.timestamp() if plan.expires_at else lifetime_end
     body = write(plan)
@@ -327,7 +353,10 @@ def _checked(connection: Connection, context: Context, plan: Plan, now: float) -
         body=body,
         received_at=now,
         expires_at=expires_at,
-        warnings=[{"path": fault.path, "message": fault.message} for fault in verdict.warnings],
+        warnings=[
+            *({"path": one.path, "message": f"{MISSING}: {one.message}"} for one in lacks),
+            *({"path": one.path, "message": one.message} for one in verdict.warnings),
+        ],
     )
 
 

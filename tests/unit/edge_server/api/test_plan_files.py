@@ -133,7 +133,7 @@ def test_a_value_out_of_range_is_refused_at_its_item(edge: Edge) -> None:
     [
         (FILE, "vehicle_id=9", "vehicle_id"),
         (plan_file(TAKEOFF, BACK, hoverSpeed=30), "vehicle_id=1", "maximum_speed"),
-        (plan_file(at(16), BACK), "vehicle_id=1", "mission.items.0"),
+        (plan_file(at(16), BACK), "vehicle_id=1&dispatch=true", "mission.items.0"),
         ({"fileType": "Mission"}, "vehicle_id=1", "fileType"),
         ([], "vehicle_id=1", "fileType"),
     ],
@@ -215,3 +215,52 @@ def test_the_contracts_example_is_taken(edge: Edge) -> None:
     assert send(edge, EXAMPLE).status_code == 201
     required = {one["name"] for one in operation["parameters"] if one.get("required")}
     assert required == {"vehicle_id"}
+
+
+EMPTY_SURVEY = {"type": "ComplexItem", "complexItemType": "survey"}
+
+
+@pytest.mark.parametrize(
+    ("document", "path"),
+    [
+        (plan_file(at(16), BACK), "missions.0.command_array.0.command_type_id"),
+        (plan_file(TAKEOFF, EMPTY_SURVEY, BACK), "mission.items.1"),
+    ],
+)
+def test_what_lacks_a_part_is_a_draft_until_it_is_whole(
+    edge: Edge, document: dict[str, Any], path: str
+) -> None:
+    answer = send(edge, document)
+    assert answer.status_code == 201, answer.json
+    stored: Any = answer.json
+    (warning,) = (one for one in stored["warnings"] if one["message"].startswith("missing: "))
+    assert warning["path"] == path
+    assert stored["missions"][0]["dispatch_state"] == "held"
+    for _ in range(2):
+        early = edge.ask("POST", "/plans/1/dispatch", "operator")
+        assert early.status_code == 422
+        assert path in (early.json or {})["detail"]["json"]
+    assert edge.work() == []
+    whole = plan(mission(7), dispatch=False)
+    assert edge.ask("PUT", "/plans/1", "operator", json=whole).status_code == 200
+    assert edge.ask("POST", "/plans/1/dispatch", "operator").status_code == 200
+    assert len(edge.work()) == 1
+
+
+@pytest.mark.parametrize(
+    "document", [plan_file(at(16), BACK), plan_file(TAKEOFF, EMPTY_SURVEY, BACK)]
+)
+def test_what_lacks_a_part_is_not_flown_at_once(edge: Edge, document: dict[str, Any]) -> None:
+    refused(edge, send(edge, document, "vehicle_id=1&dispatch=true"), 422)
+
+
+def test_a_file_with_a_part_that_is_wrong_is_no_draft(edge: Edge) -> None:
+    document = plan_file(at(16), EMPTY_SURVEY, at(21), at(16))
+    detail = refused(edge, send(edge, document), 422)
+    assert list(detail["json"]) == ["mission.items.3"]
+    refused(edge, send(edge, plan_file(EMPTY_SURVEY)), 422)
+
+
+def test_a_plan_that_is_posted_is_no_draft(edge: Edge) -> None:
+    body = plan(mission(command_array=[waypoint(1), home(2)]), dispatch=False)
+    assert edge.post_plan(body).status_code == 422

@@ -70,9 +70,7 @@ def test_what_a_survey_expands_to_is_read_in_its_place(kind: str) -> None:
         (plan_file(plannedHomePosition=[1, True, 3]), "mission.plannedHomePosition"),
         (plan_file(5), "mission.items.0.type"),  # type: ignore[arg-type]  # as files may be
         (plan_file(TAKEOFF, {"type": "Item"}), "mission.items.1.type"),
-        (plan_file(survey()), "mission.items.0"),
         (plan_file(survey(at(16), kind="StructureScan")), "mission.items.0"),
-        (plan_file({"type": "ComplexItem", "complexItemType": "survey"}), "mission.items.0"),
         (plan_file(survey(at(16), kind=[])), "mission.items.0"),  # type: ignore[arg-type]  # as above
         (plan_file(at(16, params=[10**400] * 7)), "mission.items.0"),
         (plan_file(plannedHomePosition=[10**400, 2, 3]), "mission.plannedHomePosition"),
@@ -83,7 +81,9 @@ def test_what_a_survey_expands_to_is_read_in_its_place(kind: str) -> None:
         (plan_file(at(16, params=[0] * 6)), "mission.items.0"),
         (plan_file(at(16, params=[0] * 6 + ["x"])), "mission.items.0"),
         (plan_file(at(16, params=[0] * 6 + [math.inf])), "mission.items.0"),
-        (fenced(version=1), "geoFence.version"),
+        (fenced(version=3), "geoFence.version"),
+        (fenced(version=True), "geoFence.version"),
+        (plan_file(TAKEOFF) | {"geoFence": []}, "geoFence.version"),
         (fenced(polygons={}), "geoFence.polygons"),
         (fenced(polygons=[{"polygon": []}]), "geoFence.polygons.0.inclusion"),
         (fenced(polygons=[{"inclusion": True}]), "geoFence.polygons.0.polygon"),
@@ -109,6 +109,31 @@ def test_what_is_no_plan_is_refused_at_its_place(document: Any, path: str) -> No
 def test_a_complex_item_without_its_items_is_named() -> None:
     found = faults(plan_file(TAKEOFF, survey(at(16), kind="StructureScan")))
     assert found["mission.items.1"].startswith("item 2 (StructureScan) does not carry")
+
+
+@pytest.mark.parametrize(
+    "fence",
+    [
+        {},
+        {"version": 1},
+        {"version": 1, "polygon": [{"latitude": 1}], "parameters": []},
+        {"polygons": [5], "circles": "none"},
+    ],
+)
+def test_a_fence_of_an_old_version_is_left_out_with_a_warning(fence: Any) -> None:
+    """QGroundControl passes over it too."""
+    file = qgc_plan.read(plan_file(TAKEOFF) | {"geoFence": fence})
+    assert file.geofence is None
+    assert [warning.path for warning in file.warnings] == ["geoFence"]
+
+
+@pytest.mark.parametrize("inside", [survey(), {"type": "ComplexItem", "complexItemType": "survey"}])
+def test_a_survey_without_its_items_is_missing(inside: Any) -> None:
+    file = qgc_plan.read(plan_file(TAKEOFF, inside, at(16)))
+    assert [item.path for item in file.items] == ["mission.items.0", "mission.items.2"]
+    (missing,) = file.missing
+    assert missing.path == "mission.items.1"
+    assert "has no items inside" in missing.message
 
 
 def test_a_fence_of_polygons_is_a_geofence() -> None:

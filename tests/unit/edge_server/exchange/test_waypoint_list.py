@@ -55,6 +55,14 @@ def test_ardupilots_first_row_is_home() -> None:
     assert back == {"landing": True}
 
 
+def test_a_waypoint_before_the_takeoff_is_home_in_any_frame() -> None:
+    low = PX4.replace("QGC WPL 110\n", "").replace("\n2\t", "\n3\t").replace("\n1\t", "\n2\t")
+    low = "QGC WPL 110\n0\t1\t3\t16\t0\t0\t0\t0\t40.4434\t-3.7382\t0\t0\n1" + low[1:]
+    file = waypoint_list.read(low.encode())
+    assert file.home == Home(40.4434, -3.7382, None)
+    assert kinds(low) == [1, 3, 11]
+
+
 def test_px4s_first_row_is_the_first_item() -> None:
     assert kinds(PX4) == [1, 3, 11]
     file = waypoint_list.read(PX4.encode())
@@ -69,6 +77,9 @@ def test_px4s_first_row_is_the_first_item() -> None:
         lambda text: text.replace("\n", "\r\n"),
         lambda text: "\ufeff" + text,
         lambda text: text.replace("\t", "   "),
+        lambda text: text.replace("\t", " \t", 3).replace("\t0.000\t", "   0.000\t "),
+        lambda text: text.replace("\t16\t", "  16 ").replace("\t1\n", " 1\t\n"),
+        lambda text: text.replace("650.000000\t1", "650.000000\t0"),
         lambda text: text.replace("\n", "\n\n") + "# by hand\n",
         lambda text: text.replace("QGC WPL 110", "QGC\tWPL 110  "),
     ],
