@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Final
 
-from sim.faults import Fault
+from sim.faults import MOST_INSTANCES, Fault
 from sim.gnss_receivers import GNSS_RECEIVERS
 
 VEHICLE_SPACING_M: Final = 3.0
@@ -42,6 +42,9 @@ class SimulationConfig:
     gusts: bool = True  # Dryden turbulence in proportion to the mean wind
     sensor_noise_factor: float = 1.0  # [-] 1 honest, 0 ideal: on top of what instruments they are
     gps: str = "m9n"  # Satellite receiver, a name of GNSS_RECEIVERS
+    imus: int = 3  # [-] Inertial sensors, each with errors of its own, as on a Pixhawk 4 to 6
+    barometers: int = 2  # [-]
+    compasses: int = 2  # [-]
     battery_capacity_ah: float = 5.2  # [Ah] Of a four-cell lithium polymer pack
     battery_initial_charge: float = 1.0  # [-] 0 empty to 1 full
     start_time_utc_us: int = 1_780_300_800_000_000  # [us] UTC at time zero: 2026-06-01 08:00
@@ -67,6 +70,9 @@ class SimulationConfig:
         if self.gps not in GNSS_RECEIVERS:
             known = ", ".join(GNSS_RECEIVERS)
             raise SimulationConfigError(f"gps must be one of {known}, not {self.gps!r}")
+        self._check_range("imus", 1, MOST_INSTANCES)
+        self._check_range("barometers", 1, MOST_INSTANCES)
+        self._check_range("compasses", 1, MOST_INSTANCES)
         self._check_range("battery_capacity_ah", 0.01, 1000.0)
         self._check_range("battery_initial_charge", 0.0, 1.0)
         self._check_range("start_time_utc_us", 0, 4_102_444_800_000_000)

@@ -10,33 +10,26 @@ lost its grip. The thrust curve is that of the README's table, T/T_full = 0.76 u
 
 import math
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
 from sim.earth import degrees_per_metre, wrapped_longitude_deg
-from sim.faults import Fault, Kind
-from sim.sensors.gps import without_fix
-from sim.sensors.readings import (
-    BaroReading,
-    EnvironmentReading,
-    GpsReading,
-    ImuReading,
-    MagReading,
-    Readings,
+from sim.faults import MOST_INSTANCES, Fault, Kind
+from sim.instrument_faults import (
+    BARO_KINDS,
+    IMU_KINDS,
+    MAG_KINDS,
+    FaultyBaro,
+    FaultyImu,
+    FaultyMag,
 )
+from sim.sensors.gps import without_fix
+from sim.sensors.readings import EnvironmentReading, GpsReading, Readings
 from sim.truth import Motors, Vector3
 
 _SQUARE_SHARE: Final = 0.76
 _ZERO: Final[Vector3] = (0.0, 0.0, 0.0)
-_NOTHING: Final[Vector3] = (math.nan, math.nan, math.nan)
 HEALTHY: Final[Motors] = (1.0, 1.0, 1.0, 1.0)
 """Efficiencies of motors without a fault."""
-
-
-class _Frozen(NamedTuple):
-    """Last readings before a fault; they are repeated."""
-
-    gps: GpsReading | None
-    baro: BaroReading | None
 
 
 class FaultEffects:
@@ -50,10 +43,10 @@ class FaultEffects:
         self.touches_readings = False
         self._kinds: frozenset[Kind] = frozenset()
         self._jump_neu_m: Vector3 = _ZERO
-        self._disturbance_gauss: Vector3 = _ZERO
-        self._gyro_bias: Vector3 = _ZERO
-        self._accel_bias: Vector3 = _ZERO
-        self._last = _Frozen(None, None)
+        self._imus = tuple(FaultyImu(instance) for instance in range(MOST_INSTANCES))
+        self._baros = tuple(FaultyBaro(instance) for instance in range(MOST_INSTANCES))
+        self._mags = tuple(FaultyMag(instance) for instance in range(MOST_INSTANCES))
+        self._held_gps: GpsReading | None = None  # Repeated by a frozen receiver
 
     def take(self, active: Sequence[Fault]) -> None:
         """Work with these faults from now on."""
@@ -64,15 +57,15 @@ class FaultEffects:
         self.efficiencies = _efficiencies(active)
         self.gust_ned = _gust_ned(by_kind.get(Kind.WIND_GUST))
         self._jump_neu_m = _vector(by_kind.get(Kind.GPS_JUMP))
-        self._disturbance_gauss = _vector(by_kind.get(Kind.MAG_DISTURBANCE))
-        self._accel_bias = _vector(by_kind.get(Kind.ACCEL_BIAS))
-        x, y, z = _vector(by_kind.get(Kind.GYRO_BIAS))
-        self._gyro_bias = (math.radians(x), math.radians(y), math.radians(z))
+        for imu in self._imus:
+            imu.take(active)
+        for baro in self._baros:
+            baro.take(active)
+        for mag in self._mags:
+            mag.take(active)
         self.touches_readings = not self._kinds.isdisjoint(_ON_READINGS)
         if Kind.GPS_FROZEN not in by_kind:
-            self._last = self._last._replace(gps=None)
-        if Kind.BARO_FROZEN not in by_kind:
-            self._last = self._last._replace(baro=None)
+            self._held_gps = None
 
     def motors(self, motors: Motors) -> Motors:
         """Commands that reach healthy motors as thrust, lowered for the others."""
@@ -88,38 +81,22 @@ class FaultEffects:
         """What the broken instruments say instead."""
         kinds = self._kinds
         return readings._replace(
-            imu=self._imu(readings.imu),
-            baro=self._baro(readings.baro),
-            mag=None if Kind.MAG_LOSS in kinds else self._mag(readings.mag),
+            imus=tuple(
+                faulty.read(imu) if faulty.touched else imu
+                for faulty, imu in zip(self._imus, readings.imus, strict=False)
+            ),
+            baros=tuple(
+                None if baro is None else faulty.read(baro)
+                for faulty, baro in zip(self._baros, readings.baros, strict=False)
+            ),
+            mags=tuple(
+                None if mag is None else faulty.read(mag)
+                for faulty, mag in zip(self._mags, readings.mags, strict=False)
+            ),
             gps=self._gps(readings.gps),
             environment=self._measured(readings.environment),
             range=None if Kind.RANGEFINDER_LOSS in kinds else readings.range,
         )
-
-    def _imu(self, imu: ImuReading) -> ImuReading:
-        kinds = self._kinds
-        rate = _sum(imu.rate_frd, self._gyro_bias)
-        force = _sum(imu.specific_force_frd, self._accel_bias)
-        return ImuReading(
-            imu.time_us,
-            _NOTHING if Kind.GYRO_LOSS in kinds else rate,
-            _NOTHING if Kind.ACCEL_LOSS in kinds else force,
-        )
-
-    def _baro(self, baro: BaroReading | None) -> BaroReading | None:
-        if baro is None or Kind.BARO_LOSS in self._kinds:
-            return None
-        if Kind.BARO_FROZEN not in self._kinds:
-            return baro
-        if self._last.baro is None:
-            self._last = self._last._replace(baro=baro)
-        frozen = self._last.baro or baro
-        return frozen._replace(time_us=baro.time_us)
-
-    def _mag(self, mag: MagReading | None) -> MagReading | None:
-        if mag is None:
-            return None
-        return MagReading(mag.time_us, _sum(mag.field_frd_gauss, self._disturbance_gauss))
 
     def _measured(self, sample: EnvironmentReading | None) -> EnvironmentReading | None:
         if sample is None:
@@ -136,26 +113,19 @@ class FaultEffects:
         if Kind.GPS_LOSS in self._kinds:
             return without_fix(gps.time_us)
         if Kind.GPS_FROZEN in self._kinds:
-            if self._last.gps is None:
-                self._last = self._last._replace(gps=gps)
-            frozen = self._last.gps or gps
-            return frozen._replace(time_us=gps.time_us, time_utc_us=gps.time_utc_us)
+            self._held_gps = self._held_gps or gps
+            return self._held_gps._replace(time_us=gps.time_us, time_utc_us=gps.time_utc_us)
         return _moved(gps, self._jump_neu_m)
 
 
-_ON_READINGS: Final = frozenset(
-    {
+_ON_READINGS: Final = (
+    IMU_KINDS
+    | BARO_KINDS
+    | MAG_KINDS
+    | {
         Kind.GPS_LOSS,
         Kind.GPS_FROZEN,
         Kind.GPS_JUMP,
-        Kind.BARO_LOSS,
-        Kind.BARO_FROZEN,
-        Kind.MAG_LOSS,
-        Kind.MAG_DISTURBANCE,
-        Kind.GYRO_LOSS,
-        Kind.GYRO_BIAS,
-        Kind.ACCEL_LOSS,
-        Kind.ACCEL_BIAS,
         Kind.RANGEFINDER_LOSS,
         Kind.HUMIDITY_FAILURE,
         Kind.HUMIDITY_INVALID,
@@ -209,7 +179,3 @@ def _moved(gps: GpsReading, jump_neu_m: Vector3) -> GpsReading:
         longitude_deg=wrapped_longitude_deg(gps.longitude_deg + east * metre.east),
         altitude_amsl_m=gps.altitude_amsl_m + up,
     )
-
-
-def _sum(a: Vector3, b: Vector3) -> Vector3:
-    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])

@@ -8,7 +8,7 @@ from enum import IntEnum
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from sim.faults import Fault, Kind
+from sim.faults import ALL_INSTANCES, FIELDS, MOST_INSTANCES, Fault, Kind
 
 _MOTORS: Final = (1, 2, 3, 4)
 
@@ -52,13 +52,17 @@ _NOTHING: Final[Mapping[str, float]] = MappingProxyType({})
 EFFECTS: Final[Mapping[tuple[Unit, Failure], Effect]] = MappingProxyType(
     {
         (Unit.GYRO, Failure.OFF): Effect(Kind.GYRO_LOSS, _NOTHING),
+        (Unit.GYRO, Failure.STUCK): Effect(Kind.GYRO_FROZEN, _NOTHING),
         (Unit.GYRO, Failure.WRONG): Effect(Kind.GYRO_BIAS, {"x_deg_s": 3.0, "y_deg_s": 3.0}),
         (Unit.ACCEL, Failure.OFF): Effect(Kind.ACCEL_LOSS, _NOTHING),
+        (Unit.ACCEL, Failure.STUCK): Effect(Kind.ACCEL_FROZEN, _NOTHING),
         (Unit.ACCEL, Failure.WRONG): Effect(Kind.ACCEL_BIAS, {"x_m_s2": 1.0, "y_m_s2": 1.0}),
         (Unit.MAG, Failure.OFF): Effect(Kind.MAG_LOSS, _NOTHING),
+        (Unit.MAG, Failure.STUCK): Effect(Kind.MAG_FROZEN, _NOTHING),
         (Unit.MAG, Failure.WRONG): Effect(Kind.MAG_DISTURBANCE, {"x_gauss": 0.3, "y_gauss": 0.3}),
         (Unit.BARO, Failure.OFF): Effect(Kind.BARO_LOSS, _NOTHING),
         (Unit.BARO, Failure.STUCK): Effect(Kind.BARO_FROZEN, _NOTHING),
+        (Unit.BARO, Failure.WRONG): Effect(Kind.BARO_BIAS, {"up_m": 5.0}),
         (Unit.GPS, Failure.OFF): Effect(Kind.GPS_LOSS, _NOTHING),
         (Unit.GPS, Failure.STUCK): Effect(Kind.GPS_FROZEN, _NOTHING),
         (Unit.GPS, Failure.WRONG): Effect(Kind.GPS_JUMP, {"north_m": 40.0, "east_m": 40.0}),
@@ -84,11 +88,17 @@ def kinds_of(unit: int) -> frozenset[Kind]:
 def faults_of(unit: int, failure: int, instance: int, now_us: int) -> tuple[Fault, ...] | None:
     """Faults that a unit's failure means from now on; None where there is no such unit.
 
-    `instance` counts from 1; 0 means all. The vehicle has one of everything but motors.
+    `instance` counts from 1; 0 means all. The vehicle has one of everything but motors, inertial
+    sensors, barometers and compasses.
     """
     effect = next((effect for known, effect in EFFECTS.items() if known == (unit, failure)), None)
     if effect is None:
         return None
+    if "instance" in FIELDS[effect.kind]:
+        if not 0 <= instance <= MOST_INSTANCES:
+            return None
+        numbered = {**effect.values, "instance": instance - 1 if instance else ALL_INSTANCES}
+        return (Fault(kind=effect.kind, start_us=now_us, values=numbered),)
     if effect.kind is not Kind.MOTOR_LOSS:
         known = instance in (0, 1)
         return (Fault(kind=effect.kind, start_us=now_us, values=effect.values),) if known else None

@@ -10,7 +10,8 @@ A file holds a list of faults under `fault`:
 
 A line says the same in one go, `motor_loss motor=2 duration_s=5`, and begins now unless it
 has a `start_s`. `clear` ends every fault, `clear gps_loss` those of a kind,
-`clear motor_loss motor=2` those of a motor.
+`clear motor_loss motor=2` those of a motor, `clear gyro_bias instance=1` those of an instance. An
+instance may be `all`.
 """
 
 import json
@@ -20,10 +21,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from sim.faults import NEVER_US, Fault, FaultError, Kind
+from sim.faults import ALL_INSTANCES, FIELDS, NEVER_US, Fault, FaultError, Kind
 
 _CLEAR: Final = "clear"
 _TIMES: Final = ("start_s", "end_s", "duration_s")
+_ALL: Final = ("instance", "all")
 _LARGEST_FILE: Final = 1_000_000  # [bytes]
 _LONGEST_S: Final = 1e9
 
@@ -33,6 +35,7 @@ class Clear(NamedTuple):
 
     kind: Kind | None
     motor: int | None
+    instance: int | None = None
 
 
 def read_faults(path: Path) -> tuple[Fault, ...]:
@@ -92,11 +95,13 @@ def _clear_of(words: list[str]) -> Clear:
         return Clear(None, None)
     kind = _kind_of(words[0])
     numbers = _assignments(words[1:])
-    if set(numbers) - {"motor"} or (numbers and kind is not Kind.MOTOR_LOSS):
+    part = "motor" if kind is Kind.MOTOR_LOSS else "instance"
+    if set(numbers) - {part} or (numbers and part not in FIELDS[kind]):
         raise FaultError(f"clear {kind}: {' '.join(words[1:])!r} is not understood")
     if not numbers:
         return Clear(kind, None)
-    return Clear(kind, int(Fault(kind=kind, values=numbers).values["motor"]))
+    number = int(Fault(kind=kind, values=numbers).values[part])
+    return Clear(kind, number) if part == "motor" else Clear(kind, None, number)
 
 
 def _assignments(words: list[str]) -> dict[str, float]:
@@ -105,6 +110,9 @@ def _assignments(words: list[str]) -> dict[str, float]:
         name, equals, text = word.partition("=")
         if not equals or name in numbers:
             raise FaultError(f"{word!r} is no name=number, or said twice")
+        if (name, text) == _ALL:
+            numbers[name] = ALL_INSTANCES
+            continue
         try:
             numbers[name] = float(text)
         except ValueError:
@@ -134,6 +142,8 @@ def _fault_of(entry: object) -> Fault:
     elif "duration_s" in times:
         end_us = start_us + round(times["duration_s"] * 1e6)
     values = {name: value for name, value in entry.items() if name not in (*_TIMES, "kind")}
+    if ("instance", values.get("instance")) == _ALL:
+        values["instance"] = ALL_INSTANCES
     return Fault(kind=kind, start_us=start_us, end_us=end_us, values=values)
 
 

@@ -19,6 +19,12 @@ from typing import Final, NamedTuple
 NEVER_US: Final = 2**63 - 1
 """[us] End of a fault that stays."""
 
+ALL_INSTANCES: Final = -1
+"""Number of an `instance` that stands for every one of its kind."""
+
+MOST_INSTANCES: Final = 3
+"""Of an instrument on one vehicle."""
+
 _LATEST_US: Final = 10**15  # Thirty years: a later beginning is a slip of the pen
 
 
@@ -34,11 +40,15 @@ class Kind(StrEnum):
     GPS_JUMP = "gps_jump"
     BARO_LOSS = "baro_loss"
     BARO_FROZEN = "baro_frozen"
+    BARO_BIAS = "baro_bias"
     MAG_LOSS = "mag_loss"
+    MAG_FROZEN = "mag_frozen"
     MAG_DISTURBANCE = "mag_disturbance"
     GYRO_LOSS = "gyro_loss"
+    GYRO_FROZEN = "gyro_frozen"
     GYRO_BIAS = "gyro_bias"
     ACCEL_LOSS = "accel_loss"
+    ACCEL_FROZEN = "accel_frozen"
     ACCEL_BIAS = "accel_bias"
     RANGEFINDER_LOSS = "rangefinder_loss"
     MOTOR_LOSS = "motor_loss"
@@ -64,31 +74,39 @@ _COMPONENT_M: Final = Field(0.0, -100_000.0, 100_000.0)
 _COMPONENT_GAUSS: Final = Field(0.0, -10.0, 10.0)
 _COMPONENT_DEG_S: Final = Field(0.0, -2000.0, 2000.0)
 _COMPONENT_M_S2: Final = Field(0.0, -160.0, 160.0)
+_INSTANCE: Final = Field(0, ALL_INSTANCES, MOST_INSTANCES - 1, whole=True)
 
 FIELDS: Final[Mapping[Kind, Mapping[str, Field]]] = MappingProxyType(
     {
         Kind.GPS_LOSS: {},
         Kind.GPS_FROZEN: {},
         Kind.GPS_JUMP: {"north_m": _COMPONENT_M, "east_m": _COMPONENT_M, "up_m": _COMPONENT_M},
-        Kind.BARO_LOSS: {},
-        Kind.BARO_FROZEN: {},
-        Kind.MAG_LOSS: {},
+        Kind.BARO_LOSS: {"instance": _INSTANCE},
+        Kind.BARO_FROZEN: {"instance": _INSTANCE},
+        Kind.BARO_BIAS: {"up_m": _COMPONENT_M, "instance": _INSTANCE},
+        Kind.MAG_LOSS: {"instance": _INSTANCE},
+        Kind.MAG_FROZEN: {"instance": _INSTANCE},
         Kind.MAG_DISTURBANCE: {
             "x_gauss": _COMPONENT_GAUSS,
             "y_gauss": _COMPONENT_GAUSS,
             "z_gauss": _COMPONENT_GAUSS,
+            "instance": _INSTANCE,
         },
-        Kind.GYRO_LOSS: {},
+        Kind.GYRO_LOSS: {"instance": _INSTANCE},
+        Kind.GYRO_FROZEN: {"instance": _INSTANCE},
         Kind.GYRO_BIAS: {
             "x_deg_s": _COMPONENT_DEG_S,
             "y_deg_s": _COMPONENT_DEG_S,
             "z_deg_s": _COMPONENT_DEG_S,
+            "instance": _INSTANCE,
         },
-        Kind.ACCEL_LOSS: {},
+        Kind.ACCEL_LOSS: {"instance": _INSTANCE},
+        Kind.ACCEL_FROZEN: {"instance": _INSTANCE},
         Kind.ACCEL_BIAS: {
             "x_m_s2": _COMPONENT_M_S2,
             "y_m_s2": _COMPONENT_M_S2,
             "z_m_s2": _COMPONENT_M_S2,
+            "instance": _INSTANCE,
         },
         Kind.RANGEFINDER_LOSS: {},
         Kind.MOTOR_LOSS: {
@@ -182,11 +200,21 @@ class FaultSchedule:
         """Add one."""
         self._faults = (*self._faults, fault)
 
-    def clear(self, now_us: int, kind: Kind | None = None, motor: int | None = None) -> None:
-        """End at `now_us` what is active and drop what is to come: of a kind, a motor, or all."""
+    def clear(
+        self,
+        now_us: int,
+        kind: Kind | None = None,
+        motor: int | None = None,
+        instance: int | None = None,
+    ) -> None:
+        """End at `now_us` what is active and drop what is to come: of a kind, a part, or all."""
         kept = []
         for fault in self._faults:
-            meant = kind in (None, fault.kind) and motor in (None, fault.values.get("motor"))
+            meant = (
+                kind in (None, fault.kind)
+                and motor in (None, fault.values.get("motor"))
+                and instance in (None, fault.values.get("instance"))
+            )
             if not meant or fault.end_us <= now_us:
                 kept.append(fault)
             elif fault.start_us < now_us:

@@ -130,9 +130,11 @@ class Simulation:
         self._faults.add(fault)
         self._update_faults(self.truth.time_us)
 
-    def clear_faults(self, kind: Kind | None = None, motor: int | None = None) -> None:
-        """Mend what is broken, and what would break: of a kind, of a motor, or all."""
-        self._faults.clear(self.truth.time_us, kind, motor)
+    def clear_faults(
+        self, kind: Kind | None = None, motor: int | None = None, instance: int | None = None
+    ) -> None:
+        """Mend what is broken, and what would break: of a kind, of a motor, an instance, or all."""
+        self._faults.clear(self.truth.time_us, kind, motor, instance)
         self._update_faults(self.truth.time_us)
 
     def close(self) -> None:

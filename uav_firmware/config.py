@@ -51,6 +51,9 @@ class VehicleConfig:
     wind_from_deg: float  # [deg] Where it blows from
     gps: str  # Satellite receiver of the simulation, by name
     noise: float  # [-] Factor on all sensor noise
+    imus: int  # [-] Inertial units of the simulated vehicle, 1 to 3
+    barometers: int  # [-]
+    compasses: int  # [-]
     world: str  # Name of the place that the simulation flies at
     home: Home | None  # None: the world's home, 3 m apart to the east
     faults: Path | None  # File of faults of the simulation, none when None
@@ -92,6 +95,9 @@ def read_config(arguments: Sequence[str], environment: Mapping[str, str]) -> Veh
         wind_from_deg=_number("--wind-from", flags.wind_from, 0.0, 360.0),
         noise=_number("--noise", flags.noise, 0.0, 100.0),
         gps=flags.gps,
+        imus=_integer("--imus", flags.imus, 1, 3),
+        barometers=_integer("--barometers", flags.barometers, 1, 3),
+        compasses=_integer("--compasses", flags.compasses, 1, 3),
         world=flags.world,
         faults=_path(flags.faults),
         home=None if flags.home is None else _home(flags.home),
@@ -134,6 +140,9 @@ def _parser(environment: Mapping[str, str]) -> argparse.ArgumentParser:
     add("--wind-from", default=get("WIND_FROM", "270"), help="where it blows from [deg]")
     add("--noise", default=get("NOISE", "1"), help="factor on the noise of all sensors")
     add("--gps", default=get("GPS") or "m9n", help="receiver of the simulation: m9n or rtk")
+    add("--imus", default=get("IMUS", "3"), help="inertial units of the simulation, 1 to 3")
+    add("--barometers", default=get("BAROMETERS", "2"), help="barometers, 1 to 3")
+    add("--compasses", default=get("COMPASSES", "2"), help="compasses, 1 to 3")
     add("--world", default=get("WORLD", "farm"), help="place that the simulation flies at")
     add("--faults", default=get("FAULTS"), help="file of what breaks and when, in the simulation")
     add("--home", default=get("VEHICLE_HOME"), help="latitude,longitude,altitude,heading")

@@ -20,6 +20,7 @@ def commander_topics(topics: Topics) -> CommanderTopics:
         geofence_status=topics.geofence_status,
         failure_detector_status=topics.failure_detector_status,
         storage_status=topics.storage_status,
+        sensors_status=topics.sensors_status,
         sensor_imu=topics.sensor_imu,
         sensor_baro=topics.sensor_baro,
         sensor_mag=topics.sensor_mag,

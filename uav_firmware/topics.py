@@ -33,6 +33,7 @@ from uav_firmware.msg.payload import (
     TrackingState,
 )
 from uav_firmware.msg.sensors import (
+    ImuShift,
     SensorBaro,
     SensorBattery,
     SensorEsc,
@@ -42,6 +43,7 @@ from uav_firmware.msg.sensors import (
     SensorImu,
     SensorMag,
     SensorRange,
+    SensorsStatus,
     SensorTruth,
 )
 from uav_firmware.msg.setpoints import (
@@ -66,6 +68,11 @@ from uav_firmware.msg.status import (
 class Topics:
     """Empty at first; a vehicle has its own."""
 
+    sensor_imus: Topic[tuple[SensorImu, ...]] = field(default_factory=Topic)
+    sensor_baros: Topic[tuple[SensorBaro | None, ...]] = field(default_factory=Topic)
+    sensor_mags: Topic[tuple[SensorMag | None, ...]] = field(default_factory=Topic)
+    sensors_status: Topic[SensorsStatus] = field(default_factory=Topic)
+    imu_shift: Topic[ImuShift] = field(default_factory=Topic)
     sensor_imu: Topic[SensorImu] = field(default_factory=Topic)
     sensor_baro: Topic[SensorBaro] = field(default_factory=Topic)
     sensor_mag: Topic[SensorMag] = field(default_factory=Topic)

@@ -50,6 +50,7 @@ from uav_firmware.modules.position_control.params import PositionControlParams
 from uav_firmware.modules.rate_control.module import RateControlModule
 from uav_firmware.modules.rate_control.params import RateControlParams
 from uav_firmware.modules.rotor_loss_control.module import RotorLossControlModule
+from uav_firmware.modules.sensors.module import SensorsModule
 from uav_firmware.modules.vehicle_io.module import VehicleIoModule
 from uav_firmware.msg.control_mode import ControlSource
 from uav_firmware.parameters import Registry
@@ -110,9 +111,9 @@ class Autopilot:
         self.vehicle_io = VehicleIoModule(
             vehicle,
             motors=topics.actuator_motors,
-            imu=topics.sensor_imu,
-            baro=topics.sensor_baro,
-            mag=topics.sensor_mag,
+            imus=topics.sensor_imus,
+            baros=topics.sensor_baros,
+            mags=topics.sensor_mags,
             gps=topics.sensor_gps,
             battery=topics.sensor_battery,
             esc=topics.sensor_esc,
@@ -126,6 +127,21 @@ class Autopilot:
             sensor_battery=topics.sensor_battery,
             battery_status=topics.battery_status,
         )
+        self.sensors = SensorsModule(
+            registry,
+            imus=topics.sensor_imus,
+            baros=topics.sensor_baros,
+            mags=topics.sensor_mags,
+            attitude=topics.vehicle_attitude,
+            local_position=topics.vehicle_local_position,
+            estimator_status=topics.estimator_status,
+            imu=topics.sensor_imu,
+            baro=topics.sensor_baro,
+            mag=topics.sensor_mag,
+            imu_shift=topics.imu_shift,
+            sensors_status=topics.sensors_status,
+            status_text=topics.status_text,
+        )
         self.estimator = EstimatorModule(
             imu=topics.sensor_imu,
             baro=topics.sensor_baro,
@@ -136,6 +152,8 @@ class Autopilot:
             global_position=topics.vehicle_global_position,
             estimator_status=topics.estimator_status,
             landed=topics.land_detected,
+            imu_shift=topics.imu_shift,
+            torque_thrust=topics.vehicle_torque_thrust_setpoint,
             registry=registry,
         )
         self.navigator = NavigatorModule(
@@ -235,6 +253,7 @@ class Autopilot:
             attitude_setpoint=topics.vehicle_attitude_setpoint,
             vehicle_control_mode=topics.vehicle_control_mode,
             vehicle_status=topics.vehicle_status,
+            sensors_status=topics.sensors_status,
             failure_status=topics.failure_detector_status,
             status_text=topics.status_text,
         )
@@ -364,6 +383,7 @@ class Autopilot:
         return (
             RateGroup("vehicle_io", step_us, self.vehicle_io.update),
             RateGroup("truth", _SLOW_PERIOD_US, self.vehicle_io.update_truth),
+            RateGroup("sensors", step_us, self.sensors.update),
             RateGroup("estimator", step_us, self.estimator.update),
             RateGroup("battery", _BATTERY_PERIOD_US, self.battery.update, 2),
             RateGroup("land_detector", _SLOW_PERIOD_US, self.land_detector.update, 1),

@@ -14,7 +14,7 @@ from uav_firmware.cal.files import Card
 from uav_firmware.cal.link import Address
 from uav_firmware.cal.log_store import LogStore
 from uav_firmware.cal.storage import Storage
-from uav_firmware.cal.vehicle import Vehicle
+from uav_firmware.cal.vehicle import Fitted, Vehicle
 from uav_firmware.config import ConfigError, Endpoint, VehicleConfig
 from uav_firmware.drivers.address_book import AddressBook
 from uav_firmware.drivers.background import BackgroundLogs, BackgroundStorage
@@ -128,6 +128,7 @@ def build_vehicle(
             wind_m_s=config.wind_m_s,
             wind_from_deg=config.wind_from_deg,
             gps=config.gps,
+            fitted=Fitted(config.imus, config.barometers, config.compasses),
             noise_factor=config.noise,
             start_time_utc_us=start_time_utc_us,
             faults_path=config.faults,

@@ -23,6 +23,12 @@ STREAMS: Final = (
     "esc",
     "rangefinder",
     "environment",
+    "imu_1",
+    "imu_2",
+    "baro_1",
+    "baro_2",
+    "magnetometer_1",
+    "magnetometer_2",
 )
 """Append only: the position of a name decides its random numbers."""
 

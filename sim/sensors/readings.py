@@ -82,13 +82,28 @@ class EnvironmentReading(NamedTuple):
 
 
 class Readings(NamedTuple):
-    """All that the instruments say after one control step."""
+    """All that the instruments say after one control step, of some one entry per instance."""
 
-    imu: ImuReading
-    baro: BaroReading | None
-    mag: MagReading | None
+    imus: tuple[ImuReading, ...]
+    baros: tuple[BaroReading | None, ...]
+    mags: tuple[MagReading | None, ...]
     gps: GpsReading | None
     battery: BatteryReading | None
     esc: EscReading | None
     range: RangeReading | None = None
     environment: EnvironmentReading | None = None
+
+    @property
+    def imu(self) -> ImuReading:
+        """The first inertial sensor."""
+        return self.imus[0]
+
+    @property
+    def baro(self) -> BaroReading | None:
+        """The first barometer."""
+        return self.baros[0]
+
+    @property
+    def mag(self) -> MagReading | None:
+        """The first compass."""
+        return self.mags[0]

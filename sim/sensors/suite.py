@@ -15,7 +15,7 @@ from sim.sensors.imu import Imu
 from sim.sensors.magnetometer import Magnetometer
 from sim.sensors.noise import generators
 from sim.sensors.rangefinder import RangeFinder
-from sim.sensors.readings import Readings
+from sim.sensors.readings import BaroReading, ImuReading, MagReading, Readings
 from sim.truth import Motors, Truth, Vector3
 
 _MICROSECONDS: Final = 1_000_000
@@ -48,14 +48,25 @@ class SensorSuite:
     def __init__(self, config: SimulationConfig) -> None:
         streams = generators(config.seed)
         factor = config.sensor_noise_factor
-        self.imu = Imu(streams["imu"], rate_hz=config.control_rate_hz, factor=factor)
-        self.baro = Barometer(streams["baro"], factor=factor)
-        self.magnetometer = Magnetometer(
-            streams["magnetometer"],
-            factor=factor,
-            field_ned_gauss=_field_at_home(config),
-            supply_current_a=lambda: self.battery.current_a,
+        self.imus = tuple(
+            Imu(streams[name], rate_hz=config.control_rate_hz, factor=factor)
+            for name in _names("imu", config.imus)
         )
+        self.baros = tuple(
+            Barometer(streams[name], factor=factor) for name in _names("baro", config.barometers)
+        )
+        field = _field_at_home(config)
+        self.magnetometers = tuple(
+            Magnetometer(
+                streams[name],
+                factor=factor,
+                field_ned_gauss=field,
+                supply_current_a=lambda: self.battery.current_a,
+            )
+            for name in _names("magnetometer", config.compasses)
+        )
+        self._no_baros = (None,) * config.barometers
+        self._no_mags = (None,) * config.compasses
         self.gps = Gps(
             streams["gps"],
             GNSS_RECEIVERS[config.gps],
@@ -85,13 +96,13 @@ class SensorSuite:
         """
         time_us = truth.time_us
         if time_us < self._next_us:
-            return Readings(self.imu.read(truth), None, None, None, None, None)
+            return Readings(self._imus(truth), self._no_baros, self._no_mags, None, None, None)
         if self._gps_schedule.due(time_us):
             self.gps.measure(truth)
         readings = Readings(
-            self.imu.read(truth),
-            self.baro.read(truth) if self._baro_schedule.due(time_us) else None,
-            self.magnetometer.read(truth) if self._mag_schedule.due(time_us) else None,
+            self._imus(truth),
+            self._baros(truth) if self._baro_schedule.due(time_us) else self._no_baros,
+            self._mags(truth) if self._mag_schedule.due(time_us) else self._no_mags,
             self.gps.deliver(time_us),
             self.battery.read(time_us) if self._battery_schedule.due(time_us) else None,
             self.esc.read(truth, motor_currents_a()) if self._esc_schedule.due(time_us) else None,
@@ -99,6 +110,15 @@ class SensorSuite:
         )
         self._next_us = self._soonest_us()
         return readings
+
+    def _imus(self, truth: Truth) -> tuple[ImuReading, ...]:
+        return tuple([imu.read(truth) for imu in self.imus])
+
+    def _baros(self, truth: Truth) -> tuple[BaroReading, ...]:
+        return tuple([baro.read(truth) for baro in self.baros])
+
+    def _mags(self, truth: Truth) -> tuple[MagReading, ...]:
+        return tuple([magnetometer.read(truth) for magnetometer in self.magnetometers])
 
     def _soonest_us(self) -> int:
         """When an instrument besides the inertial sensor has something to say next [us]."""
@@ -111,6 +131,11 @@ class SensorSuite:
             self._range_schedule.next_us,
             self.gps.delivery_us,
         )
+
+
+def _names(stream: str, count: int) -> list[str]:
+    """Random streams of the instances of an instrument; the first has the plain name."""
+    return [stream, *(f"{stream}_{instance}" for instance in range(1, count))]
 
 
 def _field_at_home(config: SimulationConfig) -> Vector3:

@@ -60,7 +60,7 @@ def test_the_only_accelerometer_jumps_and_the_vehicle_lands_where_it_is(
     tmp_path: Path, line: str
 ) -> None:
     """One alarm, the accelerometer's; held within a metre, no harm, and not armed again."""
-    hover = Hover(tmp_path)
+    hover = Hover(tmp_path, imus=1)
     tester = hover.tester
     hover.break_now(line)
     tester.run_for(3.0)  # Before the failsafe's landing

@@ -4,7 +4,7 @@ The scheduler calls, in each control step: `write_motors`, `advance`, then the `
 methods. A reading that is not due in this step is None.
 """
 
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from uav_firmware.msg.sensors import (
     SensorBaro,
@@ -28,17 +28,29 @@ class Actuators(Protocol):
         """Command the motors, 0 stopped to 1 full, in PX4's quad-x order."""
 
 
+class Fitted(NamedTuple):
+    """How many instances of an instrument the vehicle has."""
+
+    imus: int = 1
+    barometers: int = 1
+    compasses: int = 1
+
+
 class Sensors(Protocol):
-    """The vehicle's instruments."""
+    """The vehicle's instruments; instances count from 0."""
 
-    def read_imu(self) -> SensorImu:
-        """Newest inertial sample; there is one in every step."""
+    @property
+    def fitted(self) -> Fitted:
+        """How many there are; does not change."""
 
-    def read_baro(self) -> SensorBaro | None:
-        """Barometer sample if one is due."""
+    def read_imu(self, instance: int = 0) -> SensorImu:
+        """Newest inertial sample of an instance; there is one in every step."""
 
-    def read_mag(self) -> SensorMag | None:
-        """Magnetometer sample if one is due."""
+    def read_baro(self, instance: int = 0) -> SensorBaro | None:
+        """Barometer sample of an instance if one is due."""
+
+    def read_mag(self, instance: int = 0) -> SensorMag | None:
+        """Magnetometer sample of an instance if one is due."""
 
     def read_gps(self) -> SensorGps | None:
         """GNSS fix if one has arrived."""

@@ -13,6 +13,7 @@ from sim.faults import FaultError
 from sim.sensors import rangefinder
 from sim.sensors.readings import Readings
 from sim.simulation import Simulation
+from uav_firmware.cal.vehicle import Fitted
 from uav_firmware.drivers.jsbsim_camera import JsbsimCamera
 from uav_firmware.drivers.jsbsim_recorder import JsbsimRecorder
 from uav_firmware.drivers.jsbsim_seeker import JsbsimSeeker
@@ -87,21 +88,27 @@ class JsbsimVehicle:
             self._console_us = self.time_us + _CONSOLE_PERIOD_US
             self._obey(self._console)
 
-    def read_imu(self) -> SensorImu:
+    @property
+    def fitted(self) -> Fitted:
+        """How many inertial units, barometers and compasses there are."""
+        config = self._simulation.config
+        return Fitted(config.imus, config.barometers, config.compasses)
+
+    def read_imu(self, instance: int = 0) -> SensorImu:
         """Inertial sample of this step."""
-        imu = self._readings.imu
+        imu = self._readings.imus[instance]
         return SensorImu(imu.time_us, imu.rate_frd, imu.specific_force_frd)
 
-    def read_baro(self) -> SensorBaro | None:
+    def read_baro(self, instance: int = 0) -> SensorBaro | None:
         """Barometer sample if one is due."""
-        baro = self._readings.baro
+        baro = self._readings.baros[instance]
         if baro is None:
             return None
         return SensorBaro(baro.time_us, baro.pressure_pa, baro.temperature_c)
 
-    def read_mag(self) -> SensorMag | None:
+    def read_mag(self, instance: int = 0) -> SensorMag | None:
         """Magnetometer sample if one is due."""
-        mag = self._readings.mag
+        mag = self._readings.mags[instance]
         return None if mag is None else SensorMag(mag.time_us, mag.field_frd_gauss)
 
     def read_gps(self) -> SensorGps | None:
@@ -220,7 +227,7 @@ class JsbsimVehicle:
                 console.note(simulation.time_us, f"refused: {line}: {error}")
                 continue
             if isinstance(order, Clear):
-                simulation.clear_faults(order.kind, order.motor)
+                simulation.clear_faults(order.kind, order.motor, order.instance)
             else:
                 simulation.add_fault(order)
             console.note(simulation.time_us, f"accepted: {line}")

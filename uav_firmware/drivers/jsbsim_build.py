@@ -9,11 +9,15 @@ from sim.fault_console import FaultConsole
 from sim.fault_notation import read_faults
 from sim.simulation import Simulation
 from sim.worlds import world as world_named
+from uav_firmware.cal.vehicle import Fitted
 from uav_firmware.drivers.file_room import Room
 from uav_firmware.drivers.jsbsim import JsbsimVehicle
 from uav_firmware.drivers.jsbsim_camera import JsbsimCamera
 from uav_firmware.drivers.jsbsim_recorder import JsbsimRecorder
 from uav_firmware.drivers.jsbsim_streamer import JsbsimStreamer
+
+STANDARD: Final = Fitted(imus=3, barometers=2, compasses=2)
+"""What a flight controller board of the Pixhawk class carries."""
 
 _FARM_DEG: Final = 0.02  # Two kilometres: farther off lies another farm
 
@@ -44,6 +48,7 @@ def simulated_vehicle(
     console_folder: Path | None,
     pictures: Pictures | None,
     truth_path: Path | None,
+    fitted: Fitted = STANDARD,
 ) -> JsbsimVehicle:
     """Make vehicle 1, 2, 3, ... of a farm.
 
@@ -74,6 +79,9 @@ def simulated_vehicle(
         start_time_utc_us=start_time_utc_us,
         faults=() if faults_path is None else read_faults(faults_path),
         truth_log_path=truth_path,
+        imus=fitted.imus,
+        barometers=fitted.barometers,
+        compasses=fitted.compasses,
     )
     if home is None:
         config = replace(config, start_east_m=start_east_m(number))

@@ -1,4 +1,4 @@
-"""What the sensors measure. Written by the driver, read by the estimator and mavlink."""
+"""What the sensors measure. Written by the driver, voted by sensors, read by the estimator."""
 
 from typing import NamedTuple
 
@@ -11,6 +11,30 @@ class SensorImu(NamedTuple):
     time_us: int  # [us] Simulated time since boot
     rate_frd: Vector3  # [rad/s] Angular rate of the body against inertial space
     specific_force_frd: Vector3  # [m/s^2] Accelerometer: about (0, 0, -9.81) at rest
+
+
+class ImuShift(NamedTuple):
+    """Written by sensors when an inertial sensor is given up; read by estimator, which follows.
+
+    By how much the bias of the sample that is published has changed.
+    """
+
+    time_us: int  # [us]
+    gyro_bias_frd: Vector3  # [rad/s]
+    accel_bias_frd: Vector3  # [m/s^2]
+
+
+class SensorsStatus(NamedTuple):
+    """Which instances have failed, until a restart; written by sensors, on change and at 1 Hz."""
+
+    time_us: int  # [us]
+    failed_gyros: int  # [-] Bit 0 is the first instance
+    failed_accels: int
+    failed_baros: int
+    failed_mags: int
+    gyro_lost: bool = False  # None is left
+    accel_lost: bool = False
+    disputed: int = 0  # [-] Two disagree: 1 gyroscopes, 2 accelerometers, 4 barometers, 8 compasses
 
 
 class SensorBaro(NamedTuple):

@@ -10,7 +10,10 @@ NOW_US = 5_000_000
 SAME = (
     (Unit.DISTANCE_SENSOR, Failure.OFF, 1, ("rangefinder_loss",)),
     (Unit.MOTOR, Failure.OFF, 2, ("motor_loss motor=2",)),
-    (Unit.GYRO, Failure.OFF, 0, ("gyro_loss",)),
+    (Unit.GYRO, Failure.OFF, 0, ("gyro_loss instance=all",)),
+    (Unit.GYRO, Failure.OFF, 1, ("gyro_loss",)),
+    (Unit.MAG, Failure.STUCK, 2, ("mag_frozen instance=1",)),
+    (Unit.BARO, Failure.WRONG, 3, ("baro_bias up_m=5 instance=2",)),
     (Unit.CAMERA, Failure.OFF, 0, ("camera_failure",)),
     (Unit.GPS, Failure.OFF, 0, ("gps_loss",)),
     (Unit.HYGROMETER, Failure.OFF, 0, ("humidity_failure",)),
@@ -45,7 +48,13 @@ def test_what_can_be_broken_can_be_mended(unit: Unit, failure: Failure) -> None:
 
 @pytest.mark.parametrize(
     ("unit", "failure", "instance"),
-    [(55, 1, 0), (Unit.GPS, 7, 0), (Unit.GPS, Failure.OFF, 2), (Unit.MOTOR, Failure.OFF, 5)],
+    [
+        (55, 1, 0),
+        (Unit.GPS, 7, 0),
+        (Unit.GPS, Failure.OFF, 2),
+        (Unit.MOTOR, Failure.OFF, 5),
+        (Unit.GYRO, 1, 4),
+    ],
 )
 def test_what_there_is_not_cannot_be_broken(unit: int, failure: int, instance: int) -> None:
     assert faults_of(unit, failure, instance, NOW_US) is None

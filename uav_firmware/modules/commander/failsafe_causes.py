@@ -70,6 +70,8 @@ class Cause(Enum):
     GYRO_JUMPED = auto()
     GYRO_BROKEN = auto()
     ACCEL_BROKEN = auto()
+    GYRO_LOST = auto()
+    ACCEL_LOST = auto()
     MOTOR_FAILED = auto()
     FENCE_BREACHED = auto()
     WIND_STRONG = auto()
@@ -334,6 +336,17 @@ ROWS: Final[Mapping[Cause, Row]] = {
     Cause.ACCEL_BROKEN: Row(
         "Accelerometer bias beyond its limit",
         lambda moment, _present: moment.view.accel_broken,
+        _always(Action.LAND),
+    ),
+    Cause.GYRO_LOST: Row(
+        "Gyroscope lost, no attitude",
+        lambda moment, _present: moment.view.gyro_lost,
+        _always(Action.DESCEND),
+        urgent=True,
+    ),
+    Cause.ACCEL_LOST: Row(
+        "Accelerometer lost, flying without it",
+        lambda moment, _present: moment.view.accel_lost,
         _always(Action.LAND),
     ),
     Cause.MOTOR_FAILED: Row(

@@ -42,6 +42,24 @@ def accel_sound(view: VehicleView, _params: CommanderParams) -> str | None:
     return "Accelerometer bias beyond its limit" if view.accel_broken else None
 
 
+def instances_sound(view: VehicleView, _params: CommanderParams) -> str | None:
+    """No instance of a sensor has failed since the start, and none disagree."""
+    sensors = view.sensors
+    if sensors is None:
+        return None
+    for name, failed, bit in (
+        ("Gyroscope", sensors.failed_gyros, 1),
+        ("Accelerometer", sensors.failed_accels, 2),
+        ("Barometer", sensors.failed_baros, 4),
+        ("Compass", sensors.failed_mags, 8),
+    ):
+        if failed:
+            return f"{name} {(failed & -failed).bit_length()} failed: restart once it is mended"
+        if sensors.disputed & bit:
+            return f"{name} readings disagree"
+    return None
+
+
 def baro_fresh(view: VehicleView, _params: CommanderParams) -> str | None:
     """The barometer delivers."""
     return None if view.ages.baro < SENSOR_STALE_S else "Barometer does not deliver"
@@ -191,6 +209,7 @@ ARMING_CHECKS: Final[tuple[Check, ...]] = (
     imu_fresh,
     gyro_sound,
     accel_sound,
+    instances_sound,
     baro_fresh,
     mag_fresh,
     estimator_aligned,

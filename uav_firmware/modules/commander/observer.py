@@ -68,8 +68,9 @@ class Observer:
             topics.offboard_setpoint.value,
             ages.offboard <= OFFBOARD_FRESH_S,
             ages,
-            _is_finite(topics.sensor_imu.value),
+            _turns_known(topics.sensor_imu.value),
             self._latch.texts,
+            topics.sensors_status.value,
         )
 
     def observe_wind(self, view: VehicleView, drag: DragModel) -> None:
@@ -96,9 +97,9 @@ class Observer:
             self._topics.wind.publish(WindEstimate(view.now_us, *wind))
 
 
-def _is_finite(imu: SensorImu | None) -> bool:
-    """Whether a sample holds numbers: a driver reports a dead sensor by none."""
-    return imu is None or math.isfinite(sum(imu.rate_frd) + sum(imu.specific_force_frd))
+def _turns_known(imu: SensorImu | None) -> bool:
+    """Whether a sample holds a rate: a driver reports a dead gyroscope by no number."""
+    return imu is None or math.isfinite(sum(imu.rate_frd))
 
 
 def _density(altitude_amsl_m: float) -> float:

@@ -13,6 +13,7 @@ from uav_firmware.modules.commander.vehicle_view import SensorAges, VehicleView
 from uav_firmware.msg.estimate import AidSource
 from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.geofence import FenceBreach, GeofenceStatus
+from uav_firmware.msg.sensors import SensorsStatus
 
 
 class SensorBit(IntEnum):
@@ -105,17 +106,18 @@ def healthy_bits(view: VehicleView, *, ready: bool) -> int:
     unaided = view.dead_reckoning or not view.position_valid
     lost = gps_good and view.home is not None and unaided
     imu_good = ages.imu < IMU_STALE_S and view.imu_delivers
+    gyros, accels, baros, mags = _whole(view.sensors)
     # Without it nobody can tell how the vehicle moves, nor what its rotors do to it
     bits = _propulsion_bits(view.failure if imu_good or view.crashed else None)
     for healthy, bit in (
         (imu_good, SensorBit.ANGULAR_RATE_CONTROL),
-        (imu_good and not view.accel_broken, SensorBit.ACCEL_3D),
-        (imu_good and not view.gyro_broken, SensorBit.GYRO_3D),
+        (imu_good and accels and not view.accel_broken, SensorBit.ACCEL_3D),
+        (imu_good and gyros and not view.gyro_broken, SensorBit.GYRO_3D),
         (
-            ages.baro < SENSOR_STALE_S and not stopped & AidSource.BAROMETER,
+            ages.baro < SENSOR_STALE_S and baros and not stopped & AidSource.BAROMETER,
             SensorBit.ABSOLUTE_PRESSURE,
         ),
-        (ages.mag < SENSOR_STALE_S, SensorBit.MAG_3D),
+        (ages.mag < SENSOR_STALE_S and mags, SensorBit.MAG_3D),
         (gps_good and not stopped & _GPS_SOURCES, SensorBit.GPS),
         (ages.battery < SENSOR_STALE_S, SensorBit.BATTERY),
         (ages.range < SENSOR_STALE_S, SensorBit.LASER_POSITION),
@@ -130,6 +132,21 @@ def healthy_bits(view: VehicleView, *, ready: bool) -> int:
         if healthy:
             bits |= bit
     return bits
+
+
+def _whole(sensors: SensorsStatus | None) -> tuple[bool, bool, bool, bool]:
+    """Of which sensors no instance has failed: gyroscopes, accelerometers, barometers, compasses.
+
+    MAVLink has one bit for all instances: it says that something has failed, the text what.
+    """
+    if sensors is None:
+        return True, True, True, True
+    return (
+        not sensors.failed_gyros,
+        not sensors.failed_accels,
+        not sensors.failed_baros,
+        not sensors.failed_mags,
+    )
 
 
 def _propulsion_bits(failure: FailureDetectorStatus | None) -> int:

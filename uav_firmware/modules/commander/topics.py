@@ -25,6 +25,7 @@ from uav_firmware.msg.sensors import (
     SensorImu,
     SensorMag,
     SensorRange,
+    SensorsStatus,
 )
 from uav_firmware.msg.status import (
     HomePosition,
@@ -52,6 +53,7 @@ class CommanderTopics:
     geofence_status: Topic[GeofenceStatus] = field(default_factory=Topic)
     storage_status: Topic[StorageStatus] = field(default_factory=Topic)
     failure_detector_status: Topic[FailureDetectorStatus] = field(default_factory=Topic)
+    sensors_status: Topic[SensorsStatus] = field(default_factory=Topic)
     sensor_imu: Topic[SensorImu] = field(default_factory=Topic)
     sensor_baro: Topic[SensorBaro] = field(default_factory=Topic)
     sensor_mag: Topic[SensorMag] = field(default_factory=Topic)

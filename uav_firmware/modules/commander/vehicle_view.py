@@ -15,7 +15,7 @@ from uav_firmware.msg.estimate import (
 from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.geofence import GeofenceStatus
 from uav_firmware.msg.mission import MissionProgress, NavigatorStatus
-from uav_firmware.msg.sensors import SensorGps
+from uav_firmware.msg.sensors import SensorGps, SensorsStatus
 from uav_firmware.msg.status import HomePosition, LandDetected, StorageStatus
 
 
@@ -57,8 +57,9 @@ class VehicleView(NamedTuple):
     offboard: OffboardSetpoint | None
     offboard_fresh: bool  # Streamed faster than 2 Hz
     ages: SensorAges
-    imu_delivers: bool = True  # Its newest sample holds numbers
+    imu_delivers: bool = True  # Its newest sample holds a rate
     latched_failures: tuple[str, ...] = ()  # Of former flights, not acknowledged
+    sensors: SensorsStatus | None = None  # Which instances have failed
 
     @property
     def aligned(self) -> bool:
@@ -89,6 +90,16 @@ class VehicleView(NamedTuple):
     def stopped(self) -> AidSource:
         """Sources that the estimator does not use, since they disagree with the others."""
         return AidSource(0) if self.estimator is None else self.estimator.stopped
+
+    @property
+    def gyro_lost(self) -> bool:
+        """Whether no gyroscope is left."""
+        return self.sensors is not None and self.sensors.gyro_lost
+
+    @property
+    def accel_lost(self) -> bool:
+        """Whether no accelerometer is left."""
+        return self.sensors is not None and self.sensors.accel_lost
 
     @property
     def landed(self) -> bool:

@@ -37,6 +37,8 @@ class VerticalWatch:
 
     def look(self, core: Core, group: Sequence[Measurement]) -> None:
         """Take the velocity of a fix, north, east and down, before it is fused."""
+        if core.force_modelled:
+            return
         (down,) = group[_DOWN]
         noise = _SCALE_ERROR * abs(core.ekf.state.velocity_ned[2])
         deviation = math.hypot(core.ekf.deviation(down), noise)

@@ -38,6 +38,7 @@ START_WIND_SIGMA_M_S: Final = 5.0
 """[m/s] One sigma of the wind before the drag in flight has shown it."""
 
 _HISTORY_SAMPLES: Final = 256  # One second at 250 Hz: a GPS that is later than that is useless
+_MODELLED_FORCE_NOISE_M_S2: Final = 5.0  # Of a sample: 0.5 m/s^2 that lasts half a second
 _START_POSITION_SIGMA_M: Final = 10.0
 _START_VELOCITY_SIGMA_M_S: Final = 0.3
 _FREE_GPS_HEIGHT_SIGMA_M: Final = 10.0  # Where the barometer is the datum: weather over hours
@@ -60,6 +61,7 @@ class Core:
         self.tilt_jump_us: int | None = None
         self.turn_jump_us: int | None = None
         self.gyro_jump = JumpProof()
+        self.force_modelled = False  # For want of an accelerometer
         self.accel_jump_us: int | None = None  # When one of the accelerometer was
         self.rest = RestDetector()
         self.lateral = LateralForce()
@@ -91,6 +93,17 @@ class Core:
         if sigma != self._gps_height_sigma:
             self._gps_height_sigma = sigma
             self.ekf.noise = _noise(self.params, sigma)
+
+    def model_force(self, *, modelled: bool) -> None:
+        """Reckon with a specific force that is modelled instead of measured, or measured again."""
+        if modelled == self.force_modelled:
+            return
+        self.force_modelled = modelled
+        accel = _MODELLED_FORCE_NOISE_M_S2 if modelled else self.params.accel_noise
+        self.ekf.noise = replace(self.ekf.noise, accel=accel)
+        self.state.accel_bias_frd = (0.0, 0.0, 0.0)
+        # A model has no bias that walks; of a sensor that comes back none is known
+        self.ekf.forget(ACCEL_BIAS, 1e-4 if modelled else self.params.accel_bias_limit)
 
     def step(self, time_us: int, rate_frd: Vector3, force_frd: Vector3, dt: float) -> None:
         """Advance to `time_us` over dt [s]."""

@@ -1,8 +1,15 @@
-"""The door for inertial samples: nothing else may reach the integration."""
+"""Checks inertial samples: nothing absurd may reach the integration.
 
-import math
+Gyroscope and accelerometer are checked apart. For a rate that is absurd the last good one stands
+in; longer than a moment nothing replaces a gyroscope, and the attitude is lost. For an absurd force
+stands in what the rotors of a multirotor give: no force along x and y, where there is only drag, and
+along z what the commanded thrust has been found to give. GPS and barometer settle the rest: a flight
+without an accelerometer is rough, and long enough to land (P. Martin and E. Salaun, ICRA 2010, describe the model).
+"""
+
 from typing import Final
 
+from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2
 from uav_firmware.msg.sensors import SensorImu
 from uav_firmware.msg.vectors import Vector3
 
@@ -10,19 +17,30 @@ _LARGEST_RATE: Final = 40.0  # [rad/s] 2300 deg/s, just beyond a 2000 deg/s gyro
 _LARGEST_FORCE: Final = 320.0  # [m/s^2] Just beyond a 32 g accelerometer
 _LONGEST_STEP_S: Final = 0.1
 _BAD_FOR_S: Final = 0.1
+_GLITCH_US: Final = 20_000
+_MEAN_S: Final = 2.0  # Of thrust and force
+_LEAST_THRUST: Final = 0.1  # [-] Less has not lifted the vehicle
 
 
 class ImuGuard:
-    """Replaces absurd samples by the last good one and watches over the order of time."""
+    """Replaces absurd samples and watches over the order of time."""
 
-    __slots__ = ("_bad_since_us", "_force", "_rate", "_time_us", "rejected")
+    __slots__ = (
+        "_force", "_force_bad_since_us", "_mean_thrust", "_mean_z", "_rate", "_rate_bad_since_us",
+        "_thrust", "_time_us", "rejected",
+    )  # fmt: skip
 
     def __init__(self) -> None:
         self.rejected = 0  # [-] Samples not used
         self._time_us: int | None = None
         self._rate: Vector3 = (0.0, 0.0, 0.0)
         self._force: Vector3 = (0.0, 0.0, 0.0)
-        self._bad_since_us: int | None = None
+        # [m/s^2] and [-]: means over the same time, whose ratio is what thrust gives
+        self._mean_z = -STANDARD_GRAVITY_M_S2
+        self._mean_thrust = 0.0
+        self._thrust = 0.0
+        self._rate_bad_since_us: int | None = None
+        self._force_bad_since_us: int | None = None
 
     def admit(self, imu: SensorImu) -> tuple[Vector3, Vector3, float] | None:
         """Rate, specific force and dt [s] to integrate; None for a sample out of order.
@@ -34,33 +52,61 @@ class ImuGuard:
         if before_us is not None and now_us <= before_us:
             self.rejected += 1
             return None
-        if is_sane(imu):
+        dt = 0.0 if before_us is None else (now_us - before_us) * 1e-6
+        if dt > _LONGEST_STEP_S:
+            dt = _LONGEST_STEP_S
+        x, y, z = imu.rate_frd
+        rate_is_sane = x * x + y * y + z * z < _LARGEST_RATE**2  # NaN compares false
+        x, y, z = imu.specific_force_frd
+        force_is_sane = x * x + y * y + z * z < _LARGEST_FORCE**2
+        if rate_is_sane and force_is_sane:
             self._rate, self._force = imu.rate_frd, imu.specific_force_frd
-            self._bad_since_us = None
+            share = min(dt / _MEAN_S, 1.0)
+            self._mean_z += share * (z - self._mean_z)
+            self._mean_thrust += share * (self._thrust - self._mean_thrust)
+            self._rate_bad_since_us = self._force_bad_since_us = None
         else:
             self.rejected += 1
-            if self._bad_since_us is None:
-                self._bad_since_us = now_us
+            self._stand_in(imu, rate_is_sane=rate_is_sane, force_is_sane=force_is_sane)
             if before_us is None:
                 return None
         self._time_us = now_us
-        dt = 0.0 if before_us is None else (now_us - before_us) * 1e-6
-        if dt <= _LONGEST_STEP_S:
-            return self._rate, self._force, dt
-        return self._rate, self._force, _LONGEST_STEP_S
+        return self._rate, self._force, dt
+
+    def _stand_in(self, imu: SensorImu, *, rate_is_sane: bool, force_is_sane: bool) -> None:
+        now_us = imu.time_us
+        if rate_is_sane:
+            self._rate_bad_since_us = None
+        elif self._rate_bad_since_us is None:
+            self._rate_bad_since_us = now_us
+        if force_is_sane:
+            self._force, self._force_bad_since_us = imu.specific_force_frd, None
+            return
+        if self._force_bad_since_us is None:
+            self._force_bad_since_us = now_us
+        if now_us - self._force_bad_since_us < _GLITCH_US:
+            return  # A packet that is half absurd is not believed in the other half either
+        if rate_is_sane:
+            self._rate = imu.rate_frd
+        given = self._thrust / self._mean_thrust if self._mean_thrust > _LEAST_THRUST else 1.0
+        self._force = (0.0, 0.0, given * self._mean_z)
+
+    def expect_thrust(self, thrust: float) -> None:
+        """Note the collective thrust that is commanded, 0 to 1 and in proportion to the force."""
+        self._thrust = thrust
 
     @property
     def healthy(self) -> bool:
-        """False once nothing but absurd samples has come for a tenth of a second."""
-        since, now_us = self._bad_since_us, self._time_us
-        return since is None or now_us is None or (now_us - since) * 1e-6 < _BAD_FOR_S
+        """False once no gyroscope has delivered for a tenth of a second."""
+        return not self._is_late(self._rate_bad_since_us, self._time_us)
 
+    @property
+    def force_lost(self) -> bool:
+        """Whether the force is the model's, for want of an accelerometer."""
+        return self._is_late(self._force_bad_since_us, self._time_us)
 
-def is_sane(imu: SensorImu) -> bool:
-    """Whether the sample is finite and within the range of its sensors."""
-    x, y, z = imu.rate_frd
-    rate = x * x + y * y + z * z
-    x, y, z = imu.specific_force_frd
-    force = x * x + y * y + z * z
-    # A NaN compares false with everything.
-    return rate < _LARGEST_RATE**2 and force < _LARGEST_FORCE**2 and math.isfinite(rate + force)
+    @staticmethod
+    def _is_late(since_us: int | None, now_us: int | None) -> bool:
+        return (
+            since_us is not None and now_us is not None and (now_us - since_us) * 1e-6 >= _BAD_FOR_S
+        )

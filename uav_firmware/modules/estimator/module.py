@@ -16,7 +16,8 @@ from uav_firmware.msg.estimate import (
     VehicleGlobalPosition,
     VehicleLocalPosition,
 )
-from uav_firmware.msg.sensors import SensorBaro, SensorGps, SensorImu, SensorMag
+from uav_firmware.msg.sensors import ImuShift, SensorBaro, SensorGps, SensorImu, SensorMag
+from uav_firmware.msg.setpoints import VehicleTorqueThrustSetpoint
 from uav_firmware.msg.status import LandDetected
 from uav_firmware.parameters import Registry
 
@@ -57,17 +58,23 @@ class EstimatorModule:
         estimator_status: Topic[EstimatorStatus],
         registry: Registry,
         landed: Topic[LandDetected] | None = None,
+        imu_shift: Topic[ImuShift] | None = None,
+        torque_thrust: Topic[VehicleTorqueThrustSetpoint] | None = None,
     ) -> None:
         self._registry = registry
         self._seen_version = registry.version
         self.navigation = Navigation(registry.read(EstimatorParams), drag_of(registry))
         self._imu, self._baro, self._mag, self._gps = imu, baro, mag, gps
         self._landed: Topic[LandDetected] = Topic() if landed is None else landed
+        self._imu_shift: Topic[ImuShift] = Topic() if imu_shift is None else imu_shift
+        self._torque_thrust: Topic[VehicleTorqueThrustSetpoint] = (
+            Topic() if torque_thrust is None else torque_thrust
+        )
         self._attitude = attitude
         self._local_position = local_position
         self._global_position = global_position
         self._status = estimator_status
-        self._counts = [0, 0, 0, 0, 0]
+        self._counts = [0, 0, 0, 0, 0, 0]
         self._aid_counts = (0, 0, 0, 0)
         self._validity = Validity()
         self._accuracy_m = (math.nan, math.nan)
@@ -83,6 +90,12 @@ class EstimatorModule:
         if imu is None:
             return
         navigation = self.navigation
+        shift = self._new(5, self._imu_shift)
+        if shift is not None:
+            navigation.shift_biases(shift)
+        commanded = self._torque_thrust.value
+        if commanded is not None:
+            navigation.guard.expect_thrust(commanded.thrust)
         if not navigation.take_imu(imu):
             self._publish_status(imu.time_us)
             return

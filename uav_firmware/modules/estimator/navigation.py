@@ -26,12 +26,13 @@ from uav_firmware.modules.estimator.state import (
     VELOCITY,
 )
 from uav_firmware.msg.estimate import AidSource
-from uav_firmware.msg.sensors import SensorBaro, SensorGps, SensorImu, SensorMag
+from uav_firmware.msg.sensors import ImuShift, SensorBaro, SensorGps, SensorImu, SensorMag
 from uav_firmware.msg.vectors import Vector3
 
 _LARGEST_TILT_SIGMA_RAD = 0.1
 _LARGEST_HEADING_SIGMA_RAD = 0.35
 _SCALE_ERROR = 0.01  # [1/s] Of the angle turned through of late, taken for a bias
+_SHIFT_DOUBT = 0.3  # [-] Of a change of bias, one sigma
 _AIDED_S = 1.0  # A velocity that was fused longer ago does not hold the position any more
 _RECKONING_S = 1.5  # Without a fix for longer, the estimate is dead reckoning
 _LARGEST_SPEED_M_S = 1.5  # One sigma of a velocity that can be controlled
@@ -80,11 +81,32 @@ class Navigation:
         if core is None:
             self._align(SensorImu(imu.time_us, rate, force))
             return self.core is not None
+        core.model_force(modelled=self.guard.force_lost)
         core.step(imu.time_us, rate, force, dt)
-        self.drag.take(core, force, self._params)
+        if not core.force_modelled:
+            self.drag.take(core, force, self._params)
         bias = core.state.gyro_bias_frd
         self.rate_frd = (rate[0] - bias[0], rate[1] - bias[1], rate[2] - bias[2])
         return True
+
+    def shift_biases(self, shift: ImuShift) -> None:
+        """Follow a change of the inertial sensors in use: their biases are others from now on.
+
+        What has been found of a broken one is then told of it by those who have given it up.
+        """
+        core = self.core
+        if core is None:
+            return
+        state, covariance = core.state, core.ekf.covariance
+        state.gyro_bias_frd = _sum(state.gyro_bias_frd, shift.gyro_bias_frd)
+        state.accel_bias_frd = _sum(state.accel_bias_frd, shift.accel_bias_frd)
+        for axis, change in enumerate((*shift.accel_bias_frd, *shift.gyro_bias_frd)):
+            place = ACCEL_BIAS.start + axis
+            covariance[place, place] += (_SHIFT_DOUBT * change) ** 2
+        if any(shift.accel_bias_frd):
+            self.accel_broken = False
+        if any(shift.gyro_bias_frd):
+            self.gyro_broken = False
 
     def _align(self, imu: SensorImu) -> None:
         alignment = self._average.add(imu)
@@ -139,6 +161,8 @@ class Navigation:
 
     def _judge_biases(self, core: Core) -> None:
         """Which inertial sensor is biased as no healthy one is; what is found stays so."""
+        if self.guard.force_lost or not self.guard.healthy:
+            return  # What is not measured is not biased
         ekf, state, params = core.ekf, core.state, self._params
         x, y, z = (ekf.sigma(axis) for axis in range(GYRO_BIAS.start, GYRO_BIAS.stop))
         turning = _SCALE_ERROR * core.turned.angle_rad
@@ -223,6 +247,10 @@ class Navigation:
             any(
                 aid.rejecting for aid in (self.gps.horizontal, self.gps.velocity, self.gps.vertical)
             ),
-            self.accel_broken or not self.guard.healthy,
+            self.accel_broken or self.guard.force_lost or not self.guard.healthy,
             located and min(moving_s, position_s) > _RECKONING_S,
         )
+
+
+def _sum(a: Vector3, b: Vector3) -> Vector3:
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])

@@ -13,7 +13,7 @@ from uav_firmware.msg.actuators import ActuatorMotors
 from uav_firmware.msg.control_mode import ControlLevel, VehicleControlMode
 from uav_firmware.msg.estimate import VehicleAttitude
 from uav_firmware.msg.failure import FailureDetectorStatus
-from uav_firmware.msg.sensors import SensorEsc, SensorImu
+from uav_firmware.msg.sensors import SensorEsc, SensorImu, SensorsStatus
 from uav_firmware.msg.setpoints import VehicleAttitudeSetpoint
 from uav_firmware.msg.status import StatusText, VehicleStatus
 from uav_firmware.msg.vectors import Vector3
@@ -41,6 +41,7 @@ class FailureDetectorModule:
         esc: Topic[SensorEsc],
         attitude: Topic[VehicleAttitude],
         vehicle_status: Topic[VehicleStatus],
+        sensors_status: Topic[SensorsStatus],
         failure_status: Topic[FailureDetectorStatus],
         status_text: Queue[StatusText],
         imu: Topic[SensorImu] | None = None,
@@ -56,6 +57,7 @@ class FailureDetectorModule:
         self._attitude_setpoint = Topic() if attitude_setpoint is None else attitude_setpoint
         self._control_mode = Topic() if vehicle_control_mode is None else vehicle_control_mode
         self._vehicle_status = vehicle_status
+        self._sensors_status = sensors_status
         self._failure_status = failure_status
         self._status_text = status_text
         self._seen_version = registry.version
@@ -106,8 +108,9 @@ class FailureDetectorModule:
             return
         self._esc_count = self._esc.count
         esc, motors = self._esc.value, self._motors.value
-        if esc is None or motors is None:
-            return
+        sensors = self._sensors_status.value
+        if esc is None or motors is None or (sensors is not None and sensors.gyro_lost):
+            return  # Without a gyroscope the motors are driven, and the rotors hit, by chance
         dt = min((esc.time_us - self._esc_us) * 1e-6, _LONGEST_STEP_S)
         self._esc_us = esc.time_us
         if dt > 0.0:

@@ -25,9 +25,9 @@ class VehicleIoModule:
         vehicle: Vehicle,
         *,
         motors: Topic[ActuatorMotors],
-        imu: Topic[SensorImu],
-        baro: Topic[SensorBaro],
-        mag: Topic[SensorMag],
+        imus: Topic[tuple[SensorImu, ...]],
+        baros: Topic[tuple[SensorBaro | None, ...]],
+        mags: Topic[tuple[SensorMag | None, ...]],
         gps: Topic[SensorGps],
         battery: Topic[SensorBattery],
         esc: Topic[SensorEsc],
@@ -38,9 +38,11 @@ class VehicleIoModule:
     ) -> None:
         self._vehicle = vehicle
         self._motors = motors
-        self._imu = imu
-        self._baro = baro
-        self._mag = mag
+        self._imus, self._baros, self._mags = imus, baros, mags
+        fitted = vehicle.fitted
+        self._imu_instances = range(fitted.imus)
+        self._baro_instances = range(fitted.barometers)
+        self._mag_instances = range(fitted.compasses)
         self._gps = gps
         self._battery = battery
         self._esc = esc
@@ -56,11 +58,13 @@ class VehicleIoModule:
         if motors is not None:
             vehicle.write_motors(motors.control)
         vehicle.advance()
-        self._imu.publish(vehicle.read_imu())
-        if (baro := vehicle.read_baro()) is not None:
-            self._baro.publish(baro)
-        if (mag := vehicle.read_mag()) is not None:
-            self._mag.publish(mag)
+        self._imus.publish(tuple([vehicle.read_imu(i) for i in self._imu_instances]))
+        baros = [vehicle.read_baro(i) for i in self._baro_instances]
+        if any(baros):
+            self._baros.publish(tuple(baros))
+        mags = [vehicle.read_mag(i) for i in self._mag_instances]
+        if any(mags):
+            self._mags.publish(tuple(mags))
         if (gps := vehicle.read_gps()) is not None:
             self._gps.publish(gps)
         if (battery := vehicle.read_battery()) is not None:

@@ -9,7 +9,7 @@ from uav_firmware.modules.failure_detector.module import FailureDetectorModule
 from uav_firmware.msg.actuators import ActuatorMotors
 from uav_firmware.msg.estimate import VehicleAttitude
 from uav_firmware.msg.failure import FailureDetectorStatus
-from uav_firmware.msg.sensors import SensorEsc
+from uav_firmware.msg.sensors import SensorEsc, SensorsStatus
 from uav_firmware.msg.status import StatusText, VehicleStatus
 from uav_firmware.parameters import Registry
 
@@ -26,6 +26,7 @@ class Vehicle:
         self.esc: Topic[SensorEsc] = Topic()
         self.attitude: Topic[VehicleAttitude] = Topic()
         self.vehicle_status: Topic[VehicleStatus] = Topic()
+        self.sensors: Topic[SensorsStatus] = Topic()
         self.status: Topic[FailureDetectorStatus] = Topic()
         self.texts: Queue[StatusText] = Queue()
         self.module = FailureDetectorModule(
@@ -34,6 +35,7 @@ class Vehicle:
             esc=self.esc,
             attitude=self.attitude,
             vehicle_status=self.vehicle_status,
+            sensors_status=self.sensors,
             failure_status=self.status,
             status_text=self.texts,
         )
@@ -66,6 +68,15 @@ def test_a_healthy_vehicle_is_told_of_once_a_second_and_no_word_is_said() -> Non
     vehicle.fly(5.0)
     assert vehicle.failed == 0
     assert 5 <= vehicle.status.count <= 7
+    assert vehicle.texts.drain() == []
+
+
+def test_without_a_gyroscope_no_motor_is_blamed() -> None:
+    vehicle = Vehicle()
+    vehicle.fly(2.0)
+    vehicle.sensors.publish(SensorsStatus(0, 1, 0, 0, 0, gyro_lost=True))
+    vehicle.fly(2.0, second_rpm=500.0)
+    assert vehicle.failed == 0
     assert vehicle.texts.drain() == []
 
 

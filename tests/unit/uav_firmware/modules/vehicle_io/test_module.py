@@ -1,4 +1,5 @@
 from uav_firmware.bus import Topic
+from uav_firmware.cal.vehicle import Fitted
 from uav_firmware.modules.vehicle_io.module import VehicleIoModule
 from uav_firmware.msg.actuators import ActuatorMotors
 from uav_firmware.msg.sensors import (
@@ -24,6 +25,7 @@ class Hardware:
         self.motors: Motors | None = None
         self.time_us = 0
         self.step_us = 4000
+        self.fitted = Fitted(imus=2, barometers=2)
 
     def write_motors(self, control: Motors) -> None:
         self.calls.append("write_motors")
@@ -33,15 +35,15 @@ class Hardware:
         self.calls.append("advance")
         self.time_us += self.step_us
 
-    def read_imu(self) -> SensorImu:
-        self.calls.append("read_imu")
+    def read_imu(self, instance: int = 0) -> SensorImu:
+        self.calls.append(f"read_imu {instance}")
         return SensorImu(self.time_us, (0.0, 0.0, 0.0), (0.0, 0.0, -9.81))
 
-    def read_baro(self) -> SensorBaro | None:
-        due = self.time_us // self.step_us % 2 == 0
+    def read_baro(self, instance: int = 0) -> SensorBaro | None:
+        due = instance == 1 and self.time_us // self.step_us % 2 == 0
         return SensorBaro(self.time_us, 94_000.0, 20.0) if due else None
 
-    def read_mag(self) -> SensorMag | None:
+    def read_mag(self, instance: int = 0) -> SensorMag | None:
         return None
 
     def read_gps(self) -> SensorGps | None:
@@ -75,15 +77,15 @@ class Vehicle:
     def __init__(self) -> None:
         self.hardware = Hardware()
         self.motors: Topic[ActuatorMotors] = Topic()
-        self.imu: Topic[SensorImu] = Topic()
-        self.baro: Topic[SensorBaro] = Topic()
+        self.imus: Topic[tuple[SensorImu, ...]] = Topic()
+        self.baros: Topic[tuple[SensorBaro | None, ...]] = Topic()
         self.truth: Topic[SensorTruth] = Topic()
         self.module = VehicleIoModule(
             self.hardware,
             motors=self.motors,
-            imu=self.imu,
-            baro=self.baro,
-            mag=Topic(),
+            imus=self.imus,
+            baros=self.baros,
+            mags=Topic(),
             gps=Topic(),
             battery=Topic(),
             esc=Topic(),
@@ -98,7 +100,7 @@ def test_motors_are_written_before_time_passes_and_sensors_read_after() -> None:
     vehicle = Vehicle()
     vehicle.motors.publish(ActuatorMotors(0, (0.1, 0.2, 0.3, 0.4)))
     vehicle.module.update()
-    assert vehicle.hardware.calls == ["write_motors", "advance", "read_imu"]
+    assert vehicle.hardware.calls == ["write_motors", "advance", "read_imu 0", "read_imu 1"]
     assert vehicle.hardware.motors == (0.1, 0.2, 0.3, 0.4)
 
 
@@ -112,8 +114,10 @@ def test_a_sensor_is_published_only_when_it_was_due() -> None:
     vehicle = Vehicle()
     for _ in range(10):
         vehicle.module.update()
-    assert vehicle.imu.count == 10
-    assert vehicle.baro.count == 5
+    assert vehicle.imus.count == 10
+    assert vehicle.baros.count == 5
+    assert vehicle.baros.value is not None
+    assert vehicle.baros.value[0] is None
 
 
 def test_a_real_vehicle_has_no_truth() -> None:

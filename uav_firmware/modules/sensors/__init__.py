@@ -1,0 +1,1 @@
+"""One sample from several instances of a sensor, and which of the instances have failed."""

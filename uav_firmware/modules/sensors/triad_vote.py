@@ -1,0 +1,167 @@
+"""Mid-value selection over the gyroscopes, or the accelerometers, of several inertial units.
+
+Three healthy instances give the median of each axis: no failure of one of them ever reaches the
+output, however fast, and nothing has to be detected for that. Two give their mean, one itself. The
+classic scheme of flight control (S. Osder, "Practical view of redundancy management", J. Guidance
+22, 1999); PX4 instead follows one instance and changes to another (`DataValidatorGroup`, one EKF2
+per unit), which needs resets and lets the failure in until it is detected.
+
+What has failed is found at leisure, over windows of a tenth of a second:
+
+    no number     not finite in more than two samples of a window
+    stuck         every sample of the window the same, while another sensor of the vehicle changes
+    biased        its mean is off the median's for several windows, by more than noise and scale do
+
+and stays failed until a restart. Differences that instances have from the start are learnt within
+what a calibration leaves, so that a jump shows sooner. Of two instances that disagree the vote
+cannot say which is wrong: they are in dispute, until whoever knows more gives one up (`give_up`).
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_firmware.msg.vectors import Vector3
+
+Array = NDArray[np.float64]
+
+WINDOW: Final = 25  # [samples] 0.1 s at 250 Hz
+_FORGIVEN: Final = 2  # [samples] Without a number in a window: a glitch of the bus
+_SMOOTHING: Final = 0.3  # [-] Share of a window in the mean difference; 0.3 s
+_LEARNING: Final = 0.01  # [-] Share of a window in the learnt difference; 10 s
+_NOISE_GATE: Final = 5.0  # [SD] Of the smoothed mean of a window
+_THREE: Final = 3
+_NOTHING: Final[Vector3] = (math.nan, math.nan, math.nan)
+
+
+class Limits(NamedTuple):
+    """How far healthy instances may be apart, in the unit of the sensor."""
+
+    bias: float  # What a healthy one is off by, at rest
+    scale: float  # [-] And for each unit measured: scale factor and misalignment
+    standing: float  # A difference up to this counts as calibration, and is learnt
+
+
+class Failed(NamedTuple):
+    """An instance that has just failed."""
+
+    instance: int
+    reason: str
+
+
+class TriadVote:
+    """The instances of one kind of sensor."""
+
+    def __init__(self, count: int, limits: Limits) -> None:
+        self.limits = limits
+        self.good: tuple[int, ...] = tuple(range(count))
+        self.failed = 0  # [-] Bit 0 is the first instance
+        self.dispute: Vector3 | None = None  # First minus second of two that disagree
+        self._learnt = np.zeros((count, 3))
+        self._apart = np.zeros((count, 3))
+        self._windows = 0
+        self._size = 0.0
+
+    def select(self, vectors: Sequence[Vector3]) -> Vector3:
+        """The vector to use, of one sample of every instance; not a number if none is left."""
+        good = self.good
+        if len(good) == _THREE:
+            one, two, three = good
+            (ax, ay, az), (bx, by, bz), (cx, cy, cz) = vectors[one], vectors[two], vectors[three]
+            total = ax + ay + az + bx + by + bz + cx + cy + cz
+            if total - total == 0.0:
+                return (
+                    ax
+                    if bx <= ax <= cx or cx <= ax <= bx
+                    else bx
+                    if ax <= bx <= cx or cx <= bx <= ax
+                    else cx,
+                    ay
+                    if by <= ay <= cy or cy <= ay <= by
+                    else by
+                    if ay <= by <= cy or cy <= by <= ay
+                    else cy,
+                    az
+                    if bz <= az <= cz or cz <= az <= bz
+                    else bz
+                    if az <= bz <= cz or cz <= bz <= az
+                    else cz,
+                )
+        usable = [vectors[i] for i in good if math.isfinite(sum(vectors[i]))]
+        if not usable:
+            return _NOTHING
+        number = 1.0 / len(usable)
+        x, y, z = (number * sum(axis) for axis in zip(*usable, strict=True))
+        return (x, y, z)
+
+    def judge(self, window: Array, *, others_change: bool) -> list[Failed]:
+        """Judge a window of samples, shape (WINDOW, instances, 3); what has failed in it.
+
+        `others_change` is whether the samples of another kind of sensor have changed meanwhile.
+        """
+        news = []
+        for instance in self.good:
+            own = window[:, instance]
+            if np.count_nonzero(~np.isfinite(own).all(axis=1)) > _FORGIVEN:
+                news.append(Failed(instance, "no data"))
+        stuck = [
+            i
+            for i in self.good
+            if np.array_equal(window[:, i], np.broadcast_to(window[0, i], (len(window), 3)))
+        ]
+        if others_change or len(stuck) < len(self.good):
+            news += [Failed(i, "stuck") for i in stuck]
+        for failure in news:
+            self.give_up(failure.instance)
+        return news + self._compare(window)
+
+    def give_up(self, instance: int) -> None:
+        """Do without an instance from now on."""
+        self.failed |= 1 << instance
+        self.good = tuple(i for i in self.good if i != instance)
+        self.dispute = None
+
+    def _compare(self, window: Array) -> list[Failed]:
+        """Whether an instance is off the others."""
+        good = list(self.good)
+        self.dispute = None
+        if len(good) < 2:
+            return []
+        samples = window[:, good] - self._learnt[good]
+        samples = samples[np.isfinite(samples).all(axis=(1, 2))]
+        if len(samples) < WINDOW // 2:
+            return []
+        middle = np.median(samples, axis=1)
+        self._size = max(float(np.abs(middle.mean(axis=0)).max()), 0.8 * self._size)
+        off = samples - middle[:, None]
+        noise = float(off.std(axis=0).max()) / math.sqrt(len(samples))
+        self._apart[good] += _SMOOTHING * (off.mean(axis=0) - self._apart[good])
+        limit = (
+            self.limits.bias
+            + self.limits.scale * self._size
+            + _NOISE_GATE * noise * math.sqrt(_SMOOTHING / (2.0 - _SMOOTHING))
+        )
+        apart = np.linalg.norm(self._apart[good], axis=1)
+        if len(good) == 2:
+            if 2.0 * apart[0] > limit:
+                x, y, z = (2.0 * self._apart[good[0]]).tolist()
+                self.dispute = (x, y, z)
+                return []
+        else:
+            worst = int(np.argmax(apart))
+            if apart[worst] > limit:
+                self.give_up(good[worst])
+                return [Failed(good[worst], "biased")]
+        if float(apart.max()) < 0.5 * limit:
+            self._learn(good, off.mean(axis=0))
+        return []
+
+    def _learn(self, good: list[int], off: Array) -> None:
+        """Take the standing differences into account, as far as a calibration leaves them."""
+        self._windows += 1
+        self._learnt[good] += max(1.0 / self._windows, _LEARNING) * off
+        standing = self.limits.standing
+        np.clip(self._learnt, -standing, standing, out=self._learnt)
