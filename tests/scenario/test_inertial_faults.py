@@ -9,6 +9,7 @@ from sim.config import SimulationConfig
 from sim.fault_notation import read_order
 from sim.faults import Fault
 from tests.support.autopilot_tester import AutopilotTester
+from uav_firmware.msg.status import NavigationState
 
 pytestmark = pytest.mark.scenario
 
@@ -75,3 +76,73 @@ def test_the_only_accelerometer_jumps_and_the_vehicle_lands_where_it_is(
     assert not hover.said("Gyroscope")
     tester.run_for(5.0)
     assert not tester.status.preflight_checks_pass
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        ("gyro_loss", "accel_bias x_m_s2=3 z_m_s2=-3", "mag_frozen", "baro_bias up_m=5"),
+        ("gyro_frozen", "accel_loss", "mag_disturbance x_gauss=0.3 y_gauss=0.3", "baro_frozen"),
+        ("gyro_bias x_deg_s=10 y_deg_s=-10 z_deg_s=10", "accel_frozen", "mag_loss", "baro_loss"),
+    ],
+)
+def test_one_instance_of_each_sensor_may_fail_and_nothing_is_felt(
+    tmp_path: Path, lines: tuple[str, ...]
+) -> None:
+    """Each is told once, by its own name; nothing is flown differently; it does not arm again."""
+    hover = Hover(tmp_path)
+    for line in lines:
+        hover.break_now(line)
+        hover.tester.run_for(4.0)
+    failed = [text.split(" ", 1)[1] for text in hover.tester.lines if "failed" in text]
+    names = ("Gyroscope", "Accelerometer", "Compass", "Barometer")
+    assert len(failed) == len(names), failed
+    for name, text in zip(names, failed, strict=True):
+        assert text.startswith(f"{name} 1 failed"), failed
+    assert hover.farthest_m < 0.5
+    assert hover.largest_height_error_m < 0.5
+    assert not hover.said("Motor")
+    assert not hover.said("has jumped")
+    assert not hover.said("beyond its limit")
+    assert hover.tester.mode is NavigationState.AUTO_LOITER
+    assert not hover.tester.status.preflight_checks_pass
+
+
+@pytest.mark.parametrize("instance", [0, 1])
+@pytest.mark.parametrize("line", ["gyro_loss", "accel_bias z_m_s2=3", "gyro_bias x_deg_s=4"])
+def test_of_two_inertial_units_the_broken_one_is_found_and_given_up(
+    tmp_path: Path, line: str, instance: int
+) -> None:
+    hover = Hover(tmp_path, imus=2)
+    hover.break_now(f"{line} instance={instance}")
+    hover.tester.run_for(8.0)
+    name = "Gyroscope" if "gyro" in line else "Accelerometer"
+    assert hover.said(f"{name} {instance + 1} failed")
+    assert not hover.said(f"{name} {2 - instance} failed")
+    assert hover.farthest_m < 1.0
+    assert hover.largest_height_error_m < 0.6
+    assert not hover.said("LAND")
+    assert not hover.tester.status.preflight_checks_pass
+
+
+@pytest.mark.parametrize("line", ["accel_loss", "accel_frozen"])
+def test_without_any_accelerometer_it_lands_by_the_thrust_that_is_commanded(
+    tmp_path: Path, line: str
+) -> None:
+    hover = Hover(tmp_path, imus=1)
+    hover.break_now(line)
+    hover.tester.wait_until_landed()
+    assert hover.said("Accelerometer lost, flying without it: LAND")
+    assert not hover.tester.simulation.wrecked
+    assert hover.farthest_m < 2.0
+    assert not hover.said("Motor")
+
+
+def test_without_any_gyroscope_it_falls_and_says_that_it_was_the_gyroscope(tmp_path: Path) -> None:
+    hover = Hover(tmp_path, imus=1)
+    hover.break_now("gyro_loss")
+    hover.tester.run_for(10.0)
+    assert hover.said("Gyroscope lost, no attitude")
+    assert not hover.said("Motor")
+    assert not hover.said("has jumped")
+    assert not hover.said("beyond its limit")

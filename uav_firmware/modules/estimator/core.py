@@ -38,7 +38,7 @@ START_WIND_SIGMA_M_S: Final = 5.0
 """[m/s] One sigma of the wind before the drag in flight has shown it."""
 
 _HISTORY_SAMPLES: Final = 256  # One second at 250 Hz: a GPS that is later than that is useless
-_MODELLED_FORCE_NOISE_M_S2: Final = 5.0  # Of a sample: 0.5 m/s^2 that lasts half a second
+_MODELLED_FORCE_NOISE_M_S2: Final = 10.0  # Of a sample: 1 m/s^2 that lasts half a second
 _START_POSITION_SIGMA_M: Final = 10.0
 _START_VELOCITY_SIGMA_M_S: Final = 0.3
 _FREE_GPS_HEIGHT_SIGMA_M: Final = 10.0  # Where the barometer is the datum: weather over hours

@@ -1,10 +1,11 @@
 """Checks inertial samples: nothing absurd may reach the integration.
 
-Gyroscope and accelerometer are checked apart. For a rate that is absurd the last good one stands
-in; longer than a moment nothing replaces a gyroscope, and the attitude is lost. For an absurd force
-stands in what the rotors of a multirotor give: no force along x and y, where there is only drag, and
-along z what the commanded thrust has been found to give. GPS and barometer settle the rest: a flight
-without an accelerometer is rough, and long enough to land (P. Martin and E. Salaun, ICRA 2010, describe the model).
+Gyroscope and accelerometer are checked apart. For a rate that is absurd the last good one is used;
+longer than a moment nothing replaces a gyroscope, and the attitude is lost. For an absurd force is
+used what the rotors of a multirotor give: no force along x and y, where there is only drag, and
+along z what the commanded thrust has been found to give. GPS and barometer settle the rest: a
+flight without an accelerometer is rough, and long enough to land (P. Martin and E. Salaun, ICRA
+2010, describe the model).
 """
 
 from typing import Final
@@ -19,6 +20,7 @@ _LONGEST_STEP_S: Final = 0.1
 _BAD_FOR_S: Final = 0.1
 _GLITCH_US: Final = 20_000
 _MEAN_S: Final = 2.0  # Of thrust and force
+_LEAST_GIVEN: Final = 0.85  # [-] Of hover: what thrust does not carry for long, the ground does
 _LEAST_THRUST: Final = 0.1  # [-] Less has not lifted the vehicle
 
 
@@ -53,8 +55,7 @@ class ImuGuard:
             self.rejected += 1
             return None
         dt = 0.0 if before_us is None else (now_us - before_us) * 1e-6
-        if dt > _LONGEST_STEP_S:
-            dt = _LONGEST_STEP_S
+        dt = min(dt, _LONGEST_STEP_S)
         x, y, z = imu.rate_frd
         rate_is_sane = x * x + y * y + z * z < _LARGEST_RATE**2  # NaN compares false
         x, y, z = imu.specific_force_frd
@@ -89,7 +90,7 @@ class ImuGuard:
         if rate_is_sane:
             self._rate = imu.rate_frd
         given = self._thrust / self._mean_thrust if self._mean_thrust > _LEAST_THRUST else 1.0
-        self._force = (0.0, 0.0, given * self._mean_z)
+        self._force = (0.0, 0.0, max(given, _LEAST_GIVEN) * self._mean_z)
 
     def expect_thrust(self, thrust: float) -> None:
         """Note the collective thrust that is commanded, 0 to 1 and in proportion to the force."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from uav_firmware.bus import Queue, Topic
 from uav_firmware.lib.atmosphere import altitude_from_pressure, pressure_from_altitude
+from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2
 from uav_firmware.lib.rotation import rotate, rotate_inverse
 from uav_firmware.modules.sensors.params import SensorsParams
 from uav_firmware.modules.sensors.slow_vote import SlowVote
@@ -99,8 +100,10 @@ class SensorsModule:
     def _configure(self) -> None:
         self._seen_version = self._registry.version
         params = self._registry.read(SensorsParams)
-        self._rate_limits = Limits(math.radians(params.rate_deg_s), _SCALE, _STANDING_RATE)
-        self._force_limits = Limits(params.acceleration_m_s2, _SCALE, _STANDING_FORCE)
+        self._rate_limits = Limits(math.radians(params.rate_deg_s), _SCALE, 0.0, _STANDING_RATE)
+        self._force_limits = Limits(
+            params.acceleration_m_s2, _SCALE, STANDARD_GRAVITY_M_S2, _STANDING_FORCE
+        )
         self._height_m, self._field_gauss = params.height_m, params.field_gauss
         if self._gyros is not None and self._accels is not None:
             self._gyros.limits, self._accels.limits = self._rate_limits, self._force_limits

@@ -74,7 +74,7 @@ class SlowVote:
                     instance.changed_us = now_us
                 instance.value, instance.seen_us = sample, now_us
         good = self.good
-        news = self._silent_or_stuck(now_us, good)
+        news = self._silent_or_stuck(good)
         if reference is not None:
             for number in self.good:
                 _track(self._instances[number], reference, dt)
@@ -96,7 +96,7 @@ class SlowVote:
         """Instances that have not failed."""
         return [i for i in range(len(self._instances)) if not self.failed >> i & 1]
 
-    def _silent_or_stuck(self, now_us: int, good: list[int]) -> list[Failed]:
+    def _silent_or_stuck(self, good: list[int]) -> list[Failed]:
         seen_us = max(self._instances[i].seen_us for i in good) if good else 0
         changed_us = max(self._instances[i].changed_us for i in good) if good else 0
         news = []

@@ -42,6 +42,7 @@ class Limits(NamedTuple):
 
     bias: float  # What a healthy one is off by, at rest
     scale: float  # [-] And for each unit measured: scale factor and misalignment
+    usual: float  # What is measured at rest; a scale factor there is learnt
     standing: float  # A difference up to this counts as calibration, and is learnt
 
 
@@ -134,11 +135,15 @@ class TriadVote:
         samples = samples[np.isfinite(samples).all(axis=(1, 2))]
         if len(samples) < WINDOW // 2:
             return []
-        middle = np.median(samples, axis=1)
-        self._size = max(float(np.abs(middle.mean(axis=0)).max()), 0.8 * self._size)
-        off = samples - middle[:, None]
-        noise = float(off.std(axis=0).max()) / math.sqrt(len(samples))
-        self._apart[good] += _SMOOTHING * (off.mean(axis=0) - self._apart[good])
+        means = samples.mean(axis=0)
+        middle = np.median(means, axis=0)
+        size = abs(float(np.linalg.norm(middle)) - self.limits.usual)
+        self._size = max(size, 0.8 * self._size)
+        off = means - middle
+        # Of what one instance and not another has measured: motion is common to them
+        own = samples - samples.mean(axis=1)[:, None]
+        noise = float(own.std(axis=0).max()) / math.sqrt(len(samples))
+        self._apart[good] += _SMOOTHING * (off - self._apart[good])
         limit = (
             self.limits.bias
             + self.limits.scale * self._size
@@ -156,7 +161,7 @@ class TriadVote:
                 self.give_up(good[worst])
                 return [Failed(good[worst], "biased")]
         if float(apart.max()) < 0.5 * limit:
-            self._learn(good, off.mean(axis=0))
+            self._learn(good, off)
         return []
 
     def _learn(self, good: list[int], off: Array) -> None:

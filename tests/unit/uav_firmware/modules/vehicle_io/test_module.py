@@ -43,7 +43,7 @@ class Hardware:
         due = instance == 1 and self.time_us // self.step_us % 2 == 0
         return SensorBaro(self.time_us, 94_000.0, 20.0) if due else None
 
-    def read_mag(self, instance: int = 0) -> SensorMag | None:
+    def read_mag(self, instance: int = 0) -> SensorMag | None:  # noqa: ARG002  # the protocol's
         return None
 
     def read_gps(self) -> SensorGps | None:
