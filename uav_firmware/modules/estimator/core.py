@@ -1,5 +1,6 @@
 """What the aiding sources share: the filter, its clock and history, the origin, rest."""
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -86,24 +87,29 @@ class Core:
     def configure(self, params: EstimatorParams) -> None:
         """Work with changed parameters from now on."""
         self.params = params
-        self.ekf.noise = _noise(params, self._gps_height_sigma)
+        self._set_noise()
 
     def expect_gps_height_error(self, sigma: float) -> None:
         """Let the slow error of GPS height be of `sigma` [m] from now on."""
         if sigma != self._gps_height_sigma:
             self._gps_height_sigma = sigma
-            self.ekf.noise = _noise(self.params, sigma)
+            self._set_noise()
 
     def model_force(self, *, modelled: bool) -> None:
         """Reckon with a specific force that is modelled instead of measured, or measured again."""
         if modelled == self.force_modelled:
             return
         self.force_modelled = modelled
-        accel = _MODELLED_FORCE_NOISE_M_S2 if modelled else self.params.accel_noise
-        self.ekf.noise = replace(self.ekf.noise, accel=accel)
+        self._set_noise()
         self.state.accel_bias_frd = (0.0, 0.0, 0.0)
         # A model has no bias that walks; of a sensor that comes back none is known
         self.ekf.forget(ACCEL_BIAS, 1e-4 if modelled else self.params.accel_bias_limit)
+
+    def _set_noise(self) -> None:
+        noise = _noise(self.params, self._gps_height_sigma)
+        if self.force_modelled:
+            noise = replace(noise, accel=_MODELLED_FORCE_NOISE_M_S2)
+        self.ekf.noise = noise
 
     def step(self, time_us: int, rate_frd: Vector3, force_frd: Vector3, dt: float) -> None:
         """Advance to `time_us` over dt [s]."""

@@ -20,7 +20,7 @@ _LONGEST_STEP_S: Final = 0.1
 _BAD_FOR_S: Final = 0.1
 _GLITCH_US: Final = 20_000
 _MEAN_S: Final = 2.0  # Of thrust and force
-_LEAST_GIVEN: Final = 0.85  # [-] Of hover: what thrust does not carry for long, the ground does
+_LEAST_GIVEN: Final = 0.95  # [-] Of hover: what thrust does not carry for long, the ground does
 _LEAST_THRUST: Final = 0.1  # [-] Less has not lifted the vehicle
 
 
