@@ -33,7 +33,7 @@ class VerticalWatch:
     """Watches the innovations of the velocity down."""
 
     def __init__(self) -> None:
-        self._drift = DriftWatch(slack=1.0, limit=6.0, leap=4.0)
+        self._drift = DriftWatch(slack=1.0, limit=6.0, leap=4.0, ramps=True)
 
     def look(self, core: Core, group: Sequence[Measurement]) -> None:
         """Take the velocity of a fix, north, east and down, before it is fused."""

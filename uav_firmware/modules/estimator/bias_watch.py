@@ -45,7 +45,7 @@ class VelocityWatch:
     """
 
     def __init__(self) -> None:
-        self._drift = DriftWatch(slack=1.0, limit=8.0, leap=4.0)
+        self._drift = DriftWatch(slack=1.0, limit=8.0, leap=4.0, ramps=True)
         self._slow: Vector3 | None = None
         self._last_us = 0
 

@@ -8,15 +8,15 @@ for each side of each component, of innovations in their own deviations:
     sum <- max(0, sum +- innovation - slack)        told above limit
 
 A step is something else: a source that leaps, for which there is the gate. What has leapt is left
-out until it is back. Leaps one after the other to the same side are no step of the source but a
-fast drift, and are told as one.
+out until it is back. With `ramps` what has leapt and goes on growing to the same side counts as a
+fast drift: a source that has stepped stays where it is.
 """
 
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 _GATE: Final = 5.0  # [SD] An innovation that has leapt is back when it is below
-_LEAPS: Final = 3  # In a row to one side: no step, a drift
+_RAMP: Final = 5.0  # [SD] Growth after a leap that a step does not have, twice in a row
 
 
 class Drift(NamedTuple):
@@ -29,15 +29,26 @@ class Drift(NamedTuple):
 class DriftWatch:
     """The sums of a vector of innovations, and since when they have grown."""
 
-    __slots__ = ("_former", "_leap", "_leaps_from", "_limit", "_onset", "_slack", "_sums", "leapt")
+    __slots__ = (
+        "_former",
+        "_leap",
+        "_leapt_from",
+        "_limit",
+        "_onset",
+        "_ramps",
+        "_slack",
+        "_sums",
+        "leapt",
+    )
 
-    def __init__(self, *, slack: float, limit: float, leap: float) -> None:
+    def __init__(self, *, slack: float, limit: float, leap: float, ramps: bool = False) -> None:
         self._slack = slack  # [SD] Mean that is not told
         self._limit = limit  # [SD] Sum that is told
         self._leap = leap  # [SD] Between two innovations; no drift changes by so much
         self._former: Sequence[float] = ()
-        # Since when, from where, and how many: leaps in a row
-        self._leaps_from: tuple[int, Sequence[float], int] | None = None
+        self._ramps = ramps
+        # When it leapt, the innovations before that and after it
+        self._leapt_from: tuple[int, Sequence[float], Sequence[float]] | None = None
         self.leapt = False  # And not back yet
         self.restart()
 
@@ -54,7 +65,7 @@ class DriftWatch:
             ramp = self._ramp(innovations, former, now_us)
             self.restart()
             return ramp
-        self._leaps_from = None
+        self._leapt_from = None
         slack = self._slack
         if self._onset is None and max(innovations) <= slack and min(innovations) >= -slack:
             return None  # The usual case: nothing adds up
@@ -90,23 +101,20 @@ class DriftWatch:
     def _ramp(
         self, innovations: Sequence[float], former: Sequence[float], now_us: int
     ) -> Drift | None:
-        """Three leaps in a row of one component to one side, away from its mean."""
-        begun, leap = self._leaps_from, self._leap
-        if begun is None:
-            self._leaps_from = (now_us, former, 1)
+        """Whether what has leapt goes on growing to the side that it has leapt to."""
+        if not self._ramps:
             return None
-        since_us, first, count = begun
+        if self._leapt_from is None:
+            self._leapt_from = (now_us, former, innovations)
+            return None
+        since_us, before, after = self._leapt_from
         grown = [
             abs(new - start)
-            for new, old, start in zip(innovations, former, first, strict=True)
-            if (new - old) * (old - start) > 0.0 and abs(new - old) > leap and abs(new) > abs(old)
+            for new, old, start, base in zip(innovations, former, before, after, strict=True)
+            if (new - base) * (base - start) > 0.0 and min(abs(new - base), abs(old - base)) > _RAMP
         ]
         if not grown:
-            self._leaps_from = None
             return None
-        if count + 1 < _LEAPS:
-            self._leaps_from = (since_us, first, count + 1)
-            return None
-        self._leaps_from = None
+        self._leapt_from = None
         self.leapt = False
         return Drift((now_us - since_us) * 1e-6, max(grown))

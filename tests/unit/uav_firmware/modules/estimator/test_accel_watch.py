@@ -88,18 +88,20 @@ def test_the_covariance_of_a_jump_is_what_the_filter_would_have_made_of_it(
     assert got == pytest.approx(expected, rel=0.05, abs=1e-3 * sigma**2)
 
 
-@given(pace=st.floats(4.5, 50.0), sign=st.sampled_from([-1.0, 1.0]))
-def test_leaps_in_a_row_to_one_side_are_a_drift(pace: float, sign: float) -> None:
-    watch = DriftWatch(slack=1.0, limit=8.0, leap=4.0)
-    ramp = [sign * pace * number for number in range(8)]
-    told = [watch.update([0.0, z], number * FIX_US) for number, z in enumerate(ramp)]
-    assert any(told[:5])
+@given(pace=st.floats(1.5, 50.0), sign=st.sampled_from([-1.0, 1.0]), ripple=st.floats(0.0, 1.0))
+def test_what_leaps_and_goes_on_growing_is_a_drift(pace: float, sign: float, ripple: float) -> None:
+    """Also where every other step of the ramp is no leap by itself."""
+    watch = DriftWatch(slack=1.0, limit=8.0, leap=4.0, ramps=True)
+    ramp = [sign * (pace * number + ripple * (number % 2)) for number in range(20)]
+    assert any(watch.update([0.0, z], number * FIX_US) for number, z in enumerate(ramp))
 
 
-@given(st.lists(st.sampled_from([-30.0, 0.0, 30.0]), min_size=5, max_size=40))
-def test_leaps_to_and_fro_are_none(places: list[float]) -> None:
-    watch = DriftWatch(slack=1.0, limit=8.0, leap=4.0)
-    assert not any(watch.update([z], n * FIX_US) for n, z in enumerate([0.0, *places]))
+@given(st.floats(8.0, 100.0), st.integers(0, 1000))
+def test_what_leaps_and_stays_is_none(step: float, seed: int) -> None:
+    watch = DriftWatch(slack=1.0, limit=8.0, leap=4.0, ramps=True)
+    noise = 0.8 * np.random.default_rng(seed).standard_normal(100)
+    stepped = [0.0, *(step + float(z) for z in noise.clip(-1.9, 1.9))]
+    assert not any(watch.update([z], n * FIX_US) for n, z in enumerate(stepped))
 
 
 def force_after(seconds: float, step: float, pace: float = 0.0) -> LateralForce:
