@@ -1,4 +1,4 @@
-"""How far a gyroscope whose bias jumps carries the vehicle: `python -m tests.bench.gyro_jump`.
+"""How far gyroscopes whose biases all jump carry the vehicle: `python -m tests.bench.gyro_jump`.
 
 Sizes, axes, hover or flight at 8 m/s, calm or wind of 8 m/s; 25 s from the jump on, by the truth.
 A table of the greatest horizontal distance from the place or the leg [m] is printed; arguments are
@@ -10,7 +10,7 @@ import sys
 from itertools import product
 from typing import Final
 
-from sim.faults import Kind
+from sim.faults import ALL_INSTANCES, Kind
 from tests.bench.flight_courses import Figures, ready_vehicle, takeoff_item, waypoint
 from tests.bench.flight_failures import break_now
 from tests.support.autopilot_tester import AutopilotTester
@@ -51,7 +51,7 @@ def gyro_jump(
 
     tester.watch(note)
     x, y, z = jump_deg_s
-    break_now(tester, Kind.GYRO_BIAS, x_deg_s=x, y_deg_s=y, z_deg_s=z)
+    break_now(tester, Kind.GYRO_BIAS, x_deg_s=x, y_deg_s=y, z_deg_s=z, instance=ALL_INSTANCES)
     tester.run_for(_WATCHED_S)
     return {"off": farthest_m, "unharmed": 0.0 if tester.simulation.wrecked else 1.0}
 

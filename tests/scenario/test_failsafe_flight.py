@@ -224,7 +224,7 @@ def test_a_link_that_comes_back_lets_the_mission_go_on(tmp_path: Path) -> None:
 def test_a_breach_of_the_fence_is_answered_before_it_is_far(
     tmp_path: Path, action: int, mode: NavigationState
 ) -> None:
-    tester = vehicle(tmp_path, {"GF_ACTION": action, "GF_MAX_HOR_DIST": 40.0})
+    tester = vehicle(tmp_path, {"GF_ACTION": action, "GF_MAX_HOR_DIST": 40.0}, imus=1)
     tester.take_off(10.0)
     tester.run_for(12.0)
     tester.autopilot.registry.set("GF_MAX_HOR_DIST", 0.0)
