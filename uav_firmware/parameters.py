@@ -178,8 +178,6 @@ class Registry:
             raise ParameterRangeError(f"{name}: {value} is not a finite number")
         if declaration.is_integer and value != int(value):
             raise ParameterTypeError(f"{name}: {value} is not an integer")
-        if declaration.locked_while_armed and self.armed:
-            raise ParameterLockedError(f"{name}: cannot be changed while armed")
         if not declaration.is_integer and abs(value) <= _LARGEST_REAL32:
             value = _as_real32(value)
             minimum, maximum = _as_real32(declaration.minimum), _as_real32(declaration.maximum)
@@ -189,7 +187,10 @@ class Registry:
             raise ParameterRangeError(
                 f"{name}: {value} is outside {declaration.minimum}..{declaration.maximum}"
             )
-        self._values[name] = int(value) if declaration.is_integer else value
+        stored = int(value) if declaration.is_integer else value
+        if declaration.locked_while_armed and self.armed and stored != self._values[name]:
+            raise ParameterLockedError(f"{name}: cannot be changed while armed")
+        self._values[name] = stored
         self.version += 1
 
     def put_back(self, name: str) -> None:

@@ -67,6 +67,7 @@ def test_what_describes_the_vehicle_cannot_be_changed_while_it_is_armed() -> Non
     registry.armed = True
     with pytest.raises(ParameterLockedError, match="A_PLACE: cannot be changed while armed"):
         registry.set("A_PLACE", 0.5)
+    registry.set("A_PLACE", on_the_wire(0.2))  # What it is already, such as from a file of all
     registry.set("A_SHARE", 0.15)
     registry.armed = False
     registry.set("A_PLACE", 0.5)
