@@ -132,7 +132,10 @@ class EdgeClient:
 
     def dead_letters_of(self, vehicle_id: int) -> int:
         """How many posts of a vehicle were given up and wait for a person."""
-        return 0 if self._keeper is None else self._keeper.dead_letters.get(vehicle_id, 0)
+        with self._changed:
+            waiting = self._posts.dead_of(vehicle_id)
+        kept = {} if self._keeper is None else self._keeper.dead_letters
+        return waiting + kept.get(vehicle_id, 0)
 
     @property
     def dropped(self) -> int:

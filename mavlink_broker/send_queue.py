@@ -28,6 +28,8 @@ FIRST_PAUSE_S: Final = 0.2
 LONGEST_PAUSE_S: Final = 5.0
 MOST_ATTEMPTS: Final = 20
 """Failures of one post while others were answered: more than a minute."""
+DEAD_KEPT: Final = 1000
+"""Posts that were given up and wait to be taken onto the disk; without a disk the newest."""
 SLOW_AFTER_S: Final = 3.0
 """An edge server that has not answered by then may be none."""
 
@@ -128,7 +130,7 @@ class SendQueue:
         self._settled: set[int] = set()
         self._owed: Counter[int] = Counter()
         self._answers = 0
-        self._dead: list[DeadLetter] = []
+        self._dead: deque[DeadLetter] = deque(maxlen=DEAD_KEPT)
         self.dropped = 0
 
     def __len__(self) -> int:
@@ -233,8 +235,13 @@ class SendQueue:
 
     def take_dead(self) -> list[DeadLetter]:
         """Give the posts that were given up since this was asked."""
-        dead, self._dead = self._dead, []
+        dead = list(self._dead)
+        self._dead.clear()
         return dead
+
+    def dead_of(self, vehicle_id: int) -> int:
+        """How many posts of a vehicle were given up and have not been taken."""
+        return sum(letter.post.vehicle_id == vehicle_id for letter in self._dead)
 
     def settle(self, number: int) -> None:
         """Take that what has this number on the disk is kept elsewhere."""

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Final
 
-from mavlink_broker.send_queue import DeadLetter, Post, SendQueue, Urgency
+from mavlink_broker.send_queue import DEAD_KEPT, DeadLetter, Post, SendQueue, Urgency
 from mavlink_broker.spool.dead import Orders
 from mavlink_broker.spool.folder import Spool
 from mavlink_broker.supervision import SupervisedThread
@@ -92,7 +92,7 @@ class Keeper:
             self._unburied += self._queue.take_dead()
         if not self._unburied or now < self._words_after:
             return
-        waiting, self._unburied = self._unburied, []
+        waiting, self._unburied = self._unburied[-DEAD_KEPT:], []
         for letter in waiting:
             number = letter.post.kept_as or self._spool.next_number()
             if not self._does("dead letters", partial(self._spool.dead.add, number, letter)):

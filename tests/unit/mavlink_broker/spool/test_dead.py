@@ -264,6 +264,24 @@ def test_over_http_from_the_first_500_to_the_retry_at_the_terminal(
     client.stop(1.0)
 
 
+def test_without_a_disk_they_are_counted_in_memory_and_bounded() -> None:
+    queue = SendQueue(random.Random(1))
+    for number in range(2):
+        queue.put(post(number=7, idempotency_key=f"key-{number}"))
+    now = 0.0
+    for number in range(3 * MOST_ATTEMPTS):
+        now += LONGEST_PAUSE_S
+        queue.put(post("pose", 1000 + number, urgency=Urgency.RESULT))
+        while (one := queue.take(now)) is not None:
+            if one.lane == "pose":
+                queue.answered(one)
+            else:
+                queue.failed(one, now, cut_off=False)
+    assert queue.dead_of(1) == 2
+    assert queue.dead_of(2) == 0
+    assert len(queue) == 0
+
+
 def test_they_are_shown_with_their_vehicle() -> None:
     world = World()
     world.add_vehicle(1)
