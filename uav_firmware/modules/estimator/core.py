@@ -117,7 +117,8 @@ class Core:
         change = ekf.predict(rate_frd, force_frd, dt)
         self.history.push(time_us, change, dt)
         self.rest.update(rate_frd, ekf.acceleration_ned)
-        self.lateral.update(force_frd, dt)
+        state = ekf.state
+        self.lateral.update(force_frd, state.velocity_ned, state.q_ned_frd, dt)
         self.turned.update(rate_frd, dt)
         self.time_us = time_us
 

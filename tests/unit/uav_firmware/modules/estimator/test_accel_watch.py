@@ -104,20 +104,32 @@ def test_what_leaps_and_stays_is_none(step: float, seed: int) -> None:
     assert not any(watch.update([z], n * FIX_US) for n, z in enumerate(stepped))
 
 
-def force_after(seconds: float, step: float, pace: float = 0.0) -> LateralForce:
-    """Five seconds of hover in vibration, then a step and a slope of the force along x."""
+LEVEL = (1.0, 0.0, 0.0, 0.0)
+
+
+def force_after(
+    seconds: float, step: float, pace: float = 0.0, speeding_up: float = 0.0
+) -> LateralForce:
+    """Five seconds of hover in vibration, then a step and a slope of the force along x.
+
+    `speeding_up` [m/s^2] is a motion over the ground; its drag is 0.29 1/s of the speed.
+    """
     force, noise = LateralForce(), np.random.default_rng(1)
     for number in range(round((5.0 + seconds) * 250)):
         late_s = max(0.0, number * 0.004 - 5.0)
-        x = (step if late_s > 0.0 else 0.0) + pace * late_s
-        force.update((x + 0.4 * noise.standard_normal(), 0.4 * noise.standard_normal(), -9.8), 4e-3)
+        speed = speeding_up * late_s
+        x = (step if late_s > 0.0 else 0.0) + pace * late_s - 0.29 * speed
+        sample = (x + 0.4 * noise.standard_normal(), 0.4 * noise.standard_normal(), -9.8)
+        force.update(sample, (speed, 0.0, 0.0), LEVEL, 4e-3)
     return force
 
 
 def test_a_step_of_the_lateral_force_is_seen_and_vibration_or_growing_drag_is_not() -> None:
     assert force_after(0.3, 1.0).stepped
+    assert force_after(0.3, 1.0, speeding_up=3.0).stepped
     assert not force_after(10.0, 0.0).stepped
-    assert not force_after(6.0, 0.0, 0.1).stepped  # Two metres per second faster each second
+    assert not force_after(4.0, 0.0, 0.3).stepped  # The wind grows by 1 m/s each second
+    assert not force_after(4.0, 0.0, speeding_up=5.0).stepped
     assert not force_after(9.0, 1.0).stepped  # Long ago
 
 
