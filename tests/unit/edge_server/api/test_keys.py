@@ -9,6 +9,7 @@ from werkzeug.test import TestResponse
 from edge_server.services.context import moment
 from edge_server.store import keys
 from edge_server.store.keys import Role
+from tests.support.databases import BOTH_ENGINES
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import mission, plan, telemetry
 
@@ -223,6 +224,7 @@ def test_a_wrong_key_is_told_apart_from_none(edge: Edge) -> None:
     assert "opens nothing" in (wrong.json or {})["message"]
 
 
+@BOTH_ENGINES
 def test_two_brokers_may_use_the_same_idempotency_key(edge: Edge) -> None:
     north, south = make(edge, "broker", "north"), make(edge, "broker", "south")
     answers = [

@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 
+from tests.support.databases import BOTH_ENGINES
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import event, mission, mission_report, plan
 
@@ -54,6 +55,7 @@ def test_an_old_report_does_not_end_an_accepted_mission_of_its_number(
     assert status_of(edge, 1) == "FINISHED"
 
 
+@BOTH_ENGINES
 def test_a_report_names_its_flight(edge: Edge) -> None:
     item = accepted(edge)
     edge.report("mission_report", mission_report(3, 3, 3, 3))
@@ -171,6 +173,7 @@ def test_a_repeated_post_gets_its_first_answer_whatever_came_since(edge: Edge) -
     assert told(edge) == [2, 3]
 
 
+@BOTH_ENGINES
 def test_in_bulk_each_report_is_judged_behind_those_before_it(edge: Edge) -> None:
     accepted(edge)
     reports = [

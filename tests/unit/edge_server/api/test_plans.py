@@ -277,6 +277,7 @@ def test_broken_json_is_a_400(edge: Edge, raw: bytes) -> None:
     assert edge.count("plan") == 0
 
 
+@BOTH_ENGINES
 def test_a_repeated_post_gets_its_first_answer_after_a_delete(edge: Edge) -> None:
     first = edge.post_plan(plan(), key="first")
     assert edge.ask("DELETE", f"/plans/{(first.json or {})['id']}", "operator").status_code == 204

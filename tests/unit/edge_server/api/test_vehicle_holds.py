@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 
+from tests.support.databases import BOTH_ENGINES
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import mission, mission_report, plan, telemetry
 
@@ -76,6 +77,7 @@ def test_what_a_broker_has_pulled_already_may_not_be_flown(edge: Edge) -> None:
     assert (shown["dispatch_state"], shown["mission_status_name"]) == ("queued", "NOT_STARTED")
 
 
+@BOTH_ENGINES
 def test_a_released_vehicle_flies_what_waited_in_its_old_order(edge: Edge) -> None:
     edge.post_plan(plan(mission(2), mission(20, 2)))
     fail(edge)
@@ -131,6 +133,7 @@ def test_an_alarm_on_the_mission_holds_at_once(edge: Edge) -> None:
     assert [item["mission"]["mission_id"] for item in edge.work()] == [1]
 
 
+@BOTH_ENGINES
 def test_an_alarm_in_bulk_holds_too(edge: Edge) -> None:
     fly(edge)
     body = {"records": [{"alarm": telemetry("alarm") | {"mission_id": 1}}]}

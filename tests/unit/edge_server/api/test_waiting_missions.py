@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 
 from edge_server.api.surveys import EXAMPLE
+from tests.support.databases import BOTH_ENGINES
 from tests.unit.edge_server.api.test_plan_files import FILE
 from tests.unit.edge_server.conftest import NOON, Edge
 from tests.unit.edge_server.documents import mission, mission_report, plan
@@ -115,6 +116,7 @@ def test_a_closing_says_why(edge: Edge, body: dict[str, Any]) -> None:
     assert edge.post("/plans/1/close", body, "operator").status_code == 422
 
 
+@BOTH_ENGINES
 def test_two_dispatched_surveys_within_a_second_do_not_collide(edge: Edge) -> None:
     short = EXAMPLE | {"dispatch": True, "most_commands": 700, "endurance": 3600}
     first = edge.post("/surveys/", short, "operator")

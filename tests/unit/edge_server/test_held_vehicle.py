@@ -1,0 +1,96 @@
+"""The broker beside the real edge server, in simulated time: a fault holds the vehicle's queue."""
+
+from collections.abc import Callable
+
+import pytest
+
+from mavlink_broker.dialect import mavlink
+from mavlink_broker.send_queue import Post
+from mavlink_broker.work import Verdict
+from tests.support.broker_world import World, first_flight
+from tests.support.fake_edge import FakeEdge
+from tests.unit.edge_server.conftest import Edge
+from tests.unit.mavlink_broker.test_alarms import SLOW
+
+LOOK_EVERY_S = 0.5
+
+
+class RealEdge(FakeEdge):
+    """Passes everything on to an edge server, under the broker's key and by the world's clock."""
+
+    def __init__(self, edge: Edge) -> None:
+        super().__init__()
+        self.real = edge
+        self.world: World | None = None
+        self._cursor = 0
+        self._look_at = 0.0
+        self._answers: list[Verdict] = []
+
+    def take_work(self) -> list[dict[str, object]]:
+        assert self.world is not None
+        self.real.clock.now = self.world.clock.utc().timestamp()
+        if self.world.clock.now < self._look_at:
+            return []
+        self._look_at = self.world.clock.now + LOOK_EVERY_S
+        answer = self.real.get(f"/broker/commands?after={self._cursor}", "broker")
+        self._cursor = answer["cursor"]
+        return list(answer["commands"])
+
+    def take_verdicts(self) -> list[Verdict]:
+        answers, self._answers = self._answers, []
+        return answers
+
+    def post(self, post: Post) -> None:
+        headers = {"Idempotency-Key": post.idempotency_key} if post.idempotency_key else {}
+        answer = self.real.ask(post.method, post.path, "broker", json=post.body, headers=headers)
+        self.posts.append(post)
+        if post.accepts is not None:
+            holds = answer.status_code == 200
+            self._answers.append(Verdict(post.accepts, holds=holds, reason=answer.text))
+        elif post.path == "/mission_report/":
+            assert answer.status_code == 201, answer.json
+
+
+def status(edge: Edge, plan: int) -> str:
+    (mission,) = edge.get(f"/plans/{plan}")["missions"]
+    return str(mission["mission_status_name"])
+
+
+def run_until(world: World, condition: Callable[[], bool]) -> None:
+    """Let time pass until the edge server shows something; it is looked at once a second."""
+    for _ in range(240):
+        if condition():
+            return
+        world.run(1.0)
+    pytest.fail("it does not come")
+
+
+def test_after_a_fault_in_flight_nothing_flies_until_an_operator_releases(
+    edge: Edge, caplog: pytest.LogCaptureFixture
+) -> None:
+    world = World()
+    real = RealEdge(edge)
+    real.world = world
+    world.edge = real
+    world.app = world._new_app()
+    vehicle = world.add_vehicle(script=SLOW)
+    world.run(5.0)
+    for number in (1, 2):
+        assert edge.post_plan({"plan": {"missions": [first_flight(number)]}}).status_code == 201
+    run_until(world, lambda: vehicle.airborne and status(edge, 1) == "RUNNING")
+    vehicle.ill = mavlink.MAV_SYS_STATUS_SENSOR_GPS
+    run_until(world, lambda: status(edge, 1) == "FAILED")
+    assert "GPS lost" in edge.get("/vehicles/1")["held"]["reason"]
+    vehicle.ill = 0
+    world.run_until(lambda: not vehicle.airborne)
+    armed = vehicle.commands.count(mavlink.MAV_CMD_COMPONENT_ARM_DISARM)
+    world.run(20.0)
+    assert vehicle.commands.count(mavlink.MAV_CMD_COMPONENT_ARM_DISARM) == armed
+    assert not vehicle.airborne
+    assert status(edge, 2) == "NOT_STARTED"
+    (waiting,) = edge.get("/plans/2")["missions"]
+    assert "GPS lost" in waiting["waiting"]
+    assert "mission 2 is not flown" in caplog.text
+    answer = edge.post("/vehicles/1/release", {"reason": "antenna fixed"}, "operator")
+    assert answer.status_code == 200
+    run_until(world, lambda: status(edge, 2) == "FINISHED")
