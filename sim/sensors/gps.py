@@ -15,6 +15,7 @@ import numpy as np
 
 from sim.earth import degrees_per_metre, wrapped_longitude_deg
 from sim.gnss_receivers import GnssReceiver, PerAxis
+from sim.sensors.geoid import geoid_height_m
 from sim.sensors.noise import GaussMarkov, standard_normals
 from sim.sensors.readings import GpsReading
 from sim.truth import Truth
@@ -118,6 +119,7 @@ class Gps:
             satellites_used=_SATELLITES,
             hdop=_HDOP,
             vdop=_VDOP,
+            geoid_height_m=geoid_height_m(truth.latitude_deg, truth.longitude_deg),
         )
 
 

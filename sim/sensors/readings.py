@@ -1,5 +1,6 @@
 """What the instruments read; a reading that is not due is None in `Readings`."""
 
+import math
 from typing import NamedTuple
 
 from sim.truth import Motors, Vector3
@@ -44,6 +45,7 @@ class GpsReading(NamedTuple):
     satellites_used: int  # [-]
     hdop: float  # [-]
     vdop: float  # [-]
+    geoid_height_m: float = math.nan  # [m] Of mean sea level above the WGS-84 ellipsoid
 
 
 class BatteryReading(NamedTuple):

@@ -93,7 +93,7 @@ def _counts(vector: tuple[float, float, float], lsb: float) -> list[int]:
 
 
 def _flat(gps: SensorGps) -> list[float]:
-    return [*gps[:5], *gps.velocity_ned, *gps[6:]]
+    return [*gps[:5], *gps.velocity_ned, *gps[6:13]]
 
 
 def _gps(values: list[float]) -> SensorGps:

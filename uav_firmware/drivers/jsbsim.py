@@ -130,6 +130,7 @@ class JsbsimVehicle:
             satellites_used=gps.satellites_used,
             hdop=gps.hdop,
             vdop=gps.vdop,
+            altitude_ellipsoid_m=gps.altitude_amsl_m + gps.geoid_height_m,
         )
 
     def read_battery(self) -> SensorBattery | None:

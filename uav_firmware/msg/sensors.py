@@ -1,5 +1,6 @@
 """What the sensors measure. Written by the driver, voted by sensors, read by the estimator."""
 
+import math
 from typing import NamedTuple
 
 from uav_firmware.msg.vectors import Motors, Vector3
@@ -68,6 +69,7 @@ class SensorGps(NamedTuple):
     satellites_used: int  # [-]
     hdop: float  # [-]
     vdop: float  # [-]
+    altitude_ellipsoid_m: float = math.nan  # [m] Above WGS-84; NaN without a geoid model
 
 
 class SensorBattery(NamedTuple):

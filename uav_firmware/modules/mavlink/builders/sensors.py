@@ -33,17 +33,19 @@ def _pressure_altitude_m(pressure_pa: float) -> float:
 
 
 def gps_raw_int(context: Context) -> Message | None:
-    """GPS_RAW_INT; the receiver's geoid height is not known, so alt_ellipsoid is 0."""
+    """GPS_RAW_INT; alt_ellipsoid is 0 where the receiver does not tell the geoid's height."""
     gps = context.topics.gps.value
     if gps is None:
         return None
     north, east, _ = gps.velocity_ned
+    ellipsoid_m = gps.altitude_ellipsoid_m if math.isfinite(gps.altitude_ellipsoid_m) else 0.0
     return mavlink.MAVLink_gps_raw_int_message(
         time_usec=gps.time_us,
         fix_type=gps.fix_type,
         lat=degrees_e7(gps.latitude_deg),
         lon=degrees_e7(gps.longitude_deg),
         alt=millimetres(gps.altitude_amsl_m),
+        alt_ellipsoid=millimetres(ellipsoid_m),
         eph=uint16(gps.hdop * 1e2),
         epv=uint16(gps.vdop * 1e2),
         vel=uint16(math.hypot(north, east) * 1e2),

@@ -212,6 +212,7 @@ def flying_topics() -> MavlinkTopics:
             satellites_used=14,
             hdop=0.7,
             vdop=1.1,
+            altitude_ellipsoid_m=ALTITUDE_M + 61.6,
         )
     )
     topics.imu.publish(SensorImu(0, ZERO, (0.0, 0.0, -9.81)))

@@ -242,7 +242,9 @@ def test_velocity_and_heading_have_the_right_signs() -> None:
     assert (hud.heading, hud.throttle) == (270, 50)
     assert hud.climb == pytest.approx(-0.5)
     assert hud.groundspeed == pytest.approx(math.hypot(1.0, 2.0))
-    assert built("GPS_RAW_INT").cog == round(math.degrees(math.atan2(-2.0, 1.0)) * 100) % 36_000
+    fix = built("GPS_RAW_INT")
+    assert fix.cog == round(math.degrees(math.atan2(-2.0, 1.0)) * 100) % 36_000
+    assert fix.alt_ellipsoid == round((ALTITUDE_M + 61.6) * 1e3)
 
 
 def test_altitudes_agree_with_each_other() -> None:
