@@ -483,7 +483,8 @@ class TestEvents:
         world = World()
         vehicle = fenced_vehicle(world)
         world.edge.plan(first_flight(), geofence=fence())
-        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        world.run_until(lambda: vehicle.airborne)
+        world.run(1.0)
         outside = {"latitude": HOME[0] + 9e-4, "longitude": HOME[1], "altitude": 5.0}
         event = world.edge.event(kind, abort=outside)
         world.run_until(lambda: not vehicle.armed)
@@ -498,7 +499,8 @@ class TestEvents:
         world = World()
         vehicle = fenced_vehicle(world)
         world.edge.plan(first_flight(), geofence=fence())
-        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        world.run_until(lambda: vehicle.airborne)
+        world.run(1.0)
         inside = {"latitude": HOME[0] + 1e-4, "longitude": HOME[1], "altitude": 5.0}
         event = world.edge.event(1, abort=inside)
         world.run_until(lambda: not vehicle.armed)
