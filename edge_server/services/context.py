@@ -12,7 +12,9 @@ from edge_server.config import Config
 from edge_server.outbox import wakeup
 from edge_server.services.bell import Bell
 from edge_server.services.space import Space
+from edge_server.store import high_water
 from edge_server.store.database import Database, Topic
+from edge_server.store.high_water import HighWater
 
 WAITING_LIMIT = 8
 
@@ -50,6 +52,7 @@ class Context:
     clock: Callable[[], float]
     bell: Bell = field(init=False)
     space: Space = field(init=False)
+    high_water: HighWater | None = field(init=False)
     places_to_wait: threading.BoundedSemaphore = field(
         default_factory=lambda: threading.BoundedSemaphore(WAITING_LIMIT)
     )
@@ -59,6 +62,8 @@ class Context:
         object.__setattr__(self, "bell", bell)
         space = Space(self.config, self.database, self.clock, lambda: self.wake_relay(changed=True))
         object.__setattr__(self, "space", space)
+        mark = HighWater(high_water.path_of(self.config.database_path))
+        object.__setattr__(self, "high_water", None if self.database.is_shared else mark)
 
     @property
     def wake_path(self) -> Path:
@@ -71,6 +76,11 @@ class Context:
             self.database.announce(Topic.CHANGED if changed else Topic.DUE)
         else:
             wakeup.wake(self.wake_path, changed=changed)
+
+    def note_acknowledged(self, record_id: int) -> None:
+        """Remember apart from the database that a record was committed; call before the answer."""
+        if self.high_water is not None:
+            self.high_water.raise_to(record_id)
 
     def hear(self, topic: str) -> None:
         """Take in what another server on the same database tells."""

@@ -63,6 +63,7 @@ def ingest(context: Context, kind: Kind, report: Report, caller: Caller) -> dict
         lambda connection: _keep(connection, kind, report, body, caller, now),
         *_locks(report, kind),
     )
+    context.note_acknowledged(answered.object_id)
     context.wake_relay()
     return {"id": answered.object_id, **body, **_receipt(answered)}
 
@@ -86,6 +87,8 @@ def ingest_all(
             Entry(one.kind.value, _payload(one.report), one.idempotency_key) for one in admitted
         ]
         kept = intake.keep_all(connection, entries, owner, now)
+    acknowledged = [one.answer.object_id for one in kept if isinstance(one.answer, Answered)]
+    context.note_acknowledged(max(acknowledged, default=0))
     context.wake_relay()
     answers = iter(kept)
     return [

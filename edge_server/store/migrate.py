@@ -7,16 +7,17 @@ StoreError
 
 import fcntl
 import logging
+import sqlite3
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Final
 
 from sqlalchemy import Connection, Engine, inspect, make_url, text
 from sqlalchemy.exc import DBAPIError
 
-from edge_server.store import integrity, locks, recovery
+from edge_server.store import high_water, integrity, locks, recovery
 from edge_server.store.engines import WRITING, open_engine, sqlite_url
 from edge_server.store.failures import is_lost
 
@@ -101,10 +102,46 @@ def _prepare_file(path: Path) -> None:
     replacement = path.with_name(path.name + _REPLACEMENT)
     if replacement.exists() and not path.exists():
         replacement.rename(path)  # Finished, and killed before it stood in its place
-    if path.exists() and (fault := _fault_of(path)) is not None:
+    if (fault := _absence_of(path)) is not None:
+        path.touch(mode=0o600)
+        _replace(path, fault)
+    elif path.exists() and (fault := _fault_of(path)) is not None:
         _replace(path, fault)
     integrity.forget_fault(path)
     _bring_up(path)
+    _tell_of_lost(path)
+
+
+def _absence_of(path: Path) -> str | None:
+    """Say that a database is gone whose log of changes is still here.
+
+    SQLite would make a new file and forget the log without a word.
+    """
+    log = path.with_name(path.name + "-wal")
+    if not log.exists() or not log.stat().st_size:
+        return None
+    if not path.exists():
+        return "it is gone, and its log of changes is still here"
+    return None if path.stat().st_size else "it is empty, and its log of changes is still here"
+
+
+def _tell_of_lost(path: Path) -> None:
+    """Say which records were acknowledged and are unknown to the database; use no id twice."""
+    mark = high_water.read(high_water.path_of(path))
+    with closing(sqlite3.connect(path, isolation_level=None)) as connection:
+        row = connection.execute(
+            "SELECT seq FROM sqlite_sequence WHERE name = 'telemetry'"
+        ).fetchone()
+        newest = int(row[0]) if row else 0
+        if newest >= mark:
+            return
+        connection.execute("DELETE FROM sqlite_sequence WHERE name = 'telemetry'")
+        connection.execute("INSERT INTO sqlite_sequence VALUES ('telemetry', ?)", (mark,))
+    LOG.critical(
+        "the database %s knows no record after %d, and records up to %d were acknowledged:"
+        " those from %d to %d are lost, except for what the cloud has confirmed of them",
+        *(path, newest, mark, newest + 1, mark),
+    )
 
 
 def _bring_up(path: Path) -> None:
@@ -136,8 +173,15 @@ def _replace(path: Path, fault: str) -> None:
         fault,
         moved_to,
         ", ".join(f"{number} rows of {name}" for name, number in saved.rows.items()) or "no row",
-        "" if saved.whole else "; what could not be read has not reached the cloud",
+        _loss(saved),
     )
+
+
+def _loss(saved: recovery.Recovered) -> str:
+    if saved.whole:
+        return ""
+    place = f" (from record {saved.damaged_from} on)" if saved.damaged_from is not None else ""
+    return f"; what could not be read{place} has not reached the cloud"
 
 
 def is_ready(url: str) -> bool:

@@ -10,15 +10,17 @@ The file in quarantine itself is only read.
 
 import json
 import logging
+import mmap
 import shutil
 import sqlite3
 import struct
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import closing, suppress
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 from urllib.parse import quote
 
+from edge_server.store import salvage
 from edge_server.store.tables import METADATA, outbox, telemetry
 
 LOG = logging.getLogger(__name__)
@@ -31,10 +33,14 @@ _WAL_VERSIONS_AT: Final = 18
 
 
 class Recovered(NamedTuple):
-    """How many rows were saved, by table; `whole` when none was unreadable."""
+    """How many rows were saved, by table; `whole` when none was unreadable.
+
+    `damaged_from` is the first id of a record from which on some could not be read in their order.
+    """
 
     rows: dict[str, int]
     whole: bool
+    damaged_from: int | None = None
 
 
 def recover(broken: Path, fresh: Path) -> Recovered:
@@ -42,6 +48,8 @@ def recover(broken: Path, fresh: Path) -> Recovered:
 
     All of it is in one transaction; a disk without room for it leaves the new one empty.
     """
+    if not broken.stat().st_size:
+        return _recover_from_log(broken, fresh)
     scratch = fresh.with_name(fresh.name + ".graft")
     try:
         with (
@@ -50,7 +58,7 @@ def recover(broken: Path, fresh: Path) -> Recovered:
         ):
             target.execute("PRAGMA foreign_keys=OFF")
             target.execute("BEGIN IMMEDIATE")
-            found = _copy_all(source, target)
+            found = _copy_all(source, target, broken)
             target.execute("COMMIT")
     except (sqlite3.DatabaseError, OSError) as error:
         LOG.critical("nothing can be saved of %s: %s", broken, error)
@@ -58,6 +66,16 @@ def recover(broken: Path, fresh: Path) -> Recovered:
     finally:
         scratch.unlink(missing_ok=True)
     return found
+
+
+def _recover_from_log(broken: Path, fresh: Path) -> Recovered:
+    """Save the records in the log of a database that is empty; SQLite would delete such a log."""
+    with closing(sqlite3.connect(fresh, isolation_level=None)) as target:
+        target.execute("BEGIN IMMEDIATE")
+        records = _salvage(broken, target)
+        _insert(target, "outbox", [column.name for column in outbox.columns], _due({}, target))
+        target.execute("COMMIT")
+    return Recovered({"telemetry": records} if records else {}, whole=False, damaged_from=1)
 
 
 def _open(broken: Path, fresh: Path, scratch: Path) -> sqlite3.Connection:
@@ -97,19 +115,59 @@ def _graft(broken: Path, fresh: Path, scratch: Path) -> None:
         file.write(head)
 
 
-def _copy_all(source: sqlite3.Connection, target: sqlite3.Connection) -> Recovered:
+def _copy_all(source: sqlite3.Connection, target: sqlite3.Connection, broken: Path) -> Recovered:
     rows: dict[str, int] = {}
     whole = True
+    damaged_from = None
     for table in METADATA.sorted_tables:
         reader = _Reader(source, table.name, [column.name for column in table.columns])
         kept = _outbox_rows(reader, target) if table is outbox else iter(reader)
         if table is telemetry:
             kept = (row for row in kept if _is_record(row))
-        rows[table.name] = _insert(target, table.name, reader.columns, kept)
+        columns = [column.name for column in outbox.columns] if table is outbox else reader.columns
+        rows[table.name] = _insert(target, table.name, columns, kept)
+        if table is telemetry and not reader.whole:
+            damaged_from = reader.damaged_from
+            rows[table.name] += _salvage(broken, target)
         whole = whole and reader.whole
+    _leave_out_delivered(target)
     _drop_orphans(target)
     _go_on_counting(source, target)
-    return Recovered({name: number for name, number in rows.items() if number}, whole)
+    found = {name: number for name, number in rows.items() if number}
+    return Recovered(found, whole, damaged_from)
+
+
+def _salvage(broken: Path, target: sqlite3.Connection) -> int:
+    """Add the records that stand in pages to which no way leads any more."""
+    columns = [row[1] for row in target.execute('PRAGMA table_info("telemetry")').fetchall()]
+    log = broken.with_name(broken.name + "-wal")
+    with _mapped(broken) as file:
+        whole = (
+            {**dict(zip(columns, row.values, strict=True)), "id": row.rowid}
+            for row in salvage.rows(file, log.read_bytes() if log.exists() else b"")
+            if len(row.values) == len(columns) and row.rowid > 0
+        )
+        return _insert(target, "telemetry", columns, filter(_is_sound, whole))
+
+
+@contextmanager
+def _mapped(path: Path) -> Iterator[bytes | mmap.mmap]:
+    """Give a file's content, of which only what is looked at is in memory."""
+    if not path.stat().st_size:
+        yield b""
+        return
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        yield content
+
+
+def _is_sound(row: dict[str, Any]) -> bool:
+    """Whether a row that was found outside of any table is a record of ours."""
+    return isinstance(row["kind"], str) and isinstance(row["vehicle_id"], int) and _is_record(row)
+
+
+def _leave_out_delivered(target: sqlite3.Connection) -> None:
+    """Forget records that the cloud has confirmed: deleted ones may still stand in a page."""
+    target.execute("DELETE FROM telemetry WHERE message_id IN (SELECT message_id FROM tombstone)")
 
 
 class _Reader:
@@ -120,6 +178,7 @@ class _Reader:
         self._table = table
         self.columns = self._known(wanted)
         self.whole = bool(self.columns)
+        self.damaged_from: int | None = None if self.columns else 1
 
     def _known(self, wanted: Sequence[str]) -> list[str]:
         try:
@@ -143,6 +202,8 @@ class _Reader:
                     yield dict(zip(self.columns, row[1:], strict=True))
             except (sqlite3.DatabaseError, UnicodeDecodeError):
                 self.whole = False
+                if self.damaged_from is None:
+                    self.damaged_from = max(after, 1)
                 start = self._behind_the_damage(max(after, 1))
             else:
                 start = None
@@ -198,7 +259,10 @@ def _outbox_rows(reader: _Reader, target: sqlite3.Connection) -> Iterator[dict[s
     A record whose own row is lost is due again: a record leaves only together with its row.
     """
     known = {row["record_id"]: row for row in reader}
-    reader.columns = [column.name for column in outbox.columns]
+    yield from _due(known, target)
+
+
+def _due(known: dict[int, dict[str, Any]], target: sqlite3.Connection) -> Iterator[dict[str, Any]]:
     records = target.execute("SELECT id, vehicle_id, kind FROM telemetry ORDER BY id").fetchall()
     for record_id, vehicle_id, kind in records:
         row = known.get(record_id, {})

@@ -12,9 +12,10 @@ import pytest
 
 from edge_server.outbox import queue
 from edge_server.outbox.queue import Stream
-from edge_server.store import migrate, telemetry, vehicles
+from edge_server.store import high_water, integrity, migrate, telemetry, vehicles
 from edge_server.store.database import Database
 from edge_server.store.engines import open_engine, sqlite_url
+from edge_server.store.high_water import HighWater
 
 RECORDS = 600
 PAGE = 4096
@@ -170,3 +171,117 @@ def test_a_replacement_that_was_finished_is_taken(path: Path, originals: Payload
     path.rename(path.with_name(path.name + ".new"))
     migrate.prepare(sqlite_url(path))
     assert len(saved(path, POSES)) + len(saved(path, ALARMS)) == len(originals) - 1
+
+
+def schema_pages(path: Path) -> list[int]:
+    """Numbers of the pages that say what tables there are, except the first."""
+    content = path.read_bytes()
+    pages = [content[start : start + PAGE] for start in range(0, len(content), PAGE)]
+    return [n for n, page in enumerate(pages, 1) if n > 1 and b"CREATE TABLE" in page]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_flipped_bit_in_the_schema_loses_no_record(
+    path: Path, originals: Payloads, seed: int
+) -> None:
+    draw = Random(seed)
+    page = draw.choice(schema_pages(path))
+    content = path.read_bytes()[(page - 1) * PAGE : page * PAGE]
+    used = [place for place, byte in enumerate(content) if byte and place > 8]
+    place = (page - 1) * PAGE + draw.choice(used)
+
+    def flip(content: bytearray) -> None:
+        content[place] ^= 1 << draw.randrange(8)
+
+    spoil(path, flip)
+    integrity.note_fault(path, "found while it was read")
+    check(path, originals, at_least=RECORDS - 1)
+
+
+def test_schema_pages_that_are_gone_lose_no_record(path: Path, originals: Payloads) -> None:
+    pages = schema_pages(path)
+    assert pages
+    for page in [1, *pages]:
+        spoil(path, overwrite(page, b"\xa5" * PAGE))
+    check(path, originals, at_least=RECORDS - 1)
+
+
+@pytest.mark.parametrize("is_empty", [False, True])
+def test_a_database_that_is_gone_beside_its_log_gives_what_the_log_holds(
+    path: Path, caplog: pytest.LogCaptureFixture, *, is_empty: bool
+) -> None:
+    migrate.prepare(sqlite_url(path))
+    database = Database(open_engine(sqlite_url(path)))
+    add(database, 100)
+    log = path.with_name(path.name + "-wal")
+    kept = log.read_bytes()
+    assert len(kept) > PAGE
+    database.close()
+    path.unlink()
+    if is_empty:
+        path.touch()
+    log.write_bytes(kept)
+    migrate.prepare(sqlite_url(path))
+    assert [key for key, _ in saved(path, POSES)] == [f"{number:026d}" for number in range(100)]
+    assert "its log of changes is still here" in caplog.text
+    assert (path.parent / "quarantine").exists()
+
+
+@pytest.mark.parametrize("how", ["deleted", "emptied", "log cut", "log broken", "log deleted"])
+def test_what_was_acknowledged_and_is_unknown_is_said_by_its_ids(
+    path: Path, caplog: pytest.LogCaptureFixture, how: str
+) -> None:
+    migrate.prepare(sqlite_url(path))
+    database = Database(open_engine(sqlite_url(path)))
+    log = path.with_name(path.name + "-wal")
+    add(database, 10)
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    early = path.read_bytes()
+    mark = HighWater(high_water.path_of(path))
+    for number in range(10, 40):
+        mark.raise_to(add(database, 1, number))
+    changes = log.read_bytes()
+    database.close()
+    log.unlink(missing_ok=True)
+    path.write_bytes(early)
+    if how == "deleted":
+        path.unlink()
+    elif how == "emptied":
+        path.write_bytes(b"")
+    elif how == "log cut":
+        log.write_bytes(changes[: len(changes) // 2])
+    elif how == "log broken":
+        middle = len(changes) // 2
+        log.write_bytes(changes[:middle] + bytes([changes[middle] ^ 1]) + changes[middle + 1 :])
+    migrate.prepare(sqlite_url(path))
+    there = len(saved(path, POSES))
+    assert there < 40
+    assert (
+        f"records up to 40 were acknowledged: those from {there + 1} to 40 are lost" in caplog.text
+    )
+    database = Database(open_engine(sqlite_url(path)))
+    assert add(database, 1, 99) == 41
+    database.close()
+    caplog.clear()
+    migrate.prepare(sqlite_url(path))
+    assert caplog.text == ""
+
+
+def add(database: Database, number: int, first: int = 0) -> int:
+    """Keep some poses; returns the id of the last one."""
+    record_id = 0
+    for sequence_number in range(first, first + number):
+        message_id = f"{sequence_number:026d}"
+        body = {"sequence_number": sequence_number, "message_id": message_id}
+        with database.write() as connection:
+            record_id = telemetry.add(
+                connection,
+                kind="pose",
+                vehicle_id=1,
+                message_id=message_id,
+                payload=json.dumps(body),
+                received_at=float(sequence_number),
+            )
+            queue.enqueue(connection, record_id, POSES)
+    return record_id
