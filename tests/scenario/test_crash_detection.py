@@ -20,16 +20,16 @@ MOTOR = Kind.MOTOR_LOSS
 ALTITUDE, POSITION, ACRO, STABILIZED = 2, 3, 5, 7
 
 
-def ready(folder: Path, settings: dict[str, float] | None = None, seed: int = 1) -> AutopilotTester:
-    tester = AutopilotTester(SimulationConfig(seed=seed), folder)
+def ready(folder: Path, settings: dict[str, float] | None = None, imus: int = 3) -> AutopilotTester:
+    tester = AutopilotTester(SimulationConfig(seed=1, imus=imus), folder)
     for name, value in (settings or {}).items():
         tester.autopilot.registry.set(name, value)
     tester.wait_until_ready()
     return tester
 
 
-def hovering(folder: Path, seed: int = 1) -> AutopilotTester:
-    tester = ready(folder, seed=seed)
+def hovering(folder: Path, imus: int = 3) -> AutopilotTester:
+    tester = ready(folder, imus=imus)
     tester.take_off(10.0)
     tester.run_for(12.0)
     return tester
@@ -55,15 +55,14 @@ def said(tester: AutopilotTester, sentence: str) -> bool:
         [(MOTOR, {"motor": 1}), (MOTOR, {"motor": 3})],
         [(MOTOR, {"motor": motor}) for motor in (1, 2, 3, 4)],
         [(Kind.GYRO_LOSS, {})],
-        [(Kind.ACCEL_LOSS, {})],
         [(Kind.GYRO_LOSS, {}), (Kind.ACCEL_LOSS, {})],
     ],
-    ids=["two_motors", "four_motors", "gyroscope", "accelerometer", "inertial_sensor"],
+    ids=["two_motors", "four_motors", "gyroscope", "inertial_sensor"],
 )
 def test_a_wreck_stops_its_motors_and_is_reported(
     tmp_path: Path, faults: Sequence[tuple[Kind, dict[str, float]]]
 ) -> None:
-    tester = hovering(tmp_path)
+    tester = hovering(tmp_path, imus=1)  # With three the loss of one sensor is no crash
     for kind, values in faults:
         strike(tester, kind, **values)
     tester.wait_until(lambda: tester.simulation.wrecked, 20.0, "on the ground")
