@@ -66,7 +66,8 @@ def difference(left: NominalState, right: NominalState) -> Array:
         getattr(left, name) - getattr(right, name)
         for name in ("baro_bias_m", "heading_bias", "gps_height_bias_m")
     ]
-    return np.array([*first, *to_rotation_vector(turn), *last, *slow])
+    wind = [a - b for a, b in zip(left.wind_ne, right.wind_ne, strict=True)]
+    return np.array([*first, *to_rotation_vector(turn), *last, *slow, *wind])
 
 
 @given(rates, forces, angles, angles)
