@@ -1,4 +1,4 @@
-"""How fast the link's bulk services are: a file out of a vehicle at real time, on loopback.
+"""How fast the link's bulk services are: a file at real time on loopback, a picture on a bad link.
 
 The client is the plainest there is: a socket and a codec. What a ground station adds of its
 own is not the vehicle's.
@@ -13,13 +13,17 @@ from typing import Final
 
 from pymavlink.dialects.v20 import development as mavlink
 
+from mavlink_broker.protocol.file_download import FileDownload
+from mavlink_broker.protocol.partial_file import Fetched
 from tests.bench.results import Result, at_most
 from tests.conformance.ground_station import GroundStation, vehicle_process
+from tests.support.file_air import FAR_AND_BAD, REMOTE, ROUTE, FileAir, a_file
 from tests.support.file_client import FileClient, download
 from tests.support.system import free_ports
 
 SYSTEM: Final = 1
 FILE_BYTES: Final = 1_000_000
+PICTURE_BYTES: Final = 400_000
 RUNS: Final = 5
 _NAME: Final = "bench.bin"
 
@@ -39,6 +43,20 @@ def measure() -> Iterator[Result]:
             times_s = [_burst_read_s(station, contents) for _ in range(RUNS)]
             station.close()
     yield at_most("MAVFTP burst read of 1 MB", sorted(times_s)[RUNS // 2], "s", 2.0, times_s)
+    bad_s = [_picture_s(seed) for seed in range(RUNS)]
+    name = "Picture of 400 kB at 20 % loss and 0.3 s each way, simulated"
+    yield at_most(name, max(bad_s), "s", 60.0, bad_s)
+
+
+def _picture_s(seed: int) -> float:
+    """Simulated time [s] in which the broker fetches a picture over a bad link."""
+    with tempfile.TemporaryDirectory() as folder:
+        contents = a_file(Path(folder), PICTURE_BYTES, seed)
+        air = FileAir(Path(folder), FAR_AND_BAD, seed)
+        outcome = air.fetch(FileDownload(REMOTE, ROUTE, limit_bytes=2 * PICTURE_BYTES))
+        if outcome != Fetched(contents):
+            raise RuntimeError("what came is not what was sent")
+        return air.now_s
 
 
 def _burst_read_s(station: GroundStation, contents: bytes) -> float:

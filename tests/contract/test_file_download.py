@@ -4,27 +4,16 @@ Time is simulated. What arrives must be what the vehicle has, byte for byte, and
 restarted in the middle costs no more than the time it is away.
 """
 
-import random
 from pathlib import Path
 
 import pytest
 
-from mavlink_broker.codec import Decoder, Encoder
-from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.protocol.file_download import FileDownload
-from mavlink_broker.protocol.partial_file import Fetched, FetchOutcome, NotFetched
-from mavlink_broker.protocol.route import Route
-from tests.support.lossy_link import VEHICLE_ADDRESS, Conditions, LossyLink
-from tests.unit.uav_firmware.modules.mavlink.harness import SYSTEM, empty_topics, judged_by
-from uav_firmware.cal.files import Card
-from uav_firmware.drivers.file_tree import FileTree
-from uav_firmware.modules.mavlink.module import MavlinkModule
-from uav_firmware.parameters import Registry
+from mavlink_broker.protocol.partial_file import Fetched, NotFetched
+from tests.support.file_air import FAR_AND_BAD, REMOTE, ROUTE, a_file
+from tests.support.file_air import FileAir as Air
+from tests.support.lossy_link import Conditions
 
-STEP_S = 0.004
-PATIENCE_S = 600.0
-REMOTE = "/fs/microsd/picture.jpg"
-ROUTE = Route(own_system=254, own_component=191, target_system=SYSTEM, target_component=1)
 TROUBLES = {
     "clean": Conditions(),
     "loss": Conditions(loss=0.2),
@@ -33,77 +22,6 @@ TROUBLES = {
     "far": Conditions(delay_us=750_000, loss=0.05),
     "all": Conditions(loss=0.2, duplication=0.2, reordering=0.2, delay_us=50_000),
 }
-
-
-class Air:
-    """A MAVLink module on one end of the link, a download on the other."""
-
-    def __init__(self, folder: Path, conditions: Conditions, seed: int = 1) -> None:
-        self.folder = folder
-        self.link = LossyLink(conditions, conditions, seed=seed)
-        self.now_s = 0.0
-        self.module = self._boot()
-        self._started: list[FileDownload] = []
-        self._encoder = Encoder(254, 191)
-        self._decoder = Decoder()
-
-    def _boot(self) -> MavlinkModule:
-        tree = FileTree(self.folder)
-        return MavlinkModule(
-            link=self.link.vehicle,
-            system_id=SYSTEM,
-            registry=Registry(),
-            topics=empty_topics(),
-            checks=judged_by(lambda _: None),
-            peers=(),
-            card=Card(tree, FileTree(self.folder / "log"), FileTree(self.folder / "image")),
-        )
-
-    def reboot(self) -> None:
-        """Forget everything but the card."""
-        self.module = self._boot()
-
-    def fetch(
-        self,
-        download: FileDownload,
-        *,
-        reboot_after_s: float = PATIENCE_S,
-        until_s: float = float("inf"),
-    ) -> FetchOutcome | None:
-        """Let the download come to its end, or to a time; to be called again to go on."""
-        if download not in self._started:
-            self._started.append(download)
-            self._send(download.start(self.now_s))
-        reboot_at, end = self.now_s + reboot_after_s, self.now_s + PATIENCE_S
-        while download.outcome is None and self.now_s < until_s:
-            assert self.now_s < end
-            if self.now_s >= reboot_at:
-                reboot_at = end
-                self.reboot()
-            self._step(download)
-        return download.outcome
-
-    def _step(self, download: FileDownload) -> None:
-        self.now_s += STEP_S
-        now_us = round(self.now_s * 1e6)
-        if now_us % 500_000 < STEP_S * 1e6:
-            self._send([mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)])
-        self.link.advance(now_us)
-        self.module.update(now_us)
-        for datagram, _ in self.link.ground.receive():
-            for message in self._decoder.decode(datagram):
-                self._send(download.receive(message, self.now_s))
-        self._send(download.tick(self.now_s))
-
-    def _send(self, messages: list[Message]) -> None:
-        for message in messages:
-            self.link.ground.send(self._encoder.encode(message), VEHICLE_ADDRESS)
-
-
-def a_file(folder: Path, size: int, seed: int = 1) -> bytes:
-    contents = random.Random(seed).randbytes(size)
-    (folder / "picture.jpg").write_bytes(contents)
-    return contents
 
 
 @pytest.mark.parametrize("trouble", TROUBLES)
@@ -138,9 +56,8 @@ def test_a_picture_comes_within_a_minute_at_20_percent_loss_and_far_away(
     tmp_path: Path, seed: int
 ) -> None:
     """400 kB, 20 % loss and 0.3 s each way, a tenth of the frames overtaken."""
-    bad = Conditions(loss=0.2, delay_us=300_000, reordering=0.1, hold_us=100_000)
     contents = a_file(tmp_path, 400_000, seed)
-    air = Air(tmp_path, bad, seed)
+    air = Air(tmp_path, FAR_AND_BAD, seed)
     assert air.fetch(FileDownload(REMOTE, ROUTE, limit_bytes=10**6)) == Fetched(contents)
     assert air.now_s <= 60.0
     assert air.link.carried < 4 * len(contents) / 239  # Little is asked for twice in vain
