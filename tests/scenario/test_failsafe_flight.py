@@ -142,7 +142,7 @@ def test_gps_lost_for_good_brakes_and_lands_near_the_place(tmp_path: Path, loss:
 
 
 def test_a_gyroscope_bias_that_jumps_does_not_carry_the_vehicle_away(tmp_path: Path) -> None:
-    tester = on_mission(tmp_path, wind_speed_m_s=5.0)
+    tester = on_mission(tmp_path, wind_speed_m_s=5.0, imus=1)
     beside: list[float] = []
     tester.watch(lambda: beside.append(abs(tester.true_position()[1])))
     strike(tester, Kind.GYRO_BIAS, x_deg_s=3.0, y_deg_s=3.0)
@@ -224,7 +224,7 @@ def test_a_link_that_comes_back_lets_the_mission_go_on(tmp_path: Path) -> None:
 def test_a_breach_of_the_fence_is_answered_before_it_is_far(
     tmp_path: Path, action: int, mode: NavigationState
 ) -> None:
-    tester = vehicle(tmp_path, {"GF_ACTION": action, "GF_MAX_HOR_DIST": 40.0}, imus=1)
+    tester = vehicle(tmp_path, {"GF_ACTION": action, "GF_MAX_HOR_DIST": 40.0})
     tester.take_off(10.0)
     tester.run_for(12.0)
     tester.autopilot.registry.set("GF_MAX_HOR_DIST", 0.0)
