@@ -37,7 +37,8 @@ class VerticalWatch:
 
     def look(self, core: Core, group: Sequence[Measurement]) -> None:
         """Take the velocity of a fix, north, east and down, before it is fused."""
-        if core.force_modelled:
+        if core.force_modelled or core.impact.is_recent(core.time_us):
+            self._drift.restart()
             return
         (down,) = group[_DOWN]
         noise = _SCALE_ERROR * abs(core.ekf.state.velocity_ned[2])

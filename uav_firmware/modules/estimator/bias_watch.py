@@ -53,6 +53,9 @@ class VelocityWatch:
         """Take the velocity of a fix, north, east and down, before it is fused."""
         ekf, now_us = core.ekf, core.time_us
         horizontal = group[:2]
+        if core.impact.is_recent(now_us):
+            self._drift.restart()
+            return
         noise = math.hypot(
             _HEADING_ERROR_RAD * self._change(ekf.state.velocity_ned, now_us),
             _SCALE_ERROR * STANDARD_GRAVITY_M_S2 * _RECENT_S * core.turned.angle_rad,

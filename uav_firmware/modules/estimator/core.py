@@ -11,6 +11,7 @@ from uav_firmware.modules.estimator.alignment import TiltAlignment
 from uav_firmware.modules.estimator.delay import InertialHistory, Past
 from uav_firmware.modules.estimator.ekf import Array, ErrorStateEkf, Noise
 from uav_firmware.modules.estimator.fuse_rest import RestDetector
+from uav_firmware.modules.estimator.impact import Impact
 from uav_firmware.modules.estimator.jump_proof import JumpProof
 from uav_firmware.modules.estimator.lateral_force import LateralForce
 from uav_firmware.modules.estimator.params import EstimatorParams, HeightReference
@@ -67,6 +68,7 @@ class Core:
         self.rest = RestDetector()
         self.lateral = LateralForce()
         self.turned = Turned()
+        self.impact = Impact()
         self.reset_log = ResetLog()
         self.history = InertialHistory(time_us, _HISTORY_SAMPLES)
         self.ekf = ErrorStateEkf(
@@ -120,6 +122,7 @@ class Core:
         state = ekf.state
         self.lateral.update(force_frd, state.velocity_ned, state.q_ned_frd, dt)
         self.turned.update(rate_frd, dt)
+        self.impact.update(force_frd, time_us)
         self.time_us = time_us
 
     def recall(self, time_us: int) -> Past | None:

@@ -21,6 +21,8 @@ Vector = tuple[float, ...]
 
 _SILENT_US: Final = 500_000
 _STUCK_US: Final = 500_000
+_APART_US: Final = 300_000  # What is apart for less is a motor that draws current, a gust
+_DISPUTED_US: Final = 3_000_000
 _FAST_S: Final = 0.25  # Averages the noise of a sample
 _SLOW_S: Final = 10.0  # What an instance is off by is known after that
 _LONGEST_S: Final = 0.2
@@ -52,6 +54,7 @@ class SlowVote:
         self.failed = 0  # [-] Bit 0 is the first instance
         self.disputed = False
         self.selected = 0
+        self._apart_since_us: int | None = None
         self._instances = [_Instance() for _ in range(count)]
         self._correction: Vector | None = None
         self._last_us: int | None = None
@@ -79,7 +82,7 @@ class SlowVote:
             for number in self.good:
                 _track(self._instances[number], reference, dt)
         if not news:
-            news = self._compare(self.good)
+            news = self._compare(now_us, self.good)
         for failure in news:
             self._give_up(failure.instance)
         return news
@@ -108,22 +111,28 @@ class SlowVote:
                 news.append(Failed(number, "stuck"))
         return news
 
-    def _compare(self, good: list[int]) -> list[Failed]:
+    def _compare(self, now_us: int, good: list[int]) -> list[Failed]:
         """Whether an instance has left the others and the estimate."""
-        self.disputed = False
         known = [i for i in good if self._instances[i].standing is not None]
         if len(known) < 2:
+            self.disputed = False
             return []
         offs = {i: self._instances[i].off for i in known}
         widest = max(math.dist(offs[i], offs[j]) for i in known for j in known)
         if widest <= self.limit:
+            self._apart_since_us, self.disputed = None, False
+            return []
+        if self._apart_since_us is None:
+            self._apart_since_us = now_us
+        apart_us = now_us - self._apart_since_us
+        if apart_us < _APART_US:
             return []
         size = {i: math.hypot(*offs[i]) for i in known}
         worst = max(known, key=lambda i: size[i])
         others = max(size[i] for i in known if i != worst)
         if size[worst] > 2.0 * others:
             return [Failed(worst, "off")]
-        self.disputed = True
+        self.disputed = apart_us >= _DISPUTED_US
         return []
 
     def _give_up(self, number: int) -> None:
