@@ -6,7 +6,6 @@ path in the document as it was sent, envelope left out.
 """
 
 import json
-import threading
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
@@ -146,7 +145,7 @@ def _typed(model: type[_Model], imported: Imported, prefix: str) -> _Model:
     try:
         typed = model.model_validate(imported.document)
     except ValidationError as error:
-        found, uncounted = _first_faults(error, imported)
+        found, uncounted = _first_faults(model, error, imported)
         faults += found
     except RecursionError:
         faults.append(Fault("", "nests too deep"))
@@ -156,22 +155,51 @@ def _typed(model: type[_Model], imported: Imported, prefix: str) -> _Model:
     return typed
 
 
-_ONE_AT_A_TIME: Final = threading.Lock()
-"""Pydantic lists all errors of a document or none: a bad megabyte costs some hundred, once."""
+_MANY_FAULTS: Final = 1000
+_MOST_MEMBERS: Final = 1000  # More than any object of ours has
 
 
-def _first_faults(error: ValidationError, imported: Imported) -> tuple[list[Fault], int]:
-    """Give the first faults as they were sent, and how many there are besides, at most."""
-    with _ONE_AT_A_TIME:
+def _first_faults(
+    model: type[_Model], error: ValidationError, imported: Imported
+) -> tuple[list[Fault], int]:
+    """Give the first faults as they were sent, and how many there are besides, at most.
+
+    Pydantic lists all errors or none, and to list a hundred thousand stops every thread for
+    seconds. Of so many, those of the document's first parts are listed.
+    """
+    total = error.error_count()
+    errors: Sequence[ErrorDetails] = ()
+    if total <= _MANY_FAULTS:
         errors = error.errors(include_url=False, include_input=False)
-        found = (
-            fault._replace(path=imported.sent_path(fault.path))
-            for fault in _faults(errors)
-            if not imported.is_unread(fault.path)
-        )
-        first = list(islice(found, MOST_FAULTS))
-        more = len(errors) - len(first) if len(first) == MOST_FAULTS else 0
-    return first, more
+    else:
+        cut: list[int] = []
+        try:
+            model.model_validate(_first_parts(imported.document, cut))
+        except ValidationError as smaller:
+            listed = smaller.errors(include_url=False, include_input=False)
+            # Of an object that was cut, what is missing may stand in the part that was left out
+            errors = [one for one in listed if not cut or one["type"] != "missing"]
+    found = (
+        fault._replace(path=imported.sent_path(fault.path))
+        for fault in _faults(errors)
+        if not imported.is_unread(fault.path)
+    )
+    first = list(islice(found, MOST_FAULTS))
+    if total > _MANY_FAULTS:
+        return first or [Fault("", "has too many faults to list them")], total - len(first)
+    return first, len(errors) - len(first) if len(first) == MOST_FAULTS else 0
+
+
+def _first_parts(value: Any, cut: list[int]) -> Any:
+    """Leave out of lists and objects what stands far behind; notes the sizes of objects so cut."""
+    if isinstance(value, list):
+        return [_first_parts(one, cut) for one in value[:MOST_FAULTS]]
+    if isinstance(value, dict):
+        if len(value) > _MOST_MEMBERS:
+            cut.append(len(value))
+        members = islice(value.items(), _MOST_MEMBERS)
+        return {name: _first_parts(one, cut) for name, one in members}
+    return value
 
 
 def read_plan(raw: bytes) -> Plan:

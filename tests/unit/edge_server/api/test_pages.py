@@ -87,7 +87,9 @@ def test_of_many_faults_fifty_are_reported_and_the_rest_is_counted(edge: Edge) -
 
 
 def test_many_faults_of_a_list_are_counted_too(edge: Edge) -> None:
-    body = telemetry("observation") | {"observation_array": [{}] * 10_000}
+    body = telemetry("observation") | {"observation_array": [{}] * 50_000}
     answer = edge.report("observation", body)
     assert answer.status_code == 422
+    assert answer.json is not None
+    assert len(answer.json["detail"]["json"]) == 51
     assert len(answer.data) < 20_000
