@@ -35,6 +35,13 @@ def is_full(error: DBAPIError) -> bool:
     return name in _SQLITE_FULL or _state(error) in _FULL
 
 
+def is_full_disk(error: Exception) -> bool:
+    """Whether an error, wrapped by an engine or not, says that the disk is full."""
+    if isinstance(error, DBAPIError):
+        return is_full(error)
+    return getattr(error, "sqlite_errorname", None) in _SQLITE_FULL
+
+
 def is_busy(error: DBAPIError) -> bool:
     """Whether other writers held the database for too long."""
     return _sqlite_name(error).startswith(("SQLITE_BUSY", "SQLITE_LOCKED")) or _state(

@@ -135,3 +135,13 @@ def test_what_another_program_has_filled_is_full_until_it_has_room(edge: Edge) -
     filler.unlink()
     edge.context.space.keep(time.monotonic())
     assert report(edge, "pose", 2) == 201
+
+
+def test_a_start_on_a_full_disk_uses_the_room_that_is_held(edge: Edge) -> None:
+    edge.context.space.keep(time.monotonic())
+    assert report(edge, "pose", 0) == 201
+    edge.context.database.close()
+    fill_up(edge.config.state_dir / "another program")
+    prepare(edge.config)
+    assert not edge.config.ballast_path.exists()
+    assert edge.count("telemetry") == 1
