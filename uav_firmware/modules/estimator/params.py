@@ -165,14 +165,17 @@ class EstimatorParams:
     drag_control: int = param(
         "EKF2_DRAG_CTRL", 1, unit="1", minimum=0, maximum=1,
         short="Estimate the wind by the drag, and without GPS the velocity by both: 1",
+        locked_while_armed=True,
     )  # fmt: skip
     drag_noise: float = param(
         "EKF2_DRAG_NOISE", 2.5, unit="(m/s^2)^2", minimum=0.01, maximum=10.0,
         short="Variance of the drag that is measured",
+        locked_while_armed=True,
     )  # fmt: skip
     wind_walk: float = param(
         "EKF2_WIND_NSD", 0.05, unit="m/s/sqrt(s)", minimum=0.0, maximum=1.0,
         short="Random walk of the wind",
+        locked_while_armed=True,
     )  # fmt: skip
     no_aid_noise: float = param(
         "EKF2_NOAID_NOISE", 10.0, unit="m", minimum=0.5, maximum=50.0,

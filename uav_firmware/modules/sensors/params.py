@@ -17,10 +17,12 @@ class SensorsParams:
     rate_deg_s: float = param(
         "EKF2_SEL_IMU_RAT", 1.0, unit="deg/s", minimum=0.3, maximum=20.0,
         short="Rate by which a gyroscope may leave the others",
+        locked_while_armed=True,
     )  # fmt: skip
     acceleration_m_s2: float = param(
         "EKF2_SEL_IMU_ACC", 0.4, unit="m/s^2", minimum=0.2, maximum=10.0,
         short="Acceleration by which an accelerometer may leave the others",
+        locked_while_armed=True,
     )  # fmt: skip
     height_m: float = param(
         "SENS_BARO_DIFF", 1.0, unit="m", minimum=0.3, maximum=100.0,

@@ -22,7 +22,7 @@ from uav_firmware.msg.estimate import AidSource, EstimatorStatus, WindEstimate
 from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.geofence import FenceAction, FenceBreach, GeofenceStatus
 from uav_firmware.msg.mission import MissionProgress
-from uav_firmware.msg.sensors import SensorGps
+from uav_firmware.msg.sensors import SensorGps, SensorsStatus
 from uav_firmware.msg.status import (
     HomePosition,
     LandDetected,
@@ -101,6 +101,11 @@ def _failure(view: VehicleView, **fields: Any) -> VehicleView:
     return view._replace(failure=failure._replace(**fields))
 
 
+def _sensors(view: VehicleView, **fields: Any) -> VehicleView:
+    sensors = view.sensors or SensorsStatus(view.now_us, 0, 0, 0, 0)
+    return view._replace(sensors=sensors._replace(**fields))
+
+
 def _unestimated(**fields: Any) -> Callable[[VehicleView], VehicleView]:
     def lose(view: VehicleView) -> VehicleView:
         assert view.position is not None
@@ -150,6 +155,8 @@ RAISE: Final[Mapping[Cause, Callable[[VehicleView], VehicleView]]] = {
     Cause.GYRO_JUMPED: lambda view: _estimator(gyro_jump_us=view.now_us)(view),
     Cause.GYRO_BROKEN: _estimator(gyro_broken=True),
     Cause.ACCEL_BROKEN: _estimator(accel_broken=True),
+    Cause.GYRO_LOST: lambda view: _sensors(view, gyro_lost=True),
+    Cause.ACCEL_LOST: lambda view: _sensors(view, accel_lost=True),
     Cause.MOTOR_FAILED: lambda view: _failure(view, failed_motors=1),
     Cause.FENCE_BREACHED: lambda view: view._replace(fence=FENCE),
     Cause.WIND_STRONG: _wind(11.0),
