@@ -6,7 +6,7 @@ classic scheme of flight control (S. Osder, "Practical view of redundancy manage
 22, 1999); PX4 instead follows one instance and changes to another (`DataValidatorGroup`, one EKF2
 per unit), which needs resets and lets the failure in until it is detected.
 
-What has failed is found at leisure, over windows of a tenth of a second:
+What has failed is found at leisure, over windows of a fifth of a second:
 
     no number     not finite in more than two samples of a window
     stuck         every sample of the window the same, while another sensor of the vehicle changes
@@ -28,10 +28,10 @@ from uav_firmware.msg.vectors import Vector3
 
 Array = NDArray[np.float64]
 
-WINDOW: Final = 25  # [samples] 0.1 s at 250 Hz
+WINDOW: Final = 25  # [samples] 0.2 s, of every other one at 250 Hz
 _FORGIVEN: Final = 2  # [samples] Without a number in a window: a glitch of the bus
-_SMOOTHING: Final = 0.3  # [-] Share of a window in the mean difference; 0.3 s
-_LEARNING: Final = 0.01  # [-] Share of a window in the learnt difference; 10 s
+_SMOOTHING: Final = 0.3  # [-] Share of a window in the mean difference; 0.6 s
+_LEARNING: Final = 0.01  # [-] Share of a window in the learnt difference; 20 s
 _NOISE_GATE: Final = 5.0  # [SD] Of the smoothed mean of a window
 _THREE: Final = 3
 _NOTHING: Final[Vector3] = (math.nan, math.nan, math.nan)
