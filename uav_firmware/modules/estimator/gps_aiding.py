@@ -136,8 +136,9 @@ class GpsAiding:
 
     def _fuse_velocity(self, core: Core, gps: SensorGps) -> None:
         group = self._velocity_group(core, gps)
-        self._watch.look(core, group)
-        self._vertical_watch.look(core, group)
+        if not self.velocity.stopped:  # One that disagrees with the rest proves nothing of them
+            self._watch.look(core, group)
+            self._vertical_watch.look(core, group)
         self.velocity.fuse(core.ekf, group, core.time_us)
 
     def _fuse_position(self, core: Core, gps: SensorGps) -> None:

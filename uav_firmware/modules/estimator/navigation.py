@@ -225,7 +225,7 @@ class Navigation:
         # A source that is stopped is done without, as long as the velocity is seen to be right
         steady = moving_s <= _AIDED_S
         certain = max(ekf.sigma(0), ekf.sigma(1)) < _LARGEST_DRIFT_M
-        position = located and certain and (position_s <= limit_s or steady)
+        position = located and certain and min(position_s, moving_s) <= limit_s
         altitude = located and (
             height_s <= limit_s or (steady and ekf.sigma(DOWN) < _LARGEST_DRIFT_M)
         )
