@@ -35,6 +35,10 @@ class JumpProof:
             self._off_since_us = None
         self._suspected_us = now_us
 
+    def forget(self) -> None:
+        """Drop the suspicion: the bias has changed with the sensor that is used."""
+        self._before = None
+
     def update(self, bias_frd: Vector3, sigmas: Vector3, turning_rad_s: float, now_us: int) -> None:
         """Judge the bias and its standard deviations [rad/s].
 

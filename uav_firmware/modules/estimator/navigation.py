@@ -107,6 +107,7 @@ class Navigation:
             self.accel_broken = False
         if any(shift.gyro_bias_frd):
             self.gyro_broken = False
+            core.gyro_jump.forget()
 
     def _align(self, imu: SensorImu) -> None:
         alignment = self._average.add(imu)
