@@ -134,7 +134,7 @@ def test_a_motor_that_gives_less_is_borne_without_spinning(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("seed", range(1, 11))
 def test_no_alarm_in_wind_and_abrupt_flight(tmp_path: Path, seed: int) -> None:
-    tester = AutopilotTester(SimulationConfig(gps="rtk", seed=seed, wind_speed_m_s=12.0), tmp_path)
+    tester = AutopilotTester(SimulationConfig(gps="rtk", seed=seed, wind_speed_m_s=9.0), tmp_path)
     for name in ("MPC_ACC_HOR", "MPC_ACC_UP_MAX", "MPC_ACC_DOWN_MAX"):
         tester.autopilot.registry.set(name, 8.0)
     tester.autopilot.registry.set("MPC_JERK_AUTO", 60.0)
