@@ -123,7 +123,7 @@ class EstimatorParams:
         locked_while_armed=True,
     )  # fmt: skip
     heading_bias_walk: float = param(
-        "EKF2_HDG_B_WALK", 0.001, unit="rad/sqrt(s)", minimum=0.0, maximum=0.1,
+        "EKF2_HDG_B_WALK", 0.003, unit="rad/sqrt(s)", minimum=0.0, maximum=0.1,
         short="Random walk of the compass error",
         locked_while_armed=True,
     )  # fmt: skip
