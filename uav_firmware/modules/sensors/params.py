@@ -29,6 +29,6 @@ class SensorsParams:
         short="Height by which a barometer may leave the others",
     )  # fmt: skip
     field_gauss: float = param(
-        "SENS_MAG_DIFF", 0.1, unit="gauss", minimum=0.02, maximum=1.0,
+        "SENS_MAG_DIFF", 0.2, unit="gauss", minimum=0.02, maximum=1.0,
         short="Field by which a compass may leave the others",
     )  # fmt: skip
