@@ -132,6 +132,7 @@ class TestReturn:
             world.run_until(lambda: vehicle.custom_mode == mode, within_s=20.0)
             world.run_until(lambda: not vehicle.armed)
             assert world.edge.statuses(1201)[-1] == Status.ABORTED
+            world.run(2.0)  # A vehicle that stands needs no notes any more
             assert not list(tmp_path.iterdir())
         else:
             assert not world.edge.bodies("/alarm/")
