@@ -139,7 +139,6 @@ def test_an_acceptance_before_all_items_were_asked_for_is_not_believed() -> None
     [
         (mavlink.MAV_MISSION_UNSUPPORTED, "UNSUPPORTED"),
         (mavlink.MAV_MISSION_INVALID_PARAM3, "INVALID_PARAM3"),
-        (mavlink.MAV_MISSION_NO_SPACE, "NO_SPACE"),
         (mavlink.MAV_MISSION_DENIED, "DENIED"),
     ],
 )
@@ -152,6 +151,15 @@ def test_a_refusal_names_the_item(result: int, name: str) -> None:
     knows_no_such_item = name in {"UNSUPPORTED", "INVALID_PARAM3"}
     refusal = NotStored(f"mission refused: MAV_MISSION_{name}", 1, knows_no_such_item)
     assert one.outcome == refusal
+
+
+def test_a_refusal_for_want_of_space_names_the_size_of_the_mission() -> None:
+    one = upload()
+    one.start(0.0)
+    one.receive(request(0), 0.1)
+    one.receive(ack(mavlink.MAV_MISSION_NO_SPACE), 0.2)
+    reason = "mission refused: MAV_MISSION_NO_SPACE for 3 items"
+    assert one.outcome == NotStored(reason, 0, is_too_long=True)
 
 
 @pytest.mark.parametrize("result", [mavlink.MAV_MISSION_ERROR, mavlink.MAV_MISSION_DENIED])
