@@ -19,10 +19,8 @@ from edge_server.store import locks
 
 BUSY_TIMEOUT_MS: Final = 5000
 PRAGMAS: Final = (
-    "PRAGMA auto_vacuum=INCREMENTAL",  # Of a file that has no table yet; else it changes nothing
     "PRAGMA journal_mode=WAL",
     "PRAGMA synchronous=FULL",
-    f"PRAGMA busy_timeout={BUSY_TIMEOUT_MS}",
     "PRAGMA foreign_keys=ON",
     "PRAGMA secure_delete=FAST",  # To overwrite a deleted picture would take its size once more
 )
@@ -105,11 +103,20 @@ def _on_postgresql_connect(connection: Any, _record: object) -> None:
 
 def _on_sqlite_connect(connection: sqlite3.Connection, _record: object) -> None:
     connection.isolation_level = None  # The driver's own BEGIN comes too late; see below
+    connection.execute(f"PRAGMA busy_timeout={BUSY_TIMEOUT_MS}").close()
+    if _is_empty(connection):
+        # A file that has a table keeps what it has; setting it again would write to the file
+        connection.execute("PRAGMA auto_vacuum=INCREMENTAL").close()
     for pragma in PRAGMAS:
         connection.execute(pragma).close()
     pages = log_pages(_disk_bytes(connection))
     connection.execute(f"PRAGMA wal_autocheckpoint={pages}").close()
     connection.execute(f"PRAGMA journal_size_limit={pages * _PAGE_BYTES}").close()
+
+
+def _is_empty(connection: sqlite3.Connection) -> bool:
+    (pages,) = connection.execute("PRAGMA page_count").fetchone()
+    return not pages
 
 
 def _disk_bytes(connection: sqlite3.Connection) -> int:
