@@ -1,8 +1,10 @@
 """`make sim`: start the whole system, wait until it is healthy, show it, stop it cleanly."""
 
+import math
 import os
 import signal
 import time
+from collections.abc import Container
 from datetime import UTC, datetime
 from types import FrameType
 from typing import Self
@@ -105,31 +107,32 @@ class System:
             NotHealthyError: naming what is missing, when nothing has come nearer for too long.
         """
         patience = READY_TIMEOUT_S + READY_TIMEOUT_PER_VEHICLE_S * self.settings.vehicles
-        progress: tuple[str, ...] = ()
-        deadline = time.monotonic() + patience
-        while (missing := self._missing()) is not None:
-            now_there = (missing, *self._supervisor.silent())
-            if now_there != progress:
-                progress, deadline = now_there, time.monotonic() + patience
+        fewest, deadline = math.inf, time.monotonic() + patience
+        while lacks := self._lacks():
+            to_go = len(lacks) + len(self._supervisor.silent())
+            if to_go < fewest:
+                fewest, deadline = to_go, time.monotonic() + patience
             if time.monotonic() > deadline:
-                raise NotHealthyError(f"no progress for {patience:.0f} s: {missing}")
+                raise NotHealthyError(f"no progress for {patience:.0f} s: {'; '.join(lacks)}")
             self.step()
 
-    def _missing(self) -> str | None:
-        """What is not as it should be, in a sentence; None when all is."""
-        down = self._supervisor.down()
-        if down:
-            return f"{', '.join(down)} does not run"
+    def _lacks(self) -> list[str]:
+        """What is not as it should be, a sentence each; nothing when the system is up."""
+        lacks = [f"{name} does not run" for name in self._supervisor.down()]
+        connected: Container[int] = ()
         try:
             self.client.cloud("/healthz")
+        except (NotReadyError, RefusedError) as error:
+            lacks.append(str(error))
+        try:
             uplink = self.client.edge("/readyz")["uplink"]
+            if uplink != "open":
+                lacks.append(f"the edge server's uplink to the cloud is {uplink}")
             connected = self.client.connected_vehicles(since=self._began)
         except (NotReadyError, RefusedError) as error:
-            return str(error)
-        if uplink == "stopped":
-            return "the edge server's relay to the cloud does not run"
-        absent = sorted(set(self.settings.started_ids) - connected.keys())
-        return f"vehicles {absent} are not connected" if absent else None
+            lacks.append(str(error))
+        absent = [number for number in self.settings.started_ids if number not in connected]
+        return lacks + [f"vehicle {number} is not connected" for number in absent]
 
 
 def _by_mqtt(settings: Settings) -> str:
