@@ -12,6 +12,7 @@ from typing import Any, Final, Generic, TypeVar
 
 from sqlalchemy import Connection, CursorResult, Engine, Select, Table
 from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.exc import DBAPIError
 
 from edge_server.store import locks
 from edge_server.store.engines import BUSY_TIMEOUT_MS, READING, WRITING
@@ -129,17 +130,21 @@ class Database:
         It waits for no other process for long.
 
         Raises:
-            sqlite3.OperationalError: if it could not be done now.
+            DBAPIError: if it could not be done, as any other transaction raises it:
+                OperationalError for a busy or full file, DatabaseError for a broken one.
         """
         if self._one_writer is None:
             raise TypeError("a database server looks after itself")
-        with self._one_writer, closing(self.engine.raw_connection()) as pooled:
-            connection: Any = pooled.driver_connection
-            connection.execute(f"PRAGMA busy_timeout={_TEND_TIMEOUT_MS}")
-            try:
-                return work(connection)
-            finally:
-                connection.execute(f"PRAGMA busy_timeout={BUSY_TIMEOUT_MS}")
+        try:
+            with self._one_writer, closing(self.engine.raw_connection()) as pooled:
+                connection: Any = pooled.driver_connection
+                connection.execute(f"PRAGMA busy_timeout={_TEND_TIMEOUT_MS}")
+                try:
+                    return work(connection)
+                finally:
+                    connection.execute(f"PRAGMA busy_timeout={BUSY_TIMEOUT_MS}")
+        except sqlite3.Error as error:
+            raise DBAPIError.instance(None, None, error, sqlite3.Error) from error
 
     def announce(self, topic: Topic) -> None:
         """Tell the other programs on a shared database; call after the commit."""

@@ -3,7 +3,6 @@
 SQLite tells by an error name, PostgreSQL by a SQLSTATE (its documentation, appendix A).
 """
 
-import sqlite3
 from typing import Final
 
 from sqlalchemy.exc import DBAPIError
@@ -47,11 +46,6 @@ def is_busy(error: DBAPIError) -> bool:
     return _sqlite_name(error).startswith(("SQLITE_BUSY", "SQLITE_LOCKED")) or _state(
         error
     ).startswith((*_BUSY, *_BEATEN))
-
-
-def is_busy_sqlite(error: sqlite3.Error) -> bool:
-    """Whether SQLite could not have the file to itself; of an error that no engine has wrapped."""
-    return error.sqlite_errorname.startswith(("SQLITE_BUSY", "SQLITE_LOCKED"))
 
 
 def is_beaten(error: DBAPIError) -> bool:

@@ -10,8 +10,10 @@ import sqlite3
 from enum import StrEnum
 from typing import Final, NamedTuple
 
+from sqlalchemy.exc import OperationalError
+
 from edge_server.store.database import Database
-from edge_server.store.failures import is_busy_sqlite
+from edge_server.store.failures import is_busy
 
 LOG = logging.getLogger(__name__)
 STEP_PAGES: Final = 64
@@ -31,7 +33,11 @@ class Pages(NamedTuple):
 
 
 def look(database: Database) -> Pages:
-    """See how much of the file is in use."""
+    """See how much of the file is in use.
+
+    Raises:
+        DBAPIError: if the file cannot be read now.
+    """
     names = ("page_count", "freelist_count", "page_size")
     return database.tend(
         lambda file: Pages(*(int(file.execute(f"PRAGMA {name}").fetchone()[0]) for name in names))
@@ -47,14 +53,18 @@ class Outcome(StrEnum):
 
 
 def checkpoint(database: Database) -> Outcome:
-    """Write the log of changes into the file and empty it."""
+    """Write the log of changes into the file and empty it.
+
+    Raises:
+        DBAPIError: if the file is broken.
+    """
     try:
         busy, *_ = database.tend(
             lambda file: file.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
         )
-    except sqlite3.OperationalError as error:
-        LOG.debug("the log of changes cannot be emptied now: %s", error)
-        return Outcome.BUSY if is_busy_sqlite(error) else Outcome.FULL
+    except OperationalError as error:
+        LOG.debug("the log of changes cannot be emptied now: %s", error.orig)
+        return Outcome.BUSY if is_busy(error) else Outcome.FULL
     return Outcome.BUSY if busy else Outcome.DONE
 
 
@@ -70,8 +80,8 @@ def give_back(database: Database, steps: int) -> bool:
                 break
             database.tend(_take_a_step)
             checkpoint(database)
-    except sqlite3.OperationalError as error:
-        LOG.debug("no more pages can be given back now: %s", error)
+    except OperationalError as error:
+        LOG.debug("no more pages can be given back now: %s", error.orig)
     return look(database).total < before.total
 
 

@@ -1,13 +1,16 @@
 """What happens though nobody asks."""
 
 import errno
+import sqlite3
 import threading
+from collections.abc import Callable
 
 import pytest
 from sqlalchemy import text
 
 from edge_server import housekeeping
 from edge_server.services import once
+from edge_server.store.database import Database
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import event, plan, telemetry
 
@@ -60,14 +63,39 @@ def test_a_mission_expires_though_nobody_asks(edge: Edge) -> None:
     assert status == 5
 
 
+def no_disk(_database: Database) -> None:
+    raise OSError(errno.EIO, "the disk does not answer")
+
+
+def no_room(database: Database) -> None:
+    """Fail in the upkeep of the file, as it does on a full disk."""
+
+    def grow(file: sqlite3.Connection) -> None:
+        file.execute("PRAGMA max_page_count=1")
+        file.execute("CREATE TABLE more AS SELECT randomblob(1000000) AS value")
+
+    database.tend(grow)
+
+
+def no_database(database: Database) -> None:
+    """Fail in the upkeep of a file that is broken."""
+    database.tend(raise_malformed)
+
+
+def raise_malformed(_file: sqlite3.Connection) -> None:
+    raise sqlite3.DatabaseError("database disk image is malformed")
+
+
+@pytest.mark.parametrize("fail", [no_disk, no_room, no_database])
 def test_a_disk_that_fails_does_not_end_the_housekeeping(
-    edge: Edge, monkeypatch: pytest.MonkeyPatch
+    edge: Edge, monkeypatch: pytest.MonkeyPatch, fail: Callable[[Database], None]
 ) -> None:
     turns = threading.Semaphore(0)
 
     def keep(_monotonic: float) -> None:
         turns.release()
-        raise OSError(errno.EIO, "the disk does not answer")
+        fail(edge.context.database)
+        pytest.fail("the disk has not failed")
 
     monkeypatch.setattr(housekeeping, "EXPIRY_S", 0.001)
     monkeypatch.setattr(edge.context.space, "keep", keep)

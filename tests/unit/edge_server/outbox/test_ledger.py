@@ -1,18 +1,22 @@
 """Answers are written in groups, kept when they cannot be, and find room on a full disk."""
 
 import sqlite3
+import threading
 from pathlib import Path
 from typing import Any
 
 import pytest
 from sqlalchemy.exc import OperationalError
 
+from edge_server import relay_process
+from edge_server.config import Config
 from edge_server.outbox import queue
 from edge_server.outbox.answers import Meaning, Verdict
 from edge_server.outbox.ledger import GROUP, GROUP_WAIT_S, MOST, RETRY_S, Entry, Ledger
 from edge_server.outbox.queue import Parcel, Stream
+from edge_server.outbox.relay import RelayError
 from edge_server.outbox.states import Happening
-from edge_server.store import ballast, migrate, telemetry
+from edge_server.store import ballast, integrity, migrate, telemetry
 from edge_server.store.database import Database
 from edge_server.store.engines import open_engine, sqlite_url
 
@@ -155,3 +159,23 @@ def test_what_was_held_back_is_no_try(database: Database) -> None:
     with database.read() as connection:
         (now,) = queue.heads(connection, POSES, 0, 10)
     assert now.attempts == 1
+
+
+def test_a_relay_that_finds_its_file_broken_while_it_makes_room_leaves_a_note(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = Config(state_dir=tmp_path)
+    config.edge_dir.mkdir()
+    config.database_path.write_bytes(b"no database at all" * 1000)
+
+    class MakesRoom:
+        """A relay whose disk is full."""
+
+        def __init__(self, database: Database) -> None:
+            self.run = Ledger(database).give_way
+
+    monkeypatch.setattr(relay_process, "build", lambda _config, database: MakesRoom(database))
+    monkeypatch.setattr(relay_process, "_stop_with", lambda *_: None)
+    with pytest.raises(RelayError, match="broken"):
+        relay_process._relay_once(config, threading.Event())
+    assert integrity.noted_fault(config.database_path) == "file is not a database"
