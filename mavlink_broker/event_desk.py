@@ -34,6 +34,7 @@ class EventDesk:
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self._held: list[EventWork] = []
+        self._due: list[EventWork] = []  # Being carried out
         self._leaving: tuple[EventWork | None, Ending] | None = None  # None: for an alarm
         self._known_since: float | None = None  # A vehicle that an earlier run has sent home
         self._noted_s: float | None = None  # When an abort of an earlier run was noted
@@ -59,7 +60,8 @@ class EventDesk:
     def put(self, work: EventWork) -> None:
         """Take an event, unless it is known from the journal already."""
         leaving = None if self._leaving is None else self._leaving[0]
-        if work.work_id not in {known.work_id for known in (*self._held, leaving) if known}:
+        known = (*self._held, *self._due, leaving)
+        if work.work_id not in {each.work_id for each in known if each}:
             self._held.append(work)
 
     def recall_abort(self, note: AbortNote) -> None:
@@ -71,7 +73,10 @@ class EventDesk:
     def take_due(
         self, is_too_early: Callable[[EventWork], bool], now: float, effects: Effects
     ) -> list[EventWork]:
-        """Give what may be carried out by now, in order; what has expired meanwhile is refused."""
+        """Give what may be carried out by now, in order; what has expired meanwhile is refused.
+
+        What is given remains the desk's until `forget`, so that an error does not lose it.
+        """
         due = [work for work in self._held if not is_too_early(work)]
         self._held = [work for work in self._held if is_too_early(work)]
         for work in list(self._held):
@@ -79,7 +84,26 @@ class EventDesk:
             if late and not work.was_accepted:
                 self._held.remove(work)
                 effects.for_edge.append(Acknowledgement(work.work_id, "refused", EXPIRED))
+        self._due += due
         return due
+
+    def forget(self, work_id: int) -> None:
+        """Drop an event that was carried out, or that the caller answers."""
+        self._held = [work for work in self._held if work.work_id != work_id]
+        self._due = [work for work in self._due if work.work_id != work_id]
+
+    def refuse_all(self, reason: str, effects: Effects) -> None:
+        """Refuse every event without an answer, and give up what is seen through."""
+        vehicle = self._vehicle
+        leaving = None if self._leaving is None else self._leaving[0]
+        for work in (*self._due, *self._held, leaving):
+            if work is not None:
+                effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
+                vehicle.abort = None
+        if self._leaving is not None or self._homeward is not None:
+            vehicle.homeward = None
+        self._due, self._held = [], []
+        self._leaving = self._homeward = None
 
     def see_through(self, work: EventWork, now: float, effects: Effects) -> None:
         """Send the vehicle where an abort said, unless it is on its way down or another has it."""

@@ -199,7 +199,7 @@ class Flight(FlightProgress):
             self.ledger.fail(reason)
             effects.for_edge.append(self._reporter.mission(self.ledger))
         self._give_up_soft_abort(effects)
-        self._acknowledge_ending(effects)
+        self.refuse_ending(reason, effects)
         if self.state is State.UPLOADING:
             effects.messages.append(activities.cancellation(self._vehicle))
         is_ours = self._who is InCommand.BROKER
@@ -301,6 +301,12 @@ class Flight(FlightProgress):
             effects.for_edge.append(Acknowledgement(self._ending_work, status, note))
             self._vehicle.abort = None
             self._ending_work = None
+
+    def refuse_ending(self, reason: str, effects: Effects) -> None:
+        """Answer that an event cannot be carried out to its end, if there is one."""
+        if self._ending_work is not None:
+            effects.for_edge.append(Acknowledgement(self._ending_work, "refused", reason))
+            self._vehicle.abort = self._ending_work = None
 
     def _step_leaving(self, now: float, effects: Effects) -> None:
         if self._ending is None:

@@ -184,7 +184,11 @@ class Session:
             self._waiting.remove(flight)
 
     def break_off(self, reason: str, now: float, effects: Effects) -> None:
-        """Fail the mission in which an unexpected error has occurred; those that wait stay."""
+        """Fail the mission in which an unexpected error has occurred; those that wait stay.
+
+        Every event that is not answered yet is refused: the error may have been its own.
+        """
+        self._events.refuse_all(reason, effects)
         if self._flight is not None:
             self._flight.break_off(reason, now, effects)
             self._close_flight()
@@ -193,7 +197,9 @@ class Session:
         """Fail it without another look at it, because its end has raised an error too."""
         del now
         flight, self._flight = self._flight, None
-        self._events = EventDesk(self.vehicle)
+        self._events.refuse_all(reason, effects)
+        if flight is not None:
+            flight.refuse_ending(reason, effects)
         if flight is not None and not flight.ledger.status.is_terminal:
             flight.ledger.fail(reason)
             effects.for_edge.append(self._reporter.mission(flight.ledger))
@@ -204,13 +210,22 @@ class Session:
         return self._bulletin.tell_state(now, effects)
 
     def take_event(self, work: EventWork, now: float, effects: Effects) -> None:
-        """Carry out an event on what is flown, as soon as that is known."""
+        """Carry out an event on what is flown, as soon as that is known.
+
+        Raises:
+            Exception: an unexpected error; the caller refuses the event then.
+        """
         self._events.put(work)
-        self._carry_out_events(now, effects)
+        try:
+            self._carry_out_events(now, effects)
+        except Exception:
+            self._events.forget(work.work_id)
+            raise
 
     def _carry_out_events(self, now: float, effects: Effects) -> None:
         for work in self._events.take_due(self._is_too_early, now, effects):
             self._interrupt(work, now, effects)
+            self._events.forget(work.work_id)
 
     def _is_too_early(self, work: EventWork) -> bool:
         """Whether it is still to be found out what an earlier run of the broker has begun."""

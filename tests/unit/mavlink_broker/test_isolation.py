@@ -10,12 +10,15 @@ import pytest
 
 from afarcloud.enumerations import Status
 from mavlink_broker.dialect import mavlink
+from mavlink_broker.ending import Ending
 from mavlink_broker.session import Session
+from mavlink_broker.session_states import State
 from mavlink_broker.traffic import Traffic
 from tests.support.broker_world import FINISHED, World, first_flight
 from tests.support.fenced_vehicle import ARDUPILOT_VALUES, PX4_VALUES, FencedVehicle
 from tests.support.scripted_missions import ARDUPILOT, PX4, Script
 from tests.support.scripted_vehicle import HOME, PX4_RETURN
+from tests.unit.mavlink_broker.test_events import ABORT, POINT, SOFT_ABORT, said, world_at
 
 HALF = 40 * 9e-6
 FENCE = {
@@ -237,3 +240,71 @@ class TestUnexpectedErrors:
         patch.undo()
         assert world.edge.acknowledgements(work)[-1]["status"] == "refused"
         assert world.edge.status(1) == Status.FAILED
+
+    def test_an_abort_whose_interruption_raises_is_refused_once(self) -> None:
+        world = world_at(1)
+        patch = breaking(Session, "_interrupt", is_first)
+        work = world.edge.event(ABORT)
+        world.run(2.0)
+        patch.undo()
+        assert said(world, work) == ["refused"]
+
+    @pytest.mark.parametrize("also", [(), ("break_off",)], ids=["broken off", "dropped"])
+    def test_a_deferred_abort_that_raises_is_refused_once_with_the_reason(
+        self, also: tuple[str, ...]
+    ) -> None:
+        world = world_at(1)
+        world.kill_broker()
+        work = world.edge.event(SOFT_ABORT)
+        patches = [breaking(Session, name, is_first) for name in ("_interrupt", *also)]
+        world.restart_broker()
+        world.run(3.0)
+        for patch in patches:
+            patch.undo()
+        assert said(world, work) == ["refused"]
+        assert "NaN" in world.edge.acknowledgements(work)[-1]["message"]
+
+    def test_a_deferred_abort_is_refused_when_the_step_before_it_raises(self) -> None:
+        world = world_at(1)
+        world.kill_broker()
+        work = world.edge.event(SOFT_ABORT)
+        patches = [
+            breaking(Session, "_carry_out_events", lambda one: one.vehicle.snapshot.armed),
+            breaking(Session, "break_off", is_first),
+        ]
+        world.restart_broker()
+        world.run(3.0)
+        for patch in patches:
+            patch.undo()
+        assert said(world, work) == ["refused"]
+
+    @pytest.mark.parametrize("also", [(), ("break_off",)], ids=["broken off", "dropped"])
+    def test_an_accepted_abort_is_not_done_when_the_flight_to_its_point_raises(
+        self, also: tuple[str, ...]
+    ) -> None:
+        world = world_at(1)
+        world.only_vehicle.height_m = 40.0
+        work = world.edge.event(ABORT, abort=POINT)
+        world.run_until(lambda: world.app.sessions[1].state is State.LEAVING)
+        patches = [breaking(Session, name, is_first) for name in also]
+        patches.append(breaking(Ending, "tick", lambda _: True))
+        world.run(5.0)
+        for patch in patches:
+            patch.undo()
+        assert said(world, work) == ["accepted", "refused"]
+        assert "NaN" in world.edge.acknowledgements(work)[-1]["message"]
+
+    def test_an_abort_whose_way_home_raises_each_time_is_refused_and_ends(self) -> None:
+        world = world_at(1)
+        world.only_vehicle.height_m = 40.0
+        work = world.edge.event(ABORT, abort=POINT)
+        world.run_until(lambda: world.app.sessions[1].state is State.LEAVING)
+        world.tick()
+        world.kill_broker()
+        world.restart_broker()
+        patch = breaking(Ending, "tick", lambda _: True)
+        world.run(5.0)
+        patch.undo()
+        assert said(world, work)[-1] == "refused"
+        assert world.app.faults.count == 1
+        assert world.app.sessions[1].state is State.IDLE
