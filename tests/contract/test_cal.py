@@ -186,6 +186,11 @@ def test_the_simulated_vehicle_hands_every_reading_over_under_its_own_name() -> 
                 expected = reading._asdict()
                 if name == "mag":
                     expected["field_frd"] = expected.pop("field_frd_gauss")
+                elif name == "gps":
+                    geoid_height_m = expected.pop("geoid_height_m")
+                    ellipsoid_m = expected["altitude_amsl_m"] + geoid_height_m
+                    # Without a fix there is none
+                    expected["altitude_ellipsoid_m"] = pytest.approx(ellipsoid_m, nan_ok=True)
                 elif name == "range":
                     expected |= {"minimum_m": MINIMUM_M, "maximum_m": MAXIMUM_M}
                 assert sample._asdict() == expected

@@ -13,6 +13,9 @@ from uav_firmware.msg.sensors import SensorTruth
 from uav_firmware.msg.status import LandDetected, LandedState
 
 METRES_PER_DEGREE = (111_050.0, 84_870.0)  # Near 40.44 N; half a per mille is enough here
+TILT_SIGMA = math.hypot(4e-3, 1e-3)
+"""[rad] Per axis: at rest neither the accelerometer's turn-on bias (4 mg) nor the gravity that
+its misalignment (0.1 %) lets into a level axis can be told from a tilt."""
 
 
 def vehicle(seed: int, noise_factor: float, heading_deg: float = 0.0) -> JsbsimVehicle:
@@ -84,9 +87,10 @@ def test_at_rest_for_a_minute(seed: int, noise_factor: float) -> None:
     assert largest[:2].max() < 0.05 + 0.45 * noise_factor
     assert largest[2] < 0.05 + 0.8 * noise_factor
     tilt = np.hypot(*np.array(errors)[:, 3:5].T)
-    # The accelerometer's turn-on bias cannot be seen at rest: 4 mg per axis are 0.23 degrees.
-    assert np.sqrt((tilt**2).mean()) < math.radians(0.05 + 0.5 * noise_factor)
-    assert tilt.max() < math.radians(0.1 + 0.7 * noise_factor)
+    # Of two level axes 3.5 sigma together: exp(-3.5^2 / 2), one vehicle in 450, has more.
+    unseen = 3.5 * TILT_SIGMA * noise_factor
+    assert np.sqrt((tilt**2).mean()) < math.radians(0.05) + unseen
+    assert tilt.max() < math.radians(0.1 + 0.2 * noise_factor) + unseen
     assert largest[5] < math.radians(0.7 + 2.0 * noise_factor)
     assert np.abs(rig.position.velocity_ned).max() < 0.05
 
