@@ -77,7 +77,8 @@ def main() -> int:
     except SigningStoreError as error:
         return _refuse(error)
     finally:
-        hardware.close()
+        if not hardware.close():
+            write(hardware.vehicle.time_us, "WARNING the medium hangs: what waits for it is lost")
         lines.close()
     if stop.reboots:
         _begin_anew()
@@ -141,8 +142,10 @@ def _run(
         pacer.pace(vehicle.time_us)
         if pacer.steps == late.due:
             late.tell(vehicle.time_us)
-    autopilot.parameter_storage.finish()
     autopilot.logger.close()
+    fault = autopilot.parameter_storage.finish()
+    if fault:
+        write(vehicle.time_us, f"WARNING {fault}")
     write(
         vehicle.time_us,
         f"stopped after {pacer.steps} steps, {pacer.overruns} of them late, "

@@ -17,7 +17,7 @@ from uav_firmware.cal.storage import Storage
 from uav_firmware.cal.vehicle import Fitted, Vehicle
 from uav_firmware.config import ConfigError, Endpoint, VehicleConfig
 from uav_firmware.drivers.address_book import AddressBook
-from uav_firmware.drivers.background import BackgroundLogs, BackgroundStorage
+from uav_firmware.drivers.background import BackgroundLogs, BackgroundStorage, close_all
 from uav_firmware.drivers.file_room import Room
 from uav_firmware.drivers.file_storage import FileStorage
 from uav_firmware.drivers.jammed_link import JammedLink
@@ -41,12 +41,12 @@ class Hardware:
     card: Card
     background: Sequence[BackgroundStorage | BackgroundLogs] = ()  # What writes beside the loop
 
-    def close(self) -> None:
-        """Write what waits; release files and sockets."""
-        for each in self.background:
-            each.close()
+    def close(self) -> bool:
+        """Write what waits; release files and sockets. Gives False if the medium hangs."""
+        is_written = close_all(self.background)
         self.link.close()
         self.vehicle.close()
+        return is_written
 
 
 def build_hardware(config: VehicleConfig, start_time_utc_us: int) -> Hardware:

@@ -21,8 +21,10 @@ class SlowWrite:
         """Whether it has ended."""
         return self._ended
 
-    def result(self) -> None:
+    def result(self, timeout: float | None = None) -> None:
         """Its outcome; the control loop that asks too early would stand still."""
+        if timeout is not None and not self._ended:
+            raise TimeoutError
         assert self._ended, "waited for a medium"
         if self._refusal is not None:
             raise OSError(self._refusal, os.strerror(self._refusal))

@@ -13,11 +13,12 @@ class Write(Protocol):
     def done(self) -> bool:
         """Whether it has ended."""
 
-    def result(self) -> None:
-        """Its outcome, once it is done; before that this waits.
+    def result(self, timeout: float | None = None) -> None:
+        """Its outcome, once it is done; before that this waits, `timeout` [s] at most.
 
         Raises:
             OSError: if the medium has refused; the former contents stay.
+            TimeoutError: if the medium has not answered in time; the write may still end.
         """
 
 
@@ -28,7 +29,7 @@ class Written:
         """Always."""
         return True
 
-    def result(self) -> None:
+    def result(self, timeout: float | None = None) -> None:
         """Success."""
 
 

@@ -116,6 +116,8 @@ class JsbsimCamera:
     def erase(self) -> bool:
         """Remove the next of those that were there at the first call; few, to keep the loop's time.
 
+        The first call lists the whole folder in one step.
+
         Raises:
             OSError: if one cannot be removed; those before it are gone.
         """

@@ -92,6 +92,7 @@ class MissionServer:
         """Ask again for items that stay away, judge, end uploads that have fallen silent."""
         outgoing: list[Outgoing] = []
         for mission_type, upload in self._uploads.items():
+            self._stores[mission_type].tick(now_us)
             if upload.is_receiving:
                 outgoing += self._told(mission_type, upload.tick(now_us))
         return outgoing

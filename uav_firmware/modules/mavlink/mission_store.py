@@ -3,6 +3,11 @@
 A plan is replaced whole or not at all, in this order: the judges agree, the medium holds the
 new one, everybody aboard sees it. Judging is spread over calls, because a long mission inside
 a fence of many corners takes longer than a control step.
+
+A medium that has not taken a plan after `WRITE_LIMIT_US` is not waited for: the plan is refused
+and the former one stays in force. Should that write end well after all, the former plan is written
+again, so that medium and vehicle agree; until then nothing else is taken. A restart meanwhile finds
+what the medium holds.
 """
 
 import errno
@@ -10,7 +15,7 @@ from collections.abc import Callable, Generator, Sequence
 from typing import Final, NamedTuple, TypeAlias
 
 from uav_firmware.cal.storage import WRITTEN, Storage, Write
-from uav_firmware.lib.stepwise import finished
+from uav_firmware.lib.stepwise import Stepwise, finished
 from uav_firmware.modules.mavlink import plan_file
 from uav_firmware.modules.mavlink.dialect import mavlink
 from uav_firmware.modules.mavlink.mission_items import (
@@ -34,6 +39,9 @@ ACCEPTED: Final[int] = mavlink.MAV_MISSION_ACCEPTED
 _PACKED_PER_UNIT: Final = 8  # Items that are converted or packed in 5 us
 _UNTIL_NEXT_CALL: Final = 1_000_000
 """Work that ends a call, whatever its budget: the medium is looked at again in the next one."""
+WRITE_LIMIT_US: Final = 15_000_000
+"""How long the medium may take for a plan; an uploader waits no longer for an item either."""
+_RETRY_US: Final = 1_000_000
 _FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT})
 
 Plan: TypeAlias = tuple[int, int, tuple[MissionItem, ...]]
@@ -59,6 +67,11 @@ Acceptance: TypeAlias = Generator[int, None, Verdict]
 """Stores a plan or refuses it, in steps: yields the work done, in the unit of PlanReview."""
 
 
+NO_ANSWER: Final = Verdict(
+    mavlink.MAV_MISSION_ERROR, reason="not saved: the medium does not answer"
+)
+
+
 class PlanStore:
     """Holds one kind of plan, as it was uploaded."""
 
@@ -79,7 +92,29 @@ class PlanStore:
         self.items: tuple[StoredItem, ...] = ()
         self.plan_id = 0
         self.is_writing = False
-        """Whether the medium has begun to take a plan, which can no longer be given up."""
+        """Whether the medium has begun to take a plan, which no peer can give up any more."""
+        self._writing_since_us: int | None = None
+        self._is_too_slow = False
+        self._now_us = 0
+        self._restoring: Stepwise[None] | None = None
+
+    @property
+    def is_stuck(self) -> bool:
+        """Whether a write that was given up, or its repair, has not ended: nothing is taken."""
+        return self._restoring is not None
+
+    def tick(self, now_us: int) -> None:
+        """Look how long the medium takes, and repair what it has written too late."""
+        self._now_us = now_us
+        if self._restoring is not None:
+            if self._restoring.advance(1):
+                self._restoring = None
+        elif not self.is_writing:
+            self._writing_since_us = None
+        elif self._writing_since_us is None:
+            self._writing_since_us = now_us
+        elif now_us - self._writing_since_us >= WRITE_LIMIT_US:
+            self._is_too_slow = True
 
     def load(self) -> str:
         """Publish what a former run has stored; gives a sentence when that cannot be used."""
@@ -101,6 +136,8 @@ class PlanStore:
 
     def accept(self, items: Sequence[StoredItem], now_us: int) -> Acceptance:
         """Put a plan in the place of the former one, or refuse it and keep that one."""
+        if self.is_stuck:
+            return NO_ANSWER
         packing = len(items) // _PACKED_PER_UNIT
         for_flight = []
         for seq, item in enumerate(items):
@@ -116,8 +153,11 @@ class PlanStore:
         yield packing
         try:
             write = self._keep(contents)
-            self.is_writing = True
+            self.is_writing, self._writing_since_us, self._is_too_slow = True, None, False
             while not write.done():
+                if self._is_too_slow:
+                    self._restoring = Stepwise(self._restored(write))
+                    return NO_ANSWER
                 yield _UNTIL_NEXT_CALL
             write.result()
         except OSError as error:
@@ -128,6 +168,24 @@ class PlanStore:
             self.is_writing = False
         self._replace(now_us, tuple(items), identifier, plan)
         return Verdict(ACCEPTED, identifier)
+
+    def _restored(self, late: Write) -> Generator[int, None, None]:
+        """Wait for a write that was given up; write the plan in force again if it ends well."""
+        try:
+            yield from _ended(late)
+        except OSError:
+            return  # The medium still holds the plan in force
+        while True:
+            contents = plan_file.encode(self._mission_type, self.items) if self.items else None
+            yield _UNTIL_NEXT_CALL
+            try:
+                yield from _ended(self._keep(contents))
+            except OSError:
+                again_us = self._now_us + _RETRY_US
+                while self._now_us < again_us:
+                    yield _UNTIL_NEXT_CALL
+            else:
+                return
 
     def _replace(
         self,
@@ -156,3 +214,14 @@ class PlanStore:
             return f"it holds {len(items)} items, {MAX_ITEMS} fit"
         rejection = finished(self._check.plan(for_navigator(items))) if items else None
         return "" if rejection is None else f"item {rejection.seq}: {rejection.reason}"
+
+
+def _ended(write: Write) -> Generator[int, None, None]:
+    """Wait for a write, call by call.
+
+    Raises:
+        OSError: if the medium refuses it.
+    """
+    while not write.done():
+        yield _UNTIL_NEXT_CALL
+    write.result()

@@ -23,6 +23,9 @@ is until the last item has come and the whole plan has been accepted.
     writing    --the medium has it------------> idle        swap, ACCEPTED
     writing    --the medium refuses-----------> idle        refuse
     writing    --COUNT, CLEAR_ALL, ACK--------> writing     too late; they are sent again
+    writing    --15 s without an answer-------> idle        ERROR; the former plan stays
+    idle       --COUNT, CLEAR_ALL, and the
+                 medium does not answer yet---> idle        ERROR
     idle       --the ITEM that ended it again-> idle        the same answer again
 
 Judging begins at once, and a plan of some hundred items is judged in the same call. A removal
@@ -39,7 +42,7 @@ from uav_firmware.modules.mavlink.addressing import Outgoing, Sender
 from uav_firmware.modules.mavlink.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.dialect_extensions import MissionAck
 from uav_firmware.modules.mavlink.mission_items import ItemFault, StoredItem, read_item
-from uav_firmware.modules.mavlink.mission_store import MAX_ITEMS, PlanStore, Verdict
+from uav_firmware.modules.mavlink.mission_store import MAX_ITEMS, NO_ANSWER, PlanStore, Verdict
 
 FIRST_RETRY_US: Final = 250_000
 LAST_RETRY_US: Final = 1_000_000
@@ -136,6 +139,9 @@ class UploadReceiver:
             return Reply((self._ack(sender, Verdict(_DENIED)),))
         if self._is_echo(opening, now_us) or self._store.is_writing:
             return Reply()
+        if self._store.is_stuck:
+            self._transfer = None
+            return self._answer(sender, NO_ANSWER)
         if message.count > MAX_ITEMS:
             self._transfer = None
             verdict = Verdict(mavlink.MAV_MISSION_NO_SPACE)

@@ -11,6 +11,7 @@ from uav_firmware.parameters import Registry
 
 FILE_NAME: Final = "parameters.json"
 _WARNING: Final = 4  # MAV_SEVERITY
+_FINISH_S: Final = 2.0  # [s] A parameter file is a few kilobytes
 
 
 class ParameterStorageModule:
@@ -39,15 +40,45 @@ class ParameterStorageModule:
     def update(self) -> None:
         """Begin to save what has changed; a medium that refuses is tried again next time."""
         if self._write is None or self._write.done():
-            self.finish()
+            self._attempt()
 
-    def finish(self) -> None:
-        """As `update`, but behind a save that has not ended: the vehicle is being switched off."""
+    def finish(self) -> str:
+        """Save what is not saved yet and wait for it, since the vehicle is being switched off.
+
+        A save that has failed is made once more. Waits for `_FINISH_S` at most per write. Gives a
+        sentence when something could not be saved, else nothing.
+        """
+        try:
+            if self._write is not None:
+                self._await(self._write)
+            self.save()
+            if self._write is not None:
+                self._write.result(_FINISH_S)
+                self._look()
+        except OSError as error:
+            return f"Parameters not saved: {_text(error)}"
+        return ""
+
+    def _await(self, write: Write) -> None:
+        """Wait for a write; one that has failed counts as never begun, so that it is made anew.
+
+        Raises:
+            TimeoutError: if it does not end in time.
+        """
+        try:
+            write.result(_FINISH_S)
+        except OSError:
+            if not write.done():
+                raise
+            self._write = None
+
+    def _attempt(self) -> None:
+        """Begin to save what has changed, or warn once."""
         try:
             self.save()
         except OSError as error:
             if not self._failed:
-                self._warn(f"Parameters not saved: {error.strerror or error}")
+                self._warn(f"Parameters not saved: {_text(error)}")
             self._failed = True
 
     def save(self) -> None:
@@ -90,6 +121,10 @@ class ParameterStorageModule:
 
     def _warn(self, text: str) -> None:
         self._status_text.publish(StatusText(self._time_us(), _WARNING, text))
+
+
+def _text(error: OSError) -> str:
+    return error.strerror or str(error) or "the medium does not answer"
 
 
 def _is_number(value: object) -> bool:

@@ -7,6 +7,7 @@ from threading import Event
 import pytest
 
 from uav_firmware.cal.storage import WRITTEN, Write
+from uav_firmware.drivers import background
 from uav_firmware.drivers.background import (
     STORAGE_BACKLOG,
     BackgroundLogs,
@@ -90,6 +91,18 @@ class HeldLog:
         self.calls.append("close")
 
 
+class FaultyLog(HeldLog):
+    """A log file whose driver has a fault that is no OSError."""
+
+    def write(self, chunk: bytes) -> None:
+        super().write(chunk)
+        raise ValueError("write to closed file")
+
+    def close(self) -> None:
+        super().close()
+        raise OSError(errno.EIO, "Input/output error")
+
+
 class HeldLogs:
     """Makes one such file."""
 
@@ -138,6 +151,45 @@ def test_a_log_that_cannot_be_begun_is_refused_at_its_next_write(tmp_path: Path)
     logs.close()
     with pytest.raises(OSError, match=r"(?i)not a directory|exists"):
         file.write(b"chunk")
+
+
+def test_any_fault_of_a_log_is_refused_at_its_next_write_and_gives_its_room_back() -> None:
+    held = HeldLogs()
+    held.file = FaultyLog(held.may)
+    held.may.set()
+    logs = BackgroundLogs(held, backlog_bytes=10)
+    file = logs.create(NOON_US)
+    file.write(b"12345678")
+    file.close()
+    assert logs.close()
+    with pytest.raises(OSError, match="ValueError: write to closed file"):
+        file.write(b"12345678")
+    assert held.file.calls == ["close"]
+
+
+def test_any_fault_of_a_save_is_an_oserror_and_the_next_save_is_made(tmp_path: Path) -> None:
+    held = HeldStorage(tmp_path)
+    held.may.set()
+    storage = BackgroundStorage(held)
+    bad = storage.save("a.json", "text")  # type: ignore[arg-type]  # a fault of the caller
+    good = storage.save("a.json", b"new")
+    with pytest.raises(OSError, match="TypeError"):
+        bad.result(30.0)
+    good.result(30.0)
+    assert storage.close()
+
+
+def test_a_medium_that_hangs_does_not_keep_the_program_from_its_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(background, "CLOSE_S", 0.05)
+    held = HeldStorage(tmp_path)
+    storage = BackgroundStorage(held)
+    storage.save("a.json", b"1")
+    assert not storage.close()
+    assert storage.thread._thread.daemon
+    held.may.set()
+    assert storage.close()
 
 
 def test_what_is_stored_at_once_counts_as_written() -> None:

@@ -54,7 +54,7 @@ def test_the_next_line_that_can_be_written_says_how_many_were_lost() -> None:
     writer.close()
     lines = stream.getvalue().splitlines()
     assert lines[-1] == "again"
-    assert lines[-2].endswith("lines lost: nobody has read them in time")
+    assert lines[-2].endswith("lines lost: not written in time, or refused")
     assert len(lines) - 2 + int(lines[-2].split()[0]) == 10
 
 
@@ -68,3 +68,46 @@ def test_a_reader_that_has_gone_ends_the_lines_and_nothing_else() -> None:
     writer.write("nobody")
     with pytest.raises(BrokenPipeError):
         stream.close()
+
+
+def test_a_line_that_the_streams_encoding_refuses_costs_itself_and_is_counted() -> None:
+    contents = io.BytesIO()
+    stream = io.TextIOWrapper(contents, encoding="ascii")
+    writer = LineWriter(stream)
+    writer.write("first")
+    writer.write("11 \N{DEGREE SIGN}C")
+    while not contents.getvalue() or writer._lines.qsize() or not writer._lost:
+        assert writer._thread.is_alive()
+        Event().wait(0.01)
+    writer.write("last")
+    writer.close()
+    first, lost, last = contents.getvalue().decode().splitlines()
+    assert (first, last) == ("first", "last")
+    assert lost.startswith("1 lines lost")
+
+
+class FullDisk(io.StringIO):
+    """A stream that refuses until there is room."""
+
+    has_room = False
+
+    def write(self, text: str) -> int:
+        if not self.has_room:
+            raise OSError(28, "No space left on device")
+        return super().write(text)
+
+
+def test_lines_that_a_full_disk_refused_are_all_counted_when_there_is_room_again() -> None:
+    stream = FullDisk()
+    writer = LineWriter(stream)
+    for number in range(1, 6):
+        writer.write(f"line {number}")
+        while writer._lost < number:
+            Event().wait(0.001)
+    stream.has_room = True
+    writer.write("again")
+    writer.close()
+    assert stream.getvalue().splitlines() == [
+        "5 lines lost: not written in time, or refused",
+        "again",
+    ]

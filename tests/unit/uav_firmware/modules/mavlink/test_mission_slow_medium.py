@@ -13,7 +13,7 @@ from tests.unit.uav_firmware.modules.mavlink.harness import (
 )
 from uav_firmware.modules.mavlink.dialect import mavlink
 
-ACCEPTED, NO_SPACE = 0, 4
+ACCEPTED, ERROR, NO_SPACE = 0, 1, 4
 SECOND_US = 1_000_000
 
 
@@ -114,3 +114,70 @@ def test_a_removal_is_answered_once_when_the_medium_has_it(
         storage.end()
     assert acks(bench) == [ACCEPTED]
     assert held(bench) == held(Bench(storage=storage)) == 0
+
+
+@pytest.fixture
+def hung(scene: tuple[Bench, SlowStorage]) -> tuple[Bench, SlowStorage]:
+    """A vehicle that holds three items and has waited in vain for its medium to take five."""
+    bench, storage = scene
+    send(bench, 3, 10.0)
+    storage.end()
+    assert acks(bench) == [ACCEPTED]
+    bench.hear()
+    send(bench, 5, 20.0)
+    bench.run(13 * SECOND_US)
+    assert acks(bench) == []
+    bench.run(2 * SECOND_US)
+    heard = bench.hear()
+    assert [each.type for each in heard if each.get_type() == "MISSION_ACK"] == [ERROR]
+    texts = [each.text for each in heard if each.get_type() == "STATUSTEXT"]
+    assert "not saved: the medium does not answer" in "".join(texts)
+    return bench, storage
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        mission_count(7, 0),
+        mission_count(0, 0),
+        mavlink.MAVLink_mission_clear_all_message(SYSTEM, 1, 0),
+    ],
+    ids=["count 7", "count 0", "clear"],
+)
+def test_while_the_medium_hangs_every_upload_is_refused_and_the_former_plan_stays(
+    hung: tuple[Bench, SlowStorage], message: Any
+) -> None:
+    bench, storage = hung
+    bench.say(message)
+    assert acks(bench) == [ERROR]
+    assert (held(bench), storage.waiting) == (3, 1)
+
+
+def test_after_a_write_that_ended_too_late_the_medium_gets_the_former_plan_again(
+    hung: tuple[Bench, SlowStorage],
+) -> None:
+    bench, storage = hung
+    storage.end()
+    assert held(Bench(storage=storage)) == 5
+    bench.run(SECOND_US)
+    bench.say(mission_count(7, 0))
+    assert acks(bench) == [ERROR]
+    storage.end(full=True)
+    bench.run(2 * SECOND_US)
+    storage.end()
+    bench.run(SECOND_US)
+    assert held(bench) == held(Bench(storage=storage)) == 3
+    send(bench, 4, 30.0)
+    storage.end()
+    assert acks(bench) == [ACCEPTED]
+    assert held(bench) == held(Bench(storage=storage)) == 4
+
+
+def test_after_a_write_that_failed_too_late_nothing_is_written_again(
+    hung: tuple[Bench, SlowStorage],
+) -> None:
+    bench, storage = hung
+    storage.end(full=True)
+    bench.run(SECOND_US)
+    assert storage.waiting == 0
+    assert held(bench) == held(Bench(storage=storage)) == 3

@@ -1,8 +1,9 @@
 import json
 from dataclasses import dataclass
 
+from tests.support.slow_storage import SlowStorage
 from uav_firmware.bus import Queue
-from uav_firmware.cal.storage import WRITTEN, Write
+from uav_firmware.cal.storage import WRITTEN, Storage, Write
 from uav_firmware.modules.parameter_storage.module import FILE_NAME, ParameterStorageModule
 from uav_firmware.msg.status import StatusText
 from uav_firmware.parameters import Registry, param
@@ -43,7 +44,7 @@ class Memory:
 class Vehicle:
     """The module with its registry and what it says."""
 
-    def __init__(self, memory: Memory) -> None:
+    def __init__(self, memory: Storage) -> None:
         self.registry = Registry()
         self.registry.add(Example)
         self._texts: Queue[StatusText] = Queue()
@@ -106,3 +107,60 @@ def test_one_bad_value_does_not_spoil_the_others() -> None:
     assert vehicle.registry.get("EX_COUNT") == 7
     assert vehicle.registry.get("EX_GAIN") == 1.0
     assert len(vehicle.says()) == 2
+
+
+class EndsWhenAwaited(SlowStorage):
+    """A medium on which each write ends when somebody waits for it."""
+
+    def __init__(self, outcomes: list[bool]) -> None:
+        super().__init__()
+        self.outcomes = outcomes  # Whether it refuses, write by write
+
+    def save(self, name: str, contents: bytes) -> Write:
+        return Awaited(self, super().save(name, contents))
+
+
+class Awaited:
+    """One such write."""
+
+    def __init__(self, storage: EndsWhenAwaited, write: Write) -> None:
+        self._storage, self._write = storage, write
+
+    def done(self) -> bool:
+        return self._write.done()
+
+    def result(self, timeout: float | None = None) -> None:
+        if not self._write.done() and self._storage.outcomes:
+            self._storage.end(full=self._storage.outcomes.pop(0))
+        self._write.result(timeout)
+
+
+def test_switching_off_saves_again_what_a_write_before_has_failed_to() -> None:
+    storage = EndsWhenAwaited([True, False])
+    vehicle = Vehicle(storage)
+    vehicle.registry.set("EX_COUNT", 7)
+    vehicle.module.update()
+    assert vehicle.module.finish() == ""
+    assert json.loads(storage.files[FILE_NAME]) == {"EX_COUNT": 7}
+
+
+def test_switching_off_saves_what_changed_behind_a_write() -> None:
+    storage = EndsWhenAwaited([False, False])
+    vehicle = Vehicle(storage)
+    vehicle.registry.set("EX_COUNT", 7)
+    vehicle.module.update()
+    vehicle.registry.set("EX_COUNT", 8)
+    assert vehicle.module.finish() == ""
+    assert json.loads(storage.files[FILE_NAME]) == {"EX_COUNT": 8}
+
+
+def test_a_last_write_that_fails_or_hangs_is_said() -> None:
+    for outcomes, reason in (
+        ([True, True], "No space left on device"),
+        ([True], "the medium does not answer"),
+        ([], "the medium does not answer"),
+    ):
+        vehicle = Vehicle(EndsWhenAwaited(outcomes))
+        vehicle.registry.set("EX_COUNT", 7)
+        vehicle.module.update()
+        assert vehicle.module.finish() == f"Parameters not saved: {reason}"
