@@ -30,7 +30,7 @@ from edge_server.front.admission import KEEP_ALIVE_S, Limits
 LOG = logging.getLogger(__name__)
 BIND_PATIENCE_S: Final = 3.0
 KEPT_MIB: Final = 64
-"""Of requests that are not whole yet, all together."""
+"""Of requests that are not whole yet, all together; and as much of whole ones without an answer."""
 BACKLOG: Final = 1024
 DATABASE_LOOK_S: Final = 0.5
 GRACE_S: Final = 5

@@ -53,6 +53,7 @@ _SENTENCES: Final = {
     431: "the headers are too large",
     500: "an error in the edge server; its log tells more",
     501: "this transfer coding is not known here",
+    503: "too many requests wait for their answers; try again",
 }
 
 stopping: Final = threading.Event()
@@ -168,9 +169,11 @@ def _answer(status: int, reason: str) -> bytes:
     request_id = os.urandom(8).hex()
     body = {"message": _SENTENCES[status], "detail": {}, "request_id": request_id}
     content = json.dumps(body).encode()
-    from edge_server.api.headers import HEADERS  # noqa: PLC0415  # only the worker has loaded it
+    from edge_server.api.errors import RETRY_SOON  # noqa: PLC0415  # only the worker has loaded it
+    from edge_server.api.headers import HEADERS  # noqa: PLC0415  # as above
 
-    hardening = "".join(f"{name}: {value}\r\n" for name, value in HEADERS.items())
+    headers = HEADERS if status != HTTPStatus.SERVICE_UNAVAILABLE else HEADERS | RETRY_SOON
+    hardening = "".join(f"{name}: {value}\r\n" for name, value in headers.items())
     head = (
         f"HTTP/1.1 {status} {reason}\r\nConnection: close\r\nContent-Type: application/json\r\n"
         f"X-Request-ID: {request_id}\r\nContent-Length: {len(content)}\r\n{hardening}\r\n"

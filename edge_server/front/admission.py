@@ -8,9 +8,11 @@ NoRoomError  all connections are being served
 """
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from enum import StrEnum
 from typing import Final, Generic, NamedTuple, Protocol, TypeVar
+
+from edge_server.front.framing import Lane
 
 HEAD_S: Final = 10.0
 """From a connection's beginning, or a request's first byte, to the end of the head."""
@@ -31,6 +33,8 @@ class Reason(StrEnum):
     ADDRESS_LIMIT = "address_limit"
     LIMIT = "limit"
     MEMORY = "memory"
+    BUSY = "busy"
+    """Its request was whole, and too many bytes of whole requests waited for their answers."""
 
 
 class NoRoomError(Exception):
@@ -67,8 +71,11 @@ class Limits(NamedTuple):
     connections: int
     of_an_address: int
     kept_bytes: int
+    """Of unfinished requests; and once more of whole ones that have no answer yet."""
 
 
+_SHARES: Final = {Lane.GENERAL: 0.75, Lane.BROKER: 0.125, Lane.URGENT: 0.125}
+"""Of `kept_bytes`, for the whole requests of each lane: no lane uses up another one's part."""
 _C = TypeVar("_C", bound=Waiting)
 
 
@@ -98,6 +105,18 @@ def eviction(
     if oldest is None:
         raise NoRoomError(reason)
     return Eviction(oldest, reason)
+
+
+def may_hand_over(
+    limits: Limits, handed_over_bytes: Mapping[Lane, int], lane: Lane, request_bytes: int
+) -> bool:
+    """Whether a whole request may wait for a thread of its lane, by its size.
+
+    `handed_over_bytes` has the whole requests without an answer. A lane without any takes one of
+    any size.
+    """
+    already = handed_over_bytes[lane]
+    return not already or already + request_bytes <= _SHARES[lane] * limits.kept_bytes
 
 
 def too_much_kept(limits: Limits, waiting: Iterable[_C]) -> list[Eviction[_C]]:

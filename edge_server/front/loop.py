@@ -52,6 +52,16 @@ class Options(NamedTuple):
     """Gives the answer for a status."""
 
 
+class _Served(NamedTuple):
+    """A request that has been served, or was given up."""
+
+    connection: Connection
+    lane: Lane
+    kept_bytes: int
+    keep: bool
+    """Whether the connection may be used again."""
+
+
 class Front:
     """Accepts, reads, hands over, closes. All methods but `wake` belong to one thread."""
 
@@ -72,7 +82,8 @@ class Front:
             Lane.BROKER: ThreadPoolExecutor(BROKER_THREADS, "serve-broker"),
             Lane.URGENT: ThreadPoolExecutor(URGENT_THREADS, "serve-urgent"),
         }
-        self._done: queue.SimpleQueue[tuple[Connection, bool]] = queue.SimpleQueue()
+        self._done: queue.SimpleQueue[_Served] = queue.SimpleQueue()
+        self._handed_over_bytes: Counter[Lane] = Counter()
         self._wake_read, self._wake_write = os.pipe()
         os.set_blocking(self._wake_read, False)
         os.set_blocking(self._wake_write, False)
@@ -216,13 +227,21 @@ class Front:
         else:
             if is_whole:
                 self._selector.unregister(connection.sock)
-                self._hand_over(connection)
+                self._hand_over(connection, now)
             elif connection.interest != before:
                 self._selector.modify(connection.sock, connection.interest, connection)
 
-    def _hand_over(self, connection: Connection) -> None:
-        connection.phase = Phase.SERVING
+    def _hand_over(self, connection: Connection, now: float) -> None:
+        """Give a whole request to the threads of its lane; the selector has not its connection."""
         taken = connection.framing.take()
+        lane = lane_of(taken.raw)
+        kept_bytes = len(taken.raw) + connection.kept_bytes  # With what has come behind it
+        limits = self._options.limits
+        if not admission.may_hand_over(limits, self._handed_over_bytes, lane, kept_bytes):
+            self._turn_away(connection, now)
+            return
+        connection.phase = Phase.SERVING
+        self._handed_over_bytes[lane] += kept_bytes
         server = connection.sock.getsockname()[:2]
         exchange = Exchange(connection.sock, connection.client, server, taken)
 
@@ -231,22 +250,33 @@ class Front:
             try:
                 keep = self._serve(exchange) and taken.is_whole
             finally:
-                self._done.put((connection, keep))
+                self._done.put(_Served(connection, lane, kept_bytes, keep))
                 self.wake()
 
-        self._pools[lane_of(taken.raw)].submit(serve)
+        self._pools[lane].submit(serve)
+
+    def _turn_away(self, connection: Connection, now: float) -> None:
+        """Answer 503 to a whole request for which there is no room among those that wait."""
+        self._note_refused(Reason.BUSY, connection.network)
+        try:
+            connection.sock.send(self._options.refusal(503))
+            connection.linger(now)
+            self._selector.register(connection.sock, connection.interest, connection)
+        except OSError:
+            self._close(connection)
 
     def _collect(self, now: float) -> None:
         """Take back the connections that have been served."""
         while not self._done.empty():
-            connection, keep = self._done.get()
+            connection, lane, kept_bytes, keep = self._done.get()
+            self._handed_over_bytes[lane] -= kept_bytes
             if connection.phase is Phase.CLOSED:
                 continue
             try:
                 if not keep:
                     connection.linger(now)
                 elif connection.answered(now):
-                    self._hand_over(connection)
+                    self._hand_over(connection, now)
                     continue
                 self._selector.register(connection.sock, connection.interest, connection)
             except OSError:
@@ -267,7 +297,7 @@ class Front:
             self._report_at = now + _REPORT_S
             for (reason, network), number in self._unreported.items():
                 LOG.warning(
-                    "closed %d connections of %s before a request was whole: %s",
+                    "closed %d connections of %s before a request was served: %s",
                     *(number, network, reason.replace("_", " ")),
                 )
             self._unreported.clear()

@@ -17,6 +17,7 @@ from edge_server.front.loop import Front, Options
 PATIENCE_S = 30.0
 ANSWER = b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\nok"
 ABORT = b"POST /events/ HTTP/1.1\r\nContent-Length: 2\r\n\r\n{}"
+REFUSED = b"HTTP/1.1 503 No\r\n\r\n"
 GET = b"GET /plans/ HTTP/1.1\r\n\r\n"
 
 
@@ -189,6 +190,35 @@ def test_what_is_kept_is_bounded_and_the_oldest_goes() -> None:
         wait_until(lambda: front.counts.closed() == {"memory": 1})
         second.sendall(b"x" * 10_000)
         assert second.recv(4096) == ANSWER
+
+
+def test_whole_requests_that_wait_are_bounded_and_events_keep_their_part() -> None:
+    """While no thread comes back, as with a database that stalls."""
+    released = threading.Event()
+
+    def serve(exchange: Exchange) -> bool:
+        released.wait(PATIENCE_S)
+        return answer(exchange)
+
+    body = b"x" * 40_000
+    picture = b"POST /image/ HTTP/1.1\r\nContent-Length: 40000\r\n\r\n" + body
+    with running(serve, kept_bytes=400_000) as front, contextlib.ExitStack() as stack:
+        stack.callback(released.set)
+        pictures = [stack.enter_context(front.connect()) for _ in range(30)]
+        for sock in pictures:
+            sock.sendall(picture)
+        wait_until(lambda: front.counts.closed().get("busy", 0) >= 23)
+        event, poll = (stack.enter_context(front.connect()) for _ in range(2))
+        event.sendall(ABORT)
+        poll.sendall(b"GET /broker/commands HTTP/1.1\r\n\r\n")
+        assert front.ask(picture) == REFUSED
+        released.set()
+        assert event.recv(4096) == ANSWER
+        assert poll.recv(4096) == ANSWER
+        answers = [sock.recv(4096) for sock in pictures]
+        assert answers.count(ANSWER) == 7  # Of 300 000 bytes
+        assert answers.count(REFUSED) == 23
+        wait_until(lambda: front.ask(picture) == ANSWER)  # There is room again
 
 
 def test_requests_that_come_together_are_answered_in_order() -> None:
