@@ -33,7 +33,7 @@ def _uplink(config: Config) -> Uplink:
 
 
 def _runs(config: Config) -> bool:
-    """Whether somebody holds the relay's lock."""
+    """Whether somebody holds the relay's lock; a free one is held here for a moment."""
     try:
         descriptor = os.open(config.relay_lock_path, os.O_RDONLY | os.O_CLOEXEC)
     except FileNotFoundError:

@@ -34,6 +34,7 @@ from edge_server.uplinks.mqtt_topics import is_mqtt
 
 LOG = logging.getLogger(__name__)
 LOCK_PATIENCE_S: Final = 3.0
+SHARED_PATIENCE_S: Final = 0.5
 _LOOK_S: Final = 0.1
 
 
@@ -49,7 +50,7 @@ def run(config: Config) -> None:
         RelayError: if it cannot go on and should be started again.
     """
     config.edge_dir.mkdir(parents=True, exist_ok=True, mode=0o700)
-    lock = _lock(config)
+    lock = lock_state_folder(config)
     stopping = threading.Event()
     _at_first_signal(stopping.set)
     try:
@@ -60,15 +61,19 @@ def run(config: Config) -> None:
             os.close(lock)
 
 
-def _lock(config: Config) -> int | None:
+def lock_state_folder(config: Config) -> int | None:
     """Take the state folder's lock. Relays on PostgreSQL share the streams and need none.
 
-    They take it where it is free: it shows that a relay runs here.
+    They take it where it is free: it shows that a relay runs here. A look at the lock holds it for
+    a moment (`relay_health`), so they try again for longer than that.
+
+    Raises:
+        LockedError: if another relay holds it and the database is our own file.
     """
     if config.database_url is None:
         return take_lock(config.relay_lock_path, LOCK_PATIENCE_S)
     try:
-        return take_lock(config.relay_lock_path, 0.0)
+        return take_lock(config.relay_lock_path, SHARED_PATIENCE_S)
     except LockedError:
         return None
 

@@ -1,10 +1,14 @@
 """Figures for those who watch."""
 
+import fcntl
 import os
+import time
+from dataclasses import replace
 
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
+from edge_server import relay_process
 from edge_server.outbox.answers import Answer, Unreachable, judge
 from edge_server.outbox.counting import RelayCounts, Uplink
 from edge_server.outbox.queue import Parcel, Stream
@@ -105,6 +109,23 @@ def test_the_state_of_the_uplink_is_the_relays_while_there_is_one(edge: Edge) ->
     assert value(read_page(edge), "fm_uplink_state") == Uplink.OPEN
     os.close(lock)
     assert value(read_page(edge), "fm_uplink_state") == Uplink.STOPPED
+
+
+def test_a_look_at_the_lock_does_not_keep_a_relay_from_it(
+    edge: Edge, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    counts_of(edge).uplink(Uplink.OPEN)
+    edge.config.relay_lock_path.touch()
+    look = edge.config.relay_lock_path.open("rb")
+    fcntl.flock(look, fcntl.LOCK_SH)
+    monkeypatch.setattr(time, "sleep", lambda _: look.close())  # It ends while the relay waits
+    shared = replace(edge.config, database_url="postgresql+psycopg://somewhere/edge")
+    lock = relay_process.lock_state_folder(shared)
+    monkeypatch.undo()
+    assert lock is not None
+    assert value(read_page(edge), "fm_uplink_state") == Uplink.OPEN
+    assert relay_process.lock_state_folder(shared) is None  # Another relay has it
+    os.close(lock)
 
 
 def test_requests_are_counted_by_route_and_status(edge: Edge) -> None:
