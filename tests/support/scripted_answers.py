@@ -83,12 +83,22 @@ def reset(answer: bytes) -> Speaker:
     return speak
 
 
-def stall(answer: bytes) -> Speaker:
-    """Say something, then nothing until the client goes."""
+def stall(answer: bytes, note_gone: Callable[[bool], None]) -> Speaker:
+    """Say something, then nothing until the client goes, or longer than it should stay.
+
+    Notes whether the client has gone by itself.
+    """
 
     def speak(connection: socket.socket) -> None:
-        connection.sendall(answer)
-        connection.recv(1)
+        try:
+            connection.sendall(answer)
+            connection.recv(1)
+        except TimeoutError:
+            note_gone(False)
+        except OSError:
+            note_gone(True)
+        else:
+            note_gone(True)
 
     return speak
 
