@@ -5,8 +5,8 @@ to watch over. The relay never stops the server: reports, plans and aborts are s
 started again, each time after a longer wait. Its deaths are counted in a tally, which `/metrics`
 and `/readyz` show.
 
-A part that ends with exit code 2 when it is first started has been set up wrongly: everything
-stops, code 2.
+A server that ends with exit code 2 has been set up wrongly, and so has a relay that does so when it
+is first started: everything stops, code 2.
 """
 
 import logging
@@ -115,7 +115,8 @@ class Supervisor:
             for part in self._parts:
                 code = code or self._watch(part, time.monotonic())
             time.sleep(_LOOK_S)
-        return self._stop_all() or code
+        self._stop_all()
+        return code
 
     def _watch(self, part: Part, now: float) -> int:
         if part.start_at is not None:
@@ -147,8 +148,8 @@ class Supervisor:
             self._tally = Tally(self._config.supervisor_tally_path)
         self._tally.add(PART_DEATHS, part.kind.name)
 
-    def _stop_all(self) -> int:
-        """Ask all parts to end, make them end if they do not; returns the worst code."""
+    def _stop_all(self) -> None:
+        """Ask all parts to end, make them end if they do not."""
         for part in self._parts:
             if part.process.poll() is None:
                 part.process.send_signal(signal.SIGTERM)
@@ -160,4 +161,3 @@ class Supervisor:
                 LOG.warning("%s does not end; killing it", part.kind.name)
                 part.process.kill()
                 part.process.wait()
-        return OK
