@@ -22,6 +22,7 @@ import requests
 
 from afarcloud import wire
 from mavlink_broker.edge_door import Door, NoKeyError, is_final, waits_on_purpose
+from mavlink_broker.faults import reason_of
 from mavlink_broker.send_queue import Post, SendQueue
 from mavlink_broker.spool.folder import Spool
 from mavlink_broker.spool.keeper import Keeper
@@ -211,16 +212,24 @@ class EdgeClient:
                     continue
             try:
                 self._send(door, post)
-            except Exception:
-                self._put_off(post)  # Else its lane would wait for ever for an answer
-                raise
+            except Exception as error:  # noqa: BLE001  # the boundary of one post
+                _LOG.exception("%s %s: an internal error", post.method, post.path)
+                self._put_off(post, reason_of(error))  # Else its lane would wait for ever
 
-    def _put_off(self, post: Post) -> None:
-        """Have a post told again later, unless it was answered before the error."""
+    def _put_off(self, post: Post, reason: str) -> None:
+        """Retry a post later, unless it was answered before the error; give up the hopeless one.
+
+        The lane waits out its back-off; the thread goes on with the others.
+        """
+        is_dead = False
         with self._changed:
             if self._posts.is_in_flight(post):
-                self._posts.failed(post, time.monotonic(), cut_off=True)
+                is_dead = self._posts.failed(post, time.monotonic(), cut_off=False, reason=reason)
             self._changed.notify_all()
+            self._answered.notify_all()
+        self._nudge()
+        if is_dead:
+            self._given_up(post, None, reason)
 
     def _pause(self) -> float | None:
         due = self._posts.next_due()

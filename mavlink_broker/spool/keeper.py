@@ -43,6 +43,7 @@ class Keeper:
         self._words_after = 0.0
         self._pictures_after = 0.0
         self._refused: set[str] = set()  # What the disk did not take when it was last asked
+        self._has_ended = False
         self._thread = SupervisedThread("spool", self._run, self._stopping)
         left = spool.take_left()
         for post in left:
@@ -65,14 +66,24 @@ class Keeper:
         self._stopping.set()
         self._nudged.set()
         self._thread.join(END_WITHIN_S)
+        if not self._thread.is_alive and not self._has_ended:
+            try:  # The thread has ended in its pause behind a failure
+                self._end()
+            except Exception:  # noqa: BLE001  # logged; the program ends anyway
+                _LOG.exception("%s: not all that waits could be kept", self._spool.folder)
 
     def _run(self) -> None:
         while not self._stopping.is_set():
             self._nudged.wait(LOOK_EVERY_S)
             self._nudged.clear()
             self.go_round(time.monotonic())
+        self._end()
+
+    def _end(self) -> None:
+        """Keep what waits, and leave the folder to the next run."""
         self.keep_everything(time.monotonic())
         self._spool.close()
+        self._has_ended = True
 
     @property
     def dead_letters(self) -> dict[int, int]:

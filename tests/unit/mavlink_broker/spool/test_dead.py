@@ -13,6 +13,7 @@ import pytest
 from mavlink_broker import send_queue
 from mavlink_broker.command_line import dead_letters
 from mavlink_broker.edge_client import EdgeClient
+from mavlink_broker.edge_door import Door
 from mavlink_broker.send_queue import LONGEST_PAUSE_S, MOST_ATTEMPTS, Post, SendQueue, Urgency
 from mavlink_broker.spool.dead import DEAD, ORDERS, order, read_all
 from mavlink_broker.spool.folder import LOCK, Spool
@@ -262,6 +263,40 @@ def test_over_http_from_the_first_500_to_the_retry_at_the_terminal(
     assert [b["sequence_number"] for b in bodies] == [8, 7]
     until(lambda: client.dead_letters_of(1) == 0)
     client.stop(1.0)
+
+
+def test_an_internal_error_that_always_comes_back_withdraws_the_acceptance_with_its_reason(
+    server: FakeEdgeServer,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    monkeypatch.setattr(send_queue, "MOST_ATTEMPTS", 3)
+    monkeypatch.setattr(send_queue, "LONGEST_PAUSE_S", 0.02)
+    (tmp_path / "broker.key").write_text(KEY)
+    genuine = Door.request
+
+    def request(self: Door, *args: Any, **named: Any) -> Any:
+        if (named.get("body") or {}).get("sequence_number") == 7:
+            raise RuntimeError("cannot be put into bytes")
+        return genuine(self, *args, **named)
+
+    monkeypatch.setattr(Door, "request", request)
+    spool = Spool(tmp_path / "broker", most_bytes=ROOM)
+    client = EdgeClient(server.url, tmp_path / "broker.key", lambda: None, spool=spool)
+    client.start()
+    client.post(post("mission_report", 7, accepts=41))
+
+    def is_withdrawn() -> bool:
+        client.post(post("pose", 1000))
+        return client.take_verdicts() == [Verdict(41, holds=False)]
+
+    until(is_withdrawn)
+    until(lambda: read_all(tmp_path / "broker"))
+    client.stop(1.0)
+    ((_, letter),) = read_all(tmp_path / "broker")
+    assert "cannot be put into bytes" in letter.reason
+    assert "thread edge-send" not in caplog.text
 
 
 def test_without_a_disk_they_are_counted_in_memory_and_bounded() -> None:

@@ -245,6 +245,25 @@ def test_an_ending_broker_keeps_everything_that_waits(tmp_path: Path) -> None:
     assert numbers(Run(tmp_path).left()) == [1, 2]
 
 
+def test_a_broker_that_ends_while_its_spool_pauses_behind_a_failure_keeps_everything(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    failed = threading.Event()
+
+    def fail(*_: object) -> None:
+        failed.set()
+        raise RuntimeError("an error of the program")
+
+    run = Run(tmp_path)
+    monkeypatch.setattr(Keeper, "go_round", fail)
+    run.queue.put(post(number=1))
+    run.keeper.start()
+    run.keeper.nudge()
+    assert failed.wait(30.0)
+    run.keeper.stop()
+    assert numbers(Run(tmp_path).left()) == [1]
+
+
 def test_a_disk_that_refuses_is_told_once_and_tried_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
