@@ -120,7 +120,9 @@ class Core:
         self.history.push(time_us, change, dt)
         self.rest.update(rate_frd, ekf.acceleration_ned)
         state = ekf.state
-        self.lateral.update(force_frd, state.velocity_ned, state.q_ned_frd, dt)
+        (north, east, down), (wind_north, wind_east) = state.velocity_ned, state.wind_ne
+        airspeed_ned = (north - wind_north, east - wind_east, down)
+        self.lateral.update(force_frd, airspeed_ned, state.q_ned_frd, dt)
         self.turned.update(rate_frd, dt)
         self.impact.update(force_frd, time_us)
         self.time_us = time_us

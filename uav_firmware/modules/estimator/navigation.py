@@ -70,6 +70,7 @@ class Navigation:
         self.compass.configure(params)
         if self.core is not None:
             self.core.configure(params)
+            self.core.lateral.expect_drag(drag)
 
     def take_imu(self, imu: SensorImu) -> bool:
         """Advance to an inertial sample; false while there is no estimate to advance."""
@@ -114,6 +115,7 @@ class Navigation:
         if alignment is not None:
             self.core = Core(alignment, imu.time_us, self._params)
             self.core.on_ground = self._on_ground
+            self.core.lateral.expect_drag(self.drag.drag)
 
     def take_gps(self, gps: SensorGps) -> None:
         """Use a fix."""

@@ -1,6 +1,6 @@
 """A made-up flight with its own kinematics: sensors from formulas, none of the estimator's code.
 
-The path is analytic; the attitude follows from the acceleration it needs, as on a quadrotor;
+The path is analytic; the attitude follows from the acceleration and the drag, as on a quadrotor;
 body rates come from the matrix logarithm of attitudes one step apart; geodetic fixes come from
 a spherical small-area formula with the ellipsoid's two radii.
 """
@@ -108,12 +108,17 @@ def logarithm(rotation: Array) -> Array:
     return vector * 0.5 * (1.0 if sine < 1e-9 else math.asin(sine) / sine)
 
 
-def truth_at(time_us: int, start: float, heading: float) -> Truth:
-    """Truth by central differences of the path."""
+def truth_at(time_us: int, start: float, heading: float, drag_per_s: float = 0.0) -> Truth:
+    """Truth by central differences of the path.
+
+    Rotors of drag d feel -d v along body x and y and push along z: their axis lies along the
+    specific force plus d v, so that force along x and y comes out as the drag.
+    """
     t, h = time_us * 1e-6, 1e-3
     (before, _), (here, yaw), (after, _) = (path(t + k * h, start, heading) for k in (-1, 0, 1))
     acceleration = (after - 2.0 * here + before) / h**2
-    return Truth(time_us, here, (after - before) / (2.0 * h), attitude(acceleration, yaw))
+    velocity = (after - before) / (2.0 * h)
+    return Truth(time_us, here, velocity, attitude(acceleration + drag_per_s * velocity, yaw))
 
 
 def geodetic(ned: Array) -> tuple[float, float, float]:
@@ -148,10 +153,11 @@ class Flight:
         start_s: float = 12.0,
         heading: float = 0.7,
         errors: Errors | None = None,
+        drag_per_s: float = 0.0,
     ) -> None:
         self._rng = np.random.default_rng(seed)
         self._errors = Errors() if errors is None else errors
-        self._start_s, self._heading = start_s, heading
+        self._path = (start_s, heading, drag_per_s)
         self._gyro_bias = self._errors.gyro_bias * self._rng.standard_normal(3)
         self._accel_bias = self._errors.accel_bias * self._rng.standard_normal(3)
         self._drift = self._errors.gps_drift * self._rng.standard_normal(3)
@@ -159,16 +165,16 @@ class Flight:
 
     def steps(self, duration_s: float) -> Iterator[Readings]:
         """Readings from power-up on."""
-        before = truth_at(0, self._start_s, self._heading)
+        before = truth_at(0, *self._path)
         for count in range(1, round(duration_s / DT) + 1):
-            truth = truth_at(count * STEP_US, self._start_s, self._heading)
+            truth = truth_at(count * STEP_US, *self._path)
             yield Readings(
                 truth,
                 self._imu(before, truth),
                 self._baro(truth) if count % 10 == 0 else None,
                 self._mag(truth) if count % 10 == 5 else None,
                 self._gps(truth, count),
-                landed=truth.time_us < self._start_s * 1e6,
+                landed=truth.time_us < self._path[0] * 1e6,
             )
             before = truth
 

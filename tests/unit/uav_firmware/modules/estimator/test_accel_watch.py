@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from uav_firmware.lib.drag import DragModel
 from uav_firmware.lib.rotation import IDENTITY, from_euler
 from uav_firmware.modules.estimator.accel_watch import VerticalWatch
 from uav_firmware.modules.estimator.alignment import TiltAlignment
@@ -108,17 +109,24 @@ LEVEL = (1.0, 0.0, 0.0, 0.0)
 
 
 def force_after(
-    seconds: float, step: float, pace: float = 0.0, speeding_up: float = 0.0
+    seconds: float,
+    step: float,
+    pace: float = 0.0,
+    speeding_up: float = 0.0,
+    drag_per_s: float = 0.29,
+    stated_per_s: float | None = 0.29,
 ) -> LateralForce:
     """Five seconds of hover in vibration, then a step and a slope of the force along x.
 
-    `speeding_up` [m/s^2] is a motion over the ground; its drag is 0.29 1/s of the speed.
+    `speeding_up` [m/s^2] is a motion over the ground; its drag is `drag_per_s` of the speed, and
+    `stated_per_s` what the airframe's parameters say of it.
     """
     force, noise = LateralForce(), np.random.default_rng(1)
+    force.expect_drag(None if stated_per_s is None else DragModel(87.0, stated_per_s))
     for number in range(round((5.0 + seconds) * 250)):
         late_s = max(0.0, number * 0.004 - 5.0)
         speed = speeding_up * late_s
-        x = (step if late_s > 0.0 else 0.0) + pace * late_s - 0.29 * speed
+        x = (step if late_s > 0.0 else 0.0) + pace * late_s - drag_per_s * speed
         sample = (x + 0.4 * noise.standard_normal(), 0.4 * noise.standard_normal(), -9.8)
         force.update(sample, (speed, 0.0, 0.0), LEVEL, 4e-3)
     return force
@@ -131,6 +139,37 @@ def test_a_step_of_the_lateral_force_is_seen_and_vibration_or_growing_drag_is_no
     assert not force_after(4.0, 0.0, 0.3).stepped  # The wind grows by 1 m/s each second
     assert not force_after(4.0, 0.0, speeding_up=5.0).stepped
     assert not force_after(9.0, 1.0).stepped  # Long ago
+
+
+@pytest.mark.parametrize("drag_per_s", [0.0, 0.1, 0.29, 0.45])
+def test_no_drag_of_an_airframe_that_states_none_is_a_step(drag_per_s: float) -> None:
+    for speeding_up in (-5.0, 2.0, 5.0):
+        assert not force_after(
+            4.0, 0.0, speeding_up=speeding_up, drag_per_s=drag_per_s, stated_per_s=None
+        ).stepped
+    # A bias that jumps, and the velocity that it feigns
+    for bias in (-2.0, -1.0, 1.0, 2.0):
+        assert force_after(0.3, bias, speeding_up=bias, drag_per_s=0.0, stated_per_s=None).stepped
+
+
+@given(off=st.floats(-0.3, 0.3), stated=st.floats(0.05, 0.6), speeding_up=st.floats(-5.0, 5.0))
+@settings(max_examples=15, deadline=None)
+def test_a_drag_that_is_stated_wrong_by_a_third_is_no_step(
+    off: float, stated: float, speeding_up: float
+) -> None:
+    assert not force_after(
+        4.0, 0.0, speeding_up=speeding_up, drag_per_s=(1.0 + off) * stated, stated_per_s=stated
+    ).stepped
+
+
+def test_the_drag_falls_with_the_thrust() -> None:
+    """Rotors that hardly turn drag hardly: M goes with the root of the thrust."""
+    force = LateralForce()
+    force.expect_drag(DragModel(87.0, 0.29))
+    for number in range(2000):
+        speed = max(0.0, 6.0 * (number * 0.004 - 5.0))
+        force.update((-0.29 * 0.2 * speed, 0.0, -0.04 * 9.8), (speed, 0.0, 0.0), LEVEL, 4e-3)
+        assert not force.stepped
 
 
 class Bias:
