@@ -10,7 +10,7 @@ Errors:
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from types import MappingProxyType
@@ -185,6 +185,22 @@ def _checked(kind: Kind, name: str, limits: Field, given: float | None) -> float
     return value
 
 
+def _is_of(instance: int | None, fault: Fault) -> bool:
+    """Whether a fault is of an instance; of any one when none, or all, are named."""
+    own = fault.values.get("instance")
+    return instance in (None, own) or (instance == ALL_INSTANCES and own is not None)
+
+
+def _by_instance(faults: Iterable[Fault], cleared: int) -> Iterator[Fault]:
+    """The same faults, those of all instances one by one, unless all are to be cleared."""
+    for fault in faults:
+        if cleared == ALL_INSTANCES or fault.values.get("instance") != ALL_INSTANCES:
+            yield fault
+            continue
+        for instance in range(MOST_INSTANCES):
+            yield replace(fault, values={**fault.values, "instance": instance})
+
+
 class FaultSchedule:
     """Faults in the order in which they were added; a later one of a kind wins."""
 
@@ -207,13 +223,16 @@ class FaultSchedule:
         motor: int | None = None,
         instance: int | None = None,
     ) -> None:
-        """End at `now_us` what is active and drop what is to come: of a kind, a part, or all."""
+        """End at `now_us` what is active and drop what is to come: of a kind, a part, or all.
+
+        Of a fault of all instances one can be cleared: the others keep it.
+        """
         kept = []
-        for fault in self._faults:
+        for fault in self._faults if instance is None else _by_instance(self._faults, instance):
             meant = (
                 kind in (None, fault.kind)
                 and motor in (None, fault.values.get("motor"))
-                and instance in (None, fault.values.get("instance"))
+                and _is_of(instance, fault)
             )
             if not meant or fault.end_us <= now_us:
                 kept.append(fault)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.faults import FIELDS, NEVER_US, Fault, FaultError, FaultSchedule, Kind
+from sim.faults import ALL_INSTANCES, FIELDS, NEVER_US, Fault, FaultError, FaultSchedule, Kind
 
 TIMES = st.integers(0, 100_000_000)
 PLAIN = [
@@ -83,3 +83,21 @@ def test_what_cannot_be_is_refused_by_name(
 def test_times_that_do_not_follow_each_other_are_refused(start: int, end: int) -> None:
     with pytest.raises(FaultError):
         Fault(kind=Kind.GPS_LOSS, start_us=start, end_us=end)
+
+
+@pytest.mark.parametrize(("instance", "left"), [(1, {0, 2}), (ALL_INSTANCES, set()), (None, set())])
+def test_one_instance_of_a_fault_of_all_can_be_cleared(
+    instance: int | None, left: set[int]
+) -> None:
+    values = {"x_deg_s": 3.0, "instance": ALL_INSTANCES}
+    schedule = FaultSchedule([Fault(kind=Kind.GYRO_BIAS, start_us=2, values=values)])
+    schedule.clear(5, Kind.GYRO_BIAS, instance=instance)
+    assert {fault.values["instance"] for fault in schedule.active(5)} == left
+    assert all(fault.values["x_deg_s"] == 3.0 for fault in schedule.active(5))
+    assert schedule.active(4)
+
+
+def test_clearing_all_instances_clears_each_that_is_named() -> None:
+    schedule = FaultSchedule([Fault(kind=Kind.GYRO_LOSS, values={"instance": 1})])
+    schedule.clear(5, Kind.GYRO_LOSS, instance=ALL_INSTANCES)
+    assert schedule.active(5) == ()
