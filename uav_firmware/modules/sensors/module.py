@@ -145,35 +145,31 @@ class SensorsModule:
             self._report(now_us, "Accelerometer", failed.instance, failed.reason, len(accels.good))
         estimate = self._estimator_status.value
         if estimate is not None:
-            self._settle(gyros, self._gyro_suspicion, estimate.gyro_bias_frd, now_us, is_gyro=True)
-            self._settle(
-                accels, self._accel_suspicion, estimate.accel_bias_frd, now_us, is_gyro=False
+            gyro = self._settle(
+                gyros, self._gyro_suspicion, estimate.gyro_bias_frd, now_us, "Gyroscope"
             )
+            accel = self._settle(
+                accels, self._accel_suspicion, estimate.accel_bias_frd, now_us, "Accelerometer"
+            )
+            if gyro is not None or accel is not None:  # In one message: a topic holds the newest
+                zero = (0.0, 0.0, 0.0)
+                self._imu_shift.publish(ImuShift(now_us, gyro or zero, accel or zero))
         self._publish(now_us)
 
     def _settle(
-        self,
-        vote: TriadVote,
-        suspicion: Suspicion,
-        bias_frd: Vector3,
-        now_us: int,
-        *,
-        is_gyro: bool,
-    ) -> None:
-        """Of two that are in dispute give up the one that the estimate contradicts."""
+        self, vote: TriadVote, suspicion: Suspicion, bias_frd: Vector3, now_us: int, name: str
+    ) -> Vector3 | None:
+        """Of two that are in dispute give up the one that the estimate contradicts.
+
+        Gives the change of the bias of what is published, None without a verdict.
+        """
         verdict = suspicion.update(vote.dispute, bias_frd, now_us)
         if verdict is None:
-            return
+            return None
         wrong = vote.good[verdict.which]
         vote.give_up(wrong)
-        self._report(
-            now_us, "Gyroscope" if is_gyro else "Accelerometer", wrong, "biased", len(vote.good)
-        )
-        zero = (0.0, 0.0, 0.0)
-        shift = verdict.shift_frd
-        self._imu_shift.publish(
-            ImuShift(now_us, shift if is_gyro else zero, zero if is_gyro else shift)
-        )
+        self._report(now_us, name, wrong, "biased", len(vote.good))
+        return verdict.shift_frd
 
     def _take_baros(self, now_us: int) -> None:
         baros = self._baros.value

@@ -17,6 +17,7 @@ from uav_firmware.modules.sensors.triad_vote import WINDOW, Limits, TriadVote
 Array: TypeAlias = NDArray[np.float64]
 Spoil: TypeAlias = Callable[[Array], Array]
 NAN = math.nan
+WINDOW_S = WINDOW / 125.0  # Every other sample of 250 Hz
 LIMITS = Limits(bias=0.4, scale=0.02, usual=9.8, standing=0.15)
 ANY = st.floats(-1e6, 1e6) | st.sampled_from([NAN, math.inf, -math.inf])
 SANE = st.floats(-50.0, 50.0)
@@ -51,7 +52,7 @@ class Flown:
         self.spoil: Spoil = lambda window: window
 
     def fly(self, seconds: float) -> None:
-        for _ in range(round(seconds * 10)):
+        for _ in range(round(seconds / WINDOW_S)):
             motion = np.array([0.5, -0.2, -9.8]) + self._random.standard_normal((WINDOW, 1, 3))
             noise = self._random.standard_normal((WINDOW, self._count, 3))
             window = self.spoil(motion + self._standing + self._vibration * noise)
@@ -111,7 +112,7 @@ def test_what_delivers_nothing_or_the_same_is_found_in_one_window(
         return window
 
     flown.spoil = spoil
-    flown.fly(0.1)
+    flown.fly(WINDOW_S)
     assert flown.failed == [(0, reason)]
     chosen = flown.vote.select([(value, value, value), (1.0, 2.0, 3.0), (1.0, 2.0, 3.0)][:count])
     assert chosen == (1.0, 2.0, 3.0) if count > 1 else all(map(math.isnan, chosen))
@@ -139,16 +140,18 @@ def test_of_two_the_one_whose_side_the_estimators_bias_takes_is_wrong(wrong: int
     flown = Flown(2)
     flown.fly(10.0)
     flown.spoil = shifted(wrong, 2.0, 0.0, 0.0)
-    flown.fly(0.5)
+    flown.fly(2 * WINDOW_S)
+    assert flown.vote.dispute is not None
+    flown.fly(3 * WINDOW_S)
     apart = flown.vote.dispute
     assert apart is not None
     assert apart[0] == pytest.approx(2.0 if wrong == 0 else -2.0, rel=0.4)
     suspicion = Suspicion()
     for number in range(10):
-        assert suspicion.update(None, (0.02, 0.0, 0.0), number * 100_000) is None
-    assert suspicion.update(apart, (0.1, 0.0, 0.0), 1_000_000) is None
+        assert suspicion.update(None, (0.02, 0.0, 0.0), number * 200_000) is None
+    assert suspicion.update(apart, (0.1, 0.0, 0.0), 2_000_000) is None
     # The mean is off by half of the error, whichever of the two makes it
-    verdict = suspicion.update(apart, (1.02, 0.0, 0.0), 1_100_000)
+    verdict = suspicion.update(apart, (1.02, 0.0, 0.0), 2_200_000)
     assert verdict is not None
     assert verdict.which == wrong
     assert verdict.shift_frd[0] == pytest.approx(-1.0)
