@@ -3,16 +3,19 @@
 A post that fails again and again while others are answered holds up everything behind it. It is
 taken out of its line, kept here with the reason, and sent again or removed by a person:
 `python -m mavlink_broker dead-letters`. That command only reads the file; what it asks for goes
-into a file beside it, which the broker carries out, the running one or the next.
+into a file beside it, which the broker carries out, the running one or the next. The broker renames
+that file before it reads it, and removes it when all of it is done: an order that comes meanwhile
+begins a new file, and one that a killed broker has begun is carried out by the next.
 """
 
+import fcntl
 import logging
 import os
 import re
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import BinaryIO, Final, NamedTuple
 
 from mavlink_broker.send_queue import DeadLetter, Post
 from mavlink_broker.spool.file import LineFile
@@ -20,8 +23,11 @@ from mavlink_broker.spool.record import RecordError, line_of_dead, read_dead
 
 DEAD: Final = "spool.dead"
 ORDERS: Final = "spool.dead.orders"
-MOST_ORDERS_BYTES: Final = 1 << 20
-_ORDER: Final = re.compile(r"(retry|drop) ([0-9]{1,16})")
+TAKEN: Final = "spool.dead.orders.taken"
+"""Orders that are being carried out."""
+_ORDER: Final = re.compile(rb"(retry|drop) ([0-9]{1,16})\n?")
+_LINE_BYTES: Final = 64
+"""More than the longest order has."""
 
 _LOG = logging.getLogger(__name__)
 
@@ -50,6 +56,7 @@ class DeadLetters:
             OSError: if it cannot be read.
         """
         self._orders = folder / ORDERS
+        self._taken = folder / TAKEN
         self._most_bytes = most_bytes
         self._file = LineFile(folder / DEAD)
         self._letters: dict[int, DeadLetter] = {}
@@ -110,23 +117,33 @@ class DeadLetters:
         return max(self._letters, default=0)
 
     def take_orders(self) -> Orders:
-        """Read and remove what a person has asked for; nothing, if nothing.
+        """Read what a person has asked for; nothing, if nothing. `end_orders` removes it.
 
         Raises:
-            OSError: if there is something that cannot be read.
+            OSError: if there is something that cannot be read, or is still being written.
         """
         try:
-            with self._orders.open("rb") as file:
-                text = file.read(MOST_ORDERS_BYTES).decode("ascii", "replace")
+            if not self._taken.exists():
+                self._orders.rename(self._taken)
+            file = self._taken.open("rb")
         except FileNotFoundError:
             return Orders()
-        self._orders.unlink()
-        found = [_ORDER.fullmatch(line) for line in text.splitlines()]
+        with file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            found = [_ORDER.fullmatch(line) for line in _lines_of(file)]
         wanted = [(match[1], int(match[2])) for match in found if match]
         return Orders(
-            frozenset(number for what, number in wanted if what == "retry"),
-            frozenset(number for what, number in wanted if what == "drop"),
+            frozenset(number for what, number in wanted if what == b"retry"),
+            frozenset(number for what, number in wanted if what == b"drop"),
         )
+
+    def end_orders(self) -> None:
+        """Remove the orders that were taken: they are carried out.
+
+        Raises:
+            OSError: if the disk refuses; they are carried out again, which changes nothing.
+        """
+        self._taken.unlink(missing_ok=True)
 
     def close(self) -> None:
         """Close the file."""
@@ -169,8 +186,28 @@ def order(folder: Path, what: str, numbers: Iterable[int]) -> None:
     """
     lines = "".join(f"{what} {number}\n" for number in numbers)
     flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC | os.O_NOFOLLOW
-    descriptor = os.open(folder / ORDERS, flags, 0o600)
+    path, is_written = folder / ORDERS, False
+    while not is_written:
+        with os.fdopen(os.open(path, flags, 0o600), "wb") as file:
+            fcntl.flock(file, fcntl.LOCK_EX)
+            if _is_same(path, file.fileno()):  # Else the broker has taken it meanwhile
+                file.write(lines.encode("ascii"))
+                is_written = True
+
+
+def _is_same(path: Path, descriptor: int) -> bool:
+    """Whether a path still names an open file."""
     try:
-        os.write(descriptor, lines.encode("ascii"))
-    finally:
-        os.close(descriptor)
+        return os.path.samestat(path.stat(), os.fstat(descriptor))
+    except FileNotFoundError:
+        return False
+
+
+def _lines_of(file: BinaryIO) -> Iterator[bytes]:
+    """Give the lines that are short enough for an order; the file may have any size."""
+    is_begin = True
+    while piece := file.readline(_LINE_BYTES):
+        is_end = piece.endswith(b"\n") or len(piece) < _LINE_BYTES
+        if is_begin and is_end:
+            yield piece
+        is_begin = piece.endswith(b"\n")

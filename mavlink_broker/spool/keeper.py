@@ -128,8 +128,14 @@ class Keeper:
             nonlocal orders
             orders = self._spool.dead.take_orders()
 
-        if not self._does("orders", look) or orders == Orders():
+        if not self._does("orders", look):
             return
+        if orders != Orders() and not self._carry_out(orders, now):
+            return  # Once more in the next round
+        self._does("ended orders", self._spool.dead.end_orders)
+
+    def _carry_out(self, orders: Orders, now: float) -> bool:
+        """Do what was asked; whether the disk has taken all of it."""
         posts = [post for post in map(self._spool.dead.get, sorted(orders.retry)) if post]
         for post in posts:
             post.kept_as = self._spool.next_number()
@@ -139,9 +145,13 @@ class Keeper:
                 post.kept_as = None if post.kept_as in lost else post.kept_as
                 self._queue.put(post)
             self._lock.notify_all()
-        self._does("dead letters", partial(self._spool.dead.remove, orders.retry | orders.drop))
+        dropped = sum(number in self._spool.dead for number in orders.drop)
+        remove = partial(self._spool.dead.remove, orders.retry | orders.drop)
+        is_removed = self._does("dead letters", remove)
         self._dead = self._spool.dead.of_vehicles
-        _LOG.info("dead letters: %d are sent again, %d were removed", len(posts), len(orders.drop))
+        if posts or dropped:
+            _LOG.info("dead letters: %d are sent again, %d were removed", len(posts), dropped)
+        return is_removed
 
     def keep_everything(self, now: float) -> None:
         """Keep what waits, whether it is endangered or not."""

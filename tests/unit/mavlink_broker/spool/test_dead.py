@@ -1,6 +1,7 @@
 """A report that is never taken costs itself: it is kept on disk, shown, and retried by hand."""
 
 import json
+import os
 import random
 import threading
 import time
@@ -155,6 +156,82 @@ def test_a_retry_asked_for_while_no_broker_runs_is_done_by_the_next(tmp_path: Pa
     last = Run(tmp_path)
     last.go(1, poison=-1)
     assert numbers(last.told) == [7]
+
+
+def with_dead_letters(folder: Path, count: int = 1) -> tuple[Run, list[int]]:
+    """A run whose first posts were given up, and their numbers."""
+    run = Run(folder)
+    for number in range(count):
+        run.queue.put(post(("mission_report", "alarm")[number], 7, idempotency_key=f"key-{number}"))
+    telemetry(run, MOST_ATTEMPTS + 2)
+    dead = [kept.number for kept in read_all(folder)]
+    assert len(dead) == count
+    return run, dead
+
+
+def keys(posts: list[Post]) -> set[str | None]:
+    return {one.idempotency_key for one in posts if one.body["sequence_number"] == 7}
+
+
+def test_orders_that_a_killed_broker_has_read_are_carried_out_by_the_next(tmp_path: Path) -> None:
+    run, dead = with_dead_letters(tmp_path)
+    order(tmp_path, "retry", dead)
+    assert run.spool.dead.take_orders().retry == set(dead)
+    run.kill()
+    after = Run(tmp_path)
+    after.go(2, poison=-1)
+    assert keys(after.told) == {"key-0"}
+    assert read_all(tmp_path) == []
+    assert list(tmp_path.glob("*orders*")) == []
+
+
+def test_an_order_that_comes_while_others_are_carried_out_is_carried_out_next(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run, dead = with_dead_letters(tmp_path, 2)
+    order(tmp_path, "retry", dead[:1])
+    genuine = run.spool.dead.remove
+
+    def remove(numbers: Any) -> None:
+        monkeypatch.undo()
+        order(tmp_path, "retry", dead[1:])
+        genuine(numbers)
+
+    monkeypatch.setattr(run.spool.dead, "remove", remove)
+    run.go(3, poison=-1)
+    assert keys(run.told) == {"key-0", "key-1"}
+
+
+def test_an_order_into_a_file_that_was_opened_before_it_was_taken_is_not_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run, dead = with_dead_letters(tmp_path, 2)
+    order(tmp_path, "retry", dead[:1])
+    genuine = os.open
+
+    def opened(path: Any, *how: Any, **named: Any) -> int:
+        descriptor = genuine(path, *how, **named)
+        if Path(path).name == ORDERS:
+            monkeypatch.undo()
+            run.go(1, poison=-1)
+        return descriptor
+
+    monkeypatch.setattr(os, "open", opened)
+    order(tmp_path, "retry", dead[1:])
+    run.go(2, poison=-1)
+    assert keys(run.told) == {"key-0", "key-1"}
+
+
+def test_an_order_behind_a_mebibyte_of_others_and_a_broken_line_is_carried_out(
+    tmp_path: Path,
+) -> None:
+    run, dead = with_dead_letters(tmp_path)
+    order(tmp_path, "retry", range(10_000_000, 10_000_000 + 80_000))
+    with (tmp_path / ORDERS).open("ab") as file:
+        file.write(b"x" * 1000 + b"\n")
+    order(tmp_path, "retry", dead)
+    run.go(2, poison=-1)
+    assert keys(run.told) == {"key-0"}
 
 
 def test_one_that_is_dropped_is_gone(tmp_path: Path) -> None:
