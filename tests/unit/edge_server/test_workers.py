@@ -1,0 +1,23 @@
+"""What the server says where no application answers."""
+
+import json
+
+import pytest
+
+from edge_server import workers
+
+
+@pytest.mark.parametrize(("status", "retry"), [(408, False), (503, True)])
+def test_a_refusal_of_the_front_has_the_shape_of_every_error(status: int, *, retry: bool) -> None:
+    head, _, body = workers._refusal(status).partition(b"\r\n\r\n")
+    start, *fields = head.decode().split("\r\n")
+    headers = dict(field.split(": ", 1) for field in fields)
+    assert start.startswith(f"HTTP/1.1 {status} ")
+    assert headers["Content-Length"] == str(len(body))
+    assert headers["Connection"] == "close"
+    assert ("Retry-After" in headers) == retry
+    assert json.loads(body) | {"request_id": ""} == {
+        "message": workers._SENTENCES[status],
+        "detail": {},
+        "request_id": "",
+    }
