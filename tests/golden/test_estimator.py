@@ -47,6 +47,8 @@ def replay() -> list[list[float]]:
         global_position=topics.vehicle_global_position,
         estimator_status=topics.estimator_status,
         landed=topics.land_detected,
+        imu_shift=topics.imu_shift,
+        torque_thrust=topics.vehicle_torque_thrust_setpoint,
         registry=registry,
     )
     rows = []

@@ -211,6 +211,7 @@ class ControlBench:
             trajectory=self.trajectory,
             vehicle_status=self.status,
             land_detected=self.land,
+            vehicle_control_mode=Topic(),
             hover_thrust_estimate=self.hover_thrust,
             registry=self.registry,
         )

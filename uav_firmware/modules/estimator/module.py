@@ -57,19 +57,17 @@ class EstimatorModule:
         global_position: Topic[VehicleGlobalPosition],
         estimator_status: Topic[EstimatorStatus],
         registry: Registry,
-        landed: Topic[LandDetected] | None = None,
-        imu_shift: Topic[ImuShift] | None = None,
-        torque_thrust: Topic[VehicleTorqueThrustSetpoint] | None = None,
+        landed: Topic[LandDetected],
+        imu_shift: Topic[ImuShift],
+        torque_thrust: Topic[VehicleTorqueThrustSetpoint],
     ) -> None:
         self._registry = registry
         self._seen_version = registry.version
         self.navigation = Navigation(registry.read(EstimatorParams), drag_of(registry))
         self._imu, self._baro, self._mag, self._gps = imu, baro, mag, gps
-        self._landed: Topic[LandDetected] = Topic() if landed is None else landed
-        self._imu_shift: Topic[ImuShift] = Topic() if imu_shift is None else imu_shift
-        self._torque_thrust: Topic[VehicleTorqueThrustSetpoint] = (
-            Topic() if torque_thrust is None else torque_thrust
-        )
+        self._landed = landed
+        self._imu_shift = imu_shift
+        self._torque_thrust = torque_thrust
         self._attitude = attitude
         self._local_position = local_position
         self._global_position = global_position

@@ -44,18 +44,18 @@ class FailureDetectorModule:
         sensors_status: Topic[SensorsStatus],
         failure_status: Topic[FailureDetectorStatus],
         status_text: Queue[StatusText],
-        imu: Topic[SensorImu] | None = None,
-        attitude_setpoint: Topic[VehicleAttitudeSetpoint] | None = None,
-        vehicle_control_mode: Topic[VehicleControlMode] | None = None,
+        imu: Topic[SensorImu],
+        attitude_setpoint: Topic[VehicleAttitudeSetpoint],
+        vehicle_control_mode: Topic[VehicleControlMode],
     ) -> None:
         registry.add(FailureDetectorParams)
         self._registry = registry
         self._motors = motors
         self._esc = esc
         self._attitude = attitude
-        self._imu = Topic() if imu is None else imu
-        self._attitude_setpoint = Topic() if attitude_setpoint is None else attitude_setpoint
-        self._control_mode = Topic() if vehicle_control_mode is None else vehicle_control_mode
+        self._imu = imu
+        self._attitude_setpoint = attitude_setpoint
+        self._control_mode = vehicle_control_mode
         self._vehicle_status = vehicle_status
         self._sensors_status = sensors_status
         self._failure_status = failure_status

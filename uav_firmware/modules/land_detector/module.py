@@ -43,12 +43,12 @@ class LandDetectorModule:
         vehicle_status: Topic[VehicleStatus],
         land_detected: Topic[LandDetected],
         registry: Registry,
-        vehicle_control_mode: Topic[VehicleControlMode] | None = None,
-        hover_thrust_estimate: Topic[HoverThrustEstimate] | None = None,
+        vehicle_control_mode: Topic[VehicleControlMode],
+        hover_thrust_estimate: Topic[HoverThrustEstimate],
     ) -> None:
         """`registry` must know the thrusts of position_control and manual_control."""
-        self._control_mode = Topic() if vehicle_control_mode is None else vehicle_control_mode
-        self._hover_thrust = Topic() if hover_thrust_estimate is None else hover_thrust_estimate
+        self._control_mode = vehicle_control_mode
+        self._hover_thrust = hover_thrust_estimate
         self._attitude = attitude
         self._local_position = local_position
         self._torque_thrust = torque_thrust

@@ -247,6 +247,7 @@ class Rig:
             imu=self.imu, baro=self.baro, mag=self.mag, gps=self.gps,
             attitude=self.attitude, local_position=self.local, global_position=self.world,
             estimator_status=self.status, registry=self.registry, landed=self.landed,
+            imu_shift=Topic(), torque_thrust=Topic(),
         )  # fmt: skip
 
     def feed(self, readings: Readings) -> None:
