@@ -166,7 +166,7 @@ class App:
         warnings = (
             self._traffic.warning_of(peer.system, now),
             f"{dead} reports could not be delivered: see dead-letters" if dead else None,
-            self.faults.warning(_owner(peer)),
+            self.faults.warning(_owner(peer), now),
         )
         return "; ".join(warning for warning in warnings if warning)[:MOST_WARNING] or None
 
@@ -259,7 +259,7 @@ class App:
             self._tell(Acknowledgement(work.work_id, "refused", reason), work.vehicle_id)
             return
         if not self._call(peer, now, partial(peer.session.take_event, work, now)):
-            failure = self.faults.warning(_owner(peer))
+            failure = self.faults.warning(_owner(peer), now)
             self._tell(Acknowledgement(work.work_id, "refused", failure), work.vehicle_id)
 
     def _answer_state_vector(self, work: StateVectorWork, now: float) -> None:

@@ -4,7 +4,7 @@ A camera that works on an order says so (IN_PROGRESS) and takes pictures. When i
 final answer may be lost, and an order that is given again would be carried out again: a vehicle
 keeps its answers for some seconds only. So the camera is asked for its state, and what it has
 captured decides: idle with new pictures, it has done the order; idle without, it has not, and may
-be ordered again.
+be ordered again. Of several cameras all that are asked must be idle: the order may be for any.
 """
 
 from enum import Enum, auto
@@ -40,7 +40,7 @@ class CaptureJudge:
         self._began_s = vehicle.snapshot.time_s
         self._signs_at: float | None = None  # The newest sign of work
         self._asked_at: float | None = None
-        self._is_idle = False
+        self._idle: set[int] = set()  # Components that have answered so since the newest sign
         self.pictures: set[int] = set()
 
     @property
@@ -48,7 +48,7 @@ class CaptureJudge:
         """Judge by what was heard so far."""
         if self._signs_at is None:
             return Verdict.UNHEARD
-        if not self._is_idle:
+        if not self._cameras <= self._idle:
             return Verdict.AT_WORK
         return Verdict.DONE if self.pictures else Verdict.NOTHING_DONE
 
@@ -62,7 +62,10 @@ class CaptureJudge:
                 self.pictures.add(message.image_index)
                 self._works(now)
             case "CAMERA_CAPTURE_STATUS" if self._is_asked_for(message):
-                self._is_idle = message.image_status == _IDLE
+                if message.image_status == _IDLE:
+                    self._idle.add(source_of(message).component)
+                else:
+                    self._idle.discard(source_of(message).component)
 
     def tick(self, now: float) -> list[Message]:
         """Ask the camera, once it has fallen silent."""
@@ -74,13 +77,17 @@ class CaptureJudge:
         command = mavlink.MAV_CMD_REQUEST_MESSAGE
         return [
             long_command(command, _STATUS, component=component).message(self._vehicle.route, 0)
-            for component in sorted(self._vehicle.cameras or {mavlink.MAV_COMP_ID_CAMERA})
+            for component in sorted(self._cameras)
         ]
 
     def _works(self, now: float) -> None:
         self._signs_at = now
         self._asked_at = None
-        self._is_idle = False
+        self._idle.clear()
+
+    @property
+    def _cameras(self) -> set[int]:
+        return self._vehicle.cameras or {mavlink.MAV_COMP_ID_CAMERA}
 
     def _is_new(self, message: Message) -> bool:
         """Whether a picture was taken since the order, by the vehicle's clock."""
@@ -88,5 +95,4 @@ class CaptureJudge:
         return self._began_s is not None and taken_s >= self._began_s
 
     def _is_asked_for(self, message: Message) -> bool:
-        cameras = self._vehicle.cameras or {mavlink.MAV_COMP_ID_CAMERA}
-        return self._asked_at is not None and source_of(message).component in cameras
+        return self._asked_at is not None and source_of(message).component in self._cameras

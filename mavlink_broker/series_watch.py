@@ -32,7 +32,8 @@ class SeriesWatch:
         if isinstance(command, CameraImage):
             p = command.parameters
             self._within_s = p.photo_count * max(1.0, p.time_interval) + PATIENCE_S
-        self._began: tuple[float, float] | None = None  # By our clock and by the vehicle's
+        self._began_at: float | None = None  # By the broker's clock
+        self._began_s: float | None = None  # By the vehicle's, once it has one
         self._asked_at: float | None = None
         self._heard_at = 0.0
         self._busy = set(vehicle.cameras)
@@ -48,9 +49,11 @@ class SeriesWatch:
 
     def tick(self, now: float) -> list[Message]:
         """Ask the cameras that are not known to be idle."""
-        if self._began is None:
-            self._began = now, self._vehicle_time_s(now)
-            self._heard_at = now
+        if self._began_at is None:
+            self._began_at = self._heard_at = now
+        time_s = self._vehicle.snapshot.time_s
+        if self._began_s is None and time_s is not None:
+            self._began_s = time_s - (now - self._began_at)
         if self.is_over(now) or (self._asked_at is not None and now - self._asked_at < ASK_EVERY_S):
             return []
         self._asked_at = now
@@ -65,12 +68,12 @@ class SeriesWatch:
         """Whether the next command may begin."""
         if self._within_s == 0.0 or not self._busy:
             return True
-        if self._began is None:
+        if self._began_at is None:
             return False
         is_silent = now - self._heard_at >= SILENT_AFTER_S
-        is_late = self._vehicle_time_s(now) - self._began[1] >= self._within_s
-        return is_silent or is_late
-
-    def _vehicle_time_s(self, now: float) -> float:
-        told = self._vehicle.snapshot.time_s
-        return now if told is None else told
+        time_s = self._vehicle.snapshot.time_s
+        if time_s is None or self._began_s is None:
+            lasted_s = now - self._began_at
+        else:
+            lasted_s = time_s - self._began_s
+        return is_silent or lasted_s >= self._within_s

@@ -1,0 +1,66 @@
+"""What is concluded from the states that the cameras of one vehicle tell."""
+
+from afarcloud.commands import CameraImage
+from mavlink_broker.capture_judge import SILENT_AFTER_S, CaptureJudge, Verdict
+from mavlink_broker.codec import Decoder, Encoder
+from mavlink_broker.dialect import Message, mavlink
+from mavlink_broker.protocol.route import Route
+from mavlink_broker.series_watch import PATIENCE_S, SeriesWatch
+from mavlink_broker.vehicle import Vehicle
+
+CREATE = mavlink.MAV_CMD_PANORAMA_CREATE
+FIRST, SECOND = mavlink.MAV_COMP_ID_CAMERA, mavlink.MAV_COMP_ID_CAMERA2
+BUSY, IDLE = 1, 0
+
+
+def sent_by(component: int, message: Message) -> Message:
+    """Pass a message over the wire."""
+    (received,) = Decoder().decode(Encoder(1, component).encode(message))
+    return received
+
+
+def status(component: int, image_status: int) -> Message:
+    message = mavlink.MAVLink_camera_capture_status_message(0, image_status, 0, 0.0, 0, 0.0)
+    return sent_by(component, message)
+
+
+def vehicle_with(*cameras: int) -> Vehicle:
+    return Vehicle(1, Route(254, 191, 1, 1), cameras=set(cameras))
+
+
+def test_an_idle_camera_says_nothing_of_another_one_at_work() -> None:
+    judge = CaptureJudge(CREATE, vehicle_with(FIRST, SECOND))
+    verdicts: list[Verdict] = []
+    working = mavlink.MAVLink_command_ack_message(CREATE, mavlink.MAV_RESULT_IN_PROGRESS)
+    judge.receive(sent_by(1, working), 0.0)
+    assert len(judge.tick(SILENT_AFTER_S)) == 2
+    judge.receive(status(SECOND, IDLE), 3.1)
+    verdicts.append(judge.verdict)
+    judge.receive(status(FIRST, BUSY), 3.2)
+    judge.receive(status(SECOND, IDLE), 3.3)
+    verdicts.append(judge.verdict)
+    judge.receive(status(FIRST, IDLE), 4.3)
+    verdicts.append(judge.verdict)
+    judge.receive(sent_by(1, working), 5.0)
+    verdicts.append(judge.verdict)
+    at_work = Verdict.AT_WORK
+    assert verdicts == [at_work, at_work, Verdict.NOTHING_DONE, at_work]
+
+
+def test_a_series_has_an_end_though_the_vehicle_tells_its_time_late() -> None:
+    picture = {"pitch_angle": 0.0}
+    command = CameraImage.model_validate(
+        {"command_id": 1, "command_type_id": 4, "parameters": picture}
+    )
+    vehicle = vehicle_with(FIRST)
+    watch = SeriesWatch(command, vehicle)
+    began_at, time_s = 1000.0, 12.0
+    watch.tick(began_at)
+    within_s = PATIENCE_S + 1.0
+    for second in range(1, int(within_s)):
+        vehicle.snapshot.time_s = time_s + second
+        watch.tick(began_at + second)
+        watch.receive(status(FIRST, BUSY), began_at + second)
+        assert not watch.is_over(began_at + second)
+    vehicle.snapshot.time_s = time_s + within_s
+    assert watch.is_over(began_at + within_s)
