@@ -98,6 +98,8 @@ def arming_checks(vehicle: Vehicle) -> Message:
 def disarming(vehicle: Vehicle) -> list[Message]:
     """Stop the propellers of a vehicle that stands and will not be flown; never in the air.
 
+    One that reports itself disarmed is ordered too: its answer to the order to arm comes before
+    its next heartbeat, and that order may still be on its way.
     It leaves its mission mode too: whoever arms it next would fly off on what has failed.
     """
     snapshot = vehicle.snapshot
@@ -105,10 +107,7 @@ def disarming(vehicle: Vehicle) -> list[Message]:
         return []
     would_fly = vehicle.mode_role is ModeRole.MISSION and vehicle.family.knows_modes
     order = long_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0).message(vehicle.route, 0)
-    return [
-        *([hold_on_ground(vehicle)] if would_fly else []),
-        *([order] if snapshot.armed else []),
-    ]
+    return [*([hold_on_ground(vehicle)] if would_fly else []), order]
 
 
 def parking(vehicle: Vehicle) -> list[Message]:

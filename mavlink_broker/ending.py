@@ -1,6 +1,6 @@
 """What is flown after an event has ended a mission: land, go somewhere, come home.
 
-    on the ground        disarm, and stay there
+    on the ground        disarm, and stay there; also while an order to arm may still arrive
     without a position   land here: neither a place nor home can be found
     else                 what the event says
 
@@ -102,22 +102,36 @@ _BEFORE_HOLDING: Final = frozenset({ModeRole.MISSION})
 class Ending:
     """Sees to it that a vehicle does what an abort asks for."""
 
-    def __init__(self, event: Event, vehicle: Vehicle, *, was_ours: bool = False) -> None:
-        """Begin with nothing sent; `was_ours` if the mode that it is in is part of its mission."""
+    def __init__(
+        self,
+        event: Event,
+        vehicle: Vehicle,
+        *,
+        was_ours: bool = False,
+        arms_until: float | None = None,
+    ) -> None:
+        """Begin with nothing sent; `was_ours` if the mode that it is in is part of its mission.
+
+        `arms_until` is the time until which an order to arm that was sent may still take effect
+        on a vehicle that reports itself disarmed; None if there is no such order.
+        """
         self._event = event
         self._vehicle = vehicle
+        self._arms_until = arms_until
         self._first_mode = vehicle.mode if was_ours else None  # Ours until it is left
-        self._performer = Performer(action_after(event, vehicle), vehicle)
         self._again_at = math.inf
         self._given_up = False
         self._obeyed_at: float | None = None  # It has left its mission, by its own word
         self.taken: str | None = None  # Who has taken the vehicle meanwhile
+        self._performer = Performer(self._action(goes_there=True), vehicle)
 
     @property
     def is_over(self) -> bool:
         """Whether the vehicle has obeyed the last order, stands disarmed, or is somebody else's."""
-        if self.taken is not None or self._vehicle.snapshot.armed is False:
+        if self.taken is not None:
             return True
+        if self._vehicle.snapshot.armed is False:
+            return self._arms_until is None
         is_done = self._performer.phase is Phase.DONE
         return is_done and not self._flies_on and not self._vehicle.is_standing_armed
 
@@ -136,7 +150,13 @@ class Ending:
 
     @property
     def _comes_down(self) -> bool:
-        return self._vehicle.is_standing_armed or self._vehicle.snapshot.lacks_position
+        return self._stands or self._vehicle.snapshot.lacks_position
+
+    @property
+    def _stands(self) -> bool:
+        """Whether it is on the ground, armed or about to be."""
+        is_about_to_arm = self._arms_until is not None and self._vehicle.snapshot.armed is False
+        return is_about_to_arm or self._vehicle.is_standing_armed
 
     def start(self, now: float) -> list[Message]:
         """Give the first order."""
@@ -150,6 +170,7 @@ class Ending:
         """Repeat what is overdue, and begin again what was refused or not obeyed."""
         if self._is_taken(now):
             return []
+        self._watch_arming(now)
         if self._must_not_go_there():
             self._performer = Performer(self._action(goes_there=False), self._vehicle)
             return self._performer.start(now)
@@ -169,6 +190,18 @@ class Ending:
         self._performer = Performer(self._action(goes_there=has_failed), self._vehicle)
         return [*messages, *self._performer.start(now)]
 
+    def _watch_arming(self, now: float) -> None:
+        """Stop to expect the arming when it is too late; heartbeats missed in between may hide it.
+
+        A vehicle that has armed is judged by its own reports from then on.
+        """
+        if self._arms_until is None:
+            return
+        if self._vehicle.link.state(now) is not LinkState.CONNECTED:
+            self._arms_until = max(self._arms_until, now + AGAIN_AFTER_S)
+        if self._vehicle.snapshot.armed or now >= self._arms_until:
+            self._arms_until = None
+
     def _must_not_go_there(self) -> bool:
         """Whether it was on its way to a place, and stands, or cannot find it any more."""
         is_going = self._performer.phase is Phase.APPROACHING and self._performer.goes_somewhere
@@ -176,7 +209,9 @@ class Ending:
 
     def _action(self, *, goes_there: bool) -> LiveAction:
         """Begin anew, or end only: one that came to its place does not leave it again."""
-        if self._given_up and not self._vehicle.is_standing_armed:
+        if self._stands:
+            return staying(self._vehicle)
+        if self._given_up:
             return landing_here(self._vehicle)
         return action_after(self._event, self._vehicle, goes_there=goes_there)
 

@@ -12,7 +12,7 @@ from afarcloud.enumerations import EventType, Status
 from mavlink_broker import activities
 from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.effects import Acknowledgement, Effects
-from mavlink_broker.ending import Ending, abort_note, coming_home
+from mavlink_broker.ending import STRAY_S, Ending, abort_note, coming_home
 from mavlink_broker.flight_progress import FlightProgress
 from mavlink_broker.interruption import (
     PATIENCE_S,
@@ -231,7 +231,8 @@ class Flight(FlightProgress):
         """Send the vehicle where the event says."""
         self._follower = self._performer = None
         event, self._ending_note = within_fence(event, self._area, self._vehicle)
-        self._ending = Ending(event, self._vehicle, was_ours=True)
+        arms_until = now + STRAY_S if self._is_arming_ordered else None
+        self._ending = Ending(event, self._vehicle, was_ours=True, arms_until=arms_until)
         self._ending_work = work_id
         self._vehicle.abort = None if work_id is None else abort_note(event, work_id, self._vehicle)
         if work_id is None:
@@ -286,7 +287,7 @@ class Flight(FlightProgress):
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
             self._move(Event.ENDED, now, effects)
             return
-        if not self._vehicle.snapshot.armed:
+        if not self._vehicle.snapshot.armed and not self._is_arming_ordered:
             effects.for_edge.append(Acknowledgement(work.work_id, "done"))
             self._move(Event.ENDED, now, effects)
             return
@@ -322,7 +323,7 @@ class Flight(FlightProgress):
 
     def rebooted(self, now: float, effects: Effects) -> None:
         """Take that the vehicle was restarted."""
-        self._is_fenced = False
+        self._is_fenced = self._is_arming_ordered = False
         preparing = self.state in BEFORE_TAKEOFF
         flying = self.state in {State.RUNNING, State.PERFORMING}
         lost_sight_of = self.state is State.ATTACHING and self._looks > 0 and self._has_flown

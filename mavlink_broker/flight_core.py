@@ -71,6 +71,7 @@ class FlightCore:
         self._was_in_mission_mode = False  # When it was told to start
         self._start_again_at = 0.0
         self._arm_again_at = 0.0
+        self._is_arming_ordered = False  # And no heartbeat has shown the vehicle armed since
         self._flies_another = False  # Somebody else's mission; ours waits for the landing
         self._activity: Activity | None = None
         self._stages = Stages(work.mission, vehicle)
@@ -208,6 +209,7 @@ class FlightCore:
     def _see_mode_of_arming(self) -> None:
         """Learn in which mode the vehicle is armed: that one is ours until it is left."""
         seen = self._vehicle.seen
+        self._is_arming_ordered &= not seen.armed
         if not seen.armed:
             self._armed_in = seen.mode
         elif seen.mode != self._armed_in:

@@ -170,6 +170,7 @@ class FlightPreparation(FlightCore):
             self._entered_at = now  # Its patience begins when it may arm
             return
         ways = self._vehicle.family.arming
+        self._is_arming_ordered = not self._vehicle.snapshot.armed
         self._start(activities.commands(ways, self._vehicle), now, effects)
 
     def _may_still_arm(self, now: float) -> bool:

@@ -321,6 +321,42 @@ class TestOnTheGround:
         assert world.edge.status(1201) == Status.ABORTED
         assert said(world, event)[-1] == "done"
 
+    @pytest.mark.parametrize("script", [PX4, OWN, ARDUPILOT, GENERIC])
+    @pytest.mark.parametrize("kind", [ABORT, SOFT_ABORT])
+    @pytest.mark.parametrize("delay_s", [0.0, 0.5])
+    def test_an_abort_disarms_one_whose_order_to_arm_is_on_its_way(
+        self, script: Script, kind: int, delay_s: float
+    ) -> None:
+        """Its heartbeats, of one a second, still report that it is disarmed."""
+        world = World()
+        waits = {mavlink.MAV_CMD_MISSION_START: mavlink.MAV_RESULT_IN_PROGRESS}
+        script = slow(script, heartbeats_at_once=False, results=waits)
+        vehicle = world.add_vehicle(script=script)
+        world.air.delay(vehicle, delay_s)
+        world.edge.plan(first_flight())
+        world.run_until(lambda: state(world) is State.ARMING)
+        world.tick()
+        event = world.edge.event(kind)
+        world.run(20.0)
+        assert mavlink.MAV_CMD_COMPONENT_ARM_DISARM in vehicle.commands
+        assert not vehicle.armed
+        assert not vehicle.airborne
+        assert state(world) is State.IDLE
+        assert world.edge.status(1201) == Status.ABORTED
+        assert said(world, event) == ["accepted", "done"]
+
+    def test_a_refused_start_disarms_one_that_has_not_reported_its_arming(self) -> None:
+        world = World()
+        starts = mavlink.MAV_CMD_MISSION_START, mavlink.MAV_CMD_DO_SET_MODE
+        denied = dict.fromkeys(starts, mavlink.MAV_RESULT_DENIED)
+        script = slow(PX4, heartbeats_at_once=False, results=denied)
+        vehicle = world.add_vehicle(script=script)
+        world.edge.plan(first_flight())
+        world.run_until_over(1201)
+        world.run(3.0)
+        assert world.edge.status(1201) == Status.FAILED
+        assert not vehicle.armed
+
     def test_one_that_has_left_the_ground_meanwhile_lands(self) -> None:
         """It refuses to disarm: its news of the ground were old."""
         world = starting(PX4)
