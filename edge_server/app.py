@@ -11,6 +11,7 @@ from flask_sqlalchemy import SQLAlchemy
 from edge_server.api import (
     audit,
     auth,
+    bodies,
     broker,
     bulk,
     dead_letters,
@@ -32,7 +33,6 @@ from edge_server.api import (
     urls,
     vehicles,
 )
-from edge_server.api.bodies import MAXIMUM_IMAGE_BODY_BYTES
 from edge_server.api.limits import Limits
 from edge_server.config import Config
 from edge_server.metrics import Metrics
@@ -83,7 +83,7 @@ def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> API
     app.config.update(
         SQLALCHEMY_DATABASE_URI=config.database,
         SQLALCHEMY_ENGINE_OPTIONS=engine_options(config.database),
-        MAX_CONTENT_LENGTH=MAXIMUM_IMAGE_BODY_BYTES,
+        MAX_CONTENT_LENGTH=bodies.MAXIMUM_IMAGE_BODY_BYTES,
         PROPAGATE_EXCEPTIONS=False,
     )
     urls.install(app)
@@ -107,6 +107,7 @@ def create_app(config: Config, *, clock: Callable[[], float] = time.time) -> API
         from edge_server.api import jws  # noqa: PLC0415  # it costs memory
 
         app.extensions[signatures.EXTENSION] = jws.load(config.cloud_jws_key_file, config.edge_id)
+    app.before_request(bodies.refuse_encoded)
     app.before_request(signatures.check_request)
     headers.install(app, config)
     for part in _PARTS:

@@ -48,6 +48,7 @@ _STATUS: Final[dict[type[Exception], tuple[int, str]]] = {
 _SENTENCES: Final = {
     400: "the request cannot be understood",
     408: "the request was not complete in time, or gave way to others",
+    413: "the body is too large, or is in too many small chunks",
     414: "the address is too long",
     417: "what the request expects cannot be met",
     431: "the headers are too large",
@@ -112,6 +113,10 @@ class EdgeWorker(ThreadWorker):  # type: ignore[misc]  # gunicorn has no types
         """Serve one request; returns whether its connection may be used again."""
         request = None
         try:
+            if exchange.refusal is not None:
+                LOG.warning("a request of %s cannot be framed", exchange.client[0])
+                exchange.sendall(_refusal(exchange.refusal))
+                return False
             request = next(http.get_parser(self.cfg, exchange, exchange.client))
             if not request:
                 return False

@@ -39,6 +39,12 @@ def extension(name: str) -> Any:
     return current_app.extensions.get(name)
 
 
+def refuse_encoded() -> None:
+    """Refuse a compressed body; raises 415 (RFC 9110 section 8.4)."""
+    if request.headers.get("Content-Encoding", "identity").strip().lower() not in {"", "identity"}:
+        raise RequestError(415, "the body must not be compressed: no Content-Encoding is accepted")
+
+
 def json_body(limit: int = MAXIMUM_BODY_BYTES) -> Any:
     """Read and parse the body; raises 413 or 415, or SyntaxFaultError."""
     if not request.is_json:

@@ -13,6 +13,9 @@ from apiflask.exceptions import HTTPError
 from apiflask.types import ResponseReturnValueType
 from flask import current_app, g
 from flask.typing import ResponseReturnValue
+from gunicorn.http.errors import (  # type: ignore[import-untyped]  # it has no types
+    ParseException,
+)
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from werkzeug.exceptions import HTTPException
@@ -82,6 +85,7 @@ def install(app: APIFlask) -> None:
     app.register_error_handler(DocumentError, _document)
     app.register_error_handler(ServiceError, _service)
     app.register_error_handler(RequestError, _request)
+    app.register_error_handler(ParseException, _no_http)
     app.register_error_handler(DBAPIError, _database)
     app.register_error_handler(PoolTimeoutError, _overloaded)
     app.register_error_handler(HTTPException, _werkzeug)
@@ -127,6 +131,12 @@ def _service(error: ServiceError) -> ResponseReturnValue:
 
 def _request(error: RequestError) -> ResponseReturnValue:
     return _told(str(error), error.faults, where=error.where), error.status
+
+
+def _no_http(error: Exception) -> ResponseReturnValue:
+    """Answer a body that the server's parser refuses while the application reads it."""
+    LOG.warning("the body of a request is no HTTP (%s)", type(error).__name__)
+    return _told(_SENTENCES[400]), 400
 
 
 def _database(error: DBAPIError) -> ResponseReturnValue:

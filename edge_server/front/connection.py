@@ -73,6 +73,9 @@ class Connection:
     def on_ready(self, now: float) -> bool:
         """Let the network move; returns whether a request is whole.
 
+        One call takes what one `recv` gives, and what TLS has decrypted already, so that a client
+        that sends without a pause shares the thread with all others.
+
         Raises:
             OSError: when the connection is of no use any more, EOFError when it has ended.
         """
@@ -87,7 +90,7 @@ class Connection:
             self._take_in(data, now)
             if self.framing.stage is Stage.READY:
                 return True
-            if len(data) < _RECEIVED_BYTES and not isinstance(self.sock, ssl.SSLSocket):
+            if not (isinstance(self.sock, ssl.SSLSocket) and self.sock.pending()):
                 break
         return False
 

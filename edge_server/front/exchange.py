@@ -32,6 +32,7 @@ class Exchange:
         self.client = client
         self.server = server
         self.is_whole = taken.is_whole
+        self.refusal = taken.refusal
         self._sock = sock
         self._raw = memoryview(taken.raw)
         self._patience_s = SEND_S

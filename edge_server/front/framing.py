@@ -1,8 +1,13 @@
 """Where a request of HTTP/1.1 ends in what a connection receives; sans-IO.
 
-It reads as much of a head as tells the length of the body (RFC 9112 section 6.3) and leaves the
-rest to the server's parser. What it cannot frame, it gives to that parser as it is, as the last
-request of its connection: the parser refuses it.
+It reads as much of a head as gives the length of the body (RFC 9112 section 6.3) and leaves the
+rest to the server's parser. A head that it cannot frame goes to that parser as it is, as the last
+request of its connection: the parser refuses it. A body that is broken (RFC 9112 section 7.1) or
+too large is refused here, with the status in `Taken.refusal`: the parser would find the error only
+when the application reads the body.
+
+One thread frames the requests of all clients, so the work for a body is bounded by its bytes: the
+number of chunks has a limit that grows with the payload.
 
 HEAD and BODY: more bytes are needed. READY: a request can be taken.
 
@@ -12,7 +17,7 @@ stateDiagram-v2
     HEAD --> READY: head complete, no body
     HEAD --> READY: no head that can be framed
     BODY --> READY: body complete
-    BODY --> READY: too large, or a broken chunk
+    BODY --> READY: too large, or a broken chunk: refused
     READY --> HEAD: taken
 ```
 """
@@ -26,7 +31,23 @@ MAXIMUM_BODY_BYTES: Final = 2 * 1024 * 1024
 """Of a body that is kept here, chunk sizes included; the application refuses smaller ones."""
 _HEAD_END: Final = b"\r\n\r\n"
 _LONGEST_LINE_BYTES: Final = 8192  # Of a chunk's size with its extensions, or of a trailer
-_CHUNK_SIZE: Final = re.compile(rb"[0-9A-Fa-f]{1,8}[ \t]*(?:;|\Z)")
+CHUNKS_ALLOWED: Final = 1024
+"""So many chunks a body may have, however little is in them."""
+LEAST_CHUNK_BYTES: Final = 64
+"""Mean payload of the chunks beyond those."""
+MAXIMUM_TRAILERS: Final = 64
+_TOKEN: Final = rb"[!#$%&'*+\-.^_`|~0-9A-Za-z]+"  # RFC 9110 section 5.6.2
+_QUOTED: Final = rb'"(?:[\t !#-\[\]-~\x80-\xff]|\\[\t -~\x80-\xff])*"'  # RFC 9110 section 5.6.4
+_EXTENSION: Final = rb"[ \t]*;[ \t]*%b(?:[ \t]*=[ \t]*(?:%b|%b))?" % (_TOKEN, _TOKEN, _QUOTED)
+_CHUNK_SIZE: Final = re.compile(rb"0*([0-9A-Fa-f]{1,8})(?:%b)*" % _EXTENSION)
+_TRAILER: Final = re.compile(rb"(%b):[\t -~\x80-\xff]*" % _TOKEN)
+_NO_TRAILERS: Final = frozenset(
+    {b"authorization", b"content-length", b"host", b"te", b"trailer", b"transfer-encoding"}
+)
+"""Fields that say how a message is framed, routed or authorized (RFC 9110 section 6.5.1)."""
+BAD_REQUEST: Final = 400
+TOO_LARGE: Final = 413
+UNKNOWN_CODING: Final = 501
 _LENGTH: Final = re.compile(rb"[0-9]{1,18}")
 
 
@@ -39,14 +60,22 @@ class Stage(Enum):
 
 
 class Taken(NamedTuple):
-    """The bytes of one request; `is_whole` when the next one may follow behind them."""
+    """The bytes of one request; `is_whole` when the next one may follow behind them.
+
+    `refusal` is the HTTP status of the answer when the request must not reach the application.
+    """
 
     raw: bytes
     is_whole: bool
+    refusal: int | None = None
 
 
-class _BrokenError(Exception):
-    """The body cannot be framed."""
+class _RefusedError(Exception):
+    """The body cannot be framed, or is too large; `status` is the HTTP status of the answer."""
+
+    def __init__(self, status: int) -> None:
+        super().__init__(status)
+        self.status = status
 
 
 class RequestFraming:
@@ -62,7 +91,11 @@ class RequestFraming:
         self._end: int | None = None  # Of the request, when it is known
         self._next_chunk: int | None = None  # Where the next size, or trailer, begins
         self._in_trailers = False
+        self._chunks = 0
+        self._payload_bytes = 0
+        self._trailers = 0
         self._is_whole = True
+        self._refusal: int | None = None
         self.wants_continue = False
 
     @property
@@ -78,7 +111,7 @@ class RequestFraming:
     def take(self) -> Taken:
         """Take the request that is ready; the bytes behind it begin the next one."""
         end = len(self._buffer) if self._end is None else self._end
-        taken = Taken(bytes(self._buffer[:end]), self._is_whole)
+        taken = Taken(bytes(self._buffer[:end]), self._is_whole, self._refusal)
         del self._buffer[:end]
         self._start_request()
         if self._buffer and taken.is_whole:
@@ -91,13 +124,14 @@ class RequestFraming:
         if self.stage is Stage.BODY:
             try:
                 self._look_for_end()
-            except _BrokenError:
-                self._give_up()
+            except _RefusedError as error:
+                self._give_up(error.status)
 
-    def _give_up(self) -> None:
-        """Let the parser refuse what is here; nothing can follow it."""
+    def _give_up(self, refusal: int | None = None) -> None:
+        """Refuse what is here, or let the parser refuse it; nothing can follow it."""
         self._end = None
         self._is_whole = False
+        self._refusal = refusal
         self.stage = Stage.READY
 
     def _look_for_head(self) -> None:
@@ -116,7 +150,7 @@ class RequestFraming:
         self.wants_continue = [v.lower() for v in fields.get(b"expect", [])] == [b"100-continue"]
         if codings is not None:
             if lengths is not None or [one.lower() for one in codings] != [b"chunked"]:
-                self._give_up()
+                self._give_up(_refusal_of_codings(codings))
                 return
             self._next_chunk = body
         elif lengths is not None:
@@ -138,26 +172,26 @@ class RequestFraming:
         if self._next_chunk is None and self._end is not None and len(self._buffer) >= self._end:
             self.stage = Stage.READY
         elif len(self._buffer) > MAXIMUM_HEAD_BYTES + MAXIMUM_BODY_BYTES:
-            raise _BrokenError
+            raise _RefusedError(TOO_LARGE)
 
     def _take_chunk(self, place: int) -> bool:
         """Pass a chunk or a trailer, if all of it is here; sets the end behind the last one."""
         line_end = self._buffer.find(b"\r\n", place, place + _LONGEST_LINE_BYTES)
         if line_end < 0:
             if len(self._buffer) - place >= _LONGEST_LINE_BYTES:
-                raise _BrokenError
+                raise _RefusedError(BAD_REQUEST)
             return False
         line = bytes(self._buffer[place:line_end])
         after = line_end + 2
         if self._in_trailers:
-            self._next_chunk = after if line else None
-            self._end = None if line else after
+            self._take_trailer(line, after)
             return True
-        if not _CHUNK_SIZE.match(line):
-            raise _BrokenError
-        size = int(line.partition(b";")[0], 16)
+        found = _CHUNK_SIZE.fullmatch(line)
+        if not found:
+            raise _RefusedError(BAD_REQUEST)
+        size = int(found[1], 16)
         if size > MAXIMUM_BODY_BYTES:
-            raise _BrokenError
+            raise _RefusedError(TOO_LARGE)
         if size == 0:
             self._in_trailers = True
             self._next_chunk = after
@@ -165,9 +199,29 @@ class RequestFraming:
         if len(self._buffer) < after + size + 2:
             return False
         if self._buffer[after + size : after + size + 2] != b"\r\n":
-            raise _BrokenError
+            raise _RefusedError(BAD_REQUEST)
+        self._chunks += 1
+        self._payload_bytes += size
+        if self._chunks > CHUNKS_ALLOWED + self._payload_bytes // LEAST_CHUNK_BYTES:
+            raise _RefusedError(TOO_LARGE)
         self._next_chunk = after + size + 2
         return True
+
+    def _take_trailer(self, line: bytes, after: int) -> None:
+        if not line:
+            self._next_chunk, self._end = None, after
+            return
+        self._trailers += 1
+        found = _TRAILER.fullmatch(line)
+        if not found or found[1].lower() in _NO_TRAILERS or self._trailers > MAXIMUM_TRAILERS:
+            raise _RefusedError(BAD_REQUEST)
+        self._next_chunk = after
+
+
+def _refusal_of_codings(codings: list[bytes]) -> int:
+    """Give the status for transfer codings that are not `chunked` alone (RFC 9112 section 6.1)."""
+    names = {one.strip(b" \t").lower() for one in b",".join(codings).split(b",")}
+    return BAD_REQUEST if names == {b"chunked"} else UNKNOWN_CODING
 
 
 def _fields(head: bytes) -> dict[bytes, list[bytes]]:

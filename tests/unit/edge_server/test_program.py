@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import re
 import signal
 import socket
 import sqlite3
@@ -323,6 +324,33 @@ def test_a_body_in_chunks_is_bounded_too(program: Program) -> None:
             timeout=30.0,
         )
     assert answered.status_code == 201
+
+
+def test_a_broken_body_in_chunks_is_a_400_and_ends_the_connection(program: Program) -> None:
+    program.start()
+    cases = [
+        ("/pose/", "application/json", "", b"+5\r\n     \r\n0\r\n\r\n", 400),
+        ("/pose/", "application/json", "", b"5;a\nb\r\n     \r\n0\r\n\r\n", 400),
+        ("/pose/", "application/json", "", b"2\r\n{}XX0\r\n\r\n", 400),
+        ("/pose/", "application/json", "", b"2\r\n{}\r\n0\r\nContent-Length: 4\r\n\r\n", 400),
+        ("/pose/", "application/json", "", b"1\r\n \r\n" * 3000, 413),
+        ("/pose/", "application/json", "gzip, ", b"2\r\n{}\r\n0\r\n\r\n", 501),
+        ("/fields/", "multipart/form-data; boundary=a", "", b"-1\r\n", 400),
+    ]
+    key = program.key("admin")
+    for path, content_type, coding, body, status in cases:
+        head = (
+            f"POST {path} HTTP/1.1\r\nHost: edge\r\nX-API-Key: {key}\r\n"
+            f"Content-Type: {content_type}\r\nTransfer-Encoding: {coding}chunked\r\n\r\n"
+        )
+        with socket.create_connection(("127.0.0.1", program.port), timeout=30.0) as connection:
+            connection.sendall(
+                b"GET /healthz HTTP/1.1\r\nHost: edge\r\n\r\n" + head.encode() + body
+            )
+            answers = b"".join(iter(lambda: connection.recv(65_536), b""))
+        statuses = re.findall(rb"HTTP/1\.1 (\d+)", answers)
+        assert statuses == [b"200", b"%d" % status], (body[:40], answers)
+        assert b'"request_id"' in answers
 
 
 def test_a_refused_body_does_not_break_the_connection(program: Program) -> None:

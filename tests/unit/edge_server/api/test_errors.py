@@ -1,6 +1,7 @@
 """One shape for every error, and nothing of our insides in it."""
 
 import base64
+import io
 import json
 import logging
 from collections.abc import Iterator
@@ -8,6 +9,13 @@ from contextlib import contextmanager
 from typing import Any
 
 import pytest
+from gunicorn.http.errors import (  # type: ignore[import-untyped]  # it has no types
+    ChunkMissingTerminator,
+    InvalidChunkExtension,
+    InvalidChunkSize,
+    InvalidHeaderName,
+    LimitRequestHeaders,
+)
 from sqlalchemy import event
 
 from edge_server.services import plans
@@ -47,6 +55,59 @@ def test_errors_of_the_address(edge: Edge, method: str, path: str, status: int) 
 
 def test_a_refused_method_tells_which_there_are(edge: Edge) -> None:
     assert "POST" in edge.ask("PATCH", "/plans/", "admin").headers["Allow"]
+
+
+class BrokenBody(io.BytesIO):
+    """A body that the server's parser refuses while it is read."""
+
+    def __init__(self, error: Exception) -> None:
+        super().__init__(b"{}")
+        self._error = error
+
+    def read(self, _size: int | None = -1) -> bytes:
+        raise self._error
+
+    def readinto(self, _buffer: object) -> int:
+        raise self._error
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        InvalidChunkSize(b"+50"),
+        InvalidChunkExtension("bare CR"),
+        ChunkMissingTerminator(b"XX"),
+        InvalidHeaderName("CONTENT-LENGTH"),
+        LimitRequestHeaders("too many"),
+    ],
+)
+@pytest.mark.parametrize(
+    ("path", "content_type"),
+    [("/plans/", "application/json"), ("/fields/", "multipart/form-data; boundary=a")],
+)
+def test_a_body_that_the_parser_refuses_is_a_400(
+    edge: Edge, path: str, content_type: str, error: Exception
+) -> None:
+    answer = edge.ask(
+        "POST",
+        path,
+        "admin",
+        input_stream=BrokenBody(error),
+        headers={"Content-Type": content_type, "Transfer-Encoding": "chunked"},
+        environ_overrides={"wsgi.input_terminated": True},
+    )
+    assert answer.status_code == 400
+    shape_of(answer)
+
+
+@pytest.mark.parametrize(
+    ("coding", "status"), [("gzip", 415), ("br, gzip", 415), ("identity", 201)]
+)
+def test_a_compressed_body_is_a_415(edge: Edge, coding: str, status: int) -> None:
+    body = json.dumps(telemetry("pose")).encode()
+    headers = {"Content-Type": "application/json", "Content-Encoding": coding}
+    answer = edge.ask("POST", "/pose/", "broker", data=body, headers=headers)
+    assert answer.status_code == status, answer.json
 
 
 @pytest.mark.parametrize(

@@ -1,13 +1,19 @@
 """Requests are cut out of a stream of bytes as they were put in, however the bytes arrive."""
 
 import itertools
+import re
 from collections.abc import Iterable
 
 import pytest
+from gunicorn.config import Config  # type: ignore[import-untyped]  # it has no types
+from gunicorn.http import get_parser  # type: ignore[import-untyped]  # as above
 from hypothesis import given
 from hypothesis import strategies as st
 
+from edge_server.front import framing as framing_module
 from edge_server.front.framing import (
+    CHUNKS_ALLOWED,
+    LEAST_CHUNK_BYTES,
     MAXIMUM_BODY_BYTES,
     MAXIMUM_HEAD_BYTES,
     Lane,
@@ -21,7 +27,7 @@ GET = b"GET /plans/ HTTP/1.1\r\nHost: edge\r\n\r\n"
 SIZED = b"POST /pose/ HTTP/1.1\r\nContent-Length: 12\r\n\r\nhello\r\n\r\nyou"
 CHUNKED = (
     b"POST /pose/ HTTP/1.1\r\nTransfer-Encoding: Chunked\r\n\r\n"
-    b"5;name=value\r\nhello\r\n1f\r\n" + b"x" * 31 + b"\r\n0\r\nTrailer: yes\r\n\r\n"
+    b"5;name=value\r\nhello\r\n1f\r\n" + b"x" * 31 + b"\r\n0\r\nChecksum: yes\r\n\r\n"
 )
 EMPTY = b"POST /x HTTP/1.1\r\ncontent-length: 0\r\n\r\n"
 
@@ -68,13 +74,6 @@ def test_a_request_is_ready_at_its_last_byte_and_not_before(request_: bytes) -> 
         b"POST / HTTP/1.1\r\nContent-Length: 5\r\nContent-Length: 6\r\n\r\n",
         b"POST / HTTP/1.1\r\nContent-Length: 1" + b"0" * 30 + b"\r\n\r\n",
         b"POST / HTTP/1.1\r\nContent-Length: %d\r\n\r\n" % (MAXIMUM_BODY_BYTES + 1),
-        b"POST / HTTP/1.1\r\nContent-Length: 5\r\nTransfer-Encoding: chunked\r\n\r\n",
-        b"POST / HTTP/1.1\r\nTransfer-Encoding: gzip, chunked\r\n\r\n",
-        b"POST / HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\nzz\r\n",
-        b"POST / HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n-5\r\n",
-        b"POST / HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n5\r\nhello!!",
-        b"POST / HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\nffffffff\r\n",
-        b"POST / HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n" + b"1" * 9000,
         b"x" * (MAXIMUM_HEAD_BYTES + 1),
     ],
 )
@@ -82,6 +81,96 @@ def test_what_cannot_be_framed_is_handed_on_as_it_is_and_is_the_last(raw: bytes)
     found, framing = requests_in([raw])
     assert found == [Taken(raw, is_whole=False)]
     assert framing.kept_bytes == 0
+
+
+IN_CHUNKS = b"POST / HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n"
+
+
+@pytest.mark.parametrize(
+    ("raw", "status"),
+    [
+        (b"POST / HTTP/1.1\r\nContent-Length: 5\r\nTransfer-Encoding: chunked\r\n\r\n", 400),
+        (b"POST / HTTP/1.1\r\nTransfer-Encoding: gzip, chunked\r\n\r\n", 501),
+        (b"POST / HTTP/1.1\r\nTransfer-Encoding: gzip\r\nTransfer-Encoding: chunked\r\n\r\n", 501),
+        (b"POST / HTTP/1.1\r\nTransfer-Encoding: chunked, chunked\r\n\r\n", 400),
+        (IN_CHUNKS + b"zz\r\n", 400),
+        (IN_CHUNKS + b"-5\r\n", 400),
+        (IN_CHUNKS + b"+5\r\n", 400),
+        (IN_CHUNKS + b"0x5\r\n", 400),
+        (IN_CHUNKS + b"5_0\r\n", 400),
+        (IN_CHUNKS + b"5 \r\n", 400),
+        (IN_CHUNKS + b"\r\n", 400),
+        (IN_CHUNKS + b"5;a\nb\r\n", 400),
+        (IN_CHUNKS + b'5;a="b\r\n', 400),
+        (IN_CHUNKS + b"5\r\nhello!!", 400),
+        (IN_CHUNKS + b"ffffffff\r\n", 413),
+        (IN_CHUNKS + b"1" * 9000, 400),
+        (IN_CHUNKS + b"5;" + b"a" * 200_000, 400),
+        (IN_CHUNKS + b"0\r\nContent-Length: 4\r\n\r\n", 400),
+        (IN_CHUNKS + b"0\r\nno trailer\r\n\r\n", 400),
+        (IN_CHUNKS + b"0\r\n" + b"a: b\r\n" * 20_000 + b"\r\n", 400),
+        (IN_CHUNKS + b"1\r\n \r\n" * 2000, 413),
+    ],
+)
+def test_a_broken_body_is_refused_and_is_the_last(raw: bytes, status: int) -> None:
+    found, framing = requests_in([GET + raw])
+    assert found == [Taken(GET, is_whole=True), Taken(raw, is_whole=False, refusal=status)]
+    assert framing.kept_bytes == 0
+
+
+@given(st.integers(1, 200), st.integers(1, 3000), st.lists(st.integers(0, 400_000), max_size=5))
+def test_the_number_of_chunks_is_bounded_by_their_payload(
+    size: int, number: int, places: list[int]
+) -> None:
+    chunks = (b"%x\r\n" % size + b" " * size + b"\r\n") * number
+    found, _ = requests_in(cut(IN_CHUNKS + chunks + b"0\r\n\r\n", places))
+    accepted = all(
+        some <= CHUNKS_ALLOWED + some * size // LEAST_CHUNK_BYTES for some in range(1, number + 1)
+    )
+    assert found[0].refusal == (None if accepted else 413)
+
+
+class CountingPattern:
+    """A pattern that counts how often it is used."""
+
+    def __init__(self, pattern: re.Pattern[bytes]) -> None:
+        self._pattern = pattern
+        self.used = 0
+
+    def fullmatch(self, line: bytes) -> re.Match[bytes] | None:
+        self.used += 1
+        return self._pattern.fullmatch(line)
+
+
+def test_a_body_of_tiny_chunks_costs_a_bounded_number_of_steps(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pattern = CountingPattern(framing_module._CHUNK_SIZE)
+    monkeypatch.setattr(framing_module, "_CHUNK_SIZE", pattern)
+    requests_in([IN_CHUNKS, *[b"1\r\n \r\n" * 100] * 1000])
+    assert pattern.used < 1100
+
+
+@given(
+    st.lists(
+        st.one_of(
+            st.sampled_from(
+                [b"5\r\nhello\r\n", b"0005;a=b\r\nhello\r\n", b'5 ; a="\\b"\r\nhello\r\n']
+            ),
+            st.sampled_from([b"0\r\n", b"a: b\r\n", b"Host: a\r\n", b"a_b: c\r\n", b"\r\n", b"\n"]),
+            st.binary(max_size=8),
+        ),
+        max_size=8,
+    )
+)
+def test_the_parser_reads_every_body_that_is_not_refused(parts: list[bytes]) -> None:
+    found, _ = requests_in(
+        [b"POST / HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n" + b"".join(parts)]
+    )
+    for taken in found[:1]:
+        if taken.refusal is None:
+            parsed = next(get_parser(Config(), [taken.raw], ("127.0.0.1", 1)))
+            assert set(parsed.body.read()) <= set(b"".join(parts))
 
 
 @given(st.binary(max_size=400), st.lists(st.integers(0, 400), max_size=5))
