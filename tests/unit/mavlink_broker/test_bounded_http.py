@@ -37,6 +37,18 @@ def silence() -> Iterator[bytes]:
     yield OK + LENGTH + b"x" * 100
 
 
+class Script:
+    """What a server sends, and whether it came to its end: nobody has cut the connection."""
+
+    def __init__(self, pieces: Callable[[], Iterator[bytes]]) -> None:
+        self._pieces = pieces
+        self.has_ended = False
+
+    def __call__(self) -> Iterator[bytes]:
+        yield from self._pieces()
+        self.has_ended = True
+
+
 @contextmanager
 def server(pieces: Callable[[], Iterator[bytes]]) -> Iterator[str]:
     """Answer every connection with these pieces, whatever it asks for."""
@@ -95,8 +107,10 @@ def ask(url: str, within_s: float = DEADLINE_S, most_bytes: int = 1 << 20) -> An
 def test_an_answer_that_drips_is_given_up_at_the_deadline_of_the_whole(
     pieces: Callable[[], Iterator[bytes]],
 ) -> None:
-    with server(pieces) as url, pytest.raises(requests.Timeout, match="no whole answer"):
+    script = Script(pieces)
+    with server(script) as url, pytest.raises(requests.Timeout, match="no whole answer"):
         ask(url)
+    assert not script.has_ended
 
 
 def test_an_answer_in_time_is_whole() -> None:
@@ -139,11 +153,10 @@ def test_a_connection_that_was_given_up_is_not_used_again() -> None:
 
 def test_a_handshake_that_stalls_is_given_up_too() -> None:
     hello = b"\x16\x03\x03\x40\x00"
-    with (
-        server(lambda: dripping(hello, b"\x02" * PIECES)) as url,
-        pytest.raises(requests.Timeout, match="no whole answer"),
-    ):
+    script = Script(lambda: dripping(hello, b"\x02" * PIECES))
+    with server(script) as url, pytest.raises(requests.Timeout, match="no whole answer"):
         ask(url.replace("http", "https"))
+    assert not script.has_ended
 
 
 def test_a_file_of_authorities_that_is_missing_is_an_error_of_the_request(tmp_path: Path) -> None:
