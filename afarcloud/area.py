@@ -76,14 +76,21 @@ class Polygon:
                 strip.append(edge)
 
     def is_beside(self, way: Edge) -> bool:
-        """Whether a way keeps clear of it altogether, at a glance."""
+        """Whether a box with this diagonal keeps clear of the polygon's own box."""
         (x1, y1), (x2, y2) = way
         return (
-            max(x1, x2) < self._west
-            or min(x1, x2) > self._east
-            or max(y1, y2) < self._south
-            or min(y1, y2) > self._north
+            max(x1, x2) < self._west - TOLERANCE_M
+            or min(x1, x2) > self._east + TOLERANCE_M
+            or max(y1, y2) < self._south - TOLERANCE_M
+            or min(y1, y2) > self._north + TOLERANCE_M
         )
+
+    def comes_near_circle(self, centre: Point, radius_m: float) -> bool:
+        """Whether the outline may touch the line of a circle; the circle is on one side if not."""
+        band_m = 2.0 * (TOLERANCE_M + _SAGITTA_M)
+        if all(math.dist(centre, edge[0]) < radius_m - band_m for edge in self.edges):
+            return False
+        return self.distance_m(centre) <= radius_m + band_m
 
     def contains(self, point: Point) -> bool:
         """Whether a point lies inside, by counting the edges to the east of it."""
@@ -125,6 +132,13 @@ class Polygon:
             yield self._strips[number]
 
 
+class _Near(NamedTuple):
+    """The polygons of an area that may matter to a way; each exclusion with its number."""
+
+    exclusion: list[tuple[int, Polygon]]
+    inclusion: list[Polygon]
+
+
 class Area:
     """The inclusion and exclusion areas of one geofence."""
 
@@ -158,15 +172,34 @@ class Area:
             (east + radius_m * math.cos(angle), north + radius_m * math.sin(angle))
             for angle in (math.tau * k / number for k in range(number + 1))
         ]
-        faults = (self._fault(way) for way in itertools.pairwise(corners))
+        box = (east - radius_m, north - radius_m), (east + radius_m, north + radius_m)
+        near = self._near(box)
+        touched = [
+            (number, polygon)
+            for number, polygon in near.exclusion
+            if polygon.comes_near_circle((east, north), radius_m) or polygon.contains(corners[0])
+        ]
+        near = near._replace(exclusion=touched)
+        faults = (self._fault(way, near) for way in itertools.pairwise(corners))
         return _told(next((fault for fault in faults if fault is not None), None))
 
     def _polygon(self, outline: Sequence[Vertex]) -> Polygon:
         return Polygon([self.plane.point(*vertex) for vertex in outline])
 
-    def _fault(self, way: Edge) -> int | None:
-        """Give the number of the exclusion that a way enters, -1 if it leaves the inclusion."""
-        for number, polygon in enumerate(self.exclusion):
+    def _near(self, box: Edge) -> _Near:
+        """Give the polygons that something within a box may touch, by its diagonal."""
+        return _Near(
+            [(n, one) for n, one in enumerate(self.exclusion) if not one.is_beside(box)],
+            [one for one in self.inclusion if not one.is_beside(box)],
+        )
+
+    def _fault(self, way: Edge, polygons: _Near | None = None) -> int | None:
+        """Give the number of the exclusion that a way enters, -1 if it leaves the inclusion.
+
+        `polygons` are those near the way, where the caller knows that the others are not.
+        """
+        polygons = self._near(way) if polygons is None else polygons
+        for number, polygon in polygons.exclusion:
             if polygon.is_beside(way):
                 continue
             near = polygon.edges_near(way)
@@ -175,10 +208,10 @@ class Area:
                     return number
         if not self.inclusion:
             return None
-        near = [edge for polygon in self.inclusion for edge in polygon.edges_near(way)]
+        near = [edge for polygon in polygons.inclusion for edge in polygon.edges_near(way)]
         for piece in _pieces(way, near):
             middle = _middle(piece)
-            inside = any(polygon.contains(middle) for polygon in self.inclusion)
+            inside = any(polygon.contains(middle) for polygon in polygons.inclusion)
             if not inside and not _keeps_to_one(piece, near):
                 return -1
         return None

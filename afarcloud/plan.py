@@ -1,6 +1,6 @@
 """What comes in: plans, their missions, and events that interrupt them."""
 
-from typing import Annotated, TypeAlias
+from typing import Annotated, Final, TypeAlias
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -26,6 +26,10 @@ Vertex: TypeAlias = tuple[Latitude, Longitude]
 Polygon: TypeAlias = Annotated[tuple[Vertex, ...], Field(min_length=3, max_length=1000)]
 Speed: TypeAlias = Annotated[float, Field(gt=0, le=100), BeforeValidator(json_number)]
 DEFAULT_SPEED_M_S = 5.0
+MOST_POLYGONS: Final = 64
+MOST_CORNERS: Final = 2000
+"""Limits of a geofence, inclusions and exclusions together: a farm needs tens of each, and a plan
+is judged against all of them."""
 
 
 class Geofence(Model):
@@ -34,6 +38,19 @@ class Geofence(Model):
     inclusion: tuple[Polygon, ...] = ()
     exclusion: tuple[Polygon, ...] = ()
     max_altitude: PositiveHeightAboveHome | None = None
+
+    @model_validator(mode="after")
+    def _has_a_bounded_size(self) -> "Geofence":
+        polygons = (*self.inclusion, *self.exclusion)
+        larger = "exclusion" if len(self.exclusion) > len(self.inclusion) else "inclusion"
+        if len(polygons) > MOST_POLYGONS:
+            text = f"inclusion and exclusion have {len(polygons)} polygons, at most {MOST_POLYGONS}"
+            raise field_error(larger, text)
+        corners = sum(len(polygon) for polygon in polygons)
+        if corners > MOST_CORNERS:
+            text = f"inclusion and exclusion have {corners} corners, at most {MOST_CORNERS}"
+            raise field_error(larger, text)
+        return self
 
 
 class RallyPoint(Model):

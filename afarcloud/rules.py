@@ -31,10 +31,37 @@ class Verdict(NamedTuple):
     missing: tuple[Fault, ...] = ()  # Of the faults: what a draft may still lack
 
 
-def check(plan: Plan, vehicles: Mapping[int, VehicleLimits], now: datetime) -> Verdict:
-    """Hold a plan against the registered vehicles and the time of day."""
+class FenceVerdict(NamedTuple):
+    """What the geofence of a plan says of it: the expensive part, which the plan alone decides."""
+
+    rally_points: tuple[Fault, ...]
+    missions: tuple[tuple[Fault, ...], ...]  # In the plan's order
+
+
+def check_fence(plan: Plan) -> FenceVerdict:
+    """Judge the missions and rally points of a plan against its own geofence."""
     fence = None if plan.geofence is None else FenceCheck(plan.geofence)
-    faults = [*_plan_faults(plan, now), *_rally_faults(plan, fence)]
+    return FenceVerdict(
+        tuple(_rally_faults(plan, fence)),
+        tuple(
+            tuple(_fence_faults(mission, f"missions.{index}", fence))
+            for index, mission in enumerate(plan.missions)
+        ),
+    )
+
+
+def check(
+    plan: Plan,
+    vehicles: Mapping[int, VehicleLimits],
+    now: datetime,
+    fence: FenceVerdict | None = None,
+) -> Verdict:
+    """Hold a plan against the registered vehicles and the time of day.
+
+    `fence` is what `check_fence` says of this plan, where the caller has asked it already.
+    """
+    fence = check_fence(plan) if fence is None else fence
+    faults = [*_plan_faults(plan, now), *fence.rally_points]
     warnings: list[Fault] = []
     missing: list[Fault] = []
     for index, mission in enumerate(plan.missions):
@@ -50,7 +77,7 @@ def check(plan: Plan, vehicles: Mapping[int, VehicleLimits], now: datetime) -> V
         if plan.profile == Profile.FIELD:
             missing += _takeoff_first(mission, path)
         faults += flyable.faults(mission, path)
-        faults += _fence_faults(mission, path, fence)
+        faults += fence.missions[index]
         warnings += _warnings(mission, path, plan.profile)
     faults += missing
     if plan.profile == Profile.ANNEX:

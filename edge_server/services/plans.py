@@ -1,8 +1,12 @@
-"""Plans: validated, kept, their missions queued for the broker; one transaction each."""
+"""Plans: validated, kept, their missions queued for the broker; one transaction each.
+
+A geofence is judged before the transaction: that takes up to seconds, and an abort must not wait.
+"""
 
 from collections.abc import Sequence
 from typing import Any, Final
 
+from pydantic import ValidationError
 from sqlalchemy import Connection
 from ulid import ULID
 
@@ -11,6 +15,7 @@ from afarcloud.enumerations import Status
 from afarcloud.faults import Fault, InvalidError
 from afarcloud.numbers import INT32_MAX
 from afarcloud.plan import Mission, Plan
+from afarcloud.rules import FenceVerdict
 from afarcloud.vehicle import VehicleLimits
 from afarcloud.wire import Kind, write
 from edge_server.services import audit, broker_work, once
@@ -43,11 +48,12 @@ def create(context: Context, plan: Plan, caller: Caller) -> dict[str, Any]:
     """
     body_sha256 = once.hash_body(write(plan))
     route = Kind.PLAN.value
+    fence = rules.check_fence(plan)
     with context.database.write(WORK) as connection:
         answered = once.earlier(connection, caller, route, body_sha256)
         if answered is None:
             now = context.clock()
-            row = _create(connection, context, plan, now)
+            row = _create(connection, context, plan, fence, now)
             shown = _show(connection, _find(connection, row))
             answered = Answered(route, body_sha256, row, None, now, to_json(shown))
             once.remember(connection, caller, answered)
@@ -81,6 +87,7 @@ def create_all(
         as `create`; then none of them is kept.
     """
     body_sha256 = once.hash_body(asked)
+    fences = [rules.check_fence(plan) for plan in documents]  # Other mission_ids change nothing
     with context.database.write(WORK) as connection:
         answered = once.earlier(connection, caller, _SEVERAL, body_sha256)
         if answered is None:
@@ -88,7 +95,8 @@ def create_all(
             if numbered_here:
                 documents = _with_free_ids(connection, documents)
             rows = [
-                _create(connection, context, plan, now, warnings, missing) for plan in documents
+                _create(connection, context, plan, fence, now, warnings, missing)
+                for plan, fence in zip(documents, fences, strict=True)
             ]
             shown = [_show(connection, _find(connection, row)) for row in rows]
             answered = Answered(_SEVERAL, body_sha256, rows[0], None, now, to_json(shown))
@@ -126,12 +134,13 @@ def _create(
     connection: Connection,
     context: Context,
     plan: Plan,
+    fence: FenceVerdict,
     now: float,
     warnings: Sequence[Fault] = (),
     missing: Sequence[Fault] | None = None,
 ) -> int:
     broker_work.expire(connection, now)
-    stored = _checked(connection, context, plan, now, missing)
+    stored = _checked(connection, context, plan, fence, now, missing)
     stored.warnings.extend({"path": one.path, "message": one.message} for one in warnings)
     if plans.find(connection, stored.plan_id) is not None:
         raise ConflictError(
@@ -158,6 +167,7 @@ def replace(
         InvalidError: if the new one breaks a rule.
         ConflictError: if the broker has a mission of it, or as for `create`.
     """
+    fence = rules.check_fence(plan)
     with context.database.write(WORK) as connection:
         now = context.clock()
         broker_work.expire(connection, now)
@@ -170,7 +180,7 @@ def replace(
                 f"plan {old.id} keeps its plan_id", (Fault("plan_id", "cannot be changed"),)
             )
         work.remove_of_plan(connection, old.id)
-        new = _checked(connection, context, plan, now)._replace(
+        new = _checked(connection, context, plan, fence, now)._replace(
             id=old.id, plan_id=old.plan_id, received_at=old.received_at
         )
         plans.replace(connection, new)
@@ -187,8 +197,14 @@ def dispatch(context: Context, reference: int | str) -> dict[str, Any]:
     Raises:
         NotFoundError: if there is none.
         InvalidError: if it breaks a rule by now: a vehicle is gone, its limits have changed.
-        ConflictError: if it has expired, or as for `create`.
+        ConflictError: if it has expired or is changed meanwhile, or as for `create`.
     """
+    with context.database.read() as connection:
+        stored = _find(connection, reference)
+        missions = work.of_plan(connection, stored.id)
+    waits = any(item.held for item in missions)
+    judged = _dispatched(stored, missions) if waits else None
+    fence = None if judged is None else rules.check_fence(judged)
     with context.database.write(WORK) as connection:
         now = context.clock()
         broker_work.expire(connection, now)
@@ -198,7 +214,10 @@ def dispatch(context: Context, reference: int | str) -> dict[str, Any]:
             _check_whole(stored)
             if any(item.state == work.CLOSED for item in missions):
                 raise ConflictError(f"plan {stored.id} has ended: {missions[0].message}")
-            stored = _let_go(connection, context, stored, missions, now)
+            plan = _dispatched(stored, missions)
+            if plan != judged or fence is None:
+                raise ConflictError(f"plan {stored.id} has just been changed; look at it again")
+            stored = _let_go(connection, context, stored, plan, fence, now)
         shown = _show(connection, stored)
     context.bell.ring()
     return shown
@@ -211,18 +230,33 @@ def _check_whole(stored: StoredPlan) -> None:
         raise InvalidError(tuple(Fault(one["path"], one["message"]) for one in lacks))
 
 
+def _dispatched(stored: StoredPlan, missions: Sequence[work.Work]) -> Plan:
+    """Give a stored plan as it is queued when somebody dispatches it.
+
+    Raises:
+        InvalidError: if the model has become narrower since the plan was stored.
+    """
+    bodies = [item.body for item in missions]
+    try:
+        return Plan.model_validate({**stored.body, "dispatch": True, "missions": bodies})
+    except ValidationError as error:
+        faults = error.errors(include_url=False, include_input=False)
+        raise InvalidError(
+            tuple(Fault(".".join(map(str, one["loc"])), one["msg"]) for one in faults)
+        ) from None
+
+
 def _let_go(
     connection: Connection,
     context: Context,
     stored: StoredPlan,
-    missions: Sequence[work.Work],
+    plan: Plan,
+    fence: FenceVerdict,
     now: float,
 ) -> StoredPlan:
     """Queue a held plan's missions anew: the broker's cursor is past their old places."""
-    bodies = [item.body for item in missions]
-    plan = Plan.model_validate({**stored.body, "dispatch": True, "missions": bodies})
     work.remove_of_plan(connection, stored.id)
-    checked = _checked(connection, context, plan, now)
+    checked = _checked(connection, context, plan, fence, now)
     dispatched = stored._replace(body=checked.body, warnings=checked.warnings)
     plans.replace(connection, dispatched)
     _queue(connection, context, plan, dispatched, now)
@@ -329,6 +363,7 @@ def _checked(
     connection: Connection,
     context: Context,
     plan: Plan,
+    fence: FenceVerdict,
     now: float,
     missing: Sequence[Fault] | None = None,
 ) -> StoredPlan:
@@ -338,7 +373,7 @@ def _checked(
     """
     registered = vehicles.known(connection, {item.vehicle_id for item in plan.missions})
     limits = dict.fromkeys(registered, VehicleLimits())
-    verdict = rules.check(plan, limits, moment(now))
+    verdict = rules.check(plan, limits, moment(now), fence)
     lacks = () if missing is None else (*missing, *verdict.missing)
     faults = tuple(fault for fault in verdict.faults if fault not in lacks)
     if faults or (lacks and plan.dispatch):
