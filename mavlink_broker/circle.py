@@ -9,12 +9,12 @@ import math
 from typing import Final
 
 from afarcloud.enumerations import OrbitType
+from afarcloud.geodesy import distance_m, offset, shifted
 from mavlink_broker.dialect import Message
 from mavlink_broker.journal.memo import LiveNote, Pose
 from mavlink_broker.protocol.command import Accepted, Command, Refused
 from mavlink_broker.protocol.command_sequence import CommandSequence
 from mavlink_broker.series import heading_order, way_order
-from mavlink_broker.translation.geo import distance_m, offset, shifted
 from mavlink_broker.translation.live import Circled, speed_order
 from mavlink_broker.translation.situation import Spot
 from mavlink_broker.vehicle import Vehicle

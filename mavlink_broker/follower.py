@@ -9,13 +9,13 @@ A lost link is no failure: the vehicle flies on, and is asked when it is back.
 from typing import Final
 
 from afarcloud.enumerations import Status
+from afarcloud.geodesy import distance_m
 from mavlink_broker.departure import HELD_BY_FAILSAFE, Departure
 from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.effects import Told
 from mavlink_broker.reporter import Reporter
 from mavlink_broker.translation import authority
 from mavlink_broker.translation.authority import IN_MISSION, Claim, InCommand
-from mavlink_broker.translation.geo import distance_m
 from mavlink_broker.translation.ledger import Ledger
 from mavlink_broker.translation.mission import FlightPlan
 from mavlink_broker.translation.modes import ModeRole

@@ -6,10 +6,10 @@ that is armed at that place, and that nobody else flies, has not been anywhere s
 
 from typing import Final
 
+from afarcloud.geodesy import distance_m
 from mavlink_broker.dialect import mavlink
 from mavlink_broker.journal.memo import Pose
 from mavlink_broker.translation.authority import ON_THE_WAY, Claim, InCommand, in_command
-from mavlink_broker.translation.geo import distance_m
 from mavlink_broker.vehicle import Vehicle
 
 WITHIN_M: Final = 30.0

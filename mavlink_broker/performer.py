@@ -14,6 +14,7 @@ of the vehicle are set first; what comes after it has them given back.
 from enum import Enum, auto
 from typing import Final
 
+from afarcloud.geodesy import distance_m
 from mavlink_broker.capture_judge import CaptureJudge, Verdict
 from mavlink_broker.circle import CircleRunner
 from mavlink_broker.departure import HELD_BY_FAILSAFE, Departure
@@ -26,7 +27,6 @@ from mavlink_broker.subject import SubjectTracker
 from mavlink_broker.target_teller import TargetTeller
 from mavlink_broker.translation import authority
 from mavlink_broker.translation.authority import Claim, InCommand
-from mavlink_broker.translation.geo import distance_m
 from mavlink_broker.translation.live import (
     Circled,
     Lasted,

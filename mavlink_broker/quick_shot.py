@@ -12,11 +12,11 @@ ahead of it on the circle about where the subject will be by then.
 import math
 from typing import Final, NamedTuple
 
+from afarcloud.geodesy import distance_m, offset, shifted
 from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.protocol.command import Accepted, Command, CommandInt, Refused
 from mavlink_broker.protocol.command_sequence import CommandSequence
 from mavlink_broker.series import heading_order, way_order
-from mavlink_broker.translation.geo import distance_m, offset, shifted
 from mavlink_broker.translation.live import Turned
 from mavlink_broker.translation.situation import Spot
 from mavlink_broker.turning import Turning

@@ -8,11 +8,11 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
+from afarcloud.geodesy import distance_m, shifted
 from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.journal.memo import LiveNote, Pose
 from mavlink_broker.protocol.command import Accepted, Command, Refused, long_command
 from mavlink_broker.protocol.command_sequence import CommandSequence, Ways
-from mavlink_broker.translation.geo import distance_m, shifted
 from mavlink_broker.translation.live import AS_IT_IS, Face, Order, Shift, Step, reposition
 from mavlink_broker.translation.situation import Spot
 from mavlink_broker.vehicle import Vehicle

@@ -7,8 +7,8 @@ where positions are missing, or from a vehicle that has not been near a waypoint
 
 from typing import Final
 
+from afarcloud.geodesy import distance_m
 from mavlink_broker.dialect import Message, mavlink
-from mavlink_broker.translation import geo
 from mavlink_broker.translation.mission import FlightPlan
 from mavlink_broker.translation.mission_item import MissionItem
 from mavlink_broker.vehicle import Vehicle
@@ -63,7 +63,7 @@ class SkipWatch:
         position = self._vehicle.snapshot.position
         if position is None:
             return False
-        away = geo.distance_m(
+        away = distance_m(
             position.latitude_deg, position.longitude_deg, item.latitude_deg, item.longitude_deg
         )
         return away <= max(NEAR_M, item.parameters[1]) + NEAR_S * position.speed_m_s

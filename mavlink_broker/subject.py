@@ -13,13 +13,13 @@ import math
 from typing import Final
 
 from afarcloud.enumerations import TrackMode
+from afarcloud.geodesy import offset
 from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.journal.memo import LiveNote, Pose
 from mavlink_broker.protocol.command import Refused, long_command
 from mavlink_broker.protocol.command_sequence import CommandSequence, Ways
 from mavlink_broker.quick_shot import QuickShot, Subject
 from mavlink_broker.series import SeriesRunner, heading_order
-from mavlink_broker.translation.geo import offset
 from mavlink_broker.translation.live import Shift, Tracked
 from mavlink_broker.translation.modes import LIVE_MODES
 from mavlink_broker.translation.situation import Spot

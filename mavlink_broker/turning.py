@@ -4,8 +4,8 @@ import math
 from dataclasses import replace
 from typing import Final
 
+from afarcloud.geodesy import offset
 from mavlink_broker.journal.memo import Pose
-from mavlink_broker.translation.geo import offset
 from mavlink_broker.translation.live import Turned
 
 ALMOST: Final = 0.99

@@ -6,13 +6,13 @@ from typing import Final
 from afarcloud.commands import NavHotpoint, NavHotpointParameters
 from afarcloud.enumerations import OrbitType
 from afarcloud.flyable import SLOWEST_TURN_DEG_S
+from afarcloud.geodesy import offset, shifted
 from afarcloud.route import start_point
 from mavlink_broker.dialect import mavlink
 from mavlink_broker.protocol.command import CommandInt
 from mavlink_broker.translation import mission_item
 from mavlink_broker.translation.borrowed import copter_circle
 from mavlink_broker.translation.families import Family
-from mavlink_broker.translation.geo import offset, shifted
 from mavlink_broker.translation.live import Circled, LiveAction, Turned
 from mavlink_broker.translation.orbiting import Orbiting
 from mavlink_broker.translation.situation import Items, Refusal, Situation, Spot

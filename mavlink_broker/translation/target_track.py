@@ -10,7 +10,7 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from typing import Final, NamedTuple, Protocol
 
-from mavlink_broker.translation.geo import offset
+from afarcloud.geodesy import offset
 from mavlink_broker.translation.target import STANDING, Vector
 
 COLUMNS: Final = ("time_s", "latitude_deg", "longitude_deg")

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from afarcloud.enumerations import EventType, Status
-from mavlink_broker.translation.geo import shifted
+from afarcloud.geodesy import shifted
 from tests.support.broker_world import go_home, mission, takeoff, waypoint
 from tests.support.flying_world import FlyingWorld
 from tests.support.scripted_vehicle import HOME

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import pytest
 
 from afarcloud.enumerations import AlarmCode, Status
-from mavlink_broker.translation.geo import shifted
+from afarcloud.geodesy import shifted
 from sim.fault_notation import read_order
 from sim.faults import Fault
 from tests.support.broker_world import go_home, mission, takeoff, waypoint

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from afarcloud.geodesy import shifted
 from mavlink_broker.config import Config
 from mavlink_broker.leads import LeadError, read_leads
-from mavlink_broker.translation.geo import shifted
 from tests.support.broker_world import World, go_home, mission, takeoff
 from tests.support.scripted_vehicle import HOME, PX4, PX4_FOLLOW, ScriptedVehicle
 from tests.unit.mavlink_broker.test_borrowing import follow

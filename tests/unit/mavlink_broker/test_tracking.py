@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from afarcloud.enumerations import Status, TrackMode
+from afarcloud.geodesy import offset, shifted
 from mavlink_broker.codec import Encoder
 from mavlink_broker.dialect import mavlink
-from mavlink_broker.translation.geo import offset, shifted
 from tests.support.broker_world import World, go_home, mission, takeoff
 from tests.support.scripted_vehicle import (
     ARDUPILOT,

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from afarcloud.geodesy import shifted
 from mavlink_broker.journal.memo import Pose
-from mavlink_broker.translation.geo import shifted
 from mavlink_broker.translation.live import Turned
 from mavlink_broker.turning import Turning
 

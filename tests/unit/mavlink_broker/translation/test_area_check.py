@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from afarcloud.geodesy import distance_m, shifted
 from afarcloud.plan import Geofence, Mission
 from afarcloud.route import Circle, highest_m, route_of
 from mavlink_broker.translation import families
 from mavlink_broker.translation.area_check import AreaCheck, as_flown
 from mavlink_broker.translation.families import Family
-from mavlink_broker.translation.geo import distance_m, shifted
 from mavlink_broker.translation.situation import Home, RefusedError, Spot
 
 LATITUDE, LONGITUDE = 40.4434, -3.7382
