@@ -64,6 +64,7 @@ class Declaration:
     is_integer: bool
     is_volatile: bool = False  # A ground station that keeps values leaves it out of the hash
     locked_while_armed: bool = False
+    least_if_on: float = 0.0  # 0 switches off; any other value is at least this
 
 
 def param(
@@ -76,6 +77,7 @@ def param(
     short: str,
     volatile: bool = False,
     locked_while_armed: bool = False,
+    least_if_on: float = 0.0,
 ) -> Any:
     """Declare a parameter as a dataclass field; an int default makes an INT32.
 
@@ -85,6 +87,8 @@ def param(
     `locked_while_armed` is for what describes the vehicle, such as where its rotors are: a change
     in flight would take the control away, whatever the value. What is tuned in flight has
     bounds within which the vehicle stays in control instead.
+
+    `least_if_on` is for a limit that 0 switches off: values between 0 and it are refused.
     """
     if len(name) > 16:
         raise ParameterTypeError(f"{name}: longer than 16 characters")
@@ -98,6 +102,7 @@ def param(
         is_integer=isinstance(default, int),
         is_volatile=volatile,
         locked_while_armed=locked_while_armed,
+        least_if_on=least_if_on,
     )
     return field(default=default, metadata={_METADATA: declaration})
 
@@ -186,6 +191,10 @@ class Registry:
         if not minimum <= value <= maximum:
             raise ParameterRangeError(
                 f"{name}: {value} is outside {declaration.minimum}..{declaration.maximum}"
+            )
+        if 0.0 < value < declaration.least_if_on:
+            raise ParameterRangeError(
+                f"{name}: {value} is neither 0 nor at least {declaration.least_if_on:g}"
             )
         stored = int(value) if declaration.is_integer else value
         if declaration.locked_while_armed and self.armed and stored != self._values[name]:

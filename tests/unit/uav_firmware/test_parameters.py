@@ -91,3 +91,25 @@ def test_stored_values_at_their_bounds_are_loaded_again() -> None:
     again = some()
     assert again.load(registry.changed()) == []
     assert again.get("A_SHARE") == registry.get("A_SHARE")
+
+
+@pytest.mark.parametrize("name", ["FD_FAIL_R", "FD_FAIL_P"])
+def test_no_angle_that_a_gust_exceeds_counts_as_a_lost_attitude(whole: Registry, name: str) -> None:
+    for refused in (1.0, 5.0, 29.9):
+        with pytest.raises(ParameterRangeError, match="neither 0 nor at least 30"):
+            whole.set(name, refused)
+    for taken in (0.0, 30.0, 60.0):
+        whole.set(name, taken)
+
+
+@pytest.mark.parametrize("name", ["FD_FAIL_R", "FD_FAIL_P", "FD_FAIL_R_TTRI", "FD_FAIL_P_TTRI"])
+def test_what_makes_an_attitude_lost_cannot_be_changed_while_armed(
+    whole: Registry, name: str
+) -> None:
+    other = whole.declaration(name).maximum
+    whole.armed = True
+    with pytest.raises(ParameterLockedError):
+        whole.set(name, other)
+    whole.armed = False
+    whole.set(name, other)
+    whole.set(name, whole.declaration(name).default)

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 from uav_firmware.parameters import param
 
+_LEAST_ANGLE_DEG = 30.0  # Below it a gust alone would stop the motors; PX4 documents 60 to 180
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FailureDetectorParams:
@@ -48,17 +50,21 @@ class FailureDetectorParams:
     )  # fmt: skip
     roll_deg: float = param(
         "FD_FAIL_R", 60.0, unit="deg", minimum=0.0, maximum=180.0,
-        short="Roll angle beyond which the attitude counts as lost; 0 never",
+        short="Roll angle beyond which the attitude counts as lost; 0 never, else 30 or more",
+        locked_while_armed=True, least_if_on=_LEAST_ANGLE_DEG,
     )  # fmt: skip
     pitch_deg: float = param(
         "FD_FAIL_P", 60.0, unit="deg", minimum=0.0, maximum=180.0,
-        short="Pitch angle beyond which the attitude counts as lost; 0 never",
+        short="Pitch angle beyond which the attitude counts as lost; 0 never, else 30 or more",
+        locked_while_armed=True, least_if_on=_LEAST_ANGLE_DEG,
     )  # fmt: skip
     roll_time_s: float = param(
         "FD_FAIL_R_TTRI", 0.3, unit="s", minimum=0.02, maximum=5.0,
         short="Time that the roll angle must be exceeded",
+        locked_while_armed=True,
     )  # fmt: skip
     pitch_time_s: float = param(
         "FD_FAIL_P_TTRI", 0.3, unit="s", minimum=0.02, maximum=5.0,
         short="Time that the pitch angle must be exceeded",
+        locked_while_armed=True,
     )  # fmt: skip
