@@ -141,6 +141,24 @@ def test_gps_lost_for_good_brakes_and_lands_near_the_place(tmp_path: Path, loss:
     assert not tester.simulation.wrecked
 
 
+def test_a_landing_at_a_place_lands_here_when_gps_is_lost_on_the_way(tmp_path: Path) -> None:
+    tester = vehicle(tmp_path)
+    tester.take_off(10.0)
+    tester.wait_until(lambda: tester.true_position()[2] > 9.5, 60.0, "at 10 m")
+    latitude, longitude, _ = tester.place(100.0, 0.0, 0.0)
+    tester.ground_station.command(
+        Command.NAV_LAND, 0.0, 0.0, 0.0, math.nan, latitude, longitude, math.nan
+    )
+    tester.wait_until(lambda: tester.true_position()[0] > 20.0, 60.0, "on the way")
+    place = tester.true_position()[:2]
+    strike(tester, Kind.GPS_LOSS)
+    tester.wait_until(lambda: tester.true_position()[2] < 0.1, 60.0, "touching")
+    assert math.hypot(*tester.truth.velocity_ned[:2]) < 1.5
+    tester.wait_until(lambda: not tester.status.armed, 20.0, "disarmed")
+    assert math.dist(tester.true_position()[:2], place) < 30.0
+    assert not tester.simulation.wrecked
+
+
 def test_a_gyroscope_bias_that_jumps_does_not_carry_the_vehicle_away(tmp_path: Path) -> None:
     tester = on_mission(tmp_path, wind_speed_m_s=5.0, imus=1)
     beside: list[float] = []
@@ -329,9 +347,11 @@ def test_a_full_disk_is_told_and_neither_grounds_nor_ends_a_flight(
 def test_a_vehicle_that_lies_beyond_its_limits_says_so(tmp_path: Path) -> None:
     """Hard on its side: told, while the controllers right it."""
     tester = vehicle(tmp_path)
-    tester.autopilot.registry.set("FD_FAIL_R", 5.0)
-    tester.autopilot.registry.set("FD_FAIL_P", 5.0)
+    tester.autopilot.registry.set("FD_FAIL_R", 30.0)
+    tester.autopilot.registry.set("FD_FAIL_P", 30.0)
     tester.autopilot.registry.set("MPC_XY_CRUISE", 10.0)
+    tester.autopilot.registry.set("MPC_ACC_HOR", 8.0)
+    tester.autopilot.registry.set("MPC_TILTMAX_AIR", 50.0)
     tester.wait_until_ready()
     tester.take_off(10.0)
     tester.run_for(8.0)

@@ -20,10 +20,9 @@ from uav_firmware.modules.commander.failsafe_actions import (
 )
 from uav_firmware.modules.commander.failsafe_params import FailsafeParams
 from uav_firmware.modules.commander.health_checks import (
-    FIX_3D,
-    GPS_STALE_S,
     SENSOR_STALE_S,
     storage_full,
+    without_fix,
 )
 from uav_firmware.modules.commander.mode_requirements import Need
 from uav_firmware.modules.commander.return_time import ReturnPace, battery_time_s, return_time_s
@@ -135,13 +134,16 @@ def _battery_below(threshold: Callable[[FailsafeParams], float]) -> Callable[[Mo
 
 
 def _gps_lost(moment: Moment, _present: bool) -> bool:  # noqa: FBT001  # one signature for all
-    view = moment.view
-    without_fix = view.ages.gps > GPS_STALE_S or view.gps is None or view.gps.fix_type < FIX_3D
-    return without_fix or view.dead_reckoning
+    return without_fix(moment.view)
 
 
 def _without_gps(moment: Moment) -> Action:
-    """Brake at once, wait in hold for the fix, then land: dead reckoning leads nowhere else."""
+    """Brake at once, wait in hold for the fix, then land: dead reckoning leads nowhere else.
+
+    A landing goes on; on its way to a place it brakes and lands there (the navigator's part).
+    """
+    if moment.intended is NavigationState.AUTO_LAND:
+        return Action.LAND
     piloted = moment.intended in PILOTED
     return Action.WARN if piloted or not _needs(moment, Need.POSITION) else Action.LAND
 

@@ -92,17 +92,30 @@ def _change_mode_to(
 
 
 def change_mode_for(target: ModeTarget, situation: Situation, *, note: str = "") -> Decision:
-    """Enter the mode of a target, if that can be flown."""
+    """Enter the mode of a target, if that can be flown.
+
+    Without a position that is measured no target may lead elsewhere, neither that of a hold nor
+    that of a landing: the operator has a place in mind, and dead reckoning does not find it.
+    """
     state = target.navigation_state
     if state in mode_requirements.AIRBORNE_ONLY and situation.view.landed:
         return not_now("the vehicle is on the ground")
     decision = change_mode(state, situation)
     if not decision.effects:
         return decision
+    if situation.armed and _leads_elsewhere(target):
+        reason = mode_requirements.missing_for_place(situation.view)
+        if reason is not None:
+            return not_now(reason)
     reason = situation.refusal_of(target)
     if reason is not None:
         return denied(reason)
     return accepted(Tell(target), SetMode(state), note=note)
+
+
+def _leads_elsewhere(target: ModeTarget) -> bool:
+    """Whether a target names a place; an altitude or a heading alone is reached from here."""
+    return isinstance(target, NavigatorTarget) and not math.isnan(target.latitude_deg)
 
 
 def take_off(command: VehicleCommand, situation: Situation) -> Decision:

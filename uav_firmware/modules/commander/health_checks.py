@@ -77,6 +77,12 @@ def gps_fix(view: VehicleView, _params: CommanderParams) -> str | None:
     return None if view.gps.fix_type >= FIX_3D else "GPS has no 3D fix"
 
 
+def without_fix(view: VehicleView) -> bool:
+    """Whether the position is not measured: the receiver has no fix, or no fix is used."""
+    no_fix = view.gps is None or view.ages.gps > GPS_STALE_S or view.gps.fix_type < FIX_3D
+    return no_fix or view.dead_reckoning
+
+
 def estimator_aligned(view: VehicleView, _params: CommanderParams) -> str | None:
     """Tilt and heading are known."""
     heading = view.position is not None and view.position.heading_valid

@@ -16,7 +16,8 @@ class Need(Enum):
     ATTITUDE = auto()
     ALTITUDE = auto()
     POSITION = auto()
-    FIX = auto()  # A position that is measured, not dead reckoning: the mode leads elsewhere
+    FIX = auto()  # A position that is measured, not dead reckoning: the mode leads elsewhere.
+    # Hold and landing need one for as long as they lead to a place: see `missing_for_place`.
     HOME = auto()
     MISSION = auto()
     STICKS = auto()  # MANUAL_CONTROL is heard
@@ -91,6 +92,11 @@ def missing(state: NavigationState, view: VehicleView) -> str | None:
     return None
 
 
+def missing_for_place(view: VehicleView) -> str | None:
+    """Why the vehicle cannot fly to a place now, in whatever mode; None when it can."""
+    return _position(view) or _fix(view)
+
+
 def _attitude(view: VehicleView) -> str | None:
     return None if view.aligned else "Attitude and heading not yet estimated"
 
@@ -105,7 +111,9 @@ def _position(view: VehicleView) -> str | None:
 
 
 def _fix(view: VehicleView) -> str | None:
-    return "Position by dead reckoning only" if view.dead_reckoning else None
+    if not health_checks.without_fix(view):
+        return None
+    return "Position by dead reckoning only: no GPS fix is used"
 
 
 def _home(view: VehicleView) -> str | None:

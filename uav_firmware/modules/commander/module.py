@@ -225,6 +225,8 @@ class CommanderModule:
         if not self._armed:
             return
         navigator = view.navigator
+        if mode_requirements.missing_for_place(view) is not None:
+            self._last_target = None  # Not flown any more; ordered again it is a new one
         done = (
             navigator is not None
             and navigator.finished

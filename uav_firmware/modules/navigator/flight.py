@@ -112,6 +112,12 @@ class Flight:
         """Estimated position [m, NED]."""
         return self.estimate.position_ned if self.estimate is not None else ZERO
 
+    @property
+    def position_measured(self) -> bool:
+        """Whether the position is known, and not by dead reckoning alone."""
+        estimate = self.estimate
+        return estimate is not None and estimate.position_valid and not estimate.dead_reckoning
+
     def to_ned(self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> Vector3:
         """Local position [m, NED]; NaN horizontal or vertical parts keep the set-point's."""
         here = self.rest_point()

@@ -4,11 +4,13 @@ import math
 
 from uav_firmware.lib.resets import EstimateStep
 from uav_firmware.modules.navigator.flight import Flight
-from uav_firmware.modules.navigator.land import Land, land_here
+from uav_firmware.modules.navigator.land import Land, LandPhase, land_here
 from uav_firmware.modules.navigator.mode import NavigatorMode
 from uav_firmware.modules.navigator.return_home import ReturnHome
 from uav_firmware.modules.navigator.takeoff import Takeoff
 from uav_firmware.msg.mission import ModeTarget, NavigatorTarget
+
+_WARNING = 4  # MAV_SEVERITY
 
 
 class TakeoffMode(NavigatorMode):
@@ -46,7 +48,11 @@ class TakeoffMode(NavigatorMode):
 
 
 class LandMode(NavigatorMode):
-    """AUTO_LAND; lands at the target, or where it is."""
+    """AUTO_LAND; lands at the target, or where it is.
+
+    On the way to the target it lands where it comes to rest as soon as the position is no longer
+    measured, also if a fix comes back: the operator may order the place again.
+    """
 
     def __init__(self) -> None:
         self._here = True
@@ -71,9 +77,15 @@ class LandMode(NavigatorMode):
             self._land.follow_reset(flight, step)
 
     def on_active(self, flight: Flight) -> None:
-        """Watch for the ground."""
-        if not self.finished and self._land is not None:
-            self.finished = self._land.step(flight)
+        """Watch for the ground, and for the fix that the way to a place needs."""
+        if self._land is None or self.finished:
+            return
+        travels = not self._here and self._land.phase is LandPhase.TRANSIT
+        if travels and not flight.position_measured:
+            self._here = True
+            self._land = land_here(flight)
+            flight.say(_WARNING, "No GPS fix to reach the landing place by: landing here")
+        self.finished = self._land.step(flight)
 
 
 class ReturnMode(NavigatorMode):

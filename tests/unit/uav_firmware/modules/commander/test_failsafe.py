@@ -1,11 +1,12 @@
 """Failsafes: what each cause does, that the worst wins, how a cause clears, who may overrule."""
 
+import math
 from collections.abc import Callable
 from itertools import product
 
 import pytest
 
-from tests.support.toy_vehicle import ToyVehicle, takeoff, waypoint
+from tests.support.toy_vehicle import ToyVehicle, at, takeoff, waypoint
 from uav_firmware.modules.commander.failsafe_actions import (
     FENCE_ACTIONS,
     LINK_ACTIONS,
@@ -451,6 +452,89 @@ def test_without_gps_it_lands_and_no_mode_that_leads_elsewhere_can_be_chosen() -
         assert vehicle.send(command) == CommandResult.TEMPORARILY_REJECTED
     vehicle.run(4.0)
     assert vehicle.mode is State.AUTO_LAND
+
+
+def lose_fix(vehicle: ToyVehicle) -> None:
+    vehicle.fix_type, vehicle.dead_reckoning = 1, True
+
+
+def regain_fix(vehicle: ToyVehicle) -> None:
+    vehicle.fix_type, vehicle.dead_reckoning = 3, False
+
+
+def land_at(vehicle: ToyVehicle, north: float) -> int:
+    place = at(north, 0.0)
+    return vehicle.send(Command.NAV_LAND, 0.0, 0.0, 0.0, NAN, place["x"], place["y"], NAN)
+
+
+ELSEWHERE = {
+    Command.DO_REPOSITION: (-1.0, 1.0, 0.0, NAN),
+    Command.NAV_WAYPOINT: (0.0, 2.0, 0.0, NAN),
+    Command.NAV_LOITER_UNLIM: (0.0, 0.0, 0.0, NAN),
+    Command.NAV_LOITER_TIME: (10.0,),
+    Command.NAV_LAND: (0.0, 0.0, 0.0, NAN),
+    Command.DO_ORBIT: (20.0, 5.0, NAN, NAN),
+    Command.NAV_TAKEOFF: (0.0, 0.0, 0.0, NAN),
+}
+
+
+@pytest.mark.parametrize("reckoning", [True, False])
+@pytest.mark.parametrize("command", ELSEWHERE)
+def test_without_a_fix_no_order_leads_elsewhere_or_overrules_the_landing(
+    command: Command, *, reckoning: bool
+) -> None:
+    """Also before the estimator has noticed that the fixes are no longer good."""
+    vehicle = on_mission(COM_FAIL_ACT_T=3.0)
+    lose_fix(vehicle)
+    vehicle.dead_reckoning = reckoning
+    vehicle.run(1.5)
+    place = at(200.0, 0.0)
+    params = (*ELSEWHERE[command], *(0.0,) * (4 - len(ELSEWHERE[command])))
+    result = vehicle.send(command, *params, place["x"], place["y"], 660.0)
+    assert result == CommandResult.TEMPORARILY_REJECTED
+    assert any("no GPS fix" in text for text in vehicle.texts)
+    vehicle.run(4.0)
+    assert vehicle.mode is LAND
+    assert vehicle.position[0] < 40.0
+
+
+@pytest.mark.parametrize("command", [Command.NAV_LAND, Command.NAV_LOITER_UNLIM])
+def test_without_a_fix_it_may_land_or_hold_where_it_is(command: Command) -> None:
+    vehicle = on_mission(COM_FAIL_ACT_T=20.0)
+    lose_fix(vehicle)
+    vehicle.run(1.5)
+    assert vehicle.send(command) == CommandResult.ACCEPTED
+
+
+@pytest.mark.parametrize("loss", [lose_fix, lambda v: setattr(v, "position_valid", False)])
+def test_a_landing_on_its_way_to_a_place_lands_here_once_the_fix_is_lost(
+    loss: Callable[[ToyVehicle], None],
+) -> None:
+    vehicle = on_mission()
+    assert land_at(vehicle, 120.0) == CommandResult.ACCEPTED
+    vehicle.run(2.0)
+    begun = vehicle.position[0]
+    loss(vehicle)
+    vehicle.run(4.0)
+    assert math.hypot(*vehicle.velocity[:2]) < 0.1
+    vehicle.run_until(lambda v: not v.armed, 60.0)
+    assert vehicle.position[0] < begun + 20.0
+    assert any("landing here" in text for text in vehicle.texts)
+
+
+def test_the_place_of_a_landing_can_be_ordered_again_when_the_fix_is_back() -> None:
+    vehicle = on_mission()
+    land_at(vehicle, 120.0)
+    vehicle.run(1.0)
+    lose_fix(vehicle)
+    vehicle.run(2.0)
+    assert any("GPS lost" in text and "LAND" in text for text in vehicle.texts)
+    regain_fix(vehicle)
+    vehicle.run(1.0)
+    assert math.hypot(*vehicle.velocity[:2]) < 0.1
+    assert land_at(vehicle, 120.0) == CommandResult.ACCEPTED
+    vehicle.run_until(lambda v: not v.armed, 120.0)
+    assert abs(vehicle.position[0] - 120.0) < 2.0
 
 
 def lose_attitude(vehicle: ToyVehicle) -> None:
