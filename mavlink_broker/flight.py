@@ -33,6 +33,8 @@ from mavlink_broker.work import EventWork, MissionWork
 
 _WITH_ITEMS: Final = BEFORE_TAKEOFF - {State.FENCING, State.HOLDING}
 _IN_FLIGHT: Final = frozenset({State.RUNNING, State.PERFORMING})
+_READING: Final = frozenset({State.ATTACHING, State.RUNNING})
+"""States whose protocols order nothing, so that they go on while somebody else has the vehicle."""
 _ARMED_BY_US: Final = frozenset({State.ARMING, State.STARTING})
 ON_GROUND: Final[int] = mavlink.MAV_LANDED_STATE_ON_GROUND
 
@@ -99,7 +101,7 @@ class Flight(FlightProgress):
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
         """Take a message of the vehicle's autopilot."""
-        if self._yields(now, effects) and self.state is not State.RUNNING:
+        if self._yields(now, effects) and self.state not in _READING:
             return
         if self._follower is not None:
             self._follower.receive(message)
@@ -119,7 +121,7 @@ class Flight(FlightProgress):
     def step(self, now: float, effects: Effects) -> None:
         """Let time pass; while somebody else has the vehicle nothing is ordered."""
         yields = self._yields(now, effects)
-        if self._activity is not None and not yields:
+        if self._activity is not None and (not yields or self.state is State.ATTACHING):
             effects.messages += self._activity.tick(now)
             self._settle(now, effects)
         if not yields:

@@ -17,6 +17,7 @@ from mavlink_broker.protocol.mission_verify import Different, Untold, Verified
 from mavlink_broker.readiness import Attachment
 from mavlink_broker.session_states import Event, State
 from mavlink_broker.stages import SHORTEST_ITEMS
+from mavlink_broker.translation.authority import InCommand
 from mavlink_broker.translation.mission import SPARE_ITEMS, LiveCommand, RefusedError
 from mavlink_broker.translation.modes import ModeRole
 
@@ -135,7 +136,8 @@ class FlightAttachment(FlightPreparation):
         same, first = isinstance(outcome, Verified), self._stages.is_first
         if same and self._is_flown:
             self._was_running = True
-            self._vehicle.borrow(tuple(loan for _, loan in self._plan.loans))
+            if self._who is InCommand.BROKER:  # Else it keeps what the earlier run has set
+                self._vehicle.borrow(tuple(loan for _, loan in self._plan.loans))
             self._move(Event.FLYING, now, effects)
         elif not first and (same or not self._is_begun):
             self._go_on_with_stage(now, effects)

@@ -78,6 +78,7 @@ class FlightCore:
         self._follower: Follower | None = None
         self._performer: Performer | None = None
         self._looks = 0  # So often the link was away when something was asked
+        self._saw_others = False  # Somebody else had the vehicle while its mission was looked for
         self._armed_in: str | None = None  # Mode in which the vehicle is armed, until it is left
         self._part_guesses = 0  # At the parts that it was given in
         self._whole_items = 0  # Of its longest stretch, unparted; 0: not counted yet
@@ -164,7 +165,7 @@ class FlightCore:
             case State.WAITING if not self._hovering:
                 claim = _COMING_DOWN if self._told_to_start else _STANDING
             case State.ATTACHING:
-                claim = _COMING_DOWN
+                claim = _WAITING_IN_THE_AIR if self._saw_others else _COMING_DOWN
             case State.ARMING | State.STARTING if not self._hovering:
                 claim = Claim(ON_THE_WAY, mode=self._armed_in)
             case State.FAILING if self._stops_propellers:
@@ -201,7 +202,9 @@ class FlightCore:
         self._see_mode_of_arming()
         who = self._who
         if who is InCommand.BROKER:
+            self._saw_others &= bool(self._vehicle.snapshot.armed)
             return False
+        self._saw_others |= self.state is State.ATTACHING
         if self.state in BEFORE_TAKEOFF | {State.PERFORMING} or self._hovers_waiting:
             self._fail_surely(authority.reason(who, self._vehicle.seen), now, effects)
         return True

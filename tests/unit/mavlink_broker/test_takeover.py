@@ -208,6 +208,57 @@ def test_no_order_is_sent_by_a_broker_that_begins_after_a_takeover(
     assert orders(vehicle, since) == []
 
 
+@pytest.mark.parametrize(
+    ("script", "mode"), [(PX4, PX4_POSITION), (OWN, PX4_POSITION), (ARDUPILOT, COPTER_STABILIZE)]
+)
+def test_a_broker_that_begins_after_a_takeover_reports_it(script: Script, mode: int) -> None:
+    """As soon as one that was there; the pilot who resumes the mission later flies it himself."""
+    world = in_mission(script)
+    vehicle = world.only_vehicle
+    world.kill_broker()
+    vehicle.steer(mode)
+    since = len(vehicle.frames)
+    world.restart_broker()
+    world.run(15.0)
+    assert world.edge.status(1201) == Status.FAILED
+    assert "another hand flies the vehicle" in world.edge.reports(1201)[-1]["message"]
+    vehicle.is_manual = False
+    vehicle.set_mode(COPTER_RETURN if script is ARDUPILOT else PX4_RETURN)
+    event = world.edge.event(ABORT)
+    world.run(5.0)
+    assert orders(vehicle, since) == []
+    assert said(world, event)[-1] == "refused"
+
+
+@pytest.mark.parametrize(
+    ("script", "mode", "home"),
+    [
+        (PX4, PX4_POSITION, PX4_RETURN),
+        (OWN, PX4_POSITION, PX4_LAND),
+        (ARDUPILOT, COPTER_STABILIZE, COPTER_RETURN),
+    ],
+)
+@pytest.mark.parametrize("seen_s", [0.5, 1.5, 3.0])
+def test_a_return_that_a_pilot_chooses_after_a_restart_is_his(
+    script: Script, mode: int, home: int, seen_s: float
+) -> None:
+    world = in_mission(script)
+    vehicle = world.only_vehicle
+    world.kill_broker()
+    vehicle.steer(mode)
+    since = len(vehicle.frames)
+    world.restart_broker()
+    world.run(seen_s)
+    vehicle.is_manual = False
+    vehicle.set_mode(home)
+    world.run(0.5)
+    event = world.edge.event(ABORT)
+    world.run(5.0)
+    assert orders(vehicle, since) == []
+    assert vehicle.custom_mode == home
+    assert said(world, event)[-1] == "refused"
+
+
 def test_a_takeover_of_an_abort_is_reported() -> None:
     world = in_mission(PX4)
     event = world.edge.event(ABORT, abort=POINT)
