@@ -213,6 +213,8 @@ def acknowledge(
 def _acknowledge_mission(
     connection: Connection, item: Work, said: Acknowledgement, message: str | None, now: float
 ) -> None:
+    if item.held:
+        raise ConflictError(f"work {item.id} is of a plan that nobody has dispatched")
     if said is Acknowledgement.DONE:
         raise ConflictError("a mission is done when its report says so")
     if said is Acknowledgement.REFUSED:

@@ -14,7 +14,9 @@ from afarcloud.enumerations import Status
 from afarcloud.state import CommandReport, MissionReport
 from afarcloud.wire import write
 from edge_server.services import report_matching
-from edge_server.store import work
+from edge_server.services.errors import ConflictError
+from edge_server.services.plan_view import explain
+from edge_server.store import vehicle_holds, work
 from edge_server.store.work import CommandProgress, Work
 
 
@@ -75,10 +77,24 @@ def apply(connection: Connection, report: MissionReport) -> Change | None:
         return None
     current = work.commands(connection, mission.id)
     report_matching.check(mission, current, report)
+    _check_free(connection, mission, report)
     was_open = mission.state != work.CLOSED
     if was_open:
         _move(connection, mission, current, report)
     return Change(mission, current, ended=was_open and report.mission_status_id.is_terminal)
+
+
+def _check_free(connection: Connection, mission: Work, report: MissionReport) -> None:
+    """Let a report pass unless it begins a mission in the queue of a held vehicle; a refusal may.
+
+    Raises:
+        ConflictError: why the vehicle is held.
+    """
+    if mission.state != work.QUEUED or report.mission_status_id == Status.FAILED:
+        return
+    hold = vehicle_holds.get(connection, report.vehicle_id)
+    if hold is not None:
+        raise ConflictError(explain(hold))
 
 
 def _move(

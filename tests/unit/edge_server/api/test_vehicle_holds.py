@@ -77,6 +77,28 @@ def test_what_a_broker_has_pulled_already_may_not_be_flown(edge: Edge) -> None:
     assert (shown["dispatch_state"], shown["mission_status_name"]) == ("queued", "NOT_STARTED")
 
 
+@pytest.mark.parametrize("status", [2, 3, 5])
+def test_a_report_does_not_begin_what_waits_for_the_release(edge: Edge, status: int) -> None:
+    edge.post_plan(plan(mission(2)))
+    (pulled,) = edge.work()
+    fail(edge)
+    report = mission_report(status, status, mission_id=2, work_id=pulled["id"])
+    answer = edge.report("mission_report", report)
+    assert answer.status_code == 409
+    assert FAULT in (answer.json or {})["message"]
+    (shown,) = edge.get("/plans/1")["missions"]
+    assert (shown["dispatch_state"], shown["mission_status_name"]) == ("queued", "NOT_STARTED")
+    assert edge.work() == []
+
+
+@pytest.mark.parametrize("status", ["accepted", "refused"])
+def test_work_of_a_plan_that_nobody_dispatched_is_not_acknowledged(edge: Edge, status: str) -> None:
+    stored = edge.post_plan(plan(mission(1), dispatch=False)).json or {}
+    assert edge.acknowledge(1, status).status_code == 409
+    (shown,) = edge.get(f"/plans/{stored['id']}")["missions"]
+    assert (shown["dispatch_state"], shown["mission_status_name"]) == ("held", "NOT_STARTED")
+
+
 @BOTH_ENGINES
 def test_a_released_vehicle_flies_what_waited_in_its_old_order(edge: Edge) -> None:
     edge.post_plan(plan(mission(2), mission(20, 2)))
