@@ -15,7 +15,7 @@ from tests.unit.deploy.dockerfile import ROOT, TARGETS, stages
 from tests.unit.deploy.settings import ANYWHERE, KNOWN
 
 STAGES = stages()
-BROUGHT_BY_OTHERS = {"werkzeug": "flask", "pydantic-core": "pydantic"}
+BROUGHT_BY_OTHERS = {"werkzeug": "flask", "pydantic-core": "pydantic", "urllib3": "requests"}
 BY_NAME_ONLY = {"psycopg", "mavsdk", "schemathesis"}
 """Loaded for a URL, or tools that a person starts."""
 STARTED_BY = {"vehicle": ("sim.camera.__main__", "sim.camera.live")}

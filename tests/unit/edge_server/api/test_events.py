@@ -314,7 +314,8 @@ def test_a_repeated_event_is_one_event(edge: Edge) -> None:
     answer = edge.post("/events/", event(), "farmer", key="one")
     again: Any = answer.json
     assert (answer.status_code, again["id"]) == (201, first["id"])
-    assert again["state"] == "expired"
+    assert again == first, "a repeated POST gets its first answer"
+    assert edge.get(f"/events/{first['id']}")["state"] == "expired"
     assert edge.post("/events/", event(2), "farmer", key="one").status_code == 422
 
 
