@@ -34,6 +34,11 @@ from mavlink_broker.translation.mission import Home, RefusedError, translate
 from mavlink_broker.vehicle import Vehicle
 from mavlink_broker.work import EventWork, MissionWork, StateVectorWork, Verdict
 
+OUT_OF_REACH_AFTER_S: Final = 5.0
+"""Silence of a vehicle [s] after which its next mission begins, and fails if it stays silent.
+
+One that a new broker has yet to hear may be flown by a pilot: its mission waits for him.
+"""
 FORGOTTEN_AFTER_S: Final = 60.0
 NO_MISSION: Final = "no active mission"
 PREPARATION: Final = BEFORE_TAKEOFF | {State.ATTACHING}
@@ -301,6 +306,10 @@ class Session:
         """Whether an event is about a mission; one from an earlier run, if that came before."""
         return not work.was_accepted or flight.work.work_id < work.work_id
 
+    def _is_out_of_reach(self, now: float) -> bool:
+        """Whether the vehicle is silent, and not just unheard since the broker has begun."""
+        return self._lost_since is not None and now - self._lost_since >= OUT_OF_REACH_AFTER_S
+
     def _is_resumed(self, flight: Flight) -> bool:
         return flight.work.was_accepted and not self._has_flown
 
@@ -447,7 +456,7 @@ class Session:
             return
         resumed = self._is_resumed(flight)
         free = self.vehicle.snapshot.is_on_ground or self.vehicle.hovers
-        if resumed or free or not self.vehicle.is_heard(now):
+        if resumed or free or self._is_out_of_reach(now):
             self._has_flown = True
             self._flight = self._waiting.popleft()
             if not self._flight.work.was_accepted:
