@@ -21,7 +21,7 @@ from mavlink_broker.reporter import Reporter
 from mavlink_broker.session_states import BEFORE_TAKEOFF, Event, State, follow
 from mavlink_broker.stages import Stages
 from mavlink_broker.translation import authority
-from mavlink_broker.translation.alarms import mission_error
+from mavlink_broker.translation.alarms import is_navigation_failure, mission_error
 from mavlink_broker.translation.area_check import AreaCheck
 from mavlink_broker.translation.authority import ON_THE_WAY, Claim, InCommand
 from mavlink_broker.translation.families import Family
@@ -97,6 +97,7 @@ class FlightCore:
         self._fault: tuple[str, int | None] = ("", None)
         self._stops_propellers = False  # They turn because we armed it, and it does not take off
         self._is_alarming = False
+        self._is_left_to_failsafe = False
         self._waits_for_orders = False  # It failed in the air, and nobody else flies it
         self._entries: Mapping[State, Handler] = {}  # What a state begins with
         self._steps: Mapping[State, Handler] = {}  # What it does as time passes
@@ -283,6 +284,8 @@ class FlightCore:
         if self._stops_propellers:
             effects.messages += activities.disarming(self._vehicle)
         self._is_alarming = self._vehicle_cannot_go_on()
+        held = self._vehicle.is_held_by_failsafe
+        self._is_left_to_failsafe = held or self._who is InCommand.FAILSAFE
         departed = self._performer is not None and self._performer.has_departed
         gives_up = self._follower is not None and self._follower.has_given_up
         is_begun = self._hovering and self._has_flown  # Else it is left to the next mission
@@ -308,7 +311,7 @@ class FlightCore:
         reason, command = self._fault
         words = self._vehicle.words_since(self._began_at)
         text = f"{reason} ({words})" if words else reason
-        if self._is_alarming:
+        if self._is_alarming or (self._is_left_to_failsafe and is_navigation_failure(words)):
             alarm = self._reporter.alarm(mission_error(text), self.work.mission.mission_id)
             effects.for_edge.append(alarm)
         self.ledger.fail(text, command)

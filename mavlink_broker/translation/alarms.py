@@ -5,6 +5,7 @@ and has been ill for two seconds. An alarm is told once, and again only after al
 were well in between; not while a cause of it is ill, for that is the alarm to tell.
 """
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
@@ -62,6 +63,18 @@ CAUSES: Final[Mapping[AlarmCode, frozenset[AlarmCode]]] = {
     AlarmCode.FUNCTION_HUMIDITY_SENSING: frozenset({AlarmCode.EQUIPMENT_HUMIDITY_SENSOR}),
 }
 """Functions that fail with a part of the vehicle."""
+
+
+_WIND_BEYOND_LIMIT: Final = re.compile(r"wind[^;]*\b(too strong|limit)", re.IGNORECASE)
+"""Own vehicle: "Wind too strong: RETURN"; PX4 1.14: "Wind speed is above limit"."""
+
+
+def is_navigation_failure(texts: str) -> bool:
+    """Whether a failsafe says that it flies because the air does not let the mission be flown.
+
+    No other message says why a failsafe acts; a low battery and a lost link have no code.
+    """
+    return _WIND_BEYOND_LIMIT.search(texts) is not None
 
 
 def mission_error(reason: str) -> Failure:

@@ -327,6 +327,16 @@ def test_what_a_failsafe_does_is_no_alarm_by_itself(script: Script, mode: int, w
     assert words in message
 
 
+@pytest.mark.parametrize("words", ["Wind too strong: RETURN", "Wind speed is above limit"])
+def test_a_failsafe_for_too_much_wind_is_a_navigation_failure(words: str) -> None:
+    world = flying_world(SLOW)
+    world.only_vehicle.say(words)
+    world.only_vehicle.fail_safe(PX4_RETURN)
+    world.run(9.0)
+    assert alarms(world) == [(2, 52)]
+    assert world.edge.status(1201) == Status.FAILED
+
+
 def test_a_vehicle_that_gives_its_mission_up_is_a_mission_error() -> None:
     world = flying_world(SLOW)
     world.only_vehicle.give_up()
