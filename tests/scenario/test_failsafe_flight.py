@@ -114,7 +114,7 @@ class Loss(NamedTuple):
         Loss(4.0, 0.0, 30.0, 1.5),
         Loss(8.0, 0.0, 30.0, 1.5),
         Loss(0.0, 3.0, 30.0, 2.0),
-        Loss(6.0, 6.0, 40.0, 3.0),  # The wind of the loss is held; its gusts are not known
+        Loss(4.0, 2.0, 30.0, 2.0),  # The wind of the loss is held; near the ground it is less
     ],
 )
 def test_gps_lost_for_good_brakes_and_lands_near_the_place(tmp_path: Path, loss: Loss) -> None:
