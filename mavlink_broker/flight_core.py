@@ -311,7 +311,7 @@ class FlightCore:
         reason, command = self._fault
         words = self._vehicle.words_since(self._began_at)
         text = f"{reason} ({words})" if words else reason
-        if self._is_alarming or (self._is_left_to_failsafe and is_navigation_failure(words)):
+        if self._is_alarming or (self._is_left_to_failsafe and is_navigation_failure(words or "")):
             alarm = self._reporter.alarm(mission_error(text), self.work.mission.mission_id)
             effects.for_edge.append(alarm)
         self.ledger.fail(text, command)
