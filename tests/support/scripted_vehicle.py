@@ -99,6 +99,8 @@ class ScriptedVehicle:
         self.current = 0
         self.mission_state = mavlink.MISSION_STATE_NO_MISSION
         self.commands: list[int] = []
+        self.arm_orders = 0
+        """How often it was ordered to arm, disarming left out."""
         self.parameters: list[tuple[int, tuple[float, ...]]] = []
         self.silent = False
         self.mute_answers: set[int] = set()  # Commands that are obeyed, their answers lost
@@ -442,6 +444,8 @@ class ScriptedVehicle:
         names = (*(f"param{i}" for i in range(1, 5)), *last)
         values = tuple(getattr(message, name) for name in names)
         self.commands.append(message.command)
+        arms = message.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM and message.param1 == 1.0
+        self.arm_orders += arms
         self.parameters.append((message.command, values))
         if self.script.is_bare and self._is_for_payload(message):
             return

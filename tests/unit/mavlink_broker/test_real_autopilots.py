@@ -345,7 +345,7 @@ class TestArduPilot:
         guided = {mavlink.MAV_CMD_DO_SET_MODE: mavlink.MAV_RESULT_FAILED}
         world = flown(dataclasses.replace(script, results=guided))
         assert world.edge.status(1201) == Status.FAILED
-        assert mavlink.MAV_CMD_COMPONENT_ARM_DISARM not in world.only_vehicle.commands
+        assert world.only_vehicle.arm_orders == 0
 
     @COPTERS
     def test_whose_checks_are_switched_off_is_flown(self, script: Script) -> None:
