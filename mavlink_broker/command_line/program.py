@@ -72,8 +72,9 @@ class Signals:
         self.count = 0
         self.status = SUCCEEDED  # That tells which signal it was
         for number in _STATUSES:
-            if signal.getsignal(number) is not signal.SIG_IGN:  # As nohup wants it
-                signal.signal(number, self._note)
+            if number is signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN:
+                continue  # As nohup wants it; `&` in a script ignores SIGINT too, which ends us
+            signal.signal(number, self._note)
 
     @property
     def stop(self) -> bool:

@@ -67,6 +67,22 @@ def test_a_signal_ends_it_with_status_0(number: int, tmp_path: Path) -> None:
         assert process.wait(timeout=20) == 0
 
 
+def test_sigint_ends_it_also_where_its_starter_ignores_it(tmp_path: Path) -> None:
+    """As `nohup` and `&` in a script do."""
+    former = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        process = start(0, tmp_path)
+    finally:
+        signal.signal(signal.SIGINT, former)
+    with process:
+        try:
+            wait_until_listening(process)
+            process.send_signal(signal.SIGINT)
+            assert process.wait(timeout=20) == 0
+        finally:
+            process.kill()
+
+
 def test_a_busy_port_is_one_sentence_and_status_2(tmp_path: Path) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("0.0.0.0", 0))
