@@ -2,7 +2,8 @@
 
 One thread asks for work by long poll, two tell what the vehicles have to say. Every request is
 tried until it has a final answer: a success, or a refusal that would be the same tomorrow. With a
-spool, what has failed once is put onto the disk meanwhile, and told by the next run.
+spool, what has failed once is put onto the disk meanwhile, and told by the next run; what is
+refused becomes a dead letter there.
 
 A vehicle's work is not taken while reports of an earlier run about it wait: what the edge server
 says of a mission is true only when it has heard of it everything that was said.
@@ -23,6 +24,7 @@ import requests
 from afarcloud import wire
 from mavlink_broker.edge_door import Door, NoKeyError, is_final, waits_on_purpose
 from mavlink_broker.faults import reason_of
+from mavlink_broker.posts import is_acknowledgement
 from mavlink_broker.send_queue import Post, SendQueue
 from mavlink_broker.spool.folder import Spool
 from mavlink_broker.spool.keeper import Keeper
@@ -38,7 +40,7 @@ SHOWN_CHARACTERS: Final = 500
 """Of a refusal's text, in the log."""
 
 _WITHDRAWN: Final = frozenset({HTTPStatus.NOT_FOUND, HTTPStatus.CONFLICT, HTTPStatus.GONE})
-"""Answers to "accepted" that mean: cancelled, expired, ended."""
+"""Answers to an acknowledgement that mean: the work is cancelled, expired, ended."""
 _KNOWN: Final = "Idempotency-Key was used"
 """What the edge server says to another body under a key that it has seen."""
 _LOG = logging.getLogger(__name__)
@@ -245,17 +247,20 @@ class EdgeClient:
         except (requests.RequestException, NoKeyError) as error:
             text = str(error)[:SHOWN_CHARACTERS]
             self._note(reachable=False, why=error)
+        reason = text if status is None else f"HTTP {status} {text}"
         with self._changed:
-            if status is not None and is_final(status):
-                self._posts.answered(post)
-            else:
+            if status is None or not is_final(status):
                 is_dead = self._posts.failed(
                     post,
                     time.monotonic(),
                     cut_off=status is None,
                     waits=status is not None and waits_on_purpose(status),
-                    reason=text if status is None else f"HTTP {status} {text}",
+                    reason=reason,
                 )
+            elif _says_nothing_new(post, status, text):
+                self._posts.answered(post)
+            else:
+                is_dead = self._posts.refused(post, reason)
             self._changed.notify_all()
             self._answered.notify_all()
             concerns_disk = post.kept_as is not None or self._posts.is_in_trouble or is_dead
@@ -263,29 +268,31 @@ class EdgeClient:
             self._nudge()
         if is_dead:
             self._given_up(post, status, text)
+            return
         if status is None or not is_final(status):
             return
         if status >= HTTPStatus.BAD_REQUEST:
             self._tell_refusal(post, status, text)
         if post.accepts is not None:
-            holds = status not in _WITHDRAWN
-            reason = "" if holds else text
-            self._verdicts.put(Verdict(post.accepts, holds=holds, reason=reason))
+            holds = status < HTTPStatus.BAD_REQUEST
+            self._verdicts.put(Verdict(post.accepts, holds=holds, reason="" if holds else text))
             self._wake()
 
     def _given_up(self, post: Post, status: int | None, text: str) -> None:
         """Log a post that was given up; a mission whose acceptance it is must not be flown."""
         _LOG.error(
-            "%s %s of vehicle %d is given up: HTTP %s %s",
-            *(post.method, post.path, post.vehicle_id, status, text),
+            "%s %s of vehicle %d%s is given up: HTTP %s %s",
+            *(post.method, post.path, post.vehicle_id),
+            *(" by an earlier run" if post.is_inherited else "", status, text),
         )
         if post.accepts is not None:
-            self._verdicts.put(Verdict(post.accepts, holds=False))
+            reason = text if status is not None and is_final(status) else ""
+            self._verdicts.put(Verdict(post.accepts, holds=False, reason=reason))
             self._wake()
 
     def _tell_refusal(self, post: Post, status: int, text: str) -> None:
         """Log what the edge server does not take: its words name field and reason."""
-        if post.may_be_known and status == HTTPStatus.UNPROCESSABLE_ENTITY and _KNOWN in text:
+        if _was_told_before(post, status, text):
             _LOG.info("%s was told before", post.path)
         elif post.is_inherited:
             _LOG.warning("%s of an earlier run is refused: HTTP %d %s", post.path, status, text)
@@ -308,6 +315,20 @@ class EdgeClient:
             _LOG.info("waiting for the edge server: %s", why)
         else:
             _LOG.warning("the edge server does not answer: %s", why)
+
+
+def _says_nothing_new(post: Post, status: int, text: str) -> bool:
+    """Whether nothing is lost by an answer: a success, or a refusal of what it knows or has ended.
+
+    An acknowledgement of work that the edge server has withdrawn or closed has nobody to tell.
+    """
+    if status < HTTPStatus.BAD_REQUEST or _was_told_before(post, status, text):
+        return True
+    return is_acknowledgement(post) and status in _WITHDRAWN
+
+
+def _was_told_before(post: Post, status: int, text: str) -> bool:
+    return post.may_be_known and status == HTTPStatus.UNPROCESSABLE_ENTITY and _KNOWN in text
 
 
 def _drain(waiting: queue.SimpleQueue[T]) -> list[T]:

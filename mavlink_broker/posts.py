@@ -32,6 +32,7 @@ _KINDS: Final[Mapping[type[Report], tuple[wire.Kind, Urgency]]] = {
     MissionReport: (wire.Kind.MISSION_REPORT, Urgency.REPORT),
 }
 _MISSION_LANE: Final = wire.Kind.MISSION_REPORT.value
+_WORK: Final = "/broker/commands/"
 _MARK_LENGTH: Final = 48
 """Of a key's 64 characters; the kind's name and a dash stand before it."""
 
@@ -47,6 +48,11 @@ def post_for(word: ForEdge, *, vehicle_id: int, recorded_at: datetime, key: str)
             return _result(word, recorded_at)
         case _:
             return _report(word, recorded_at, key)
+
+
+def is_acknowledgement(post: Post) -> bool:
+    """Whether a post answers work, rather than tells of a vehicle."""
+    return post.path.startswith(_WORK)
 
 
 def _report(report: Report, recorded_at: datetime, key: str) -> Post:
@@ -96,7 +102,7 @@ def _acknowledgement(word: Acknowledgement, vehicle_id: int) -> Post:
         body["message"] = word.message
     return Post(
         method="POST",
-        path=f"/broker/commands/{word.work_id}/ack",
+        path=f"{_WORK}{word.work_id}/ack",
         body=body,
         vehicle_id=vehicle_id,
         lane=_MISSION_LANE if word.status != "done" else "done",

@@ -8,10 +8,11 @@ When the edge server is away for long, the oldest state vectors are dropped and 
 newer description of a vehicle replaces the one that waits. Everything else is kept, and told to
 whoever puts it onto the disk: what has failed once, and what waits behind it.
 
-A post that fails again and again is given up after 20 failures, so that what waits behind it is
-told; it becomes a dead letter. A failure counts only if the edge server has given a final answer
-to something else since the failure before: while it is away, or fails for everybody, nothing is
-given up. What it refuses for now on purpose (`waits` in `failed`) does not count either.
+A post that is refused for good, or fails again and again, is given up, so that what waits behind
+it is told; it becomes a dead letter. The latter takes 20 failures. A failure counts only if the
+edge server has given a final answer to something else since the failure before: while it is away,
+or fails for everybody, nothing is given up. What it refuses for now on purpose (`waits` in
+`failed`) does not count either.
 """
 
 import random
@@ -174,13 +175,29 @@ class SendQueue:
 
         The edge server is there again, so lanes that waited only for that wait no more.
         """
+        if post.kept_as is not None:
+            self._settled.add(post.kept_as)
+        self._close(post)
+
+    def refused(self, post: Post, reason: str) -> bool:
+        """Settle a post that would be refused again; whether it is a dead letter from now on.
+
+        What the next run can tell anew is none.
+        """
+        if not post.is_worth_keeping:
+            self.dropped += 1
+            self.answered(post)
+            return False
+        self._close(post)
+        self._dead.append(DeadLetter(post, reason))
+        return True
+
+    def _close(self, post: Post) -> None:
         lane = self._lanes[post.vehicle_id, post.lane]
         lane.in_flight = None
         lane.attempts = 0
         self._answers += 1
         self._owed[post.vehicle_id] -= post.is_owed
-        if post.kept_as is not None:
-            self._settled.add(post.kept_as)
         if post.urgency is Urgency.REGISTRATION:
             self._registered.add(post.vehicle_id)
         for other in self._all:

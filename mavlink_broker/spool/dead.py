@@ -1,11 +1,12 @@
 """Dead letters: posts that the edge server never takes, kept on disk until somebody decides.
 
-A post that fails again and again while others are answered holds up everything behind it. It is
-taken out of its line, kept here with the reason, and sent again or removed by a person:
-`python -m mavlink_broker dead-letters`. That command only reads the file; what it asks for goes
-into a file beside it, which the broker carries out, the running one or the next. The broker renames
-that file before it reads it, and removes it when all of it is done: an order that comes meanwhile
-begins a new file, and one that a killed broker has begun is carried out by the next.
+A post that is refused for good would be refused again, and one that fails again and again while
+others are answered holds up everything behind it. Either is taken out of its line, kept here with
+the reason, and sent again or removed by a person: `python -m mavlink_broker dead-letters`. That
+command only reads the file; what it asks for goes into a file beside it, which the broker carries
+out, the running one or the next. The broker renames that file before it reads it, and removes it
+when all of it is done: an order that comes meanwhile begins a new file, and one that a killed
+broker has begun is carried out by the next.
 """
 
 import fcntl

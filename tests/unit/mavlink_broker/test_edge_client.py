@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from mavlink_broker.edge_door import Door, is_final
 from mavlink_broker.effects import Acknowledgement
 from mavlink_broker.posts import post_for
 from mavlink_broker.send_queue import Post, Urgency
+from mavlink_broker.spool.dead import order, read_all
 from mavlink_broker.spool.folder import WORDS, Spool
 from mavlink_broker.work import Verdict
 from tests.support.broker_world import first_flight
@@ -137,7 +139,8 @@ def test_a_final_refusal_is_not_repeated(server: FakeEdgeServer, tmp_path: Path)
 
 
 @pytest.mark.parametrize(
-    ("failures", "holds"), [([], True), ([404], False), ([503, 409], False), ([503], True)]
+    ("failures", "holds"),
+    [([], True), ([404], False), ([503, 409], False), ([422], False), ([503], True)],
 )
 def test_what_is_said_to_an_accepted_mission_is_passed_on(
     server: FakeEdgeServer, tmp_path: Path, failures: list[int], holds: bool
@@ -348,16 +351,51 @@ def test_what_one_vehicle_owes_holds_up_no_other(server: FakeEdgeServer, tmp_pat
     client.stop(0.0)
 
 
-def test_what_the_edge_server_refuses_for_good_is_dropped_and_told(
-    server: FakeEdgeServer, tmp_path: Path, caplog: pytest.LogCaptureFixture
+@pytest.mark.parametrize("by_earlier_run", [True, False])
+def test_what_the_edge_server_refuses_for_good_is_a_dead_letter_and_can_be_sent_again(
+    server: FakeEdgeServer,
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+    *,
+    by_earlier_run: bool,
 ) -> None:
-    leave(tmp_path, pose(0), pose(1))
+    leave(tmp_path, *((pose(0), pose(1)) if by_earlier_run else ()))
     server.failures.append(409)
     client = client_of(server, tmp_path, spool=spool_in(tmp_path))
+    if not by_earlier_run:
+        client.post(pose(0))
+        client.post(pose(1))
     assert numbers(server.wait_for("/pose/", 1)) == [1]
-    wait_until(lambda: "of an earlier run is refused: HTTP 409" in caplog.text)
-    wait_until(lambda: (tmp_path / "broker" / WORDS).read_bytes() == b"")
+    wait_until(lambda: "is given up: HTTP 409" in caplog.text)
+    wait_until(lambda: len(read_all(tmp_path / "broker")) == 1)
+    ((number, letter),) = read_all(tmp_path / "broker")
+    assert letter.reason.startswith("HTTP 409")
+    assert letter.post.body["sequence_number"] == 0
+    wait_until(lambda: client.dead_letters_of(1) == 1)
+    words = tmp_path / "broker" / WORDS
+    wait_until(lambda: not words.exists() or words.read_bytes() == b"")
+    order(tmp_path / "broker", "retry", [number])
+    assert numbers(server.wait_for("/pose/", 2)) == [1, 0]
+    wait_until(lambda: client.dead_letters_of(1) == 0)
     client.stop(1.0)
+
+
+def test_what_is_told_anew_or_was_known_or_has_nobody_to_tell_is_no_dead_letter(
+    server: FakeEdgeServer, tmp_path: Path
+) -> None:
+    (tmp_path / "broker.key").write_text(KEY)
+    word = Acknowledgement(1, "accepted")
+    acceptance = post_for(word, vehicle_id=1, recorded_at=datetime.now(UTC), key="none")
+    server.failures.extend([410, 400])
+    client = client_of(server, tmp_path, spool=spool_in(tmp_path))
+    client.post(acceptance)
+    wait_until(lambda: len(client.take_verdicts()) == 1)
+    client.post(replace(pose(0), lane="state_vector", may_be_dropped=True))
+    client.post(replace(pose(1), lane="state_vector", may_be_dropped=True))
+    assert numbers(server.wait_for("/pose/", 1)) == [1]
+    assert client.dropped == 1
+    client.stop(5.0)
+    assert read_all(tmp_path / "broker") == []
 
 
 def test_a_disk_that_hangs_delays_nobody(
