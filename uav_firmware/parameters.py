@@ -131,13 +131,17 @@ class Registry:
         self._put_back: list[str] = []
 
     def add(self, group: type[Any]) -> None:
-        """Register every parameter that a module's dataclass declares."""
+        """Register every parameter that a module's dataclass declares.
+
+        That is a change for those who use a name only where somebody declares it, perhaps later.
+        """
         for entry in fields(group):
             declaration: Declaration = entry.metadata[_METADATA]
             if declaration.name in self._declarations:
                 raise ParameterError(f"{declaration.name}: declared twice")
             self._declarations[declaration.name] = declaration
             self._values[declaration.name] = _default_of(declaration)
+        self.version += 1
 
     def read(self, group: type[P]) -> P:
         """Give an instance of a module's dataclass with the present values."""

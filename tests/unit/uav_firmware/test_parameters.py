@@ -2,6 +2,7 @@
 
 import struct
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -72,6 +73,19 @@ def test_what_describes_the_vehicle_cannot_be_changed_while_it_is_armed() -> Non
     registry.armed = False
     registry.set("A_PLACE", 0.5)
     assert registry.get("A_PLACE") == 0.5
+
+
+def test_a_group_that_is_declared_later_is_a_change_for_those_who_wait_for_it(
+    tmp_path: Path,
+) -> None:
+    """The drag is the commander's, which is built after the estimator that flies by it."""
+    registry = Registry()
+    seen = registry.version
+    registry.add(SomeParams)
+    assert registry.version != seen
+    autopilot = parameter_table.autopilot(tmp_path)
+    autopilot.scheduler.step()
+    assert autopilot.estimator.navigation.drag.drag is not None
 
 
 def test_an_order_that_was_carried_out_is_put_back_and_announced_once() -> None:
