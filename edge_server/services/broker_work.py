@@ -224,10 +224,9 @@ def _acknowledge_mission(
             raise ConflictError(f"work {item.id} has ended otherwise")
     elif item.state == work.CLOSED:
         raise ConflictError(f"work {item.id} has ended: {item.message or 'see the plan'}")
-    else:
-        if item.state == work.QUEUED:
-            vehicle_holds.check_free(connection, item)
-        work.change(connection, item.id, state=work.ACCEPTED)
+    elif item.state == work.QUEUED:
+        vehicle_holds.check_free(connection, item)
+        work.change(connection, item.id, state=work.ACCEPTED, accepted_at=now)
 
 
 def _acknowledge_event(
@@ -305,7 +304,9 @@ def _count_from_now(connection: Connection, item: Work, now: float) -> None:
 
 def end(connection: Connection, item: Work, status: Status, message: str, now: float) -> None:
     """End a mission that nobody flies, and tell the cloud as the vehicle's broker would."""
-    progress.close(connection, item, status, message)
+    progress.close(connection, item, status, message, now)
+    if status == Status.FAILED:
+        vehicle_holds.note_fault(connection, item, message, now)
     last = item.report or {}
     commands = work.commands(connection, item.id)
     body = {

@@ -64,15 +64,14 @@ def abort_the_rest(
     }
 
 
-def apply(connection: Connection, report: MissionReport) -> Change | None:
+def apply(connection: Connection, report: MissionReport, now: float) -> Change | None:
     """Move the mission that a report is about; None when no such mission is known here.
 
     Raises:
         InvalidError: if it names a command that the mission does not have.
         ConflictError: if it must not be said of the mission; nothing has changed.
     """
-    candidates = work.missions_of(connection, report.vehicle_id, report.mission_id)
-    mission = report_matching.find(candidates, report)
+    mission = find(connection, report)
     if mission is None:
         return None
     current = work.commands(connection, mission.id)
@@ -80,8 +79,14 @@ def apply(connection: Connection, report: MissionReport) -> Change | None:
     _check_free(connection, mission, report)
     was_open = mission.state != work.CLOSED
     if was_open:
-        _move(connection, mission, current, report)
+        _move(connection, mission, current, report, now)
     return Change(mission, current, ended=was_open and report.mission_status_id.is_terminal)
+
+
+def find(connection: Connection, report: MissionReport) -> Work | None:
+    """Find the mission that a report is about; raises as `report_matching.find`."""
+    candidates = work.missions_of(connection, report.vehicle_id, report.mission_id)
+    return report_matching.find(candidates, report)
 
 
 def _check_free(connection: Connection, mission: Work, report: MissionReport) -> None:
@@ -102,6 +107,7 @@ def _move(
     mission: Work,
     current: Mapping[int, CommandProgress],
     report: MissionReport,
+    now: float,
 ) -> None:
     changed = advance_commands(current, report.command_report_array)
     status = int(mission.status_id or Status.NOT_STARTED)
@@ -118,11 +124,20 @@ def _move(
         status_id=status,
         message=report.message or mission.message,
         report=write(report),
+        accepted_at=mission.accepted_at or now,
+        ended_at=now if ended else None,
     )
 
 
-def close(connection: Connection, mission: Work, status: Status, message: str) -> None:
+def close(connection: Connection, mission: Work, status: Status, message: str, now: float) -> None:
     """End a mission that was never flown: refused by the broker, or expired."""
     current = work.commands(connection, mission.id)
     work.change_commands(connection, mission.id, list(abort_the_rest(current, message).values()))
-    work.change(connection, mission.id, state=work.CLOSED, status_id=int(status), message=message)
+    work.change(
+        connection,
+        mission.id,
+        state=work.CLOSED,
+        status_id=int(status),
+        message=message,
+        ended_at=now,
+    )

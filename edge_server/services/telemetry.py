@@ -1,14 +1,14 @@
 """Reports of vehicles: kept until the cloud has them. One transaction, then 201."""
 
 import json
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import Any, NamedTuple
 
 from sqlalchemy import Connection
 from ulid import ULID
 
 from afarcloud.faults import InvalidError
-from afarcloud.state import Alarm, Image, MissionReport, Report
+from afarcloud.state import Alarm, Image, MissionReport, Report, StateVector
 from afarcloud.wire import Kind, write
 from edge_server.outbox import queue
 from edge_server.outbox.queue import Stream
@@ -59,10 +59,15 @@ def ingest(context: Context, kind: Kind, report: Report, caller: Caller) -> dict
     body = _payload(report)
     context.space.admit(kind.value, _picture_bytes(report))
     now = context.clock()
-    answered = context.database.write_together(
-        lambda connection: _keep(connection, kind, report, body, caller, now),
-        *_locks(report, kind),
-    )
+    flights = _new_flights(context, [report], now)
+    try:
+        answered = context.database.write_together(
+            lambda connection: _keep(connection, kind, report, body, caller, now, flights),
+            *_locks(report, kind, flights),
+        )
+    except ConflictError:
+        _learn_of_refused(context, report, now)
+        raise
     context.note_acknowledged(answered.object_id)
     context.wake_relay()
     return {"id": answered.object_id, **body, **_receipt(answered)}
@@ -78,10 +83,11 @@ def ingest_all(
     a report that must not be said of its mission.
     """
     refused: dict[int, Refusal] = dict(_without_room(context, arrivals))
-    wanted = {lock for one in arrivals for lock in _locks(one.report, one.kind)}
+    flights = _new_flights(context, [one.report for one in arrivals], context.clock())
+    wanted = {lock for one in arrivals for lock in _locks(one.report, one.kind, flights)}
     with context.database.write(*wanted) as connection:
         now = context.clock()
-        refused |= _apply_all(connection, arrivals, refused, owner, now)
+        refused |= _apply_all(connection, arrivals, refused, owner, now, flights)
         admitted = [one for number, one in enumerate(arrivals) if number not in refused]
         entries = [
             Entry(one.kind.value, _payload(one.report), one.idempotency_key) for one in admitted
@@ -103,18 +109,23 @@ def _apply_all(
     refused: Collection[int],
     owner: str,
     now: float,
+    flights: Collection[int],
 ) -> dict[int, Refusal]:
     """Do what follows from the reports that are new; gives those that are refused, by place."""
     keys = [one.idempotency_key for one in arrivals if one.idempotency_key]
     known = set(idempotency.find_all(connection, keys, owner))
     faults: dict[int, Refusal] = {}
     for number, arrival in enumerate(arrivals):
-        if number in refused or not _moves_work(arrival.report) or arrival.idempotency_key in known:
+        report = arrival.report
+        is_done = number in refused or arrival.idempotency_key in known
+        if is_done or not _moves_work(report, flights):
             continue
         try:
-            _apply(connection, arrival.report, now)
+            _apply(connection, report, now, flights)
         except (InvalidError, ConflictError) as error:
             faults[number] = error
+            if isinstance(report, MissionReport):
+                vehicle_holds.after_refused_report(connection, report, now)
         else:
             if arrival.idempotency_key is not None:
                 known.add(arrival.idempotency_key)
@@ -142,25 +153,50 @@ def _picture_bytes(report: Report) -> int:
     return len(report.frame) if isinstance(report, Image) else 0
 
 
-def _locks(report: Report, kind: Kind) -> tuple[Lock, ...]:
+def _locks(report: Report, kind: Kind, flights: Collection[int]) -> tuple[Lock, ...]:
     """What a report needs: the end of its stream, and what it may move besides."""
     stream = of_stream(report.vehicle_id, kind.value)
-    return (WORK, stream) if _moves_work(report) else (stream,)
+    return (WORK, stream) if _moves_work(report, flights) else (stream,)
 
 
-def _moves_work(report: Report) -> bool:
+def _new_flights(context: Context, reports: Iterable[Report], now: float) -> frozenset[int]:
+    """Vehicles whose state vectors among these show a flight that is not known so far.
+
+    State vectors are many and hardly one is news, so this is looked at before the transaction. A
+    mission that is accepted meanwhile is none that they were measured on.
+    """
+    in_the_air = [
+        one for one in reports if isinstance(one, StateVector) and vehicle_holds.is_in_the_air(one)
+    ]
+    if not in_the_air:
+        return frozenset()
+    with context.database.read() as connection:
+        return vehicle_holds.new_flights(connection, in_the_air, now)
+
+
+def _moves_work(report: Report, flights: Collection[int]) -> bool:
     """Whether a report may change a mission, or hold its vehicle."""
+    if isinstance(report, StateVector):
+        return report.vehicle_id in flights
     is_about_mission = isinstance(report, Alarm) and report.mission_id is not None
     return is_about_mission or isinstance(report, MissionReport)
 
 
-def _apply(connection: Connection, report: Report, now: float) -> None:
+def _apply(connection: Connection, report: Report, now: float, flights: Collection[int]) -> None:
     """Do what follows from a report; raises InvalidError or ConflictError, nothing being done."""
     if isinstance(report, MissionReport):
-        change = progress.apply(connection, report)
+        change = progress.apply(connection, report, now)
         vehicle_holds.after_report(connection, report, change, now)
     elif isinstance(report, Alarm):
         vehicle_holds.after_alarm(connection, report, now)
+    elif isinstance(report, StateVector) and report.vehicle_id in flights:
+        vehicle_holds.after_state_vector(connection, report, now)
+
+
+def _learn_of_refused(context: Context, report: Report, now: float) -> None:
+    if isinstance(report, MissionReport):
+        with context.database.write(WORK) as connection:
+            vehicle_holds.after_refused_report(connection, report, now)
 
 
 def _payload(report: Report) -> dict[str, Any]:
@@ -177,13 +213,14 @@ def _keep(  # a record, who sent it and when
     body: dict[str, Any],
     caller: Caller,
     now: float,
+    flights: Collection[int],
 ) -> Answered:
     """Store a report unless it has been stored under this key; raises KeyReusedError."""
     body_sha256 = once.hash_body(body)
     answered = once.earlier(connection, caller, kind.value, body_sha256)
     if answered is not None:
         return answered
-    _apply(connection, report, now)
+    _apply(connection, report, now, flights)
     record = store(connection, kind, body, now)
     answered = Answered(kind.value, body_sha256, record.id, record.message_id, now)
     once.remember(connection, caller, answered)

@@ -1,19 +1,21 @@
 """Holds: after a mission that a fault ended in flight, the queue of its vehicle waits for a person.
 
-What has failed may fail again at the next take-off. A hold is placed in the transaction that keeps
-the report or the alarm; until an operator releases the vehicle no mission of it is handed out, and
-none is accepted. A mission that failed before it left the ground holds nothing.
+What has failed may fail again at the next take-off. Two facts are kept of each mission: that it has
+flown, and the fault that ended it or has to end it. Records come in any order; in the transaction
+that keeps the record which completes the two, the vehicle is held, once for each fault. Until an
+operator releases it no mission of it is handed out, and none is accepted. A mission that failed
+before it left the ground holds nothing.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from sqlalchemy import Connection
 
 from afarcloud.commands import FLYING
 from afarcloud.enumerations import Status
-from afarcloud.state import Alarm, MissionReport
-from edge_server.services import audit, vehicles
+from afarcloud.state import Alarm, MissionReport, StateVector
+from edge_server.services import audit, progress, vehicles
 from edge_server.services.attempts import repeatable
 from edge_server.services.context import Context
 from edge_server.services.errors import ConflictError
@@ -22,46 +24,124 @@ from edge_server.services.progress import Change
 from edge_server.store import vehicle_holds, work
 from edge_server.store.locks import WORK, of_vehicle
 from edge_server.store.vehicle_holds import VehicleHold
-from edge_server.store.work import CommandProgress, Work
+from edge_server.store.work import Work
 
+AIRBORNE_M: Final = 2.0
+"""Above home a vehicle flies; below, the drift of a barometer may have lifted it."""
 _BEGUN: Final = frozenset({Status.RUNNING, Status.FINISHED})
 
 
 def after_report(
     connection: Connection, report: MissionReport, change: Change | None, now: float
 ) -> None:
-    """Hold a vehicle whose mission this report has ended by a fault in flight."""
-    if change is None or not change.ended or report.mission_status_id != Status.FAILED:
+    """Learn from a report that has been taken: whether its mission flies, and if it has failed."""
+    if change is None:
         return
-    statuses = {number: known.status_id for number, known in change.commands.items()}
-    finished = {
-        one.command_id: int(Status.FINISHED)
-        for one in report.command_report_array
-        if one.command_status_id == Status.FINISHED
-    }
-    if has_flown(change.mission, {**statuses, **finished}):
-        reason = report.message or "the mission failed in flight"
-        _place(connection, change.mission, reason, now)
+    is_failure = change.ended and report.mission_status_id == Status.FAILED
+    known = {number: one.status_id for number, one in change.commands.items()}
+    _learn(
+        connection,
+        change.mission,
+        now,
+        flown=_shows_flight(change.mission, report, known),
+        fault=(report.message or "the mission failed in flight") if is_failure else None,
+    )
+
+
+def after_refused_report(connection: Connection, report: MissionReport, now: float) -> None:
+    """Learn from a report that came too late to be taken that its mission has flown."""
+    try:
+        mission = progress.find(connection, report)
+    except ConflictError:
+        return
+    if mission is not None and mission.state != work.QUEUED:
+        _learn(connection, mission, now, flown=_shows_flight(mission, report, {}))
 
 
 def after_alarm(connection: Connection, alarm: Alarm, now: float) -> None:
-    """Hold a vehicle that raises an alarm on the mission that it flies."""
+    """Learn from an alarm of the fault in the mission that it names, under way or ended."""
     if alarm.mission_id is None:
         return
-    for mission in work.missions_of(connection, alarm.vehicle_id, alarm.mission_id):
-        if mission.state == work.ACCEPTED and has_flown(mission, _statuses(connection, mission)):
-            name = f"alarm {int(alarm.alarm_type_id)}/{alarm.alarm_code_id}"
-            reason = f"{name}: {alarm.message}" if alarm.message else name
-            _place(connection, mission, reason, now)
+    named = work.missions_of(connection, alarm.vehicle_id, alarm.mission_id)
+    under_way = [item for item in named if item.state == work.ACCEPTED]
+    ended = [item for item in named if item.state == work.CLOSED]
+    for mission in (under_way or ended)[-1:]:
+        name = f"alarm {int(alarm.alarm_type_id)}/{alarm.alarm_code_id}"
+        reason = f"{name}: {alarm.message}" if alarm.message else name
+        _learn(connection, mission, now, fault=reason)
 
 
-def has_flown(mission: Work, statuses: Mapping[int, int]) -> bool:
-    """Whether a mission has begun to move its vehicle, by the statuses of its commands."""
-    commands = (mission.body or {}).get("command_array", [])
-    return any(
-        entry["command_type_id"] in FLYING and statuses.get(entry["command_id"]) in _BEGUN
-        for entry in commands
+def is_in_the_air(state: StateVector) -> bool:
+    """Whether a vehicle flies, by its height above home."""
+    return state.altitude >= AIRBORNE_M
+
+
+def new_flights(
+    connection: Connection, states: Sequence[StateVector], now: float
+) -> frozenset[int]:
+    """Vehicles that some of these places in the air show on a mission not known to have flown."""
+    vehicle_ids = {state.vehicle_id for state in states}
+    missions = work.not_flown(connection, vehicle_ids)
+    return frozenset(
+        state.vehicle_id
+        for state in states
+        if any(_was_under_way(mission, state, now) for mission in missions)
     )
+
+
+def after_state_vector(connection: Connection, state: StateVector, now: float) -> None:
+    """Learn from a place in the air which mission has flown: what was under way at that time."""
+    if not is_in_the_air(state):
+        return
+    for mission in work.not_flown(connection, {state.vehicle_id}):
+        if _was_under_way(mission, state, now):
+            _learn(connection, mission, now, flown=True)
+
+
+def _was_under_way(mission: Work, state: StateVector, now: float) -> bool:
+    """Whether a state was measured between the acceptance of a mission and its end."""
+    if mission.vehicle_id != state.vehicle_id or mission.accepted_at is None:
+        return False
+    measured_at = now if state.recorded_at is None else state.recorded_at.timestamp()
+    return mission.accepted_at <= measured_at and not (
+        mission.ended_at is not None and mission.ended_at < measured_at
+    )
+
+
+def note_fault(connection: Connection, mission: Work, reason: str, now: float) -> None:
+    """Learn of the fault by which a mission is ended here."""
+    _learn(connection, mission, now, fault=reason)
+
+
+def _shows_flight(mission: Work, report: MissionReport, known: Mapping[int, int]) -> bool:
+    """Whether a command that moves the vehicle, or one behind it, has begun by these statuses."""
+    begun = {number for number, status in known.items() if status in _BEGUN}
+    begun |= {
+        one.command_id for one in report.command_report_array if one.command_status_id in _BEGUN
+    }
+    moves = False
+    for entry in (mission.body or {}).get("command_array", []):
+        moves = moves or entry["command_type_id"] in FLYING
+        if moves and entry["command_id"] in begun:
+            return True
+    return False
+
+
+def _learn(
+    connection: Connection,
+    mission: Work,
+    now: float,
+    *,
+    flown: bool = False,
+    fault: str | None = None,
+) -> None:
+    """Keep what is new of a mission; hold its vehicle if that makes it a flight with a fault."""
+    has_flown, reason = mission.flown or flown, mission.fault or fault
+    if (has_flown, reason) == (mission.flown, mission.fault):
+        return
+    work.change(connection, mission.id, flown=has_flown, fault=reason)
+    if has_flown and reason is not None:
+        _place(connection, mission, reason, now)
 
 
 def check_free(connection: Connection, item: Work) -> None:
@@ -87,15 +167,11 @@ def release(context: Context, vehicle_id: int, reason: str) -> dict[str, Any]:
         else:
             audit.about(f"vehicles/{vehicle_id}: {reason}")
             vehicle_holds.remove(connection, vehicle_id)
+            _forget_faults(connection, vehicle_id)
             _queue_anew(connection, vehicle_id)
         shown = vehicles.shown(connection, vehicle_id)
     context.bell.ring()
     return shown
-
-
-def _statuses(connection: Connection, mission: Work) -> dict[int, int]:
-    known: Mapping[int, CommandProgress] = work.commands(connection, mission.id)
-    return {number: one.status_id for number, one in known.items()}
 
 
 def _place(connection: Connection, mission: Work, reason: str, now: float) -> None:
@@ -107,7 +183,14 @@ def _place(connection: Connection, mission: Work, reason: str, now: float) -> No
     for item in work.unfinished(connection, vehicle_id=mission.vehicle_id):
         is_behind = item.kind == work.MISSION and item.id > mission.id
         if is_behind and item.state == work.ACCEPTED and item.report is None:
-            work.change(connection, item.id, state=work.QUEUED)
+            work.change(connection, item.id, state=work.QUEUED, accepted_at=None)
+
+
+def _forget_faults(connection: Connection, vehicle_id: int) -> None:
+    """Let the next fault of a mission that is still under way hold its vehicle again."""
+    for item in work.unfinished(connection, vehicle_id=vehicle_id):
+        if item.kind == work.MISSION and item.fault is not None:
+            work.change(connection, item.id, fault=None)
 
 
 def _queue_anew(connection: Connection, vehicle_id: int) -> None:

@@ -156,6 +156,10 @@ work = Table(
     Column("expires_at", Float, nullable=False),
     Column("held", Boolean, nullable=False, server_default=false()),  # Waits for dispatch
     Column("place", Integer, nullable=False, server_default="0"),  # Of a mission in its plan
+    Column("flown", Boolean, nullable=False, server_default=false()),  # Something has shown flight
+    Column("fault", Text),  # Why the mission ended, or has to end; none by an order
+    Column("accepted_at", Float),
+    Column("ended_at", Float),
     CheckConstraint("kind IN ('mission', 'latest_state_vector', 'event')", name="kind"),
     CheckConstraint("state IN ('queued', 'accepted', 'closed')", name="state"),
     CheckConstraint("(state = 'closed') = (status_id >= 3) OR status_id IS NULL", name="terminal"),
@@ -166,6 +170,12 @@ work = Table(
     ),
     Index(None, "state", "id"),
     Index(None, "vehicle_id", "mission_id", "state"),
+    Index(
+        "ix_work_not_flown",
+        "vehicle_id",
+        sqlite_where=text("accepted_at IS NOT NULL AND NOT flown"),
+        postgresql_where=text("accepted_at IS NOT NULL AND NOT flown"),
+    ),
     sqlite_autoincrement=True,
 )
 """What the broker has to do: missions of plans, events, and requests for a state vector."""

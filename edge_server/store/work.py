@@ -1,10 +1,10 @@
 """The broker's work as rows, and how far each mission and command is."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any, NamedTuple
 
-from sqlalchemy import Connection, and_, delete, func, insert, or_, select, update
+from sqlalchemy import Connection, and_, delete, func, insert, or_, select, text, update
 
 from afarcloud.enumerations import Status
 from edge_server.store.database import new_id, to_json
@@ -41,6 +41,10 @@ class Work(NamedTuple):
     held: bool = False
     place: int = 0
     created_at: float = 0.0
+    flown: bool = False
+    fault: str | None = None
+    accepted_at: float | None = None
+    ended_at: float | None = None
 
 
 class CommandProgress(NamedTuple):
@@ -193,6 +197,15 @@ def missions_of(connection: Connection, vehicle_id: int, mission_id: int) -> lis
         work.c.mission_id == mission_id,
         work.c.kind == MISSION,
         work.c.held.is_(False),
+    )
+    return [_work(row) for row in connection.execute(query.order_by(work.c.id))]
+
+
+def not_flown(connection: Connection, vehicle_ids: Collection[int]) -> list[Work]:
+    """List the missions of some vehicles that were accepted and have not been seen to fly."""
+    query = _QUERY.where(
+        work.c.vehicle_id.in_(vehicle_ids),
+        text("accepted_at IS NOT NULL AND NOT flown"),  # As the index has it
     )
     return [_work(row) for row in connection.execute(query.order_by(work.c.id))]
 
@@ -356,4 +369,8 @@ def _work(row: Any) -> Work:
         row.held,
         row.place,
         row.created_at,
+        row.flown,
+        row.fault,
+        row.accepted_at,
+        row.ended_at,
     )

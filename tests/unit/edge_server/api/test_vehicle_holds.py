@@ -6,7 +6,14 @@ import pytest
 
 from tests.support.databases import BOTH_ENGINES
 from tests.unit.edge_server.conftest import Edge
-from tests.unit.edge_server.documents import mission, mission_report, plan, telemetry
+from tests.unit.edge_server.documents import (
+    home,
+    mission,
+    mission_report,
+    plan,
+    takeoff,
+    telemetry,
+)
 
 FAULT = "motor 2 failed"
 
@@ -208,3 +215,138 @@ def test_a_key_for_another_vehicle_does_not_release(edge: Edge) -> None:
     headers = {"X-API-Key": made["key"]}
     answer = edge.client.post("/vehicles/1/release", json={"reason": "x"}, headers=headers)
     assert answer.status_code == 403
+
+
+Statement = tuple[str, dict[str, Any]]
+"""Kind and body of a record."""
+
+
+def said(status: int, *commands: int, **fields: Any) -> Statement:
+    return "mission_report", mission_report(status, *commands, mission_id=1, **fields)
+
+
+def at_height(altitude: float, **fields: Any) -> Statement:
+    return "state_vector", telemetry("state_vector") | {"altitude": altitude} | fields
+
+
+ALARM: Statement = ("alarm", telemetry("alarm") | {"mission_id": 1})
+IN_FLIGHT: tuple[Statement, ...] = (said(2, 2), at_height(20.0))
+"""What says that a vehicle has left the ground, each by itself."""
+ENDED_BY_FAULT: tuple[tuple[Statement, ...], ...] = (
+    (said(2, 2), said(2, 4), said(4, 4, 5, 5)),  # The running take-off failed
+    (said(4, 2, 1, 1),),
+    (said(4, 3, 4, 5),),
+    (said(2, 1, 2), said(4, 5, 4, 5)),
+    (said(4, 5, 2, 5),),
+    (said(2, 2), said(5, 3, 5, 5), ALARM),
+    (ALARM, said(5, 3, 5, 5)),
+    (ALARM, at_height(20.0), said(5, 5, 5, 5)),
+    (at_height(20.0), said(4, 4, 5, 5)),
+    (said(2, 2), said(3, 3, 3, 3), ALARM),
+)
+
+
+def accept(edge: Edge, vehicle_id: int = 1) -> dict[str, Any]:
+    edge.post_plan(plan(mission(1, vehicle_id)))
+    (item,) = (one for one in edge.work() if one["vehicle_id"] == vehicle_id)
+    assert edge.acknowledge(item["id"], "accepted").status_code == 200
+    return item
+
+
+def of(vehicle_id: int, statements: tuple[Statement, ...]) -> tuple[Statement, ...]:
+    return tuple((kind, body | {"vehicle_id": vehicle_id}) for kind, body in statements)
+
+
+def tell(edge: Edge, *statements: Statement) -> None:
+    for kind, body in statements:
+        edge.clock.pass_s(1.0)
+        assert edge.report(kind, body).status_code == 201
+
+
+def is_held(edge: Edge, vehicle_id: int = 1) -> bool:
+    return edge.get(f"/vehicles/{vehicle_id}")["held"] is not None
+
+
+def test_a_flight_that_ends_by_a_fault_holds_its_vehicle_once(edge: Edge) -> None:
+    for vehicle_id, statements in enumerate(ENDED_BY_FAULT, start=1):
+        edge.register(vehicle_id)
+        accept(edge, vehicle_id)
+        tell(edge, *of(vehicle_id, statements))
+        assert is_held(edge, vehicle_id), statements
+        assert release(edge, vehicle_id=vehicle_id).status_code == 200
+        for kind, body in of(vehicle_id, statements):
+            edge.report(kind, body)
+        assert not is_held(edge, vehicle_id), statements
+
+
+def test_a_batch_with_the_end_of_a_flight_by_a_fault_holds_too(edge: Edge) -> None:
+    records = []
+    for vehicle_id, statements in enumerate(ENDED_BY_FAULT, start=1):
+        edge.register(vehicle_id)
+        accept(edge, vehicle_id)
+        records += [{kind: body} for kind, body in of(vehicle_id, statements)]
+    assert edge.post("/telemetry/", {"records": records}, "broker").status_code == 200
+    held = [number for number in range(1, len(ENDED_BY_FAULT) + 1) if is_held(edge, number)]
+    assert held == list(range(1, len(ENDED_BY_FAULT) + 1))
+
+
+def test_a_mission_that_flew_and_is_refused_then_holds(edge: Edge) -> None:
+    for vehicle_id, evidence in enumerate(IN_FLIGHT, start=1):
+        item = accept(edge, vehicle_id)
+        tell(edge, *of(vehicle_id, (evidence,)))
+        assert edge.acknowledge(item["id"], "refused", FAULT).status_code == 200
+        assert edge.get(f"/vehicles/{vehicle_id}")["held"]["reason"] == FAULT
+
+
+@BOTH_ENGINES
+def test_evidence_of_the_flight_may_come_after_its_end(edge: Edge) -> None:
+    accept(edge)
+    edge.clock.pass_s(10.0)
+    tell(edge, said(4, 4, 5, 5, message=FAULT))
+    assert not is_held(edge)
+    tell(edge, at_height(20.0))  # Measured after the end: somebody else flies
+    tell(edge, at_height(20.0, recorded_at="2026-11-21T11:59:00Z"))  # Before the acceptance
+    assert not is_held(edge)
+    tell(edge, at_height(20.0, recorded_at="2026-11-21T12:00:05Z"))
+    assert edge.get("/vehicles/1")["held"]["reason"] == FAULT
+
+
+def test_a_report_that_comes_too_late_is_evidence_all_the_same(edge: Edge) -> None:
+    accept(edge)
+    tell(edge, said(4, 4, 5, 5))
+    kind, late = said(2, 2)
+    assert edge.report(kind, late).status_code == 409
+    assert is_held(edge)
+
+
+def test_neither_the_ground_nor_another_vehicle_in_the_air_is_evidence(edge: Edge) -> None:
+    accept(edge)
+    tell(edge, *(at_height(altitude) for altitude in (-3.0, 0.0, 1.5)))
+    tell(edge, at_height(20.0, vehicle_id=2), said(4, 4, 5, 5))
+    assert not is_held(edge)
+
+
+def test_a_camera_before_the_take_off_moves_nothing(edge: Edge) -> None:
+    picture = {
+        "command_id": 9,
+        "command_type_id": 4,
+        "parameters": {"pitch_angle": -90.0},
+    }
+    edge.post_plan(plan(mission(1, command_array=[picture, takeoff(), home()])))
+    (item,) = edge.work()
+    edge.acknowledge(item["id"], "accepted")
+    report = mission_report(4, mission_id=1)
+    report["command_report_array"] = [
+        {"command_id": 9, "command_status_id": 3},
+        {"command_id": 1, "command_status_id": 4},
+    ]
+    assert edge.report("mission_report", report).status_code == 201
+    assert not is_held(edge)
+
+
+def test_a_fault_after_a_release_in_flight_holds_again(edge: Edge) -> None:
+    accept(edge)
+    tell(edge, said(2, 2), ALARM)
+    assert release(edge).status_code == 200
+    tell(edge, said(4, 3, 4, 5, message=FAULT))
+    assert edge.get("/vehicles/1")["held"]["reason"] == FAULT
