@@ -4,6 +4,9 @@ A broker that has just started is handed events together with the missions that 
 before it has heard the vehicle. They wait for that. An event that was accepted and has ended its
 mission already is seen through: the vehicle goes where it was sent. So is the return that an alarm
 has ordered.
+
+Of several aborts the newest one decides, by the numbers of their work, in whichever order they
+become known; the older ones are answered with that as soon as the newest is carried out.
 """
 
 from collections.abc import Callable
@@ -13,6 +16,7 @@ from afarcloud.enumerations import EventType
 from mavlink_broker.dialect import Message
 from mavlink_broker.effects import Acknowledgement, Effects
 from mavlink_broker.ending import Ending, abort_note, coming_home, noted_event
+from mavlink_broker.interruption import REPLACED
 from mavlink_broker.journal.memo import AbortNote, Homeward
 from mavlink_broker.translation import authority
 from mavlink_broker.translation.authority import Claim, InCommand
@@ -39,6 +43,7 @@ class EventDesk:
         self._known_since: float | None = None  # A vehicle that an earlier run has sent home
         self._noted_s: float | None = None  # When an abort of an earlier run was noted
         self._homeward: Homeward | None = None  # Ordered by an earlier run, until that is judged
+        self._newest_abort = 0  # Work id of the newest one that was carried out
         self.leaves_hovering = False  # What was last seen through has ended in a hover
 
     @property
@@ -77,8 +82,15 @@ class EventDesk:
 
         What is given remains the desk's until `forget`, so that an error does not lose it.
         """
-        due = [work for work in self._held if not is_too_early(work)]
-        self._held = [work for work in self._held if is_too_early(work)]
+        self._answer_replaced(self._newest_abort, effects)
+        due = [
+            work
+            for work in self._held
+            if not is_too_early(work) and not self._awaits_place(work, now)
+        ]
+        newest = max((work.work_id for work in due if is_abort(work)), default=0)
+        due = [work for work in due if not is_abort(work) or work.work_id == newest]
+        self._held = [work for work in self._held if work not in due]
         for work in list(self._held):
             late = work.expires_at is not None and now >= work.expires_at
             if late and not work.was_accepted:
@@ -86,6 +98,21 @@ class EventDesk:
                 effects.for_edge.append(Acknowledgement(work.work_id, "refused", EXPIRED))
         self._due += due
         return due
+
+    def _awaits_place(self, work: EventWork, now: float) -> bool:
+        """Whether an abort leads somewhere, and a new broker has yet to hear where that is.
+
+        Without a home no place can be ordered, and without a position the vehicle lands.
+        """
+        leads = is_abort(work) and (work.event.abort is not None or not _aborts_now(work))
+        of_earlier_run = work.was_accepted or self.is_before(work.work_id)
+        vehicle = self._vehicle
+        if not (leads and of_earlier_run and vehicle.snapshot.armed):
+            return False
+        if vehicle.snapshot.home is not None and vehicle.snapshot.knows_whether_placed:
+            return False
+        self._known_since = self._known_since or now
+        return now - self._known_since < TELLS_WITHIN_S
 
     def forget(self, work_id: int) -> None:
         """Drop an event that was carried out, or that the caller answers."""
@@ -105,18 +132,25 @@ class EventDesk:
         self._due, self._held = [], []
         self._leaving = self._homeward = None
 
-    def see_through(self, work: EventWork, now: float, effects: Effects) -> None:
-        """Send the vehicle where an abort said, unless it is on its way down or another has it."""
+    def see_through(
+        self, work: EventWork, now: float, effects: Effects, *, is_newer: bool = False
+    ) -> None:
+        """Send the vehicle where an abort said, unless it is on its way down or another has it.
+
+        `is_newer`: it replaces what the vehicle is doing, so that it has not been obeyed yet.
+        """
         vehicle = self._vehicle
         seen = vehicle.seen
         vehicle.abort = None
         who = authority.in_command(seen, _COMES_DOWN)
-        comes_down = vehicle.family.knows_modes and seen.role is ModeRole.ENDING
+        comes_down = vehicle.family.knows_modes and seen.role is ModeRole.ENDING and not is_newer
+        if not work.was_accepted:
+            effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))
         if who is not InCommand.BROKER:
             vehicle.is_taken = True
             refusal = Acknowledgement(work.work_id, "refused", authority.reason(who, seen))
             effects.for_edge.append(refusal)
-        elif self._was_restarted:
+        elif work.was_accepted and self._was_restarted:
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", RESTARTED))
         elif not seen.armed or comes_down:
             effects.for_edge.append(Acknowledgement(work.work_id, "done"))
@@ -132,12 +166,28 @@ class EventDesk:
         time_s = self._vehicle.snapshot.time_s
         return time_s is not None and self._noted_s is not None and time_s < self._noted_s
 
-    def give_way(self, effects: Effects) -> None:
-        """Leave the vehicle to a newer event."""
+    def replace(self, newest: EventWork, effects: Effects) -> bool:
+        """Answer every older abort, and leave the vehicle to this one.
+
+        Gives whether the vehicle is, or was to be, sent somewhere by an older one or by an alarm.
+        """
+        is_sent = self._answer_replaced(newest.work_id, effects) or self.is_leaving
+        is_sent |= self._homeward is not None
+        self._newest_abort = max(self._newest_abort, newest.work_id)
         if self._leaving is not None:
-            _acknowledge(self._leaving[0], effects)
+            _acknowledge(self._leaving[0], effects, done=REPLACED)
             self._leaving = None
         self._homeward = self._vehicle.homeward = self._vehicle.abort = None
+        return is_sent
+
+    def _answer_replaced(self, newest: int, effects: Effects) -> bool:
+        """Answer the held aborts that came before; whether an earlier run had accepted one."""
+        older = [work for work in self._held if is_abort(work) and work.work_id < newest]
+        self._held = [work for work in self._held if work not in older]
+        for work in older:
+            status = "done" if work.was_accepted else "refused"
+            effects.for_edge.append(Acknowledgement(work.work_id, status, REPLACED))
+        return any(work.was_accepted for work in older)
 
     def receive(self, message: Message, now: float) -> list[Message]:
         """Take a message of the vehicle."""
@@ -179,10 +229,16 @@ class EventDesk:
             effects.messages += ending.start(now)
 
 
-def _acknowledge(work: EventWork | None, effects: Effects, taken: str | None = None) -> None:
+def _acknowledge(
+    work: EventWork | None, effects: Effects, taken: str | None = None, *, done: str | None = None
+) -> None:
     if work is not None:
         status = "done" if taken is None else "refused"
-        effects.for_edge.append(Acknowledgement(work.work_id, status, taken))
+        effects.for_edge.append(Acknowledgement(work.work_id, status, taken or done))
+
+
+def _aborts_now(work: EventWork) -> bool:
+    return work.event.event_type_id is EventType.ABORT_MISSION
 
 
 def is_abort(work: EventWork) -> bool:

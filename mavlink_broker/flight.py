@@ -17,6 +17,7 @@ from mavlink_broker.flight_progress import FlightProgress
 from mavlink_broker.interruption import (
     PATIENCE_S,
     REASONS,
+    REPLACED,
     SoftAbort,
     SpeedOrders,
     within_fence,
@@ -146,7 +147,7 @@ class Flight(FlightProgress):
     def withdraw(self, now: float, effects: Effects) -> None:
         """Drop a mission that the edge server has ended; nothing is to be told of it."""
         _LOG.warning("mission %d was withdrawn", self.work.mission.mission_id)
-        self._give_up_soft_abort(effects)
+        self._give_up_soft_abort(effects, "the mission has ended")
         if self.state is State.UPLOADING:
             effects.messages.append(activities.cancellation(self._vehicle))
         self._activity = None
@@ -184,7 +185,7 @@ class Flight(FlightProgress):
             return
         self.ledger.fail(reason)
         effects.for_edge.append(self._reporter.mission(self.ledger))
-        self._give_up_soft_abort(effects)
+        self._give_up_soft_abort(effects, f"the mission has failed: {reason}")
         if self._is_taken_away:
             self._vehicle.is_taken |= self._who is not InCommand.BROKER
             self._follower = self._performer = None
@@ -200,7 +201,7 @@ class Flight(FlightProgress):
         if not self.ledger.status.is_terminal:
             self.ledger.fail(reason)
             effects.for_edge.append(self._reporter.mission(self.ledger))
-        self._give_up_soft_abort(effects)
+        self._give_up_soft_abort(effects, f"the mission has failed: {reason}")
         self.refuse_ending(reason, effects)
         if self.state is State.UPLOADING:
             effects.messages.append(activities.cancellation(self._vehicle))
@@ -246,7 +247,7 @@ class Flight(FlightProgress):
     def _abort_soon(self, work: EventWork, now: float, effects: Effects) -> None:
         """Wait for the running command; another soft abort says where to go, not for how long."""
         before = self._soft_abort
-        self._give_up_soft_abort(effects)
+        self._give_up_soft_abort(effects, REPLACED)
         command = self.ledger.finished if self.state in _IN_FLIGHT else None
         deadline_s = self._vehicle_time_s(now) + PATIENCE_S
         if before is not None:
@@ -254,11 +255,11 @@ class Flight(FlightProgress):
         self._soft_abort = SoftAbort(work, command, deadline_s)
         self._abort_softly(self._soft_abort, now, effects)
 
-    def _give_up_soft_abort(self, effects: Effects) -> None:
-        """Take one that waits as done: what replaces it ends the mission in its stead."""
+    def _give_up_soft_abort(self, effects: Effects, instead: str) -> None:
+        """Take one that waits as done: what replaces it has ended the mission in its stead."""
         if self._soft_abort is not None:
             work_id, self._soft_abort = self._soft_abort.work.work_id, None
-            effects.for_edge.append(Acknowledgement(work_id, "done"))
+            effects.for_edge.append(Acknowledgement(work_id, "done", instead))
 
     def _abort_softly(self, abort: SoftAbort, now: float, effects: Effects) -> None:
         statuses = self.ledger.commands
@@ -272,7 +273,7 @@ class Flight(FlightProgress):
 
     def _abort_now(self, work: EventWork, now: float, effects: Effects) -> None:
         """End the mission; a vehicle that is armed is told where to go."""
-        self._give_up_soft_abort(effects)
+        self._give_up_soft_abort(effects, REPLACED)
         if self.state is State.UPLOADING:
             effects.messages.append(activities.cancellation(self._vehicle))
         if not self.ledger.status.is_terminal:
@@ -282,7 +283,7 @@ class Flight(FlightProgress):
         if self.state is State.LEAVING and self._ending is not None:
             who = self._ending.who(now)
         self._follower = self._performer = None
-        self._acknowledge_ending(effects)
+        self._acknowledge_ending(effects, instead=REPLACED)
         if who is not InCommand.BROKER:
             self._vehicle.is_taken = True
             reason = authority.reason(who, seen)
@@ -295,12 +296,12 @@ class Flight(FlightProgress):
             return
         self._leave(work.event, work.work_id, now, effects)
 
-    def _acknowledge_ending(self, effects: Effects) -> None:
-        """Say that an event has been carried out, once."""
+    def _acknowledge_ending(self, effects: Effects, instead: str | None = None) -> None:
+        """Say that an event has been carried out, once; or what comes in its stead."""
         if self._ending is not None and self._ending_work is not None:
             taken = self._ending.taken
             status = "done" if taken is None else "refused"
-            note = taken or self._ending_note
+            note = taken or instead or self._ending_note
             effects.for_edge.append(Acknowledgement(self._ending_work, status, note))
             self._vehicle.abort = None
             self._ending_work = None

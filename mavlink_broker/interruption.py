@@ -17,6 +17,8 @@ from mavlink_broker.work import EventWork
 
 PATIENCE_S = 30.0
 """How long a soft abort lets the running command go on, by the vehicle's time."""
+REPLACED = "a later event replaced it"
+"""Answer to an abort behind which a newer one decides where the vehicle goes."""
 CIRCLE = mavlink.MAV_CMD_NAV_LOITER_TURNS
 REASONS = {
     EventType.ABORT_MISSION: "aborted by an event",

@@ -238,9 +238,14 @@ class Session:
             resumed = self._flight.is_looked_for
         else:
             resumed = bool(self._waiting) and self._is_resumed(self._waiting[0])
-        is_unknown = self.vehicle.snapshot.armed is None
-        if is_unknown or (work.was_accepted and not self.vehicle.diary.is_open):
-            return resumed or work.was_accepted
+        is_unknown, is_open = self.vehicle.snapshot.armed is None, self.vehicle.diary.is_open
+        if work.was_accepted and (is_unknown or not is_open):
+            return True
+        is_idle = self._flight is None and not self._waiting
+        if is_abort(work) and is_idle and not is_open:
+            return True  # The journal may tell of an older one that the vehicle obeys
+        if is_unknown:
+            return resumed or (is_abort(work) and self._events.is_before(work.work_id))
         aborts_now = work.event.event_type_id is EventType.ABORT_MISSION
         return resumed and not aborts_now
 
@@ -252,8 +257,8 @@ class Session:
         if first is not None and self._is_resumed(first) and self._concerns(work, first):
             self._next_flight(now, effects)
         concerned = [flight for flight in self._waiting if self._concerns(work, flight)]
+        replaces = is_abort(work) and self._events.replace(work, effects)
         if is_abort(work):
-            self._events.give_way(effects)
             for flight in concerned:
                 self._waiting.remove(flight)
                 self._abort_waiting(flight, REASONS[work.event.event_type_id], effects)
@@ -262,6 +267,9 @@ class Session:
         if self._flight is not None and self._concerns(work, self._flight):
             self._flight.interrupt(work, now, effects)
             self._close_flight()
+        elif replaces:
+            self._has_flown = True
+            self._events.see_through(work, now, effects, is_newer=True)
         elif is_abort(work) and concerned:
             effects.for_edge.append(Acknowledgement(work.work_id, "done"))
         elif is_abort(work) and work.was_accepted:

@@ -13,6 +13,7 @@ from tests.support.broker_world import World, first_flight
 from tests.support.scripted_vehicle import PX4_HOLD, PX4_LAND, PX4_POSITION, PX4_RETURN
 from tests.unit.mavlink_broker.test_events import ABORT, POINT, SOFT_ABORT, SPEED, said, world_at
 
+SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
 AWAY = pytest.mark.parametrize("away_s", [0.0, 3.0, 60.0])
 
 
@@ -179,3 +180,107 @@ def test_an_abort_of_a_flight_before_is_not_carried_out_on_another(tmp_path: Pat
     world.run(10.0)
     assert said(world, event)[-1] == "refused"
     assert vehicle.custom_mode == PX4_HOLD
+
+
+class TestTheNewestAbortDecides:
+    """In whichever order a restarted broker comes to know them; the older one is answered so."""
+
+    @pytest.mark.parametrize("with_journal", [False, True], ids=["memory", "journal"])
+    @AWAY
+    def test_over_a_soft_one_that_waited(
+        self, away_s: float, with_journal: bool, tmp_path: Path
+    ) -> None:
+        world = world_at(3, journal=tmp_path if with_journal else None)
+        vehicle = world.only_vehicle
+        soft = world.edge.event(SOFT_ABORT)
+        world.run(0.5)
+        assert said(world, soft) == ["accepted"]
+        world.kill_broker()
+        hard = world.edge.event(ABORT)
+        since = len(vehicle.parameters)
+        world.run(min(away_s, 15.0))
+        world.restart_broker()
+        world.run_until(lambda: not vehicle.armed)
+        world.run(1.0)
+        assert modes_since(world, since) == {PX4_LAND}
+        assert said(world, hard) == ["accepted", "done"]
+        assert said(world, soft) == ["accepted", "done"]
+        assert world.edge.acknowledgements(soft)[-1]["message"] == "a later event replaced it"
+        assert world.edge.status(1201) == Status.ABORTED
+
+    @pytest.mark.parametrize("was_accepted", [False, True], ids=["queued", "accepted"])
+    @pytest.mark.parametrize("with_journal", [False, True], ids=["memory", "journal"])
+    def test_over_one_that_has_sent_the_vehicle_somewhere(
+        self, was_accepted: bool, with_journal: bool, tmp_path: Path
+    ) -> None:
+        world = world_at(1, journal=tmp_path if with_journal else None)
+        vehicle = world.only_vehicle
+        vehicle.script = dataclasses.replace(vehicle.script, goes_to_places=False)
+        soft = world.edge.event(SOFT_ABORT, abort=POINT)
+        world.run_until(lambda: world.app.sessions[1].state is State.LEAVING)
+        world.run(0.5)
+        world.kill_broker()
+        hard = world.edge.event(ABORT)
+        if was_accepted:
+            world.edge.work[hard]["state"] = "accepted"
+        since = len(vehicle.parameters)
+        world.restart_broker()
+        world.run_until(lambda: not vehicle.armed)
+        world.run(1.0)
+        assert modes_since(world, since) == {PX4_LAND}
+        assert said(world, hard)[-1] == "done"
+        assert said(world, soft) == ["accepted", "done"]
+        assert world.edge.acknowledgements(soft)[-1]["message"] == "a later event replaced it"
+
+    def test_over_one_that_a_restarted_broker_sees_through(self) -> None:
+        world = world_at(1)
+        vehicle = world.only_vehicle
+        vehicle.script = dataclasses.replace(vehicle.script, goes_to_places=False)
+        soft = world.edge.event(SOFT_ABORT, abort=POINT)
+        world.run_until(lambda: world.app.sessions[1].state is State.LEAVING)
+        world.tick()
+        restart(world)
+        world.run(3.0)
+        assert said(world, soft) == ["accepted"]
+        hard = world.edge.event(ABORT)
+        world.run_until(lambda: not vehicle.armed)
+        world.run(1.0)
+        assert vehicle.custom_mode == PX4_LAND
+        assert said(world, hard) == ["accepted", "done"]
+        assert said(world, soft) == ["accepted", "done"]
+
+    def test_a_newer_soft_one_over_an_abort(self) -> None:
+        world = world_at(1)
+        vehicle = world.only_vehicle
+        vehicle.script = dataclasses.replace(vehicle.script, goes_to_places=False)
+        hard = world.edge.event(ABORT, abort=POINT)
+        world.run_until(lambda: world.app.sessions[1].state is State.LEAVING)
+        world.tick()
+        world.kill_broker()
+        soft = world.edge.event(SOFT_ABORT)
+        world.restart_broker()
+        world.run_until(lambda: not vehicle.armed)
+        world.run(1.0)
+        assert vehicle.custom_mode == PX4_RETURN
+        assert said(world, soft) == ["accepted", "done"]
+        assert world.edge.acknowledgements(hard)[-1]["message"] == "a later event replaced it"
+
+
+def modes_since(world: World, since: int) -> set[int]:
+    """PX4's modes that the vehicle was ordered into, behind the first so many commands."""
+    modes = (v for c, v in world.only_vehicle.parameters[since:] if c == SET_MODE)
+    return {int(values[1]) << 16 | int(values[2]) << 24 for values in modes}
+
+
+def test_a_restarted_broker_hears_the_home_before_it_gives_a_place_up() -> None:
+    """What is ordered relative to home must not become a landing because home is not told yet."""
+    world = world_at(1)
+    vehicle = world.only_vehicle
+    vehicle.script = dataclasses.replace(vehicle.script, goes_to_places=False)
+    event = world.edge.event(ABORT, abort=POINT)
+    world.run_until(lambda: world.app.sessions[1].state is State.LEAVING)
+    world.tick()
+    restart(world)
+    vehicle.script = dataclasses.replace(vehicle.script, goes_to_places=True)
+    world.run_until(lambda: "done" in said(world, event))
+    assert is_at_point(world)()
