@@ -7,15 +7,19 @@ or a circle cross what is forbidden.
 """
 
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 from typing import Final, NamedTuple
 
-from afarcloud.area import Area, Vertex
+from afarcloud import geometry
+from afarcloud.area import TOLERANCE_M, Area, Vertex
 from afarcloud.commands import Command
 from afarcloud.enumerations import CommandType
 from afarcloud.plan import Geofence
 from afarcloud.route import Leg, Part, Spot, route_of
 
 ALTITUDE_TOLERANCE_M: Final = 0.01
+SMALLEST_M2: Final = TOLERANCE_M**2
+"""Of a polygon: in a smaller one no place is a violation, and none is surely inside."""
 PLACE: Final = "latitude, longitude"
 _ALTITUDE_NAMES: Final = {
     CommandType.NAV_LAND: "landing_altitude",
@@ -34,12 +38,30 @@ class FenceFault(NamedTuple):
     is_height: bool = False
 
 
+class OutlineFault(NamedTuple):
+    """A polygon that cannot be meant: autopilots disagree about what lies in it."""
+
+    field: str  # Of the geofence: inclusion.0
+    text: str
+
+
 class FenceCheck:
     """One geofence, which missions, places and legs are held against."""
 
     def __init__(self, geofence: Geofence) -> None:
+        self._geofence = geofence
         self._area = Area(geofence)
         self._height_m = geofence.max_altitude
+
+    @cached_property
+    def outline_faults(self) -> tuple[OutlineFault, ...]:
+        """The polygons that cross themselves, or enclose nothing."""
+        return tuple(
+            OutlineFault(f"{name}.{index}", text)
+            for name in ("inclusion", "exclusion")
+            for index, outline in enumerate(getattr(self._geofence, name))
+            if (text := geometry.ring_fault(outline, SMALLEST_M2)) is not None
+        )
 
     def faults(
         self,

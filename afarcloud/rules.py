@@ -18,6 +18,7 @@ from afarcloud.commands import (
 from afarcloud.enumerations import CommandType, Profile
 from afarcloud.faults import Fault
 from afarcloud.fence_check import FenceCheck, altitude_name
+from afarcloud.geodesy import distance_m
 from afarcloud.plan import Mission, Plan
 from afarcloud.route import Spot, spot_of
 from afarcloud.vehicle import VehicleLimits
@@ -34,14 +35,20 @@ class Verdict(NamedTuple):
 class FenceVerdict(NamedTuple):
     """What the geofence of a plan says of it: the expensive part, which the plan alone decides."""
 
+    outlines: tuple[Fault, ...]  # Of the geofence itself; with any of them nothing else is judged
     rally_points: tuple[Fault, ...]
     missions: tuple[tuple[Fault, ...], ...]  # In the plan's order
 
 
 def check_fence(plan: Plan) -> FenceVerdict:
-    """Judge the missions and rally points of a plan against its own geofence."""
+    """Judge a plan's geofence, and its missions and rally points against it."""
     fence = None if plan.geofence is None else FenceCheck(plan.geofence)
+    outlines = () if fence is None else fence.outline_faults
+    if outlines:
+        faults = tuple(Fault(f"geofence.{one.field}", one.text) for one in outlines)
+        return FenceVerdict(faults, (), ((),) * len(plan.missions))
     return FenceVerdict(
+        (),
         tuple(_rally_faults(plan, fence)),
         tuple(
             tuple(_fence_faults(mission, f"missions.{index}", fence))
@@ -61,7 +68,7 @@ def check(
     `fence` is what `check_fence` says of this plan, where the caller has asked it already.
     """
     fence = check_fence(plan) if fence is None else fence
-    faults = [*_plan_faults(plan, now), *fence.rally_points]
+    faults = [*_plan_faults(plan, now), *fence.outlines, *fence.rally_points]
     warnings: list[Fault] = []
     missing: list[Fault] = []
     for index, mission in enumerate(plan.missions):
@@ -73,12 +80,15 @@ def check(
             )
         else:
             faults += _limit_faults(mission, path, limits)
+            faults += flyable.reach_faults(mission, path, limits)
         faults += _mission_faults(mission, path)
         if plan.profile == Profile.FIELD:
             missing += _takeoff_first(mission, path)
         faults += flyable.faults(mission, path)
         faults += fence.missions[index]
         warnings += _warnings(mission, path, plan.profile)
+    outside = {fault.path for fault in fence.rally_points}
+    faults += (one for one in _rally_reach_faults(plan, vehicles) if one.path not in outside)
     faults += missing
     if plan.profile == Profile.ANNEX:
         faults += annex_faults(plan)
@@ -101,11 +111,9 @@ def _plan_faults(plan: Plan, now: datetime) -> Iterator[Fault]:
 
 
 def _limit_faults(mission: Mission, path: str, limits: VehicleLimits) -> Iterator[Fault]:
-    if mission.maximum_speed > limits.maximum_speed_m_s:
-        yield Fault(
-            f"{path}.maximum_speed",
-            f"must be at most {limits.maximum_speed_m_s} m/s, the vehicle's limit",
-        )
+    text = flyable.speed_fault(mission.maximum_speed, limits)
+    if text is not None and mission.maximum_speed >= flyable.SLOWEST_M_S:  # That is told anyway
+        yield Fault(f"{path}.maximum_speed", text)
     for where, command in _commands(mission, path):
         place = spot_of(command)
         if place and place.relative_altitude_m > limits.maximum_height_above_home_m:
@@ -158,6 +166,20 @@ def _rally_faults(plan: Plan, fence: FenceCheck | None) -> Iterator[Fault]:
         for fault in fence.faults_of_place(place) if fence is not None else ():
             path = f"rally_points.{index}"
             yield Fault(f"{path}.altitude" if fault.is_height else path, fault.text)
+
+
+def _rally_reach_faults(plan: Plan, vehicles: Mapping[int, VehicleLimits]) -> Iterator[Fault]:
+    """Name each rally point that no vehicle of the plan would reach."""
+    begins = [
+        (first, vehicles[mission.vehicle_id].farthest_m)
+        for mission in plan.missions
+        if mission.vehicle_id in vehicles and (first := flyable.first_place(mission)) is not None
+    ]
+    for index, point in enumerate(plan.rally_points if begins else ()):
+        place = point.latitude, point.longitude
+        if all(distance_m(*first[:2], *place) > farthest_m for first, farthest_m in begins):
+            text = "lies farther from the first place of every mission than vehicles go"
+            yield Fault(f"rally_points.{index}", f"{text} (farthest_m)")
 
 
 def _fence_faults(mission: Mission, path: str, fence: FenceCheck | None) -> Iterator[Fault]:

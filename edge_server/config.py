@@ -41,6 +41,8 @@ class Config:
     connections_per_address: int = 256
     plan_lifetime_s: float = 12 * 3600.0
     queue_limit: int = 8  # Unfinished missions per vehicle
+    farthest_m: float = 10_000.0  # These two as `VehicleLimits` has them
+    longest_leg_m: float = 900.0
     backoff_base_s: float = 0.5
     backoff_cap_s: float = 10.0
     probe_interval_s: float = 15.0  # While the cloud refuses our key
@@ -153,6 +155,15 @@ def _seconds(low: float, high: float) -> Callable[[Any], float]:
     return read
 
 
+def _metres(low: float, high: float) -> Callable[[Any], float]:
+    def read(value: Any) -> float:
+        if isinstance(value, bool) or not low <= (number := float(value)) <= high:
+            raise ValueError(f"must be {low:g} to {high:g} metres")
+        return number
+
+    return read
+
+
 def _url(value: Any) -> str:
     parts = urlsplit(str(value))
     if parts.scheme not in _SCHEMES or not parts.hostname or parts.query or parts.fragment:
@@ -254,6 +265,8 @@ SETTINGS: Final = (
     ),
     Setting("plan_lifetime_s", "PLAN_LIFETIME_S", _seconds(1, 30 * 86400), "default expires_at"),
     Setting("queue_limit", "QUEUE_LIMIT", _whole(1, 1000), "unfinished missions per vehicle"),
+    Setting("farthest_m", "FARTHEST_M", _metres(100, 1e6), "a mission's places from its first"),
+    Setting("longest_leg_m", "LONGEST_LEG_M", _metres(0, 1e6), "place to place; 0: no limit"),
     Setting("backoff_base_s", "RELAY_BACKOFF_BASE_S", _seconds(0.01, 60), "first retry, at most"),
     Setting("backoff_cap_s", "RELAY_BACKOFF_CAP_S", _seconds(0.01, 3600), "any retry, at most"),
     Setting("probe_interval_s", "RELAY_PROBE_S", _seconds(0.05, 3600), "probe of a refused uplink"),

@@ -28,6 +28,7 @@ from mavlink_broker.protocol.streams import StreamRequests
 from mavlink_broker.reporter import Reporter
 from mavlink_broker.session_states import BEFORE_TAKEOFF, State
 from mavlink_broker.translation.alarms import AlarmWatch, Failure
+from mavlink_broker.translation.area_check import check_flyable
 from mavlink_broker.translation.authority import is_order
 from mavlink_broker.translation.families import MOST_ABLE
 from mavlink_broker.translation.mission import Home, RefusedError, translate
@@ -156,6 +157,8 @@ class Session:
         family = self.vehicle.family if self.vehicle.is_identified else MOST_ABLE
         try:
             translate(work.mission, family, Home(0.0, 0.0, 0.0))
+            if not work.was_accepted:
+                check_flyable(work.mission)
             flight.check_area(family)
         except RefusedError as error:
             flight.refuse(error, effects)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from afarcloud.numbers import LAST_YEAR, format_time
+from afarcloud.vehicle import VehicleLimits
 from edge_server.config import Config
 from edge_server.outbox import wakeup
 from edge_server.services.bell import Bell
@@ -64,6 +65,13 @@ class Context:
         object.__setattr__(self, "space", space)
         mark = HighWater(high_water.path_of(self.config.database_path))
         object.__setattr__(self, "high_water", None if self.database.is_shared else mark)
+
+    @property
+    def vehicle_limits(self) -> VehicleLimits:
+        """What a vehicle may be asked for."""
+        return VehicleLimits(
+            farthest_m=self.config.farthest_m, longest_leg_m=self.config.longest_leg_m
+        )
 
     @property
     def wake_path(self) -> Path:

@@ -11,8 +11,8 @@ from sqlalchemy import Connection
 
 from afarcloud.enumerations import EventType, Status
 from afarcloud.faults import Fault, InvalidError
+from afarcloud.flyable import speed_fault
 from afarcloud.plan import Event
-from afarcloud.vehicle import VehicleLimits
 from afarcloud.wire import Kind, write
 from edge_server.services import broker_work, once
 from edge_server.services.attempts import repeatable
@@ -57,7 +57,7 @@ def create(context: Context, event: Event, caller: Caller) -> dict[str, Any]:
         broker_work.expire(connection, now)
         answered = once.earlier(connection, caller, route, body_sha256)
         if answered is None:
-            work_id = _queue(connection, event, now)
+            work_id = _queue(connection, context, event, now)
             identifier = events.add(connection, work_id=work_id, received_at=now)
             _empty_queue(connection, event, identifier, now)
             shown = show(_find(connection, identifier))
@@ -95,7 +95,7 @@ def replace(
                 f"event {identifier} is for vehicle {old.vehicle_id}",
                 (Fault("vehicle_id", "cannot be changed"),),
             )
-        events.point_to(connection, identifier, _queue(connection, event, now))
+        events.point_to(connection, identifier, _queue(connection, context, event, now))
         work.remove(connection, old.work_id)
         _empty_queue(connection, event, identifier, now)
         shown = show(_find(connection, identifier))
@@ -164,10 +164,10 @@ def show(stored: StoredEvent) -> dict[str, Any]:
     return {**shown, "message": stored.message} if stored.message else shown
 
 
-def _queue(connection: Connection, event: Event, now: float) -> int:
+def _queue(connection: Connection, context: Context, event: Event, now: float) -> int:
     """Check an event and make it work; returns the id of the work."""
     expires_at = _end_of_life(event, now)
-    _check_speed(event)
+    _check_speed(context, event)
     _check_vehicle(connection, event)
     if len(work.live_events(connection, now)) >= EVENT_LIMIT:
         raise TooMuchError("too many events wait")
@@ -184,11 +184,11 @@ def _end_of_life(event: Event, now: float) -> float:
     return min(wanted, now + LIFETIME_S)
 
 
-def _check_speed(event: Event) -> None:
-    limit = VehicleLimits().maximum_speed_m_s
-    if event.maximum_speed is not None and event.maximum_speed > limit:
-        message = f"must be at most {limit} m/s, the vehicle's limit"
-        raise InvalidError((Fault("maximum_speed", message),))
+def _check_speed(context: Context, event: Event) -> None:
+    wanted = event.maximum_speed
+    text = None if wanted is None else speed_fault(wanted, context.vehicle_limits)
+    if text is not None:
+        raise InvalidError((Fault("maximum_speed", text),))
 
 
 def _check_vehicle(connection: Connection, event: Event) -> None:

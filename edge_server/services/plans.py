@@ -16,7 +16,6 @@ from afarcloud.faults import Fault, InvalidError
 from afarcloud.numbers import INT32_MAX
 from afarcloud.plan import Mission, Plan
 from afarcloud.rules import FenceVerdict
-from afarcloud.vehicle import VehicleLimits
 from afarcloud.wire import Kind, write
 from edge_server.services import audit, broker_work, once
 from edge_server.services.attempts import repeatable
@@ -372,7 +371,7 @@ def _checked(
     Given what a draft lacks, it may lack more, such as a take-off; all of it is noted.
     """
     registered = vehicles.known(connection, {item.vehicle_id for item in plan.missions})
-    limits = dict.fromkeys(registered, VehicleLimits())
+    limits = dict.fromkeys(registered, context.vehicle_limits)
     verdict = rules.check(plan, limits, moment(now), fence)
     lacks = () if missing is None else (*missing, *verdict.missing)
     faults = tuple(fault for fault in verdict.faults if fault not in lacks)

@@ -1,15 +1,29 @@
 """Holds a mission, as its vehicle will fly it, against the geofence of its plan. Pure.
 
-The law is `afarcloud.fence_check`, which the edge server asks too; here it gets what only the
-broker knows: where the vehicle stands, its home, and what its family makes of a command.
+The laws are `afarcloud.fence_check` and `afarcloud.flyable`, which the edge server asks too; here
+they get what only the broker knows: where the vehicle stands, its home, and what its family makes
+of a command.
 """
 
+from afarcloud import flyable
 from afarcloud.commands import Command, NavFollowTarget, NavHotpoint
 from afarcloud.fence_check import FenceCheck
 from afarcloud.plan import Geofence, Mission
 from mavlink_broker.translation.families import Family
 from mavlink_broker.translation.hotpoint import kept_radius_m
 from mavlink_broker.translation.situation import Home, Refusal, RefusedError, Spot
+
+
+def check_flyable(mission: Mission) -> None:
+    """Hold a mission against what every vehicle refuses.
+
+    Raises:
+        RefusedError: for the first command of which that is true.
+    """
+    for index, field, text in flyable.unflyable(mission):
+        place = index or 0
+        parameter = field.removeprefix("parameters.")
+        raise RefusedError(place, mission.command_array[place], Refusal(parameter, text))
 
 
 class AreaCheck:
@@ -35,8 +49,11 @@ class AreaCheck:
         vehicle keeps below by itself.
 
         Raises:
-            RefusedError: for the first command that leads out.
+            RefusedError: for a polygon that cannot be meant, or the first command that leads out.
         """
+        for outline in self._check.outline_faults:
+            refusal = Refusal(f"geofence.{outline.field}", outline.text)
+            raise RefusedError(0, mission.command_array[0], refusal)
         faults = self._check.faults(
             as_flown(mission.command_array, family),
             start=start,

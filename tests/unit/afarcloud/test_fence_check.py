@@ -49,7 +49,7 @@ def outline(shape: Sequence[Metres]) -> list[list[float]]:
 
 
 def star(seed: int, corners: int, middle: Metres, reach_m: float) -> list[Metres]:
-    """A polygon of any shape that does not cross itself."""
+    """A polygon of any shape; it may cross itself where half of the angles have no corner."""
     dice = random.Random(seed)
     angles = sorted(dice.uniform(0.0, math.tau) for _ in range(corners))
     return [
@@ -184,7 +184,7 @@ def test_a_mission_is_refused_just_when_a_point_of_its_path_is_forbidden(
     check = FenceCheck(Geofence.model_validate(fence))
     faults = list(check.faults(plan.missions[0].command_array, start=spot, home=spot))
     assert bool(faults) == (clearance < 0.0)
-    if not knows_start:
+    if not knows_start and not check.outline_faults:
         verdict = rules.check(plan, {1: VehicleLimits()}, datetime(2026, 11, 21, tzinfo=UTC))
         assert bool(verdict.faults) == (clearance < 0.0)
 

@@ -6,8 +6,10 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from afarcloud.flyable import faults
+from afarcloud.flyable import faults, reach_faults
+from afarcloud.geodesy import shifted
 from afarcloud.plan import Mission
+from afarcloud.vehicle import VehicleLimits
 
 PLACE = {"latitude": 40.4434, "longitude": -3.7382}
 KINDS: dict[str, tuple[int, dict[str, Any]]] = {
@@ -97,3 +99,50 @@ def test_a_turn_ends_within_a_day(rate_deg_s: float, is_taken: bool) -> None:
     found = list(faults(mission("turn", angular_velocity=rate_deg_s), "missions.0"))
     expected = [] if is_taken else ["missions.0.command_array.0.parameters.angular_velocity"]
     assert [fault.path for fault in found] == expected
+
+
+@pytest.mark.parametrize(
+    ("speed_m_s", "is_taken"), [(5e-324, False), (0.099, False), (0.1, True), (12.0, True)]
+)
+def test_a_mission_is_fast_enough_to_arrive(speed_m_s: float, is_taken: bool) -> None:
+    slow = mission("takeoff", "go", "home").model_copy(update={"maximum_speed": speed_m_s})
+    expected = [] if is_taken else ["missions.0.maximum_speed"]
+    assert [fault.path for fault in faults(slow, "missions.0")] == expected
+
+
+def going(*north_m: float | None) -> Mission:
+    """A mission to places so far north of its first one; None is an end of a known way."""
+    whole = mission("takeoff", *("follow" if one is None else "go" for one in north_m))
+    north = iter([0.0, *north_m])
+    commands = []
+    for command in whole.command_array:
+        away_m = next(north)
+        if away_m is None:
+            commands.append(command)
+            continue
+        latitude = shifted(PLACE["latitude"], PLACE["longitude"], 0.0, away_m)[0]
+        place = command.parameters.model_copy(update={"latitude": latitude})
+        commands.append(command.model_copy(update={"parameters": place}))
+    return whole.model_copy(update={"command_array": tuple(commands)})
+
+
+@pytest.mark.parametrize(
+    ("north_m", "limits", "places"),
+    [
+        ((899.0, 1790.0), {}, []),
+        ((901.0,), {}, [1]),
+        ((899.0, -899.0), {}, [2]),
+        ((500.0, None, 2500.0), {}, []),  # Nobody knows where following ends
+        ((5000.0, 9990.0), {"longest_leg_m": 0.0}, []),
+        ((5000.0, 10_010.0), {"longest_leg_m": 0.0}, [2]),
+        ((1e7, 0.0), {"longest_leg_m": 0.0}, [1]),
+        ((2000.0,), {"longest_leg_m": 2500.0, "farthest_m": 1500.0}, [1]),
+    ],
+)
+def test_a_place_beyond_the_reach_of_the_fleet_is_named(
+    north_m: tuple[float | None, ...], limits: dict[str, float], places: list[int]
+) -> None:
+    found = list(reach_faults(going(*north_m), "missions.0", VehicleLimits(**limits)))
+    assert [fault.path for fault in found] == [
+        f"missions.0.command_array.{place}.parameters" for place in places
+    ]

@@ -10,7 +10,7 @@ from afarcloud.geodesy import distance_m, shifted
 from afarcloud.plan import Geofence, Mission
 from afarcloud.route import Circle, highest_m, route_of
 from mavlink_broker.translation import families
-from mavlink_broker.translation.area_check import AreaCheck, as_flown
+from mavlink_broker.translation.area_check import AreaCheck, as_flown, check_flyable
 from mavlink_broker.translation.families import Family
 from mavlink_broker.translation.situation import Home, RefusedError, Spot
 
@@ -274,3 +274,19 @@ class TestPlacesOfEvents:
     def test_its_height_counts(self) -> None:
         fault = AreaCheck(FENCE).fault_of_order(START[:2], Spot(*place(0, 0), 90.0))
         assert fault == "90 m is above geofence.max_altitude, 40 m"
+
+
+def test_a_polygon_that_crosses_itself_is_refused_by_its_name() -> None:
+    corners = field(-50.0, -50.0, 50.0, 50.0)
+    bow_tie = (corners[0], corners[2], corners[1], corners[3])
+    geofence = Geofence(inclusion=(field(-90.0, -90.0, 90.0, 90.0), bow_tie))
+    with pytest.raises(RefusedError, match=r"geofence\.inclusion\.1: crosses itself"):
+        AreaCheck(geofence).check(mission(takeoff()), families.OWN, start=None, home=None)
+
+
+def test_what_no_vehicle_flies_is_refused_by_its_field() -> None:
+    slow = mission(takeoff()).model_copy(update={"maximum_speed": 5e-324})
+    with pytest.raises(RefusedError, match=r"maximum_speed: must be at least 0\.1 m/s"):
+        check_flyable(slow)
+    with pytest.raises(RefusedError, match="command 2: command_type_id: the vehicle flies already"):
+        check_flyable(mission(takeoff(), takeoff()))
