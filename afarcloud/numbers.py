@@ -5,8 +5,9 @@ is no number, 1.0 is an integer, and NaN or infinity is never accepted.
 """
 
 import math
+import re
 from datetime import UTC, datetime
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any, Final, TypeAlias
 
 from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field, PlainSerializer
 
@@ -16,10 +17,27 @@ MAXIMUM_HEIGHT_M = 120.0
 """Height limit above ground of the EU open category (Regulation 2019/947)."""
 
 
+class Vanished(float):
+    """What is left of a number whose text is not 0 and whose nearest double is."""
+
+
+_TOO_SMALL: Final = "is closer to 0 than a double can tell: write 0"
+_NOT_ZERO: Final = re.compile(r"-?[0.]*[1-9]")
+_RFC3339: Final = re.compile(r"\d{4}-\d\d-\d\d[Tt ]\d\d:\d\d.*", re.ASCII)
+
+
+def parse_number(text: str) -> float:
+    """Read a JSON number with a fraction or an exponent; one that underflows is `Vanished`."""
+    number = float(text)
+    return Vanished(number) if number == 0.0 and _NOT_ZERO.match(text) else number
+
+
 def json_integer(value: Any) -> Any:
     """Refuse a bool or a string, accept 1.0 as 1; anything else is left to the type."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise ValueError("must be an integer")  # noqa: TRY004  # pydantic wants ValueError
+    if isinstance(value, Vanished):
+        raise ValueError(_TOO_SMALL)  # noqa: TRY004  # as above
     if isinstance(value, float):
         if not math.isfinite(value) or value != int(value):
             raise ValueError(f"must be an integer, not {value}")
@@ -31,6 +49,8 @@ def json_number(value: Any) -> Any:
     """Refuse a bool, a string, NaN and infinity."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise ValueError("must be a number")  # noqa: TRY004  # pydantic wants ValueError
+    if isinstance(value, Vanished):
+        raise ValueError(_TOO_SMALL)  # noqa: TRY004  # as above
     try:
         number = float(value)
     except OverflowError:
@@ -48,9 +68,10 @@ def json_boolean(value: Any) -> Any:
 
 
 def _json_time(value: Any) -> Any:
-    if not isinstance(value, (str, datetime)):
+    is_text = isinstance(value, str) and _RFC3339.fullmatch(value)  # Not "1", the epoch's seconds
+    if not is_text and not isinstance(value, datetime):
         message = "must be an RFC 3339 time such as 2026-11-21T08:00:00Z"
-        raise ValueError(message)  # noqa: TRY004  # pydantic wants ValueError
+        raise ValueError(message)  # pydantic wants ValueError
     return value
 
 

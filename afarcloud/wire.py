@@ -21,6 +21,7 @@ from afarcloud.importers.canonical import import_event_document, import_names, i
 from afarcloud.importers.document import Imported
 from afarcloud.importers.spellings import ENVELOPES, SPELLINGS
 from afarcloud.model import FIELD_RULE, Model
+from afarcloud.numbers import parse_number
 from afarcloud.plan import Event, LatestStateVector, Plan
 from afarcloud.state import Alarm, Battery, Image, MissionReport, ObservationList, Pose, StateVector
 
@@ -86,7 +87,7 @@ def unique_members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def parse_json(raw: bytes) -> Any:
-    """Parse bytes as JSON; NaN and Infinity pass here and fail later with their path.
+    """Parse bytes as JSON; NaN, Infinity and what underflows fail later with their path.
 
     A name that stands twice in an object is refused: who reads the first one and who reads the
     last one would fly to different places (RFC 8259, section 4; RFC 7493, section 2.3).
@@ -95,7 +96,9 @@ def parse_json(raw: bytes) -> Any:
         SyntaxFaultError: if the bytes are not UTF-8 or not JSON, nest too deep or say a name twice.
     """
     try:
-        return json.loads(raw.decode("utf-8"), object_pairs_hook=unique_members)
+        return json.loads(
+            raw.decode("utf-8"), object_pairs_hook=unique_members, parse_float=parse_number
+        )
     except DuplicateNameError as error:
         raise SyntaxFaultError((Fault("", str(error)),)) from None
     except UnicodeDecodeError as error:

@@ -54,6 +54,7 @@ _SENTENCES: Final = {
     431: "the headers are too large",
     500: "an error in the edge server; its log tells more",
     501: "this transfer coding is not known here",
+    505: "this server knows HTTP/1.0 and HTTP/1.1",
     503: "too many requests wait for their answers; try again",
 }
 
@@ -115,7 +116,7 @@ class EdgeWorker(ThreadWorker):  # type: ignore[misc]  # gunicorn has no types
         try:
             if exchange.refusal is not None:
                 LOG.warning("a request of %s cannot be framed", exchange.client[0])
-                exchange.sendall(_refusal(exchange.refusal))
+                exchange.sendall(_refusal(exchange.refusal, exchange.why))
                 return False
             request = next(http.get_parser(self.cfg, exchange, exchange.client))
             if not request:
@@ -166,13 +167,13 @@ class EdgeWorker(ThreadWorker):  # type: ignore[misc]  # gunicorn has no types
             LOG.debug("%s is gone: %s", req, error)
 
 
-def _refusal(status: int) -> bytes:
-    return _answer(status, HTTPStatus(status).phrase)
+def _refusal(status: int, why: str | None = None) -> bytes:
+    return _answer(status, HTTPStatus(status).phrase, why)
 
 
-def _answer(status: int, reason: str) -> bytes:
+def _answer(status: int, reason: str, why: str | None = None) -> bytes:
     request_id = os.urandom(8).hex()
-    body = {"message": _SENTENCES[status], "detail": {}, "request_id": request_id}
+    body = {"message": why or _SENTENCES[status], "detail": {}, "request_id": request_id}
     content = json.dumps(body).encode()
     from edge_server.api.errors import RETRY_SOON  # noqa: PLC0415  # only the worker has loaded it
     from edge_server.api.headers import HEADERS  # noqa: PLC0415  # as above

@@ -22,7 +22,8 @@ KEEP_ALIVE_S: Final = 75.0
 """From an answer to the next request's first byte."""
 LINGER_S: Final = 5.0
 """So long what a refused client still sends is read, so that it can read why."""
-LINGER_BYTES: Final = 8 * 1024 * 1024
+LINGER_BYTES: Final = 64 * 1024 * 1024
+"""More than a picture of any camera, whose sender looks for an answer when all of it is sent."""
 
 
 class Reason(StrEnum):

@@ -33,6 +33,7 @@ class Exchange:
         self.server = server
         self.is_whole = taken.is_whole
         self.refusal = taken.refusal
+        self.why = taken.why
         self._sock = sock
         self._raw = memoryview(taken.raw)
         self._patience_s = SEND_S

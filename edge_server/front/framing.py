@@ -2,9 +2,10 @@
 
 It reads as much of a head as gives the length of the body (RFC 9112 section 6.3) and leaves the
 rest to the server's parser. A head that it cannot frame goes to that parser as it is, as the last
-request of its connection: the parser refuses it. A body that is broken (RFC 9112 section 7.1) or
-too large is refused here, with the status in `Taken.refusal`: the parser would find the error only
-when the application reads the body.
+request of its connection: the parser refuses it. What the parser would take or find too late is
+refused here, with the status in `Taken.refusal`: a head that is too long, a version of HTTP that
+does not exist, a field that may stand once and stands twice (RFC 9110 section 5.3; the parser would
+join them), and a body that is broken (RFC 9112 section 7.1) or too large.
 
 One thread frames the requests of all clients, so the work for a body is bounded by its bytes: the
 number of chunks has a limit that grows with the payload.
@@ -47,7 +48,19 @@ _NO_TRAILERS: Final = frozenset(
 """Fields that say how a message is framed, routed or authorized (RFC 9110 section 6.5.1)."""
 BAD_REQUEST: Final = 400
 TOO_LARGE: Final = 413
+TOO_LONG_LINE: Final = 414
+TOO_LONG_HEAD: Final = 431
 UNKNOWN_CODING: Final = 501
+UNKNOWN_VERSION: Final = 505
+_VERSION: Final = re.compile(rb"HTTP/[0-9]+(?:\.[0-9]+)?")
+_VERSIONS: Final = frozenset({b"HTTP/1.0", b"HTTP/1.1"})
+_ONCE: Final = frozenset(
+    {
+        *(b"authorization", b"content-encoding", b"content-type", b"host", b"idempotency-key"),
+        *(b"x-api-key", b"x-jws-signature"),
+    }
+)
+"""Fields of which two cannot both be meant."""
 _LENGTH: Final = re.compile(rb"[0-9]{1,18}")
 
 
@@ -68,6 +81,7 @@ class Taken(NamedTuple):
     raw: bytes
     is_whole: bool
     refusal: int | None = None
+    why: str | None = None  # Where the status alone does not say it
 
 
 class _RefusedError(Exception):
@@ -96,6 +110,7 @@ class RequestFraming:
         self._trailers = 0
         self._is_whole = True
         self._refusal: int | None = None
+        self._why: str | None = None
         self.wants_continue = False
 
     @property
@@ -111,7 +126,7 @@ class RequestFraming:
     def take(self) -> Taken:
         """Take the request that is ready; the bytes behind it begin the next one."""
         end = len(self._buffer) if self._end is None else self._end
-        taken = Taken(bytes(self._buffer[:end]), self._is_whole, self._refusal)
+        taken = Taken(bytes(self._buffer[:end]), self._is_whole, self._refusal, self._why)
         del self._buffer[:end]
         self._start_request()
         if self._buffer and taken.is_whole:
@@ -127,8 +142,9 @@ class RequestFraming:
             except _RefusedError as error:
                 self._give_up(error.status)
 
-    def _give_up(self, refusal: int | None = None) -> None:
+    def _give_up(self, refusal: int | None = None, why: str | None = None) -> None:
         """Refuse what is here, or let the parser refuse it; nothing can follow it."""
+        self._why = why
         self._end = None
         self._is_whole = False
         self._refusal = refusal
@@ -138,14 +154,23 @@ class RequestFraming:
         end = self._buffer.find(_HEAD_END, self._searched)
         if end < 0:
             self._searched = max(len(self._buffer) - len(_HEAD_END) + 1, 0)
-            if len(self._buffer) > MAXIMUM_HEAD_BYTES:
-                self._give_up()
+        if end > MAXIMUM_HEAD_BYTES or (end < 0 and len(self._buffer) > MAXIMUM_HEAD_BYTES):
+            is_one_line = self._buffer.find(b"\r\n", 0, MAXIMUM_HEAD_BYTES) < 0
+            self._give_up(TOO_LONG_LINE if is_one_line else TOO_LONG_HEAD)
+        elif end >= 0:
+            self._read_head(bytes(self._buffer[:end]), end + len(_HEAD_END))
+
+    def _read_head(self, head: bytes, body: int) -> None:
+        """Take from a head where its request ends; `body` is where its body begins."""
+        version = head.partition(b"\r\n")[0].rpartition(b" ")[2]
+        if _VERSION.fullmatch(version) and version not in _VERSIONS:
+            self._give_up(UNKNOWN_VERSION)
             return
-        if end > MAXIMUM_HEAD_BYTES:
-            self._give_up()
+        fields = _fields(head)
+        twice = next((name for name in sorted(_ONCE) if len(fields.get(name, ())) > 1), None)
+        if twice is not None:
+            self._give_up(BAD_REQUEST, f"the field {twice.decode().title()} stands there twice")
             return
-        body = end + len(_HEAD_END)
-        fields = _fields(bytes(self._buffer[:end]))
         codings, lengths = fields.get(b"transfer-encoding"), fields.get(b"content-length")
         self.wants_continue = [v.lower() for v in fields.get(b"expect", [])] == [b"100-continue"]
         if codings is not None:

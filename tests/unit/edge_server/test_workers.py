@@ -7,7 +7,9 @@ import pytest
 from edge_server import workers
 
 
-@pytest.mark.parametrize(("status", "retry"), [(408, False), (503, True)])
+@pytest.mark.parametrize(
+    ("status", "retry"), [(408, False), (414, False), (431, False), (503, True), (505, False)]
+)
 def test_a_refusal_of_the_front_has_the_shape_of_every_error(status: int, *, retry: bool) -> None:
     head, _, body = workers._refusal(status).partition(b"\r\n\r\n")
     start, *fields = head.decode().split("\r\n")
@@ -21,3 +23,8 @@ def test_a_refusal_of_the_front_has_the_shape_of_every_error(status: int, *, ret
         "detail": {},
         "request_id": "",
     }
+
+
+def test_a_refusal_says_why_where_the_status_does_not() -> None:
+    body = workers._refusal(400, "the field Host stands there twice").partition(b"\r\n\r\n")[2]
+    assert json.loads(body)["message"] == "the field Host stands there twice"

@@ -11,7 +11,7 @@ from edge_server.api.headers import HEADERS
 from edge_server.app import context_of, create_app
 from edge_server.config import Config
 from tests.unit.edge_server.conftest import Clock, Edge
-from tests.unit.edge_server.documents import plan
+from tests.unit.edge_server.documents import plan, telemetry
 
 ASKED: list[tuple[str, str, str | None, Any]] = [
     ("GET", "/healthz", None, None),
@@ -72,6 +72,30 @@ def test_no_number_comes_back_that_is_none(edge: Edge, number: str) -> None:
     assert answer.status_code == 422
     for word in ("NaN", "Infinity", "1e999"):
         assert word not in answer.text
+
+
+@pytest.mark.parametrize("number", ["1e-400", "-0.001e-330", "4E-999"])
+def test_a_number_that_would_become_0_is_refused_by_its_field(edge: Edge, number: str) -> None:
+    raw = json.dumps(plan()).replace('"altitude": 5.0', f'"altitude": {number}', 1)
+    answer = edge.ask("POST", "/plans/", "operator", data=raw, content_type="application/json")
+    assert answer.status_code == 422
+    ((path, told),) = (answer.json or {})["detail"]["json"].items()
+    assert path == "missions.0.command_array.0.parameters.altitude"
+    assert "closer to 0 than a double can tell" in str(told)
+
+
+@pytest.mark.parametrize("zero", ["0.0", "-0.0", "0e-400", "0.000E5"])
+def test_zero_is_zero_however_it_is_written(edge: Edge, zero: str) -> None:
+    raw = json.dumps(plan()).replace('"longitude": -3.7382', f'"longitude": {zero}')
+    answer = edge.ask("POST", "/plans/", "operator", data=raw, content_type="application/json")
+    assert answer.status_code == 201
+
+
+@pytest.mark.parametrize("moment", ["1", "1795262400", "-1", "1e3", "2026-11-21", "12:00:00Z"])
+def test_a_time_is_a_date_and_an_hour(edge: Edge, moment: str) -> None:
+    answer = edge.report("pose", telemetry("pose") | {"recorded_at": moment})
+    assert answer.status_code == 422
+    assert list((answer.json or {})["detail"]["json"]) == ["recorded_at"]
 
 
 @pytest.mark.parametrize("nest", ["[{}]", '{{"a": {}}}'])

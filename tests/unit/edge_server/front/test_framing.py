@@ -74,13 +74,46 @@ def test_a_request_is_ready_at_its_last_byte_and_not_before(request_: bytes) -> 
         b"POST / HTTP/1.1\r\nContent-Length: 5\r\nContent-Length: 6\r\n\r\n",
         b"POST / HTTP/1.1\r\nContent-Length: 1" + b"0" * 30 + b"\r\n\r\n",
         b"POST / HTTP/1.1\r\nContent-Length: %d\r\n\r\n" % (MAXIMUM_BODY_BYTES + 1),
-        b"x" * (MAXIMUM_HEAD_BYTES + 1),
     ],
 )
 def test_what_cannot_be_framed_is_handed_on_as_it_is_and_is_the_last(raw: bytes) -> None:
     found, framing = requests_in([raw])
     assert found == [Taken(raw, is_whole=False)]
     assert framing.kept_bytes == 0
+
+
+@pytest.mark.parametrize(
+    ("raw", "status", "why"),
+    [
+        (b"x" * (MAXIMUM_HEAD_BYTES + 1), 414, None),
+        (b"GET / HTTP/1.1\r\nA: " + b"x" * MAXIMUM_HEAD_BYTES, 431, None),
+        (b"GET / HTTP/1.1\r\nA: " + b"x" * MAXIMUM_HEAD_BYTES + b"\r\n\r\n", 431, None),
+        (b"GET / HTTP/1.2\r\n\r\n", 505, None),
+        (b"PRI * HTTP/2.0\r\n\r\n", 505, None),
+        (
+            b"POST / HTTP/1.1\r\nIdempotency-Key: a\r\nIDEMPOTENCY-KEY: a\r\n\r\n",
+            400,
+            "the field Idempotency-Key stands there twice",
+        ),
+        (
+            b"GET / HTTP/1.1\r\nAuthorization: Bearer a\r\nauthorization: Bearer b\r\n\r\n",
+            400,
+            "the field Authorization stands there twice",
+        ),
+    ],
+)
+def test_a_head_that_cannot_be_meant_is_refused_and_is_the_last(
+    raw: bytes, status: int, why: str | None
+) -> None:
+    for parts in ([GET + raw], cut(GET + raw, range(0, len(raw), 5000))):
+        found, framing = requests_in(parts)
+        assert found == [Taken(GET, is_whole=True), Taken(raw, False, status, why)]
+        assert framing.kept_bytes == 0
+
+
+def test_a_field_that_is_a_list_may_stand_twice() -> None:
+    raw = b"GET / HTTP/1.0\r\nAccept: a/b\r\nAccept: c/d\r\nIf-Match: x\r\nIf-Match: y\r\n\r\n"
+    assert requests_in([raw])[0] == [Taken(raw, is_whole=True)]
 
 
 IN_CHUNKS = b"POST / HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n"

@@ -270,6 +270,18 @@ def test_an_answer_is_not_lost_when_its_client_still_sends() -> None:
         assert sock.recv(4096).startswith(b"HTTP/1.1 413")
 
 
+def test_who_sends_a_head_without_end_reads_why_not() -> None:
+    def refuse(exchange: Exchange) -> bool:
+        exchange.sendall(b"HTTP/1.1 %d No\r\nContent-Length: 0\r\n\r\n" % (exchange.refusal or 200))
+        return False
+
+    with running(refuse) as front, front.connect() as sock:
+        sock.sendall(b"GET / HTTP/1.1\r\nA: ")
+        for _ in range(40):
+            sock.sendall(b"x" * 500_000)
+        assert sock.recv(4096).startswith(b"HTTP/1.1 431")
+
+
 def test_who_waits_for_permission_gets_it() -> None:
     with running() as front, front.connect() as sock:
         sock.sendall(b"POST / HTTP/1.1\r\nContent-Length: 1\r\nExpect: 100-continue\r\n\r\n")
