@@ -1,12 +1,15 @@
 """Where a plan may be flown: ways and circles against polygons on a plane. Pure.
 
 Straight ways are judged exactly: they are cut wherever they cross an outline, and each piece
-lies on one side of it. Circles are judged as polygons that deviate from them by 2 cm. The plane
-keeps north, east and straight lines of latitude and longitude, as the fences of autopilots do,
-and has its origin in the fence: over a farm it is exact to centimetres, also at high latitude
-and across the date line.
+lies on one side of it. Circles are judged as polygons that deviate from them by 2 cm: chord by
+chord where an outline comes near, and by one chord for each run of others. The plane keeps north,
+east and straight lines of latitude and longitude, as the fences of autopilots do, and has its
+origin in the fence: over a farm it is exact to centimetres, also at high latitude and across the
+date line.
 
 An outline belongs to both of its sides: TOLERANCE_M beyond it nothing is a violation.
+
+TooMuchWorkError  more sides would have to be compared than anybody should wait for
 """
 
 import itertools
@@ -20,14 +23,24 @@ from afarcloud.plan import Geofence
 TOLERANCE_M: Final = 0.1
 """Some ten times the last digit of MAVLink's positions; far below what any receiver can tell."""
 _SAGITTA_M: Final = 0.02
+_BAND_M: Final = 2.0 * (TOLERANCE_M + _SAGITTA_M)
+"""Of a circle's line: an edge farther away has no part in judging it."""
 _CORNERS_PER_STRIP: Final = 4
 _MOST_STRIPS: Final = 256
+
+MOST_COMPARISONS: Final = 2_000_000
+"""Of ways with sides of polygons, until the caller begins anew: some seconds of a small computer,
+and several times as many as the largest plans of farms need."""
 
 Point: TypeAlias = tuple[float, float]
 """East and north of the plane's origin [m]."""
 Edge: TypeAlias = tuple[Point, Point]
 Vertex: TypeAlias = tuple[float, float]
 """Latitude and longitude [deg]."""
+
+
+class TooMuchWorkError(Exception):
+    """Judging takes more comparisons than `MOST_COMPARISONS`."""
 
 
 class Plane(NamedTuple):
@@ -85,13 +98,6 @@ class Polygon:
             or min(y1, y2) > self._north + TOLERANCE_M
         )
 
-    def comes_near_circle(self, centre: Point, radius_m: float) -> bool:
-        """Whether the outline may touch the line of a circle; the circle is on one side if not."""
-        band_m = 2.0 * (TOLERANCE_M + _SAGITTA_M)
-        if all(math.dist(centre, edge[0]) < radius_m - band_m for edge in self.edges):
-            return False
-        return self.distance_m(centre) <= radius_m + band_m
-
     def contains(self, point: Point) -> bool:
         """Whether a point lies inside, by counting the edges to the east of it."""
         east, north = point
@@ -106,9 +112,12 @@ class Polygon:
         (x1, y1), (x2, y2) = way
         west, east = min(x1, x2) - TOLERANCE_M, max(x1, x2) + TOLERANCE_M
         south, north = min(y1, y2) - TOLERANCE_M, max(y1, y2) + TOLERANCE_M
+        strips = list(self._strips_of(south, north))
+        if sum(map(len, strips)) > len(self.edges):
+            strips = [list(self.edges)]
         near = {
             edge: None
-            for strip in self._strips_of(south, north)
+            for strip in strips
             for edge in strip
             if min(edge[0][0], edge[1][0]) <= east
             and max(edge[0][0], edge[1][0]) >= west
@@ -132,11 +141,72 @@ class Polygon:
             yield self._strips[number]
 
 
-class _Near(NamedTuple):
-    """The polygons of an area that may matter to a way; each exclusion with its number."""
+class Circle(NamedTuple):
+    """The line of a circle, as chords counted anticlockwise from the east."""
 
-    exclusion: list[tuple[int, Polygon]]
-    inclusion: list[Polygon]
+    centre: Point
+    radius_m: float
+    number: int  # Of chords
+
+    @classmethod
+    def of(cls, centre: Point, radius_m: float) -> Self:
+        """Choose so many chords that they stay within the sagitta."""
+        return cls(centre, radius_m, _corners_of_circle(radius_m))
+
+    @property
+    def box(self) -> Edge:
+        """A diagonal of the circle's own box."""
+        (east, north), r = self.centre, self.radius_m
+        return (east - r, north - r), (east + r, north + r)
+
+    def chord(self, number: int) -> Edge:
+        """Give one of its chords."""
+        return self._corner(number), self._corner(number + 1)
+
+    def chords_to_judge(self, edges: Iterable[Edge]) -> list[int]:
+        """Give the chords that an edge may touch, and one of each run of others between them."""
+        near = sorted({chord for edge in edges for chord in self._chords_near(edge)})
+        if not near:
+            return [0]
+        behind = [*near[1:], near[0] + self.number]
+        between = [(a + 1) % self.number for a, b in zip(near, behind, strict=True) if b > a + 1]
+        return [*near, *between]
+
+    def _corner(self, number: int) -> Point:
+        angle = math.tau * (number % self.number) / self.number
+        (east, north), r = self.centre, self.radius_m
+        return east + r * math.cos(angle), north + r * math.sin(angle)
+
+    def _chords_near(self, edge: Edge) -> Iterator[int]:
+        """Give the chords where the circle is within a band along an edge.
+
+        Seen from the centre by the angle from the edge's normal, these are two arcs, or one where
+        the edge touches the circle.
+        """
+        (x1, y1), (x2, y2) = edge
+        r, length_m = self.radius_m, math.dist(*edge)
+        if length_m == 0.0 or r == 0.0:
+            return
+        along_x, along_y = (x2 - x1) / length_m, (y2 - y1) / length_m
+        to_x, to_y = x1 - self.centre[0], y1 - self.centre[1]
+        away_m = along_x * to_y - along_y * to_x  # Of the edge's line, to the left of the edge
+        if not -r - _BAND_M <= away_m <= r + _BAND_M:
+            return
+        first = math.acos(min(1.0, max(-1.0, (away_m + _BAND_M) / r)))
+        last = math.acos(min(1.0, max(-1.0, (away_m - _BAND_M) / r)))
+        begins_m = to_x * along_x + to_y * along_y - _BAND_M
+        ends_m = begins_m + length_m + 2.0 * _BAND_M
+        normal = math.atan2(along_x, -along_y)
+        share = self.number / math.tau
+        for side in (-1.0, 1.0):  # Ahead along the edge is a turn to the right of its normal
+            spans_m = [-side * r * math.sin(first), -side * r * math.sin(last)]
+            if first <= math.pi / 2.0 <= last:
+                spans_m.append(-side * r)
+            if max(spans_m) < begins_m or min(spans_m) > ends_m:
+                continue
+            low, high = sorted((normal + side * first, normal + side * last))
+            for chord in range(math.floor(low * share) - 1, math.floor(high * share) + 2):
+                yield chord % self.number
 
 
 class Area:
@@ -148,6 +218,8 @@ class Area:
         self.plane = Plane.amid(vertices) if vertices else Plane(0.0, 0.0)
         self.inclusion = [self._polygon(outline) for outline in geofence.inclusion]
         self.exclusion = [self._polygon(outline) for outline in geofence.exclusion]
+        self.comparisons = 0
+        """So far, since whoever asks has set it to 0."""
 
     def fault_at(self, place: Vertex) -> str | None:
         """Say what forbids a place, or None."""
@@ -166,55 +238,64 @@ class Area:
 
     def fault_on_circle(self, centre: Vertex, radius_m: float) -> str | None:
         """Say what the line of a circle violates, or None; what lies inside does not matter."""
-        east, north = self.plane.point(*centre)
-        number = _corners_of_circle(radius_m)
-        corners = [
-            (east + radius_m * math.cos(angle), north + radius_m * math.sin(angle))
-            for angle in (math.tau * k / number for k in range(number + 1))
-        ]
-        box = (east - radius_m, north - radius_m), (east + radius_m, north + radius_m)
-        near = self._near(box)
-        touched = [
-            (number, polygon)
-            for number, polygon in near.exclusion
-            if polygon.comes_near_circle((east, north), radius_m) or polygon.contains(corners[0])
-        ]
-        near = near._replace(exclusion=touched)
-        faults = (self._fault(way, near) for way in itertools.pairwise(corners))
-        return _told(next((fault for fault in faults if fault is not None), None))
+        circle = Circle.of(self.plane.point(*centre), radius_m)
+        self._spend(len(self.exclusion) + len(self.inclusion))
+        for number, polygon in enumerate(self.exclusion):
+            if not polygon.is_beside(circle.box) and self._goes_round_into(circle, polygon):
+                return _told(number)
+        if not self.inclusion:
+            return None
+        near = [one for one in self.inclusion if not one.is_beside(circle.box)]
+        edges = [edge for polygon in near for edge in polygon.edges_near(circle.box)]
+        self._spend(len(edges))
+        chords = circle.chords_to_judge(edges)
+        return _told(-1 if any(self._leaves(circle.chord(one), near) for one in chords) else None)
+
+    def _goes_round_into(self, circle: Circle, polygon: Polygon) -> bool:
+        edges = polygon.edges_near(circle.box)
+        self._spend(len(edges))
+        return any(
+            self._enters(circle.chord(one), polygon) for one in circle.chords_to_judge(edges)
+        )
 
     def _polygon(self, outline: Sequence[Vertex]) -> Polygon:
         return Polygon([self.plane.point(*vertex) for vertex in outline])
 
-    def _near(self, box: Edge) -> _Near:
-        """Give the polygons that something within a box may touch, by its diagonal."""
-        return _Near(
-            [(n, one) for n, one in enumerate(self.exclusion) if not one.is_beside(box)],
-            [one for one in self.inclusion if not one.is_beside(box)],
-        )
+    def _fault(self, way: Edge) -> int | None:
+        """Give the number of the exclusion that a way enters, -1 if it leaves the inclusion."""
+        self._spend(len(self.exclusion) + len(self.inclusion))
+        for number, polygon in enumerate(self.exclusion):
+            if self._enters(way, polygon):
+                return number
+        return -1 if self.inclusion and self._leaves(way, self.inclusion) else None
 
-    def _fault(self, way: Edge, polygons: _Near | None = None) -> int | None:
-        """Give the number of the exclusion that a way enters, -1 if it leaves the inclusion.
-
-        `polygons` are those near the way, where the caller knows that the others are not.
-        """
-        polygons = self._near(way) if polygons is None else polygons
-        for number, polygon in polygons.exclusion:
-            if polygon.is_beside(way):
-                continue
-            near = polygon.edges_near(way)
-            for piece in _pieces(way, near):
-                if polygon.contains(_middle(piece)) and not _keeps_to_one(piece, near):
-                    return number
-        if not self.inclusion:
-            return None
-        near = [edge for polygon in polygons.inclusion for edge in polygon.edges_near(way)]
+    def _enters(self, way: Edge, polygon: Polygon) -> bool:
+        if polygon.is_beside(way):
+            return False
+        near = polygon.edges_near(way)
+        self._spend(1 + len(near))
         for piece in _pieces(way, near):
+            self._spend(1 + len(near))
+            if polygon.contains(_middle(piece)) and not _keeps_to_one(piece, near):
+                return True
+        return False
+
+    def _leaves(self, way: Edge, inclusion: Sequence[Polygon]) -> bool:
+        polygons = [polygon for polygon in inclusion if not polygon.is_beside(way)]
+        near = [edge for polygon in polygons for edge in polygon.edges_near(way)]
+        self._spend(1 + len(near))
+        for piece in _pieces(way, near):
+            self._spend(len(polygons) + len(near))
             middle = _middle(piece)
-            inside = any(polygon.contains(middle) for polygon in polygons.inclusion)
+            inside = any(polygon.contains(middle) for polygon in polygons)
             if not inside and not _keeps_to_one(piece, near):
-                return -1
-        return None
+                return True
+        return False
+
+    def _spend(self, comparisons: int) -> None:
+        self.comparisons += comparisons
+        if self.comparisons > MOST_COMPARISONS:
+            raise TooMuchWorkError
 
 
 def _told(fault: int | None) -> str | None:

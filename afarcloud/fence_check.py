@@ -4,14 +4,17 @@ Whoever takes a plan in asks it with what the plan says; whoever is about to fly
 with where the vehicle stands, and where home is. Both get the same answer as far as they know the
 same. Vehicles themselves judge too little and too late: some look at places alone, and let a leg
 or a circle cross what is forbidden.
+
+A way that is flown again is judged once, and what may be compared is bounded by
+`area.MOST_COMPARISONS` until `renew`: TooMuchWorkError beyond it.
 """
 
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 from afarcloud import geometry
-from afarcloud.area import TOLERANCE_M, Area, Vertex
+from afarcloud.area import MOST_COMPARISONS, TOLERANCE_M, Area, TooMuchWorkError, Vertex
 from afarcloud.commands import Command
 from afarcloud.enumerations import CommandType
 from afarcloud.plan import Geofence
@@ -21,6 +24,9 @@ ALTITUDE_TOLERANCE_M: Final = 0.01
 SMALLEST_M2: Final = TOLERANCE_M**2
 """Of a polygon: in a smaller one no place is a violation, and none is surely inside."""
 PLACE: Final = "latitude, longitude"
+_MOST_KNOWN: Final = 50_000
+Flown: TypeAlias = tuple[Vertex | None, Vertex, float]
+"""A way over ground: from where, to where, 0; or nothing, a circle's centre, and its radius."""
 _ALTITUDE_NAMES: Final = {
     CommandType.NAV_LAND: "landing_altitude",
     CommandType.NAV_HOTPOINT: "orbit_altitude",
@@ -52,6 +58,22 @@ class FenceCheck:
         self._geofence = geofence
         self._area = Area(geofence)
         self._height_m = geofence.max_altitude
+        self._known: dict[Flown, str | None] = {}
+
+    @property
+    def too_much_work(self) -> OutlineFault:
+        """What to say of the geofence after a TooMuchWorkError."""
+        fence = self._geofence
+        inclusion, exclusion = (sum(map(len, one)) for one in (fence.inclusion, fence.exclusion))
+        text = (
+            f"takes more than {MOST_COMPARISONS} comparisons to judge all ways of the plan: give "
+            "it fewer corners and polygons, or the plan fewer commands"
+        )
+        return OutlineFault("inclusion" if inclusion > exclusion else "exclusion", text)
+
+    def renew(self) -> None:
+        """Begin to count comparisons anew."""
+        self._area.comparisons = 0
 
     @cached_property
     def outline_faults(self) -> tuple[OutlineFault, ...]:
@@ -76,6 +98,9 @@ class FenceCheck:
 
         What is not known yet (`start`, `home`) is not judged. `own_limit_m` is a height that the
         vehicle keeps below by itself.
+
+        Raises:
+            TooMuchWorkError: when too many comparisons have been made since `renew`.
         """
         yield from self._faults_of_beginning(start, home)
         for part in route_of(commands, start, home, rally):
@@ -103,10 +128,18 @@ class FenceCheck:
 
         One that is where it must not be may come from there by any path.
         """
+        self.renew()
         height_m = target.relative_altitude_m
+        try:
+            fault = self._fault_of_way(start, target)
+        except TooMuchWorkError:
+            fault = f"geofence.{self.too_much_work.field} {self.too_much_work.text}"
+        return fault or self._height_fault(height_m)
+
+    def _fault_of_way(self, start: Vertex | None, target: Spot) -> str | None:
         strayed = start is not None and self._area.fault_at(start) is not None
-        here = None if start is None or strayed else Spot(*start, height_m)
-        return self._fault_of(Leg(0, here, target)) or self._height_fault(height_m)
+        here = None if start is None or strayed else Spot(*start, target.relative_altitude_m)
+        return self._fault_of(Leg(0, here, target))
 
     def _faults_of_beginning(self, start: Spot | None, home: Spot | None) -> Iterator[FenceFault]:
         for name, place in (("the vehicle", start), ("home", home)):
@@ -119,6 +152,18 @@ class FenceCheck:
             yield FenceFault(0, "altitude", text, is_height=True)
 
     def _fault_of(self, part: Part) -> str | None:
+        """Judge a part, or remember what was said of the same way over ground."""
+        if isinstance(part, Leg):
+            flown: Flown = (part.start and part.start[:2], part.end[:2], 0.0)
+        else:
+            flown = (None, part.centre[:2], part.radius_m)
+        if flown not in self._known:
+            if len(self._known) >= _MOST_KNOWN:
+                self._known.clear()
+            self._known[flown] = self._judged(part)
+        return self._known[flown]
+
+    def _judged(self, part: Part) -> str | None:
         place = _spot_of(part)[:2]
         if not isinstance(part, Leg):
             fault = self._area.fault_on_circle(place, part.radius_m)

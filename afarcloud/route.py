@@ -35,7 +35,9 @@ START_BEARINGS_DEG: Final = {
 }
 """Of a circle's start points, seen from its centre, clockwise from north."""
 _EVERY_BEARING_DEG: Final = range(0, 360, 10)
-_AT_CENTRE_M: Final = 0.01
+_FOLLOWED_UP: Final = 3
+"""Of so many ways from a circle's centre to its line, one is followed beyond the circle."""
+_THERE_M: Final = 0.01
 
 
 class Spot(NamedTuple):
@@ -177,19 +179,22 @@ class _Walk:
         centre = Spot(p.latitude, p.longitude, p.orbit_altitude)
         entries: dict[Spot, None] = {}
         for spot in self._here:
-            for entry in _entries(spot, centre, p.radius):
-                entries[entry] = None
-                yield Leg(command, spot, entry)
+            ways = list(_entries(spot, centre, p.radius))
+            entries |= dict.fromkeys(ways[::_FOLLOWED_UP])
+            yield from (Leg(command, spot, entry) for entry in ways)
         yield Circle(command, centre, p.radius)
         self._here = tuple(entries)
         self._altitude_m = p.orbit_altitude
 
 
 def _entries(spot: Spot, centre: Spot, radius_m: float) -> Iterator[Spot]:
-    """Give the nearest point of a circle; from its centre that is any of them."""
+    """Give the nearest point of a circle, which may be the spot; from its centre any of them."""
     north_m, east_m = offset(*centre[:2], *spot[:2])
+    if abs(math.hypot(north_m, east_m) - radius_m) <= _THERE_M:
+        yield spot._replace(relative_altitude_m=centre.relative_altitude_m)
+        return
     bearings_deg: Iterable[float] = (math.degrees(math.atan2(east_m, north_m)),)
-    if math.hypot(north_m, east_m) <= _AT_CENTRE_M:
+    if math.hypot(north_m, east_m) <= _THERE_M:
         bearings_deg = _EVERY_BEARING_DEG
     for bearing_deg in bearings_deg:
         yield Spot(*shifted(*centre[:2], bearing_deg, radius_m), centre.relative_altitude_m)

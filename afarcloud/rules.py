@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 
 from afarcloud import flyable
 from afarcloud.annex import annex_faults
+from afarcloud.area import TooMuchWorkError
 from afarcloud.commands import (
     FLYING,
     Command,
@@ -44,9 +45,16 @@ def check_fence(plan: Plan) -> FenceVerdict:
     """Judge a plan's geofence, and its missions and rally points against it."""
     fence = None if plan.geofence is None else FenceCheck(plan.geofence)
     outlines = () if fence is None else fence.outline_faults
-    if outlines:
-        faults = tuple(Fault(f"geofence.{one.field}", one.text) for one in outlines)
-        return FenceVerdict(faults, (), ((),) * len(plan.missions))
+    if fence is not None and not outlines:
+        try:
+            return _against_fence(plan, fence)
+        except TooMuchWorkError:
+            outlines = (fence.too_much_work,)
+    faults = tuple(Fault(f"geofence.{one.field}", one.text) for one in outlines)
+    return FenceVerdict(faults, (), ((),) * len(plan.missions))
+
+
+def _against_fence(plan: Plan, fence: FenceCheck) -> FenceVerdict:
     return FenceVerdict(
         (),
         tuple(_rally_faults(plan, fence)),
@@ -160,10 +168,10 @@ def _takeoff_first(mission: Mission, path: str) -> Iterator[Fault]:
             return
 
 
-def _rally_faults(plan: Plan, fence: FenceCheck | None) -> Iterator[Fault]:
-    for index, point in enumerate(plan.rally_points if fence is not None else ()):
+def _rally_faults(plan: Plan, fence: FenceCheck) -> Iterator[Fault]:
+    for index, point in enumerate(plan.rally_points):
         place = Spot(point.latitude, point.longitude, point.altitude)
-        for fault in fence.faults_of_place(place) if fence is not None else ():
+        for fault in fence.faults_of_place(place):
             path = f"rally_points.{index}"
             yield Fault(f"{path}.altitude" if fault.is_height else path, fault.text)
 
@@ -182,10 +190,10 @@ def _rally_reach_faults(plan: Plan, vehicles: Mapping[int, VehicleLimits]) -> It
             yield Fault(f"rally_points.{index}", f"{text} (farthest_m)")
 
 
-def _fence_faults(mission: Mission, path: str, fence: FenceCheck | None) -> Iterator[Fault]:
+def _fence_faults(mission: Mission, path: str, fence: FenceCheck) -> Iterator[Fault]:
     """Name each place, leg, circle and height that the fence forbids, once."""
     seen: set[str] = set()
-    for fault in fence.faults(mission.command_array) if fence is not None else ():
+    for fault in fence.faults(mission.command_array):
         where = f"{path}.command_array.{fault.command}.parameters"
         if fault.is_height:
             where = f"{where}.{fault.parameter}"

@@ -54,6 +54,8 @@ class Context:
     bell: Bell = field(init=False)
     space: Space = field(init=False)
     high_water: HighWater | None = field(init=False)
+    judging: threading.Lock = field(default_factory=threading.Lock)
+    """Held while a plan is judged against its geofence: the interpreter is shared with aborts."""
     places_to_wait: threading.BoundedSemaphore = field(
         default_factory=lambda: threading.BoundedSemaphore(WAITING_LIMIT)
     )

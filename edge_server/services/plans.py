@@ -1,6 +1,7 @@
 """Plans: validated, kept, their missions queued for the broker; one transaction each.
 
 A geofence is judged before the transaction: that takes up to seconds, and an abort must not wait.
+One is judged at a time, so that an abort has half of the interpreter however many are posted.
 """
 
 from collections.abc import Sequence
@@ -47,7 +48,7 @@ def create(context: Context, plan: Plan, caller: Caller) -> dict[str, Any]:
     """
     body_sha256 = once.hash_body(write(plan))
     route = Kind.PLAN.value
-    fence = rules.check_fence(plan)
+    fence = _judged(context, plan)
     with context.database.write(WORK) as connection:
         answered = once.earlier(connection, caller, route, body_sha256)
         if answered is None:
@@ -86,7 +87,7 @@ def create_all(
         as `create`; then none of them is kept.
     """
     body_sha256 = once.hash_body(asked)
-    fences = [rules.check_fence(plan) for plan in documents]  # Other mission_ids change nothing
+    fences = [_judged(context, plan) for plan in documents]  # Other mission_ids change nothing
     with context.database.write(WORK) as connection:
         answered = once.earlier(connection, caller, _SEVERAL, body_sha256)
         if answered is None:
@@ -108,6 +109,14 @@ def create_all(
             )
     context.bell.ring()
     return shown
+
+
+def _judged(context: Context, plan: Plan) -> FenceVerdict:
+    """Hold a plan against its own geofence, when no other one is being judged."""
+    if plan.geofence is None:
+        return rules.check_fence(plan)
+    with context.judging:
+        return rules.check_fence(plan)
 
 
 def _with_free_ids(connection: Connection, documents: Sequence[Plan]) -> list[Plan]:
@@ -166,7 +175,7 @@ def replace(
         InvalidError: if the new one breaks a rule.
         ConflictError: if the broker has a mission of it, or as for `create`.
     """
-    fence = rules.check_fence(plan)
+    fence = _judged(context, plan)
     with context.database.write(WORK) as connection:
         now = context.clock()
         broker_work.expire(connection, now)
@@ -203,7 +212,7 @@ def dispatch(context: Context, reference: int | str) -> dict[str, Any]:
         missions = work.of_plan(connection, stored.id)
     waits = any(item.held for item in missions)
     judged = _dispatched(stored, missions) if waits else None
-    fence = None if judged is None else rules.check_fence(judged)
+    fence = None if judged is None else _judged(context, judged)
     with context.database.write(WORK) as connection:
         now = context.clock()
         broker_work.expire(connection, now)

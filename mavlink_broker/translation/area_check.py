@@ -6,8 +6,9 @@ of a command.
 """
 
 from afarcloud import flyable
+from afarcloud.area import TooMuchWorkError
 from afarcloud.commands import Command, NavFollowTarget, NavHotpoint
-from afarcloud.fence_check import FenceCheck
+from afarcloud.fence_check import FenceCheck, OutlineFault
 from afarcloud.plan import Geofence, Mission
 from mavlink_broker.translation.families import Family
 from mavlink_broker.translation.hotpoint import kept_radius_m
@@ -51,9 +52,9 @@ class AreaCheck:
         Raises:
             RefusedError: for a polygon that cannot be meant, or the first command that leads out.
         """
+        self._check.renew()
         for outline in self._check.outline_faults:
-            refusal = Refusal(f"geofence.{outline.field}", outline.text)
-            raise RefusedError(0, mission.command_array[0], refusal)
+            raise _refused(outline, mission)
         faults = self._check.faults(
             as_flown(mission.command_array, family),
             start=start,
@@ -61,9 +62,19 @@ class AreaCheck:
             rally=rally,
             own_limit_m=own_limit_m,
         )
-        for fault in faults:
+        try:
+            fault = next(faults, None)
+        except TooMuchWorkError:
+            raise _refused(self._check.too_much_work, mission) from None
+        if fault is not None:
             command = mission.command_array[fault.command]
             raise RefusedError(fault.command, command, Refusal(fault.parameter, fault.text))
+
+
+def _refused(outline: OutlineFault, mission: Mission) -> RefusedError:
+    """Give what to raise for a geofence that cannot be kept to; the whole mission is concerned."""
+    refusal = Refusal(f"geofence.{outline.field}", outline.text)
+    return RefusedError(0, mission.command_array[0], refusal)
 
 
 def as_flown(commands: tuple[Command, ...], family: Family) -> tuple[Command, ...]:

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from afarcloud import rules
+from afarcloud import area, rules
 from afarcloud.fence_check import FenceCheck
 from afarcloud.plan import Geofence, Plan
 from afarcloud.route import Spot
@@ -242,3 +242,42 @@ def test_each_command_is_named_once() -> None:
         "missions.0.command_array.1.parameters",
         "missions.0.command_array.2.parameters",
     ]
+
+
+def thin_corners(number: int) -> list[list[Metres]]:
+    """Nested exclusions like an L, thinner than the tolerance: every circle may cross them."""
+    shapes = []
+    for k in range(number):
+        here, there = -60.0 + 2.0 * k, -59.95 + 2.0 * k
+        corner = [(here, here), (200.0, here), (200.0, there), (there, there)]
+        shapes.append([*corner, (there, 200.0), (here, 200.0)])
+    return shapes
+
+
+@pytest.mark.parametrize(("apart_m", "is_judged"), [(0.0, True), (0.5, False)])
+def test_what_is_flown_again_is_judged_once_and_what_is_judged_has_an_end(
+    monkeypatch: pytest.MonkeyPatch, apart_m: float, *, is_judged: bool
+) -> None:
+    monkeypatch.setattr(area, "MOST_COMPARISONS", 5_000)
+    circles: list[Stop] = [("orbit", (apart_m * k, 0.0), 50.0, 0) for k in range(60)]
+    fence = {"exclusion": [outline(shape) for shape in thin_corners(12)]}
+    plan = plan_of([("takeoff", (0.0, 50.0), 0.0, 4), *circles], fence)
+    verdict = rules.check(plan, {1: VehicleLimits()}, datetime(2026, 11, 21, tzinfo=UTC))
+    assert [fault.path for fault in verdict.faults] == ([] if is_judged else ["geofence.exclusion"])
+
+
+def test_a_thin_exclusion_is_seen_wherever_a_circle_crosses_it() -> None:
+    """Beside and across the line; the one in the circle and the one behind it do not matter."""
+    for angle_deg in range(0, 360, 7):
+        angle = math.radians(angle_deg)
+        along = math.cos(angle), math.sin(angle)
+        across = -along[1], along[0]
+        for near_m, far_m, is_hit in ((45, 55, True), (20, 49.5, False), (50.5, 80, False)):
+            bar = [
+                (a_m * along[0] + c_m * across[0], a_m * along[1] + c_m * across[1])
+                for a_m, c_m in ((near_m, -0.3), (far_m, -0.3), (far_m, 0.3), (near_m, 0.3))
+            ]
+            check = FenceCheck(Geofence.model_validate({"exclusion": [outline(bar)]}))
+            mission = plan_of([("orbit", (0.0, 0.0), 50.0, 0)], {}).missions[0]
+            circle = [f for f in check.faults(mission.command_array) if "circle" in f.text]
+            assert bool(circle) == is_hit, (angle_deg, near_m)

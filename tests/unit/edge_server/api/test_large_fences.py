@@ -1,12 +1,15 @@
 """A geofence has a bounded size, and nobody waits while a plan is judged against it."""
 
 from collections.abc import Iterator, Sequence
-from threading import Thread
+from threading import Event, Thread
 from typing import Any
 
 import pytest
 
+from afarcloud import rules
 from afarcloud.fence_check import FenceCheck, FenceFault
+from afarcloud.plan import Plan
+from afarcloud.rules import FenceVerdict
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import mission, plan, telemetry
 
@@ -73,3 +76,27 @@ def test_an_alarm_is_taken_while_a_plan_is_judged(
     }[way]()
     assert answer.status_code in {200, 201}
     assert taken == [201, 0]
+
+
+def test_plans_are_judged_one_at_a_time(edge: Edge, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However many are posted at once, half of the interpreter is left to an abort."""
+    law = rules.check_fence
+    at_once: list[int] = []
+    judged: list[int] = []
+    let_go = Event()
+
+    def slow(judged_plan: Plan) -> FenceVerdict:
+        at_once.append(1)
+        judged.append(len(at_once))
+        let_go.wait(0.2)
+        at_once.pop()
+        return law(judged_plan)
+
+    monkeypatch.setattr(rules, "check_fence", slow)
+    bodies = [plan(mission(n), geofence={"exclusion": [TRIANGLE]}) for n in range(4)]
+    posts = [Thread(target=edge.post_plan, args=(body,)) for body in bodies]
+    for post in posts:
+        post.start()
+    for post in posts:
+        post.join()
+    assert judged == [1, 1, 1, 1]
