@@ -19,7 +19,7 @@ NORTHWEST = [NORTH + 0.001, WEST]
 BOW_TIE = [CORNER, NORTHEAST, EAST, NORTHWEST]
 
 
-def flight_to(**place: float) -> dict[str, Any]:
+def flight_to(**place: Any) -> dict[str, Any]:
     return mission(command_array=[takeoff(), waypoint(**place), home()])
 
 
