@@ -279,7 +279,7 @@ class App:
         """Send, tell and begin what a session wants; gives what could not be put into bytes."""
         messages = peer.session.permitted(effects.messages)
         errors = self._traffic.send(peer.system, messages) if messages else []
-        peer.untold += effects.for_edge
+        peer.untold += peer.session.due(effects.for_edge)
         errors += _error_of(partial(self._tell_when_noted, peer))
         for job in effects.jobs:
             self._jobs.put(peer.system, job)

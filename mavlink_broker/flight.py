@@ -15,6 +15,7 @@ from mavlink_broker.effects import Acknowledgement, Effects
 from mavlink_broker.ending import STRAY_S, Ending, abort_note, coming_home
 from mavlink_broker.flight_progress import FlightProgress
 from mavlink_broker.interruption import (
+    ENDED,
     PATIENCE_S,
     REASONS,
     REPLACED,
@@ -36,6 +37,8 @@ _WITH_ITEMS: Final = BEFORE_TAKEOFF - {State.FENCING, State.HOLDING}
 _IN_FLIGHT: Final = frozenset({State.RUNNING, State.PERFORMING})
 _READING: Final = frozenset({State.ATTACHING, State.RUNNING})
 """States whose protocols order nothing, so that they go on while somebody else has the vehicle."""
+_ENDING: Final = frozenset({State.LEAVING, State.FAILING, State.IDLE})
+"""States behind which nothing of the mission is flown any more."""
 _ARMED_BY_US: Final = frozenset({State.ARMING, State.STARTING})
 ON_GROUND: Final[int] = mavlink.MAV_LANDED_STATE_ON_GROUND
 
@@ -136,7 +139,8 @@ class Flight(FlightProgress):
 
     def interrupt(self, work: EventWork, now: float, effects: Effects) -> None:
         """Carry out an event: abort now, abort behind the running command, or change the speed."""
-        effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))
+        if not work.was_accepted:
+            effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))
         if work.event.maximum_speed is not None:
             self._change_speed(work, work.event.maximum_speed, now, effects)
         elif work.event.event_type_id is EventType.ABORT_MISSION:
@@ -147,16 +151,29 @@ class Flight(FlightProgress):
     def withdraw(self, now: float, effects: Effects) -> None:
         """Drop a mission that the edge server has ended; nothing is to be told of it."""
         _LOG.warning("mission %d was withdrawn", self.work.mission.mission_id)
-        self._give_up_soft_abort(effects, "the mission has ended")
         if self.state is State.UPLOADING:
             effects.messages.append(activities.cancellation(self._vehicle))
         self._activity = None
         self._move(Event.ENDED, now, effects)
 
+    def answer_events(self, reason: str, effects: Effects) -> None:
+        """Answer every event that the end of the mission leaves without an answer."""
+        self._give_up_soft_abort(effects, reason)
+        self._speeds.give_up(reason, effects)
+        self.refuse_ending(reason, effects)
+
+    def _move(self, event: Event, now: float, effects: Effects) -> None:
+        super()._move(event, now, effects)
+        if self.state in _ENDING:
+            self._speeds.give_up(ENDED, effects)
+
     def _change_speed(
         self, work: EventWork, speed_m_s: float, now: float, effects: Effects
     ) -> None:
         """Fly at another speed from now on; what is on its way to the vehicle stays as it is."""
+        if self.state in _ENDING:
+            effects.for_edge.append(Acknowledgement(work.work_id, "refused", ENDED))
+            return
         self._late_speed_m_s = speed_m_s if self.state in _WITH_ITEMS else None
         if self._late_speed_m_s is None:
             self._stages.set_speed(speed_m_s)

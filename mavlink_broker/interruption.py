@@ -1,11 +1,12 @@
 """An event that has come upon a mission, and what becomes of it."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from afarcloud.enumerations import EventType
 from afarcloud.plan import Event
 from mavlink_broker.dialect import Message, mavlink
-from mavlink_broker.effects import Acknowledgement, Effects
+from mavlink_broker.effects import Acknowledgement, Effects, ForEdge
 from mavlink_broker.protocol.command import Accepted, Refused
 from mavlink_broker.protocol.command_sequence import CommandSequence
 from mavlink_broker.translation.area_check import AreaCheck
@@ -19,6 +20,7 @@ PATIENCE_S = 30.0
 """How long a soft abort lets the running command go on, by the vehicle's time."""
 REPLACED = "a later event replaced it"
 """Answer to an abort behind which a newer one decides where the vehicle goes."""
+ENDED = "the mission has ended"
 CIRCLE = mavlink.MAV_CMD_NAV_LOITER_TURNS
 REASONS = {
     EventType.ABORT_MISSION: "aborted by an event",
@@ -56,6 +58,42 @@ class SoftAbort:
     def is_due(self, *, command_ended: bool, now_s: float) -> bool:
         """Whether the mission ends now."""
         return self.command is None or command_ended or now_s >= self.deadline_s
+
+
+@dataclass(slots=True)
+class OwedAnswers:
+    """Answers to aborts that have to wait until the missions that they ended are known to be over.
+
+    An abort may end a mission whose acceptance is not answered yet. Until that answer is there,
+    the edge server may hand the mission out again to a restarted broker; so an abort is done only
+    behind it, and is handed out again with the mission.
+    """
+
+    _owed: dict[int, set[int]] = field(default_factory=dict)  # Missions by the work id of an abort
+    _held: list[Acknowledgement] = field(default_factory=list)
+
+    def owe(self, abort: int, missions: Iterable[int]) -> None:
+        """Wait with the answer to an abort for these missions."""
+        self._owed[abort] = set(missions)
+
+    def settle(self, mission: int) -> None:
+        """Learn that a mission has been answered for."""
+        for missions in self._owed.values():
+            missions.discard(mission)
+        self._owed = {abort: missions for abort, missions in self._owed.items() if missions}
+
+    def sift(self, told: Sequence[ForEdge]) -> list[ForEdge]:
+        """Give what may be told by now, what was held back before behind the rest."""
+        due: list[ForEdge] = []
+        for word in told:
+            is_final = isinstance(word, Acknowledgement) and word.status != "accepted"
+            if isinstance(word, Acknowledgement) and is_final and word.work_id in self._owed:
+                self._held.append(word)
+            else:
+                due.append(word)
+        due += [word for word in self._held if word.work_id not in self._owed]
+        self._held = [word for word in self._held if word.work_id in self._owed]
+        return due
 
 
 @dataclass(slots=True)
@@ -102,6 +140,13 @@ class SpeedOrders:
     def tell(self, speed_m_s: float, now: float, effects: Effects) -> None:
         """Tell the vehicle a speed of which no event waits to be done."""
         self._order(None, speed_m_s, now, effects)
+
+    def give_up(self, reason: str, effects: Effects) -> None:
+        """Tell no speed any more; an event that waits to be done is refused."""
+        work = None if self._running is None else self._running[0]
+        self._running = None
+        if work is not None:
+            effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
 
     def _order(
         self, work: EventWork | None, speed_m_s: float, now: float, effects: Effects

@@ -16,11 +16,12 @@ from mavlink_broker.attendance import Attendance
 from mavlink_broker.battery_size import BatterySize
 from mavlink_broker.bulletin import Bulletin
 from mavlink_broker.dialect import Message, mavlink, source_of
-from mavlink_broker.effects import Acknowledgement, Effects
+from mavlink_broker.effects import Acknowledgement, Effects, ForEdge
+from mavlink_broker.ending import abort_note
 from mavlink_broker.event_desk import EventDesk, is_abort
 from mavlink_broker.flight import Flight
 from mavlink_broker.giving_back import GivingBack
-from mavlink_broker.interruption import REASONS
+from mavlink_broker.interruption import ENDED, REASONS, OwedAnswers
 from mavlink_broker.journal.memo import Homeward, Memo
 from mavlink_broker.pictures.desk import HEARD as PICTURED
 from mavlink_broker.pictures.desk import PictureDesk
@@ -81,6 +82,7 @@ class Session:
         self._events = EventDesk(vehicle)
         self._waiting: deque[Flight] = deque()
         self._to_abort: dict[int, tuple[Flight, str]] = {}  # When it is known to be ours, and why
+        self._answers = OwedAnswers()
         self._flight: Flight | None = None
         self._landing_of: str | None = None  # The mission behind which the vehicle comes down
         self._failed: Homeward | None = None  # In an earlier run
@@ -99,6 +101,7 @@ class Session:
     def is_stranger(self, now: float) -> bool:
         """Whether a vehicle has told no more than that it is there, and is there no more."""
         is_idle = self._flight is None and not self._waiting and not self._events.is_waiting
+        is_idle &= not self._to_abort
         is_long_lost = self._lost_since is not None and now - self._lost_since > FORGOTTEN_AFTER_S
         return is_idle and is_long_lost and self.vehicle.snapshot.position is None
 
@@ -117,6 +120,7 @@ class Session:
         reason = None if flight is None else self._reason_to_fail(flight)
         if flight is not None and flight.is_sought and reason is not None:
             flight.fail_again(reason, now, effects)
+            flight.answer_events(ENDED, effects)
             self._flight = None
 
     def change_vehicle(self) -> bool:
@@ -172,6 +176,9 @@ class Session:
             ended, reason = self._to_abort.pop(verdict.work_id)
             if verdict.holds:
                 ended.abort(reason, effects)
+            self._answers.settle(verdict.work_id)
+            if not self._to_abort:
+                self.vehicle.owed_abort = None
             return
         flights = (*self._waiting, self._flight)
         flight = next((f for f in flights if f and f.work.work_id == verdict.work_id), None)
@@ -185,10 +192,10 @@ class Session:
                 flight.work.mission.mission_id,
                 verdict.reason or "the edge server has withdrawn it",
             )
-        if not verdict.holds and flight is self._flight:
+        if not verdict.holds and flight is self._flight and self.state is not State.LEAVING:
             flight.withdraw(now, effects)
-            self._close_flight()
-        elif not verdict.holds:
+            self._close_flight(effects)
+        elif not verdict.holds and flight is not self._flight:
             self._waiting.remove(flight)
 
     def break_off(self, reason: str, now: float, effects: Effects) -> None:
@@ -199,7 +206,7 @@ class Session:
         self._events.refuse_all(reason, effects)
         if self._flight is not None:
             self._flight.break_off(reason, now, effects)
-            self._close_flight()
+            self._close_flight(effects)
 
     def drop_mission(self, reason: str, now: float, effects: Effects) -> None:
         """Fail it without another look at it, because its end has raised an error too."""
@@ -207,7 +214,7 @@ class Session:
         flight, self._flight = self._flight, None
         self._events.refuse_all(reason, effects)
         if flight is not None:
-            flight.refuse_ending(reason, effects)
+            flight.answer_events(reason, effects)
         if flight is not None and not flight.ledger.status.is_terminal:
             flight.ledger.fail(reason)
             effects.for_edge.append(self._reporter.mission(flight.ledger))
@@ -253,31 +260,41 @@ class Session:
         return resumed and not aborts_now
 
     def _interrupt(self, work: EventWork, now: float, effects: Effects) -> None:
-        """Interrupt what is flown; what waits behind it falls with an abort."""
-        if is_abort(work):
-            self.vehicle.abort = None  # Noted again where there is still something to be ordered
+        """Interrupt what is flown."""
         first = self._waiting[0] if self._waiting else None
         if first is not None and self._is_resumed(first) and self._concerns(work, first):
             self._next_flight(now, effects)
-        concerned = [flight for flight in self._waiting if self._concerns(work, flight)]
-        replaces = is_abort(work) and self._events.replace(work, effects)
         if is_abort(work):
-            for flight in concerned:
-                self._waiting.remove(flight)
-                self._abort_waiting(flight, REASONS[work.event.event_type_id], effects)
-        if is_abort(work) and self._may_be_dropped(work):
+            self._abort(work, now, effects)
+        elif self._flight is not None and self._concerns(work, self._flight):
+            self._flight.interrupt(work, now, effects)
+            self._close_flight(effects)
+        else:
+            effects.for_edge.append(Acknowledgement(work.work_id, "refused", NO_MISSION))
+
+    def _abort(self, work: EventWork, now: float, effects: Effects) -> None:
+        """End what is flown, and what waits behind it; an older abort gives way."""
+        self.vehicle.abort = None  # Noted again where there is still something to be ordered
+        replaces = self._events.replace(work, effects)
+        concerned = [flight for flight in self._waiting if self._concerns(work, flight)]
+        for flight in concerned:
+            self._waiting.remove(flight)
+            self._abort_waiting(flight, REASONS[work.event.event_type_id], effects)
+        if self._may_be_dropped(work):
             concerned += self._drop_unconfirmed(work, now, effects)
+        if self._to_abort:
+            self._answers.owe(work.work_id, self._to_abort)
+            self.vehicle.owed_abort = abort_note(work.event, work.work_id, self.vehicle)
         if self._flight is not None and self._concerns(work, self._flight):
             self._flight.interrupt(work, now, effects)
-            self._close_flight()
-        elif replaces:
-            self._has_flown = True
-            self._events.see_through(work, now, effects, is_newer=True)
-        elif is_abort(work) and concerned:
-            effects.for_edge.append(Acknowledgement(work.work_id, "done"))
-        elif is_abort(work) and work.was_accepted:
+            self._close_flight(effects)
+        elif replaces or (work.was_accepted and not concerned):
             self._has_flown = True  # What waits was behind it, and has not begun
-            self._events.see_through(work, now, effects)
+            self._events.see_through(work, now, effects, is_newer=replaces)
+        elif concerned:
+            if self._to_abort and not work.was_accepted:
+                effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))
+            effects.for_edge.append(Acknowledgement(work.work_id, "done"))
         else:
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", NO_MISSION))
 
@@ -310,7 +327,7 @@ class Session:
         reason = REASONS[work.event.event_type_id]
         self._to_abort[flight.work.work_id] = flight, reason
         flight.withdraw(now, effects)
-        self._close_flight()
+        self._close_flight(effects)
         return [flight]
 
     def _concerns(self, work: EventWork, flight: Flight) -> bool:
@@ -340,13 +357,17 @@ class Session:
         effects.messages += self.vehicle.parameters.receive(message, now)
         if self._flight is not None:
             self._flight.receive(message, now, effects)
-            self._close_flight()
+            self._close_flight(effects)
 
     def permitted(self, messages: list[Message]) -> list[Message]:
         """Leave out every order to a vehicle that somebody else has taken, whoever gives it."""
         if not self.vehicle.is_taken:
             return messages
         return [message for message in messages if not is_order(message)]
+
+    def due(self, told: list[ForEdge]) -> list[ForEdge]:
+        """Hold back the answer to an abort until all that it ended is known to be over."""
+        return self._answers.sift(told)
 
     def watch(self, asked_elsewhere: Collection[int] | None) -> None:
         """Learn that ground stations watch, and which messages they have asked for."""
@@ -365,7 +386,7 @@ class Session:
             self.pictures.receive(message, now, effects)
         if self._flight is not None:
             self._flight.receive(message, now, effects)
-            self._close_flight()
+            self._close_flight(effects)
 
     def step(self, now: float, effects: Effects) -> None:
         """Let time pass."""
@@ -389,7 +410,7 @@ class Session:
         if self._flight is not None:
             self._flight.step(now, effects)
         self._step_pictures(now, effects)
-        self._close_flight()
+        self._close_flight(effects)
         self._bulletin.step(now, effects)
 
     def _see_events_through(self, now: float, effects: Effects) -> None:
@@ -463,7 +484,7 @@ class Session:
         if reason is not None and self._is_resumed(flight):
             self._waiting.popleft().fail_again(reason, now, effects)
             return
-        if self._events.is_before(flight.work.work_id):
+        if self._events.is_before(flight.work.work_id) or self._to_abort:
             return
         resumed = self._is_resumed(flight)
         free = self.vehicle.snapshot.is_on_ground or self.vehicle.hovers
@@ -485,8 +506,9 @@ class Session:
         failed = self._failed
         return failed.reason if failed and failed.mission == flight.work.name else None
 
-    def _close_flight(self) -> None:
+    def _close_flight(self, effects: Effects) -> None:
         if self._flight is not None and self._flight.state is State.IDLE:
+            self._flight.answer_events(ENDED, effects)
             self._note_hover(hovers=self._flight.leaves_hovering)
             self.vehicle.homeward = self.vehicle.live = self.vehicle.started = None
             if self._flight.has_failed_in_flight:

@@ -69,6 +69,7 @@ class Vehicle:
     hover: Pose | None = None  # Where that is; of an earlier run, until that has been judged
     homeward: Homeward | None = None  # It is to go home, and has not obeyed yet
     abort: AbortNote | None = None  # It was accepted, and the vehicle has not obeyed yet
+    owed_abort: AbortNote | None = None  # Done, but for missions that may be handed out again
     live: LiveNote | None = None  # The live command that it was told last
     started: str | None = None  # First command of the items that it was ordered to fly last
     is_taken: bool = False  # Somebody else has taken it from a mission; until it is disarmed
@@ -120,7 +121,7 @@ class Vehicle:
             borrowed=self.parameters.borrowed,
             hover=self.hover,
             homeward=self.homeward,
-            abort=self.abort,
+            abort=self.abort or self.owed_abort,
             live=self.live,
             started=self.started,
         )
@@ -136,7 +137,8 @@ class Vehicle:
     def forget(self) -> None:
         """Start anew with what is noted: it is another vehicle."""
         self.loan, self.parameters = Loan(), ParameterKeeper()
-        self.hover = self.homeward = self.abort = self.live = self.started = None
+        self.hover = self.homeward = self.live = self.started = None
+        self.abort = self.owed_abort = None
         self.hovers = False
 
     @property

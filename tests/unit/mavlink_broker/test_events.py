@@ -9,6 +9,7 @@ import pytest
 
 from afarcloud.enumerations import Status
 from mavlink_broker.dialect import mavlink
+from mavlink_broker.flight import Flight
 from mavlink_broker.session_states import State
 from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
 from tests.support.scripted_vehicle import (
@@ -356,3 +357,63 @@ def test_an_event_is_carried_out_once_however_often_it_is_handed_out() -> None:
     world.run(1.0)
     told: list[Any] = [c for c in world.only_vehicle.commands if c == 178]
     assert len(told) == 1
+
+
+class TestEveryEventHasOneFinalAnswer:
+    """Also where the mission ends before it could be carried out."""
+
+    def test_a_speed_that_is_being_told_when_an_alarm_ends_the_mission(self) -> None:
+        world = world_at(1)
+        vehicle = world.only_vehicle
+        waits = {mavlink.MAV_CMD_DO_CHANGE_SPEED: mavlink.MAV_RESULT_IN_PROGRESS}
+        vehicle.script = dataclasses.replace(vehicle.script, results=waits)
+        event = world.edge.event(SPEED, maximum_speed=2.5)
+        world.run(0.5)
+        assert said(world, event) == ["accepted"]
+        vehicle.ill = mavlink.MAV_SYS_STATUS_SENSOR_LASER_POSITION
+        world.run_until_over(1201)
+        world.run(1.0)
+        assert answers(world, event) == [("accepted", None), ("refused", "the mission has ended")]
+
+    def test_a_speed_that_comes_when_the_mission_is_over(self) -> None:
+        world = world_at(1)
+        vehicle = world.only_vehicle
+        vehicle.script = dataclasses.replace(vehicle.script, goes_to_places=False)
+        world.edge.event(ABORT, abort=POINT)
+        world.run(1.0)
+        event = world.edge.event(SPEED, maximum_speed=2.5)
+        world.run(1.0)
+        assert answers(world, event) == [("accepted", None), ("refused", "the mission has ended")]
+        assert mavlink.MAV_CMD_DO_CHANGE_SPEED not in vehicle.commands
+
+    @pytest.mark.parametrize("kind", [SPEED, SOFT_ABORT])
+    def test_one_that_waits_when_the_mission_is_dropped(
+        self, kind: int, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """By an internal error, and by another one while that is dealt with."""
+        world = world_at(1)
+        vehicle = world.only_vehicle
+        waits = {mavlink.MAV_CMD_DO_CHANGE_SPEED: mavlink.MAV_RESULT_IN_PROGRESS}
+        vehicle.script = dataclasses.replace(vehicle.script, results=waits)
+        more: dict[str, Any] = {"maximum_speed": 2.5} if kind == SPEED else {}
+        event = world.edge.event(kind, **more)
+        world.run(0.5)
+        assert said(world, event) == ["accepted"]
+
+        def fail(*_: Any, **__: Any) -> None:
+            raise RuntimeError("unexpected")
+
+        monkeypatch.setattr(Flight, "step", fail)
+        monkeypatch.setattr(Flight, "break_off", fail)
+        world.tick()
+        monkeypatch.undo()
+        world.run(1.0)
+        assert world.edge.status(1201) == Status.FAILED
+        assert len(said(world, event)) == 2
+        assert said(world, event)[-1] in {"done", "refused"}
+        assert "internal error" in str(answers(world, event)[-1][1])
+
+
+def answers(world: World, event: int) -> list[tuple[str, str | None]]:
+    """What was said about an event, and why."""
+    return [(a["status"], a.get("message")) for a in world.edge.acknowledgements(event)]

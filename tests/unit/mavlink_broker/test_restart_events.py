@@ -9,8 +9,8 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.dialect import mavlink
 from mavlink_broker.session_states import State
-from tests.support.broker_world import World, first_flight
-from tests.support.scripted_vehicle import PX4_HOLD, PX4_LAND, PX4_POSITION, PX4_RETURN
+from tests.support.broker_world import World, first_flight, mission, takeoff, waypoint
+from tests.support.scripted_vehicle import PX4, PX4_HOLD, PX4_LAND, PX4_POSITION, PX4_RETURN
 from tests.unit.mavlink_broker.test_events import ABORT, POINT, SOFT_ABORT, SPEED, said, world_at
 
 SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
@@ -264,6 +264,92 @@ class TestTheNewestAbortDecides:
         assert vehicle.custom_mode == PX4_RETURN
         assert said(world, soft) == ["accepted", "done"]
         assert world.edge.acknowledgements(hard)[-1]["message"] == "a later event replaced it"
+
+
+class TestAnAbortBeforeTheAcceptanceIsAnswered:
+    """Until then a restarted broker may be handed the mission: the abort is not done before."""
+
+    @pytest.mark.parametrize("kind", [ABORT, SOFT_ABORT])
+    @pytest.mark.parametrize("is_forgotten", [False, True], ids=["handed out", "forgotten"])
+    def test_of_a_mission_that_is_being_prepared(
+        self, kind: int, is_forgotten: bool, tmp_path: Path
+    ) -> None:
+        world = World(journal=tmp_path)
+        vehicle = world.add_vehicle(script=dataclasses.replace(PX4, ready_to_arm_after_s=10.0))
+        world.run(3.0)
+        world.edge.answers_acceptances = False
+        world.edge.plan(first_flight())
+        world.run(1.0)
+        event = world.edge.event(kind)
+        world.run(2.0)
+        assert said(world, event) == ["accepted"]
+        world.kill_broker()
+        if is_forgotten:
+            world.edge.closed.add(event)
+        world.restart_broker()
+        world.edge.answers_acceptances = True
+        world.run(20.0)
+        assert vehicle.arm_orders == 0
+        assert world.edge.status(1201) == Status.ABORTED
+        assert said(world, event) == ["accepted", "done"]
+        assert not list(tmp_path.iterdir())
+
+    def test_of_one_that_waited_behind_another(self) -> None:
+        world = world_at(1)
+        vehicle = world.only_vehicle
+        world.edge.answers_acceptances = False
+        world.edge.plan(first_flight(mission_id=1202))
+        world.run(0.5)
+        event = world.edge.event(ABORT)
+        world.run_until(lambda: not vehicle.armed)
+        world.run(1.0)
+        assert said(world, event) == ["accepted"]
+        restart(world)
+        world.edge.answers_acceptances = True
+        world.run(15.0)
+        assert vehicle.arm_orders == 1
+        assert world.edge.status(1202) == Status.ABORTED
+        assert said(world, event)[-1] == "done"
+
+    def test_and_no_mission_begins_before_it_is_done(self) -> None:
+        world = World()
+        vehicle = world.add_vehicle(script=dataclasses.replace(PX4, ready_to_arm_after_s=10.0))
+        world.run(3.0)
+        world.edge.answers_acceptances = False
+        world.edge.plan(first_flight())
+        world.run(1.0)
+        event = world.edge.event(ABORT)
+        world.run(1.0)
+        world.edge.plan(first_flight(mission_id=1202))
+        restart(world)
+        world.edge.answers_acceptances = True
+        world.run_until_over(1202)
+        assert world.edge.status(1201) == Status.ABORTED
+        assert world.edge.status(1202) == Status.FINISHED
+        assert said(world, event)[-1] == "done"
+        assert vehicle.arm_orders == 1
+
+    def test_a_withdrawal_does_not_end_the_orders_of_the_abort(self) -> None:
+        """The edge server ends an unaccepted mission itself; the vehicle still has to land."""
+        world = World()
+        vehicle = world.add_vehicle()
+        world.edge.plan(mission(takeoff(1), waypoint(2)))
+        world.run_until_over(1201)
+        world.run(1.0)
+        world.edge.answers_acceptances = False
+        queued = world.edge.plan(first_flight(mission_id=1202))
+        world.run(0.5)
+        refuses = dict.fromkeys((SET_MODE, mavlink.MAV_CMD_NAV_LAND), mavlink.MAV_RESULT_FAILED)
+        vehicle.script = dataclasses.replace(vehicle.script, results=refuses)
+        event = world.edge.event(ABORT)
+        world.edge.cancel(queued)
+        world.run(1.0)
+        world.edge.answers_acceptances = True
+        world.run(2.0)
+        vehicle.script = dataclasses.replace(vehicle.script, results={})
+        world.run(4.0)
+        assert vehicle.custom_mode == PX4_LAND
+        assert said(world, event) == ["accepted", "done"]
 
 
 def modes_since(world: World, since: int) -> set[int]:
