@@ -9,7 +9,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from edge_server.services import broker_work, events, once, retention
 from edge_server.services.context import Context
-from edge_server.store import idempotency
+from edge_server.store import idempotency, work
 from edge_server.store.locks import WORK
 
 LOG = logging.getLogger(__name__)
@@ -41,4 +41,6 @@ def forget(context: Context) -> None:
     with context.database.write(WORK) as connection:
         idempotency.forget_before(connection, now - once.KEPT_S)
         broker_work.forget_old(connection, now)
-        events.forget_before(connection, now - context.config.retain_plans_days * DAY_S)
+        old = now - context.config.retain_plans_days * DAY_S
+        events.forget_before(connection, old)
+        work.forget_withdrawn(connection, old)

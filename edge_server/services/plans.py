@@ -187,7 +187,7 @@ def replace(
             raise ConflictError(
                 f"plan {old.id} keeps its plan_id", (Fault("plan_id", "cannot be changed"),)
             )
-        work.remove_of_plan(connection, old.id)
+        work.remove_of_plan(connection, old.id, now)
         new = _checked(connection, context, plan, fence, now)._replace(
             id=old.id, plan_id=old.plan_id, received_at=old.received_at
         )
@@ -263,7 +263,7 @@ def _let_go(
     now: float,
 ) -> StoredPlan:
     """Queue a held plan's missions anew: the broker's cursor is past their old places."""
-    work.remove_of_plan(connection, stored.id)
+    work.remove_of_plan(connection, stored.id, now)
     checked = _checked(connection, context, plan, fence, now)
     dispatched = stored._replace(body=checked.body, warnings=checked.warnings)
     plans.replace(connection, dispatched)
@@ -313,6 +313,7 @@ def remove(context: Context, reference: int | str) -> None:
         stored = _find(connection, reference)
         if any(item.state == work.ACCEPTED for item in work.of_plan(connection, stored.id)):
             raise ConflictError(f"plan {stored.id} is being flown")
+        work.remove_of_plan(connection, stored.id, context.clock())
         plans.remove(connection, stored.id)
 
 

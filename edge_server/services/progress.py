@@ -16,7 +16,8 @@ from afarcloud.wire import write
 from edge_server.services import report_matching
 from edge_server.services.errors import ConflictError
 from edge_server.services.plan_view import explain
-from edge_server.store import vehicle_holds, work
+from edge_server.services.report_matching import Known
+from edge_server.store import plans, vehicle_holds, work
 from edge_server.store.work import CommandProgress, Work
 
 
@@ -75,8 +76,8 @@ def apply(connection: Connection, report: MissionReport, now: float) -> Change |
     if mission is None:
         return None
     current = work.commands(connection, mission.id)
-    report_matching.check(mission, current, report)
     _check_free(connection, mission, report)
+    report_matching.check(mission, current, report)
     was_open = mission.state != work.CLOSED
     if was_open:
         _move(connection, mission, current, report, now)
@@ -85,8 +86,33 @@ def apply(connection: Connection, report: MissionReport, now: float) -> Change |
 
 def find(connection: Connection, report: MissionReport) -> Work | None:
     """Find the mission that a report is about; raises as `report_matching.find`."""
-    candidates = work.missions_of(connection, report.vehicle_id, report.mission_id)
-    return report_matching.find(candidates, report)
+    return report_matching.find(_known(connection, report), report)
+
+
+def _known(connection: Connection, report: MissionReport) -> Known:
+    """Give what is known of the work that a report names; no more than it takes to judge it."""
+    if report.work_id is not None:
+        named = work.get(connection, report.work_id)
+        if named is not None:
+            return Known(work=named)
+    plan = None if report.plan_id is None else plans.find(connection, report.plan_id)
+    if plan is not None:
+        return Known(of_plan=work.of_plan(connection, plan.id))
+    missions = work.missions_of(connection, report.vehicle_id, report.mission_id)
+    if missions:
+        return Known(missions)
+    names = {
+        "work_id": report.work_id,
+        "plan_id": report.plan_id,
+        "mission_id": report.mission_id,
+    }
+    withdrawn = (
+        field
+        for field, value in names.items()
+        if value is not None and work.is_withdrawn(connection, report.vehicle_id, field, value)
+    )
+    others = work.taken_mission_ids(connection, report.mission_id, report.mission_id)
+    return Known(withdrawn=next(withdrawn, None), is_of_others=bool(others))
 
 
 def _check_free(connection: Connection, mission: Work, report: MissionReport) -> None:

@@ -1,52 +1,112 @@
 """Which mission a report is about, and whether it may still be said of it. Pure.
 
 A `mission_id` may be flown again, so the number alone does not say which flight is meant. A report
-names its piece of work (`work_id`, `plan_id`), and is then about that one and no other. Without
-these it is about the mission that the broker has accepted; a mission that only waits in the queue
-is never moved by a number.
+names its piece of work (`work_id`, `plan_id`), and every number that it gives has to fit that one.
+Without these it is about the mission that the broker has accepted. What is known here to be
+cancelled, replaced, not accepted or another vehicle's is reported on by nobody; of a mission that
+only waits in the queue a broker may say, by its `work_id`, that it refuses it.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from afarcloud.enumerations import Status
 from afarcloud.faults import Fault, InvalidError
 from afarcloud.state import MissionReport
 from afarcloud.wire import write
 from edge_server.services.errors import ConflictError
-from edge_server.store.work import ACCEPTED, CLOSED, CommandProgress, Work
+from edge_server.store.work import ACCEPTED, CLOSED, MISSION, QUEUED, CommandProgress, Work
 
 _STATUS = "mission_status_id"
+_BEGUN = frozenset({Status.RUNNING, Status.FINISHED})
+_GONE = "was cancelled or replaced"
 
 
-def find(missions: Sequence[Work], report: MissionReport) -> Work | None:
-    """Find the mission that a report is about among those of its vehicle and `mission_id`.
+class Known(NamedTuple):
+    """What is known here of the work that a report names."""
 
-    None means that no such mission is known here, as after the loss of a database.
+    missions: Sequence[Work] = ()
+    """Of its vehicle and `mission_id`, oldest first, drafts among them."""
+    work: Work | None = None
+    """Of its `work_id`."""
+    of_plan: Sequence[Work] = ()
+    """Of its `plan_id`."""
+    withdrawn: str | None = None
+    """Field by which it names a mission that was cancelled or replaced, and no other."""
+    is_of_others: bool = False
+    """Whether other vehicles have a mission of its `mission_id`."""
+
+
+def find(known: Known, report: MissionReport) -> Work | None:
+    """Find the mission that a report is about.
+
+    None means that nothing of what it names is known here, as after the loss of a database.
 
     Raises:
-        ConflictError: if it was cancelled or replaced, or no broker has accepted it.
+        ConflictError: if what it names does not fit together, or was cancelled or replaced.
     """
-    if report.work_id is not None or report.plan_id is not None:
-        return _named(missions, report)
+    if known.work is not None:
+        return _of_work(known.work, report)
+    if known.of_plan:
+        return _of_plan(known.of_plan, report)
+    has_names = report.work_id is not None or report.plan_id is not None
+    mission = f"mission {report.mission_id} of vehicle {report.vehicle_id}"
+    if known.missions and has_names:
+        raise _conflict(
+            f"{mission} is here, but neither of plan {report.plan_id} nor as work {report.work_id}",
+            "work_id" if report.plan_id is None else "plan_id",
+            f"is not that of {mission}",
+        )
+    if known.missions:
+        return _of_number(known.missions, report)
+    if known.withdrawn is not None:
+        raise _conflict(f"{mission} {_GONE}", known.withdrawn, _GONE)
+    if known.is_of_others and not has_names:
+        raise _conflict(f"there is no {mission}", "vehicle_id", "is not that of the mission")
+    return None
+
+
+def _of_work(item: Work, report: MissionReport) -> Work:
+    said = {
+        "vehicle_id": (report.vehicle_id, item.vehicle_id),
+        "mission_id": (report.mission_id, item.mission_id),
+        "plan_id": (report.plan_id or item.plan_id, item.plan_id),
+    }
+    wrong = [name for name, (given, known) in said.items() if given != known]
+    if item.kind != MISSION:
+        raise _conflict(f"work {item.id} is no mission", "work_id", "is not that of a mission")
+    if wrong:
+        raise ConflictError(
+            f"work {item.id} is mission {item.mission_id} of vehicle {item.vehicle_id}",
+            tuple(Fault(name, f"is not that of work {item.id}") for name in wrong),
+        )
+    return item
+
+
+def _of_plan(missions: Sequence[Work], report: MissionReport) -> Work:
+    if report.work_id is not None:
+        raise _conflict(
+            f"work {report.work_id} is no longer of plan {report.plan_id}", "work_id", _GONE
+        )
+    for item in missions:
+        if (item.vehicle_id, item.mission_id) == (report.vehicle_id, report.mission_id):
+            return item
+    has_number = any(item.mission_id == report.mission_id for item in missions)
+    raise _conflict(
+        f"plan {report.plan_id} has no mission {report.mission_id} of vehicle {report.vehicle_id}",
+        "vehicle_id" if has_number else "mission_id",
+        "is not that of a mission of the plan",
+    )
+
+
+def _of_number(missions: Sequence[Work], report: MissionReport) -> Work:
     ended = [item for item in missions if item.state == CLOSED]
-    repeated = next((item for item in ended if _is_repetition(report, item)), None)
-    if repeated is not None:
-        return repeated
-    for found in (
-        [item for item in missions if item.state == ACCEPTED],
-        ended,
-    ):
+    repeated = [item for item in ended if _is_repetition(report, item)]
+    accepted = [item for item in missions if item.state == ACCEPTED]
+    for found in (repeated, accepted, ended):
         if found:
             return found[-1]
-    if missions:
-        raise _conflict(
-            f"mission {report.mission_id} of vehicle {report.vehicle_id} waits in the queue: "
-            "no broker has accepted it",
-            "mission_id",
-            "is the id of a mission that is not accepted",
-        )
-    return None
+    return missions[-1]
 
 
 def check(mission: Work, commands: Mapping[int, CommandProgress], report: MissionReport) -> None:
@@ -54,8 +114,10 @@ def check(mission: Work, commands: Mapping[int, CommandProgress], report: Missio
 
     Raises:
         InvalidError: if it names a command that the mission does not have.
-        ConflictError: if it contradicts a terminal status, or the mission was ended here.
+        ConflictError: if no broker has accepted the mission, it was ended here, or the report
+            contradicts a terminal status.
     """
+    _check_accepted(mission, report)
     unknown = [
         Fault(f"{_path(index)}.command_id", f"mission {report.mission_id} has no such command")
         for index, one in enumerate(report.command_report_array)
@@ -65,7 +127,7 @@ def check(mission: Work, commands: Mapping[int, CommandProgress], report: Missio
         raise InvalidError(tuple(unknown))
     has_ended = mission.state == CLOSED
     status = Status(mission.status_id or Status.NOT_STARTED)
-    if has_ended and mission.report is None:
+    if has_ended and not _was_ended_by_report(mission):
         raise _conflict(
             f"mission {report.mission_id} was ended here: {mission.message}", _STATUS, "has ended"
         )
@@ -95,18 +157,27 @@ def _contradicts(said: Status, known: Status, *, has_ended: bool) -> bool:
     return said != known and (said.is_terminal or not has_ended)
 
 
-def _named(missions: Sequence[Work], report: MissionReport) -> Work | None:
-    of_plan = [item for item in missions if report.plan_id in {None, item.plan_id}]
-    found = [item for item in of_plan if report.work_id in {None, item.id}]
-    if found:
-        return found[-1]
-    if report.plan_id is not None and of_plan:
-        raise _conflict(
-            f"work {report.work_id} is no longer here: the mission was cancelled or replaced",
-            "work_id",
-            "was cancelled or replaced",
-        )
-    return None
+def _check_accepted(mission: Work, report: MissionReport) -> None:
+    """Let pass what is about a mission that a broker has, and a refusal of one in the queue."""
+    if mission.state != QUEUED:
+        return
+    field = "mission_id" if report.plan_id is None else "plan_id"
+    field = field if report.work_id is None else "work_id"
+    name = f"mission {mission.mission_id} of vehicle {mission.vehicle_id}"
+    if mission.held:
+        raise _conflict(f"{name} is of a plan that nobody has dispatched", field, "is of a draft")
+    begins = any(one.command_status_id in _BEGUN for one in report.command_report_array)
+    if field == "work_id" and report.mission_status_id == Status.FAILED and not begins:
+        return
+    raise _conflict(
+        f"{name} waits in the queue: no broker has accepted it",
+        field,
+        "is that of a mission that is not accepted",
+    )
+
+
+def _was_ended_by_report(mission: Work) -> bool:
+    return mission.report is not None and Status(mission.report[_STATUS]).is_terminal
 
 
 def _is_repetition(report: MissionReport, mission: Work) -> bool:

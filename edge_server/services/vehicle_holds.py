@@ -64,7 +64,7 @@ def after_alarm(connection: Connection, alarm: Alarm, now: float) -> None:
         return
     named = work.missions_of(connection, alarm.vehicle_id, alarm.mission_id)
     under_way = [item for item in named if item.state == work.ACCEPTED]
-    ended = [item for item in named if item.state == work.CLOSED]
+    ended = [item for item in named if item.state == work.CLOSED and not item.held]
     for mission in (under_way or ended)[-1:]:
         name = f"alarm {int(alarm.alarm_type_id)}/{alarm.alarm_code_id}"
         reason = f"{name}: {alarm.message}" if alarm.message else name
@@ -168,7 +168,7 @@ def release(context: Context, vehicle_id: int, reason: str) -> dict[str, Any]:
             audit.about(f"vehicles/{vehicle_id}: {reason}")
             vehicle_holds.remove(connection, vehicle_id)
             _forget_faults(connection, vehicle_id)
-            _queue_anew(connection, vehicle_id)
+            _queue_anew(connection, vehicle_id, context.clock())
         shown = vehicles.shown(connection, vehicle_id)
     context.bell.ring()
     return shown
@@ -193,8 +193,8 @@ def _forget_faults(connection: Connection, vehicle_id: int) -> None:
             work.change(connection, item.id, fault=None)
 
 
-def _queue_anew(connection: Connection, vehicle_id: int) -> None:
+def _queue_anew(connection: Connection, vehicle_id: int, now: float) -> None:
     """Give the missions that wait new places in the feed: the broker's cursor is past the old."""
     for item in work.unfinished(connection, vehicle_id=vehicle_id):
         if item.kind == work.MISSION and item.state == work.QUEUED:
-            work.queue_anew(connection, item)
+            work.queue_anew(connection, item, now)

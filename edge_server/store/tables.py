@@ -180,6 +180,18 @@ work = Table(
 )
 """What the broker has to do: missions of plans, events, and requests for a state vector."""
 
+withdrawn = Table(
+    "withdrawn",
+    METADATA,
+    Column("work_id", _ID, primary_key=True, autoincrement=False),
+    Column("plan_id", String(26), nullable=False, index=True),
+    Column("vehicle_id", Integer, nullable=False),
+    Column("mission_id", Integer, nullable=False),
+    Column("withdrawn_at", Float, nullable=False, index=True),
+    Index(None, "vehicle_id", "mission_id"),
+)
+"""Missions that were cancelled or replaced: nothing that is reported on one is taken."""
+
 vehicle_hold = Table(
     "vehicle_hold",
     METADATA,

@@ -4,11 +4,23 @@ import json
 from collections.abc import Collection, Sequence
 from typing import Any, NamedTuple
 
-from sqlalchemy import Connection, and_, delete, func, insert, or_, select, text, update
+from sqlalchemy import (
+    ColumnElement,
+    Connection,
+    and_,
+    delete,
+    func,
+    insert,
+    literal,
+    or_,
+    select,
+    text,
+    update,
+)
 
 from afarcloud.enumerations import Status
 from edge_server.store.database import new_id, to_json
-from edge_server.store.tables import command, plan, vehicle_hold, work
+from edge_server.store.tables import command, plan, vehicle_hold, withdrawn, work
 
 MISSION = "mission"
 STATE_VECTOR = "latest_state_vector"
@@ -92,10 +104,11 @@ def add_mission(
     )
 
 
-def queue_anew(connection: Connection, item: Work) -> None:
+def queue_anew(connection: Connection, item: Work, now: float) -> None:
     """Put a mission that nobody has begun at the end of the feed; everything else of it stays."""
     if item.plan is None or item.body is None:
         raise TypeError("only a mission of a plan can be queued anew")
+    _note_withdrawn(connection, work.c.id == item.id, now)
     remove(connection, item.id)
     add_mission(
         connection,
@@ -191,12 +204,11 @@ def unfinished(
 
 
 def missions_of(connection: Connection, vehicle_id: int, mission_id: int) -> list[Work]:
-    """List a vehicle's missions of this number, ended or not, oldest first; held ones left out."""
+    """List a vehicle's missions of this number, ended or not, oldest first; drafts among them."""
     query = _QUERY.where(
         work.c.vehicle_id == vehicle_id,
         work.c.mission_id == mission_id,
         work.c.kind == MISSION,
-        work.c.held.is_(False),
     )
     return [_work(row) for row in connection.execute(query.order_by(work.c.id))]
 
@@ -301,9 +313,30 @@ def remove(connection: Connection, identifier: int) -> None:
     connection.execute(delete(work).where(work.c.id == identifier))
 
 
-def remove_of_plan(connection: Connection, plan_row: int) -> None:
-    """Forget a plan's missions."""
+def remove_of_plan(connection: Connection, plan_row: int, now: float) -> None:
+    """Forget a plan's missions, but not that they were here."""
+    _note_withdrawn(connection, work.c.plan == plan_row, now)
     connection.execute(delete(work).where(work.c.plan == plan_row))
+
+
+def _note_withdrawn(connection: Connection, which: ColumnElement[bool], now: float) -> None:
+    columns = work.c.id, plan.c.plan_id, work.c.vehicle_id, work.c.mission_id, literal(now)
+    gone = select(*columns).join(plan, work.c.plan == plan.c.id).where(which)
+    names = ["work_id", "plan_id", "vehicle_id", "mission_id", "withdrawn_at"]
+    connection.execute(insert(withdrawn).from_select(names, gone))
+
+
+def is_withdrawn(connection: Connection, vehicle_id: int, field: str, value: int | str) -> bool:
+    """Whether a mission was cancelled or replaced, by its work_id, plan_id or mission_id."""
+    query = select(withdrawn.c.work_id).where(withdrawn.c[field] == value)
+    if field == "mission_id":
+        query = query.where(withdrawn.c.vehicle_id == vehicle_id)
+    return connection.execute(query.limit(1)).first() is not None
+
+
+def forget_withdrawn(connection: Connection, before: float) -> None:
+    """Drop what was cancelled or replaced so long ago that nobody reports on it any more."""
+    connection.execute(delete(withdrawn).where(withdrawn.c.withdrawn_at < before))
 
 
 def forget_requests(connection: Connection, before: float) -> None:

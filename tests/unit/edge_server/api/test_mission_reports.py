@@ -202,7 +202,92 @@ def test_in_bulk_a_repeated_key_moves_nothing_twice(edge: Edge) -> None:
         assert [one["status"] for one in (answer.json or {})["records"]] == [201, 201, 201]
 
 
+ELSEWHERE = "01K9Z4T1W8F6Q2M3N5P7R9S0VX"
+"""A plan_id that this server has never seen."""
+
+
 def test_a_mission_that_nobody_here_knows_is_forwarded(edge: Edge) -> None:
-    report = mission_report(3, 3, mission_id=77, plan_id="01K9Z4T1W8F6Q2M3N5P7R9S0VX", work_id=5)
+    report = mission_report(3, 3, mission_id=77, plan_id=ELSEWHERE, work_id=5)
     assert edge.report("mission_report", report).status_code == 201
-    assert told(edge) == [3]
+    accepted(edge)  # Others are known
+    assert edge.report("mission_report", report | {"work_id": 500}).status_code == 201
+    assert told(edge) == [3, 3]
+
+
+def refusal(edge: Edge, **names: Any) -> list[str]:
+    """Fields at fault of a report FINISHED that is refused, alone and in a batch, and not kept."""
+    report = mission_report(3, 3, 3, 3, **names)
+    before = told(edge)
+    answer = edge.report("mission_report", report)
+    assert answer.status_code == 409, (names, answer.json)
+    batch = edge.post("/telemetry/", {"records": [{"mission_report": report}]}, "broker")
+    (result,) = (batch.json or {})["records"]
+    assert (result["status"], result["detail"]) == (409, (answer.json or {})["detail"])
+    assert told(edge) == before
+    return list(result["detail"]["json"])
+
+
+@BOTH_ENGINES
+def test_every_number_of_a_report_fits_one_accepted_mission(edge: Edge) -> None:
+    item = accepted(edge)
+    work_id, plan_id = item["id"], item["plan_id"]
+    other = edge.post_plan(plan(mission(7, 2))).json or {}
+    event_id = edge.post("/events/", event(3, maximum_speed=2.0), "operator").json
+    assert event_id is not None
+    (asked,) = (one["id"] for one in edge.work() if one["kind"] == "event")
+    assert refusal(edge, work_id=work_id, plan_id=ELSEWHERE) == ["plan_id"]
+    assert refusal(edge, work_id=work_id, mission_id=1202) == ["mission_id"]
+    assert refusal(edge, work_id=work_id, vehicle_id=2) == ["vehicle_id"]
+    assert refusal(edge, work_id=work_id, plan_id=other["plan_id"]) == ["plan_id"]
+    assert refusal(edge, work_id=asked) == ["work_id"]
+    assert refusal(edge, work_id=500) == ["work_id"]
+    assert refusal(edge, work_id=500, plan_id=plan_id) == ["work_id"]
+    assert refusal(edge, plan_id=ELSEWHERE) == ["plan_id"]
+    assert refusal(edge, plan_id=plan_id, mission_id=1202) == ["mission_id"]
+    assert refusal(edge, plan_id=plan_id, vehicle_id=2) == ["vehicle_id"]
+    assert refusal(edge, plan_id=other["plan_id"]) == ["mission_id"]
+    assert refusal(edge, vehicle_id=2) == ["vehicle_id"]
+    assert (status_of(edge, 1), status_of(edge, 2)) == ("NOT_STARTED", "NOT_STARTED")
+
+
+def test_nobody_reports_on_a_plan_that_waits_or_was_not_dispatched(edge: Edge) -> None:
+    for number, is_draft in enumerate((True, False), start=1):
+        stored = edge.post_plan(plan(dispatch=not is_draft)).json or {}
+        assert refusal(edge, plan_id=stored["plan_id"]) == ["plan_id"]
+        assert refusal(edge, work_id=number) == ["work_id"]
+        assert refusal(edge) == ["mission_id"]
+        assert status_of(edge, number) == "NOT_STARTED"
+
+
+def test_nobody_reports_on_a_plan_that_is_gone(edge: Edge) -> None:
+    for is_draft in (True, False):
+        stored = edge.post_plan(plan(dispatch=not is_draft)).json or {}
+        work_id = 1 if is_draft else edge.work()[0]["id"]
+        assert edge.ask("DELETE", f"/plans/{stored['id']}", "operator").status_code == 204
+        assert refusal(edge, work_id=work_id, plan_id=stored["plan_id"]) == ["work_id"]
+        assert refusal(edge, work_id=work_id) == ["work_id"]
+        assert refusal(edge, plan_id=stored["plan_id"]) == ["plan_id"]
+        assert refusal(edge) == ["mission_id"]
+        assert refusal(edge, plan_id=ELSEWHERE) == ["mission_id"]
+
+
+def test_a_replacement_is_not_ended_by_what_it_replaces(edge: Edge) -> None:
+    stored = edge.post_plan(plan()).json or {}
+    (item,) = edge.work()
+    assert edge.ask("PUT", f"/plans/{stored['id']}", "operator", json=plan()).status_code == 200
+    assert refusal(edge, plan_id=stored["plan_id"]) == ["plan_id"]
+    edge.accept()
+    assert refusal(edge, plan_id=stored["plan_id"], work_id=item["id"]) == ["work_id"]
+    assert refusal(edge, work_id=item["id"]) == ["work_id"]
+    assert status_of(edge, 1) == "NOT_STARTED"
+
+
+def test_after_an_operator_has_closed_a_mission_nobody_ends_it_again(edge: Edge) -> None:
+    item = accepted(edge)
+    edge.report("mission_report", mission_report(2, 2))
+    edge.clock.pass_s(400.0)
+    closed = edge.post("/plans/1/close", {"reason": "broker lost"}, "operator")
+    assert closed.status_code == 200
+    report = mission_report(5, 5, 5, 5, work_id=item["id"])
+    assert edge.report("mission_report", report).status_code == 409
+    assert told(edge) == [2, 5]
