@@ -1,4 +1,4 @@
-"""A 20 m square on the simulated airframe: how long it takes and how closely it is flown."""
+"""Legs on the simulated airframe: how long they take, how closely and how fast they are flown."""
 
 import math
 from pathlib import Path
@@ -62,3 +62,36 @@ def test_two_laps_flown_through(
         assert tester.autopilot.vehicle.time_us - begin_us <= 40_100_000
     assert math.sqrt(sum(squares) / len(squares)) <= cross_track
     assert math.sqrt(max(squares)) < 1.0
+
+
+@pytest.mark.parametrize("speed", [1.5, 5.0])
+def test_no_leg_is_faster_than_the_speed_that_was_ordered(tmp_path: Path, speed: float) -> None:
+    """Up, up a slope, down a slope, level, and straight up: by the whole true velocity."""
+    tester = AutopilotTester(SimulationConfig(seed=2, gps="rtk"), tmp_path)
+    tester.wait_until_ready()
+    station = tester.ground_station
+    slower = station.mission_item(0, common.MAV_CMD_DO_CHANGE_SPEED, (0.0, 0.0, 0.0), 1, speed, -1)
+    takeoff = station.mission_item(1, common.MAV_CMD_NAV_TAKEOFF, tester.place(0.0, 0.0, 5.0), 0.0)
+    long_m = 5.0 * speed
+    places = [
+        (0.6 * long_m, 0.0, 5.0 + 0.3 * long_m),
+        (0.6 * long_m, 0.6 * long_m, 5.0),
+        (0.6 * long_m, 1.6 * long_m, 5.0),
+        (0.6 * long_m, 1.6 * long_m, 5.0 + 0.6 * long_m),
+    ]
+    legs = [
+        station.mission_item(seq, common.MAV_CMD_NAV_WAYPOINT, tester.place(*place), hold, 1.0, 0.0)
+        for seq, (place, hold) in enumerate(zip(places, (0.0, 0.0, 1.0, 0.0), strict=True), 2)
+    ]
+    tester.upload([slower, takeoff, *legs])
+    tester.start_mission()
+    fastest: dict[int, float] = {}
+
+    def note() -> None:
+        leg = max(station.items_reached, default=-1)
+        fastest[leg] = max(fastest.get(leg, 0.0), math.hypot(*tester.simulation.truth.velocity_ned))
+
+    tester.watch(note)
+    tester.wait_until(lambda: len(legs) + 1 in station.items_reached, 90.0, "all legs")
+    assert max(fastest.values()) <= 1.05 * speed, fastest
+    assert max(fastest.values()) >= 0.95 * speed, fastest

@@ -27,6 +27,8 @@ class MotionLimits(NamedTuple):
     acceleration_up: float  # [m/s^2]
     acceleration_down: float  # [m/s^2]
     jerk: float  # [m/s^3]
+    speed_path: float = math.inf  # [m/s] Along the path, whatever its slope
+    jerk_path: float = math.inf  # [m/s^3] Along the path; a stop may be harder
 
 
 class MotionState(NamedTuple):
@@ -134,10 +136,11 @@ def along(direction: Vector3, limits: MotionLimits) -> Limits:
 
     # A leg is both accelerated and braked, so the weaker vertical acceleration counts.
     acceleration = min(limits.acceleration_up, limits.acceleration_down)
+    speed = least(limits.speed_horizontal, limits.speed_up if climbing else limits.speed_down)
     return Limits(
-        least(limits.speed_horizontal, limits.speed_up if climbing else limits.speed_down),
+        min(speed, limits.speed_path),
         least(limits.acceleration_horizontal, acceleration),
-        limits.jerk,
+        min(limits.jerk, limits.jerk_path),
     )
 
 

@@ -196,12 +196,13 @@ def _bend_towards(state: MotionState, waypoint: Waypoint, share: float) -> Piece
 
 def _keeps_to(bend: Piece, limits: MotionLimits) -> bool:
     """Whether a bend stays within speeds and accelerations, or within those that it begins at."""
-    top = math.hypot(*bend.velocity[:2])
+    top, fastest = math.hypot(*bend.velocity[:2]), norm(bend.velocity)
     climb, sink = max(0.0, -bend.velocity[2]), max(0.0, bend.velocity[2])
     for index in range(1, _BEND_SAMPLES + 1):
         _, velocity, acceleration = bend.at(bend.duration * index / _BEND_SAMPLES)
         if not (
             math.hypot(*velocity[:2]) <= _SLACK * max(limits.speed_horizontal, top)
+            and norm(velocity) <= _SLACK * max(limits.speed_path, fastest)
             and -velocity[2] <= _SLACK * max(limits.speed_up, climb)
             and velocity[2] <= _SLACK * max(limits.speed_down, sink)
             and math.hypot(*acceleration[:2]) <= _SLACK * limits.acceleration_horizontal

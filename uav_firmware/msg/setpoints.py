@@ -16,6 +16,7 @@ class TrajectorySetpoint(NamedTuple):
     yaw: float  # [rad] NaN: keep
     yaw_rate: float  # [rad/s] Feed-forward
     goal_ned: Vector3 = (math.nan, math.nan, math.nan)  # [m] End of the leg; NaN: `position_ned`
+    speed_max: float = math.inf  # [m/s] Of the whole velocity, also to make up for a lag
 
 
 class VehicleAttitudeSetpoint(NamedTuple):

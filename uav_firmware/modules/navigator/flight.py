@@ -8,7 +8,7 @@ from uav_firmware.lib.motion import MotionLimits
 from uav_firmware.lib.resets import EstimateStep
 from uav_firmware.lib.rotation import wrap_pi
 from uav_firmware.lib.smoothing import Waypoint
-from uav_firmware.lib.vector import ZERO, subtract
+from uav_firmware.lib.vector import ZERO, norm, subtract
 from uav_firmware.modules.navigator.geofence import Geofence
 from uav_firmware.modules.navigator.params import NavigatorParams
 from uav_firmware.modules.navigator.path_follower import PathFollower
@@ -26,12 +26,22 @@ IDLE_SINK_SPEED_M_S = 0.7  # [m/s] asked for on the ground, so that the thrust s
 
 _WARNING, _NOTICE = 4, 5  # MAV_SEVERITY
 _FACING_SPEED = 0.3  # [m/s] horizontal set-point speed above which the nose follows it
+_PLANNED_SHARE = 0.97  # of a commanded speed, for the trajectory
+_JERK_PER_SPEED = 1.5  # [1/s^2] with which a trajectory comes to a commanded speed
 _NEAREST_LOOK_M = 1.0  # [m] a place nearer than this has no direction worth turning to
 
 
 @dataclass(slots=True)
 class Speeds:
-    """Speeds commanded in place of the parameters' [m/s]; NaN where none is."""
+    """Speeds commanded in place of the parameters' [m/s]; NaN where none is.
+
+    A speed over the ground that is commanded is the greatest speed along the path: a leg that
+    climbs is flown no faster than a level one. Whoever commands a faster climb or descent besides
+    gets it. The vehicle overshoots what the trajectory does by some percent, the more the harder
+    the trajectory ends to accelerate, so that the trajectory keeps below a commanded speed and
+    comes to it gently: by the true velocity it is not exceeded by more than 5 %
+    (`tests/scenario/test_navigation_square.py`).
+    """
 
     horizontal: float = NAN
     up: float = NAN
@@ -43,6 +53,17 @@ class Speeds:
             speed_horizontal=_or(self.horizontal, limits.speed_horizontal),
             speed_up=_or(self.up, limits.speed_up),
             speed_down=_or(self.down, limits.speed_down),
+            speed_path=min(_PLANNED_SHARE * self.path, limits.speed_path),
+            jerk_path=min(_JERK_PER_SPEED * self.path, limits.jerk_path),
+        )
+
+    @property
+    def path(self) -> float:
+        """Greatest speed [m/s] of the whole velocity; infinite where none is commanded."""
+        if math.isnan(self.horizontal):
+            return math.inf
+        return max(
+            speed for speed in (self.horizontal, self.up, self.down) if not math.isnan(speed)
         )
 
     def with_change(self, speed_type: int, speed: float) -> "Speeds":
@@ -236,6 +257,7 @@ class Flight:
             self.yaw.yaw,
             self.yaw.rate,
             self.path.goal or UNSET,
+            max(self.speeds.path, norm(velocity)),
         )
 
     def idle(self) -> TrajectorySetpoint:

@@ -50,6 +50,7 @@ class Motion(NamedTuple):
     position_ned: Vector3  # [m]
     velocity_ned: Vector3  # [m/s]
     acceleration_ned: Vector3  # [m/s^2]
+    speed_max: float = math.inf  # [m/s] Of a velocity that is wanted, whatever its direction
 
 
 class PositionController:
@@ -125,8 +126,9 @@ def velocity_setpoint(
 ) -> Vector3:
     """Velocity [m/s, NED] that removes the position error and follows the feed-forward.
 
-    The horizontal part keeps its direction and is shortened to its limit. An axis that has
-    neither position nor velocity stays NaN.
+    The horizontal part keeps its direction and is shortened to its limit, and so is the whole
+    vector to the limit that comes with what is wanted. An axis that has neither position nor
+    velocity stays NaN.
     """
     p_xy, p_z = gains.position_p
     north = _velocity_axis(wanted, measured, 0, p_xy)
@@ -136,6 +138,10 @@ def velocity_setpoint(
         north, east = shorten_horizontal(north, east, limits.speed_horizontal)
     if down < -limits.speed_up or down > limits.speed_down:  # false for NaN
         down = min(max(down, -limits.speed_up), limits.speed_down)
+    speed = math.sqrt(north * north + east * east + down * down)
+    if speed > wanted.speed_max:  # false for NaN
+        share = wanted.speed_max / speed
+        return (share * north, share * east, share * down)
     return (north, east, down)
 
 

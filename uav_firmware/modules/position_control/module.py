@@ -143,6 +143,7 @@ class PositionControlModule:
                 add(setpoint.position_ned, place),
                 add(setpoint.velocity_ned, speed),
                 setpoint.acceleration_ned,
+                setpoint.speed_max,
             )
         return observable(wanted, position)
 

@@ -27,7 +27,7 @@ def observable(wanted: Motion, estimate: VehicleLocalPosition) -> Motion:
     """
     if estimate.position_valid and estimate.velocity_valid and estimate.altitude_valid:
         return wanted
-    position, velocity, acceleration = wanted
+    position, velocity, acceleration, speed_max = wanted
     if not (estimate.position_valid and estimate.velocity_valid):
         position = (_NAN, _NAN, position[2])
     if not estimate.velocity_valid:
@@ -38,7 +38,7 @@ def observable(wanted: Motion, estimate: VehicleLocalPosition) -> Motion:
         position = (position[0], position[1], _NAN)
         velocity = (velocity[0], velocity[1], _NAN)
         acceleration = (acceleration[0], acceleration[1], _SINK_WITHOUT_HEIGHT)
-    return Motion(position, velocity, acceleration)
+    return Motion(position, velocity, acceleration, speed_max)
 
 
 def wants_climb(wanted: Motion, estimate: VehicleLocalPosition) -> bool:

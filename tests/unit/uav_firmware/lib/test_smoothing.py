@@ -26,6 +26,8 @@ limit_sets = st.builds(
     st.floats(1.0, 5.0),
     st.floats(1.0, 5.0),
     st.floats(2.0, 20.0),
+    st.floats(0.5, 12.0) | st.just(math.inf),
+    st.floats(0.5, 20.0) | st.just(math.inf),
 )
 
 
@@ -48,6 +50,7 @@ def samples(piece: Piece, count: int = 20) -> list[MotionState]:
 def assert_within(state: MotionState, limits: MotionLimits) -> None:
     north, east, down = state.velocity
     assert math.hypot(north, east) <= limits.speed_horizontal * SLACK + 1e-6
+    assert norm(state.velocity) <= limits.speed_path * SLACK + 1e-6
     assert -limits.speed_up * SLACK - 1e-6 <= down <= limits.speed_down * SLACK + 1e-6
     north, east, down = state.acceleration
     assert math.hypot(north, east) <= limits.acceleration_horizontal * SLACK + 1e-6
