@@ -17,7 +17,7 @@ import ssl
 import threading
 import time
 from collections.abc import Callable, Iterable
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from gunicorn.app.base import BaseApplication  # type: ignore[import-untyped]  # it has no types
 from gunicorn.arbiter import Arbiter  # type: ignore[import-untyped]  # as above
@@ -26,6 +26,9 @@ from edge_server import children, tls, workers
 from edge_server.config import Config
 from edge_server.exit_codes import FAILED, OK, WRONG_SETUP
 from edge_server.front.admission import KEEP_ALIVE_S, Limits
+
+if TYPE_CHECKING:
+    from edge_server.api.auth import KeyRing
 
 LOG = logging.getLogger(__name__)
 BIND_PATIENCE_S: Final = 3.0
@@ -151,6 +154,7 @@ class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no ty
         self._config = config
         self._listener = listener
         self._context = context
+        self._ring: KeyRing | None = None
         super().__init__()
 
     @property
@@ -158,6 +162,10 @@ class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no ty
         """How many connections there may be, and how much of their requests is kept."""
         config = self._config
         return Limits(config.connections, config.connections_per_address, KEPT_MIB * 1024 * 1024)
+
+    def is_known_key(self, key: str) -> bool:
+        """Whether an access key was active when the keys were read last; waits for nothing."""
+        return self._ring is None or self._ring.is_known(key)
 
     def load_config(self) -> None:
         if self._context is not None:
@@ -184,10 +192,12 @@ class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no ty
 
     def load(self) -> _WsgiApp:
         from edge_server import file_watch, housekeeping  # noqa: PLC0415  # only the worker needs it
+        from edge_server.api.keys import KEY_RING  # noqa: PLC0415  # as above
         from edge_server.app import context_of, create_app  # noqa: PLC0415  # as above
 
         app = create_app(self._config)
         context = context_of(app)
+        self._ring = app.extensions[KEY_RING]
         workers.on_stop.append(context.bell.close)
         context.database.listen(context.hear)
         chores: list[Callable[[], None]] = [

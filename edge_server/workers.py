@@ -96,6 +96,7 @@ class EdgeWorker(ThreadWorker):  # type: ignore[misc]  # gunicorn has no types
             limits=limits._replace(connections=room),
             tls=ssl_context(self.cfg) if self.cfg.is_ssl else None,
             refusal=_refusal,
+            is_known=self.app.is_known_key,
         )
         listeners = [listener.sock for listener in self.sockets]
         self._front = front = loop.Front(listeners, self._serve, options, COUNTS)

@@ -108,6 +108,23 @@ def eviction(
     return Eviction(oldest, reason)
 
 
+def next_handshakes(ready: Iterable[_C], most: int) -> list[_C]:
+    """Choose whose handshakes go on in this turn: each costs a signature, and holds up all others.
+
+    The newest of every network goes first, then the second newest, and so on; of those the ones of
+    networks with few. Many beginnings that nobody goes on with must not stand before the one that
+    somebody does.
+    """
+    newest_first = sorted(ready, key=lambda one: -one.since)
+    of_network = Counter(one.network for one in newest_first)
+    so_far: Counter[str] = Counter()
+    ranked = []
+    for age, one in enumerate(newest_first):
+        ranked.append((so_far[one.network], of_network[one.network], age, one))
+        so_far[one.network] += 1
+    return [one for *_, one in sorted(ranked, key=lambda each: each[:3])[:most]]
+
+
 def may_hand_over(
     limits: Limits, handed_over_bytes: Mapping[Lane, int], lane: Lane, request_bytes: int
 ) -> bool:

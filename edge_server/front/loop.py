@@ -34,6 +34,7 @@ BROKER_THREADS: Final = 10  # As many as may wait for work, and two
 DESCRIPTORS_WANTED: Final = 8192
 _DESCRIPTORS_OF_OURS: Final = 256  # Database, logs, long polls of a shared database
 _AT_ONCE: Final = 64  # Connections that are accepted before those that are there go on
+_HANDSHAKES_AT_ONCE: Final = 4  # A signature by RSA of 4096 bits takes 5 ms and more
 _SWEEP_S: Final = 0.25
 _REPORT_S: Final = 5.0
 _PAUSE_S: Final = 0.5
@@ -50,6 +51,8 @@ class Options(NamedTuple):
     tls: ssl.SSLContext | None
     refusal: Callable[[int], bytes]
     """Gives the answer for a status."""
+    is_known: Callable[[str], bool]
+    """Whether an access key is one of ours, as far as can be said without waiting."""
 
 
 class _Served(NamedTuple):
@@ -111,14 +114,18 @@ class Front:
         """Let everything move once; waits for at most a part of a second."""
         if not self._accepting and self._accepts_from and now >= self._accepts_from:
             self._accept(on=True)
+        handshakes: list[Connection] = []
         for key, _ in self._selector.select(_SWEEP_S):
             if key.fileobj == self._wake_read:
                 with contextlib.suppress(BlockingIOError):
                     os.read(self._wake_read, 4096)
             elif key.data is None:
                 self._welcome(key.fileobj, time.monotonic())
+            elif key.data.phase is Phase.HANDSHAKE:
+                handshakes.append(key.data)
             else:
                 self._move(key.data, time.monotonic())
+        self._shake_hands(handshakes)
         self._collect(time.monotonic())
         if now >= self._sweep_at:
             self._sweep_at = now + _SWEEP_S
@@ -207,7 +214,15 @@ class Front:
         self._by_network[network] += 1
         self._counts.open = len(self._connections)
         self._selector.register(sock, connection.interest, connection)
-        self._move(connection, now)  # A request that came with the connection waits for nothing
+        if connection.phase is Phase.READING:
+            self._move(connection, now)  # A request that came with the connection waits for nothing
+
+    def _shake_hands(self, ready: Sequence[Connection]) -> None:
+        """Go on with some handshakes; those of the others are looked at in the next turn."""
+        if len(ready) > _HANDSHAKES_AT_ONCE:
+            ready = admission.next_handshakes(ready, _HANDSHAKES_AT_ONCE)
+        for connection in ready:
+            self._move(connection, time.monotonic())
 
     def _waiting(self) -> Iterable[Connection]:
         return (one for one in self._connections if one.phase is not Phase.SERVING)
@@ -234,7 +249,7 @@ class Front:
     def _hand_over(self, connection: Connection, now: float) -> None:
         """Give a whole request to the threads of its lane; the selector has not its connection."""
         taken = connection.framing.take()
-        lane = lane_of(taken.raw)
+        lane = lane_of(taken.raw, self._options.is_known)
         kept_bytes = len(taken.raw) + connection.kept_bytes  # With what has come behind it
         limits = self._options.limits
         if not admission.may_hand_over(limits, self._handed_over_bytes, lane, kept_bytes):

@@ -244,4 +244,22 @@ def test_who_asks_before_sending_a_body_is_seen() -> None:
     ],
 )
 def test_events_and_the_broker_have_threads_of_their_own(raw: bytes, lane: Lane) -> None:
-    assert lane_of(raw) is lane
+    assert lane_of(raw, lambda _key: True) is lane
+
+
+@pytest.mark.parametrize(
+    ("field", "lane"),
+    [
+        (b"Authorization: Bearer ours", Lane.URGENT),
+        (b"AUTHORIZATION:bearer  ours ", Lane.URGENT),
+        (b"X-API-Key: ours", Lane.URGENT),
+        (b"X-API-Key: ours\r\nAuthorization: Bearer theirs", Lane.GENERAL),
+        (b"Authorization: Basic b3Vycw==", Lane.GENERAL),
+        (b"X-Api-Key: theirs", Lane.GENERAL),
+        (b"Host: edge\r\n\r\nX-API-Key: ours", Lane.GENERAL),
+        (b"Host: edge", Lane.GENERAL),
+    ],
+)
+def test_who_shows_no_key_has_no_part_in_those(field: bytes, lane: Lane) -> None:
+    raw = b"POST /events/ HTTP/1.1\r\nContent-Length: 40\r\n" + field + b"\r\n\r\n{}"
+    assert lane_of(raw, lambda key: key == "ours") is lane

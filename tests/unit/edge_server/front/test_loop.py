@@ -2,13 +2,17 @@
 
 import contextlib
 import socket
+import ssl
+import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
-from edge_server.front import connection, exchange, loop
+from edge_server.front import admission, connection, exchange, loop
 from edge_server.front.admission import Limits
 from edge_server.front.counts import FrontCounts
 from edge_server.front.exchange import Exchange
@@ -29,12 +33,24 @@ def answer(exchange: Exchange) -> bool:
 class Running:
     """A front in a thread."""
 
-    def __init__(self, serve: Callable[[Exchange], bool], limits: Limits, threads: int) -> None:
+    def __init__(
+        self,
+        serve: Callable[[Exchange], bool],
+        limits: Limits,
+        threads: int,
+        tls: ssl.SSLContext | None,
+    ) -> None:
         loop.raise_descriptor_limit(4000)
         self.counts = FrontCounts()
         listener = socket.create_server(("", 0), backlog=1024)
         self.port = listener.getsockname()[1]
-        options = Options(threads, limits, None, lambda status: b"HTTP/1.1 %d No\r\n\r\n" % status)
+        options = Options(
+            threads,
+            limits,
+            tls,
+            lambda status: b"HTTP/1.1 %d No\r\n\r\n" % status,
+            lambda key: key != "theirs",
+        )
         self.front = Front([listener], serve, options, self.counts)
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run)
@@ -70,8 +86,9 @@ def running(
     of_an_address: int = 2000,
     kept_bytes: int = 2**26,
     threads: int = 2,
+    tls: ssl.SSLContext | None = None,
 ) -> Iterator[Running]:
-    front = Running(serve, Limits(connections, of_an_address, kept_bytes), threads)
+    front = Running(serve, Limits(connections, of_an_address, kept_bytes), threads, tls)
     try:
         yield front
     finally:
@@ -104,6 +121,61 @@ def test_a_thousand_slow_clients_keep_nobody_from_an_answer(of_an_address: int) 
             assert front.ask(ABORT) == ANSWER
             assert front.ask(GET) == ANSWER
         assert front.counts.open <= of_an_address
+
+
+@pytest.fixture(scope="module")
+def certificate(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A certificate and its key; RSA, whose signatures take long."""
+    folder = tmp_path_factory.mktemp("tls")
+    chain, key = folder / "certificate.pem", folder / "key.pem"
+    command = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=127.0.0.1"]
+    files = ["-keyout", str(key), "-out", str(chain), "-days", "2"]
+    subprocess.run([*command, *files], check=True, capture_output=True)
+    return chain, key
+
+
+def client_hello() -> bytes:
+    """What begins a handshake."""
+    context = ssl.create_default_context()
+    received, sent = ssl.MemoryBIO(), ssl.MemoryBIO()
+    with contextlib.suppress(ssl.SSLWantReadError):
+        context.wrap_bio(received, sent, server_hostname="localhost").do_handshake()
+    return sent.read()
+
+
+def test_an_abort_is_answered_amid_handshakes_that_nobody_goes_on_with(
+    certificate: tuple[Path, Path],
+) -> None:
+    server = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    server.load_cert_chain(*certificate)
+    client = ssl.create_default_context(cafile=str(certificate[0]))
+    client.check_hostname = False
+    hello = client_hello()
+    with running(tls=server) as front, contextlib.ExitStack() as stack:
+        for number in range(100):
+            sock = stack.enter_context(front.connect("127.0.0.2"))
+            sock.sendall(hello[: None if number % 2 else 100])
+        for address in ("127.0.0.1", "127.0.0.2"):
+            with client.wrap_socket(front.connect(address)) as sock:
+                sock.sendall(ABORT)
+                assert sock.recv(4096) == ANSWER
+        assert front.counts.open >= 100
+
+
+class Beginning(NamedTuple):
+    """A connection that shakes hands."""
+
+    network: str
+    since: float
+    has_been_served: bool = False
+    kept_bytes: int = 0
+
+
+def test_the_newest_handshake_of_every_network_goes_first() -> None:
+    many = [Beginning("many", float(second)) for second in range(50)]
+    few = [Beginning("few", 3.0), Beginning("few", 9.0)]
+    chosen = admission.next_handshakes([*many, *few], 5)
+    assert chosen == [few[1], many[49], few[0], many[48], many[47]]
 
 
 def test_who_is_idle_goes_after_who_says_nothing() -> None:
@@ -153,6 +225,25 @@ def test_an_abort_is_answered_while_all_threads_are_held() -> None:
         assert front.ask(ABORT) == ANSWER
         released.set()
         assert {sock.recv(4096) for sock in held} == {ANSWER}
+
+
+def test_who_shows_no_key_holds_no_place_of_an_abort() -> None:
+    """While the database stalls, and nobody can be refused."""
+    released = threading.Event()
+
+    def serve(exchange: Exchange) -> bool:
+        if b"theirs" in exchange.recv(100):
+            released.wait(PATIENCE_S)
+        return answer(exchange)
+
+    strange = ABORT[:-6] + b"\r\nX-API-Key: theirs\r\n\r\n{}"
+    with running(serve, threads=2) as front, contextlib.ExitStack() as stack:
+        stack.callback(released.set)
+        for _ in range(20):
+            stack.enter_context(front.connect()).sendall(strange)
+        wait_until(lambda: front.counts.open == 20)
+        assert front.ask(ABORT) == ANSWER
+        assert front.ask(b"GET /broker/commands HTTP/1.1\r\n\r\n") == ANSWER
 
 
 def test_a_head_and_a_body_have_a_deadline_for_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
