@@ -114,7 +114,8 @@ class Loss(NamedTuple):
         Loss(4.0, 0.0, 30.0, 1.5),
         Loss(8.0, 0.0, 30.0, 1.5),
         Loss(0.0, 3.0, 30.0, 2.0),
-        Loss(4.0, 2.0, 30.0, 2.0),  # The wind of the loss is held; near the ground it is less
+        Loss(6.0, 6.0, 40.0, 3.0),  # The wind of the loss is held, less towards the ground
+        Loss(0.0, 10.0, 15.0, 2.0),  # At 12 m above ground 11 m/s and gusts of 2 m/s
     ],
 )
 def test_gps_lost_for_good_brakes_and_lands_near_the_place(tmp_path: Path, loss: Loss) -> None:

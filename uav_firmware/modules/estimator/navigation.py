@@ -151,6 +151,7 @@ class Navigation:
         if core is None or not self.rest.is_due(core):
             return
         validity = self.validity()
+        self.drag.reckoning = validity.dead_reckoning
         self.rest.take(
             core,
             horizontal_lost=not (validity.position or validity.velocity),

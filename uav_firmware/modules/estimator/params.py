@@ -2,7 +2,7 @@
 
 Defaults are PX4's where the quantity is the same; the exceptions and their reasons are in the
 README. Names that PX4 does not have: EKF2_BARO_WALK, EKF2_GPS_ALT_T, EKF2_HDG_B_INIT,
-EKF2_HDG_B_WALK.
+EKF2_HDG_B_WALK, EKF2_WIND_Z0.
 """
 
 from dataclasses import dataclass
@@ -175,6 +175,11 @@ class EstimatorParams:
     wind_walk: float = param(
         "EKF2_WIND_NSD", 0.05, unit="m/s/sqrt(s)", minimum=0.0, maximum=1.0,
         short="Random walk of the wind",
+        locked_while_armed=True,
+    )  # fmt: skip
+    wind_roughness_m: float = param(
+        "EKF2_WIND_Z0", 0.05, unit="m", minimum=0.0, maximum=0.1,
+        short="Roughness of the ground: the wind held without GPS dies towards it; 0 it does not",
         locked_while_armed=True,
     )  # fmt: skip
     no_aid_noise: float = param(

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from uav_firmware.lib.drag import DragModel
 from uav_firmware.lib.rotation import from_euler
+from uav_firmware.modules.estimator.drag_aiding import LOWEST_M, gust_variance, wind_share
 from uav_firmware.modules.estimator.fuse_drag import Air, drag_measurements
 from uav_firmware.modules.estimator.state import SIZE, WIND, NominalState
 
@@ -71,3 +72,23 @@ def test_without_momentum_drag_a_still_vehicle_says_nothing_of_the_wind() -> Non
         state_of((0.0, 0.0, 0.0), (0.0, 0.0), (0.0, 0.0, 0.0)), (0.0, 0.0), BALLISTIC_ONLY, 1.0
     )
     assert abs(x.jacobian[WIND.start]) < 1e-3
+
+
+@given(st.floats(1.0, 100.0), st.floats(0.01, 0.1))
+def test_the_wind_dies_towards_the_ground_by_the_logarithm_of_the_height(
+    height_m: float, roughness_m: float
+) -> None:
+    share = wind_share(height_m, roughness_m) / wind_share(0.5 * height_m, roughness_m)
+    law = math.log(height_m / roughness_m) / math.log(0.5 * height_m / roughness_m)
+    assert share == pytest.approx(law)
+    lowest = wind_share(LOWEST_M, roughness_m)
+    assert 0.0 < lowest <= wind_share(height_m, roughness_m)
+    assert wind_share(-3.0, roughness_m) == lowest
+    assert wind_share(height_m, 0.0) == 1.0
+
+
+def test_gusts_make_the_drag_doubtful_as_far_as_there_is_wind() -> None:
+    rest, still = (0.0, 0.0, 0.0), (0.0, 0.0)
+    assert gust_variance(state_of((5.0, 0.0, 0.0), still, rest), AIR) == 0.0
+    breeze, gale = (gust_variance(state_of(rest, (0.0, wind), rest), AIR) for wind in (3.0, 10.0))
+    assert 2.0 < breeze < 10.0 < gale < 50.0
