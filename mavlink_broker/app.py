@@ -277,7 +277,7 @@ class App:
 
     def _carry_out(self, effects: Effects, peer: Peer) -> list[Exception]:
         """Send, tell and begin what a session wants; gives what could not be put into bytes."""
-        messages = peer.session.permitted(effects.messages)
+        messages = peer.session.permitted(effects.messages, self._clock.monotonic())
         errors = self._traffic.send(peer.system, messages) if messages else []
         peer.untold += peer.session.due(effects.for_edge)
         errors += _error_of(partial(self._tell_when_noted, peer))

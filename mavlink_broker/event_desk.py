@@ -43,6 +43,8 @@ class EventDesk:
         self._known_since: float | None = None  # A vehicle that an earlier run has sent home
         self._noted_s: float | None = None  # When an abort of an earlier run was noted
         self._homeward: Homeward | None = None  # Ordered by an earlier run, until that is judged
+        self._stale: set[int] = set()  # Accepted for a flight before the vehicle was restarted
+        self._is_return_broken = False  # By a restart of the vehicle
         self._newest_abort = 0  # Work id of the newest one that was carried out
         self.leaves_hovering = False  # What was last seen through has ended in a hover
 
@@ -86,7 +88,7 @@ class EventDesk:
         due = [
             work
             for work in self._held
-            if not is_too_early(work) and not self._awaits_place(work, now)
+            if not is_too_early(work) and not self._awaits_news(work, now)
         ]
         newest = max((work.work_id for work in due if is_abort(work)), default=0)
         due = [work for work in due if not is_abort(work) or work.work_id == newest]
@@ -99,17 +101,20 @@ class EventDesk:
         self._due += due
         return due
 
-    def _awaits_place(self, work: EventWork, now: float) -> bool:
-        """Whether an abort leads somewhere, and a new broker has yet to hear where that is.
+    def _awaits_news(self, work: EventWork, now: float) -> bool:
+        """Whether an abort of an earlier run needs what a new broker has yet to hear.
 
-        Without a home no place can be ordered, and without a position the vehicle lands.
+        The vehicle's clock tells whether it was restarted. Without a home no place can be ordered,
+        and without a position the vehicle lands.
         """
-        leads = is_abort(work) and (work.event.abort is not None or not _aborts_now(work))
         of_earlier_run = work.was_accepted or self.is_before(work.work_id)
-        vehicle = self._vehicle
-        if not (leads and of_earlier_run and vehicle.snapshot.armed):
+        snapshot = self._vehicle.snapshot
+        if not (is_abort(work) and of_earlier_run and snapshot.armed):
             return False
-        if vehicle.snapshot.home is not None and vehicle.snapshot.knows_whether_placed:
+        leads = work.event.abort is not None or not _aborts_now(work)
+        lacks_place = snapshot.home is None or not snapshot.knows_whether_placed
+        lacks_time = self._noted_s is not None and snapshot.time_s is None
+        if not (lacks_time or (leads and lacks_place)):
             return False
         self._known_since = self._known_since or now
         return now - self._known_since < TELLS_WITHIN_S
@@ -150,7 +155,7 @@ class EventDesk:
             vehicle.is_taken = True
             refusal = Acknowledgement(work.work_id, "refused", authority.reason(who, seen))
             effects.for_edge.append(refusal)
-        elif work.was_accepted and self._was_restarted:
+        elif work.was_accepted and (work.work_id in self._stale or self._is_past(self._noted_s)):
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", RESTARTED))
         elif not seen.armed or comes_down:
             effects.for_edge.append(Acknowledgement(work.work_id, "done"))
@@ -160,11 +165,26 @@ class EventDesk:
             self._leaving = work, ending
             effects.messages += ending.start(now)
 
-    @property
-    def _was_restarted(self) -> bool:
-        """Whether the vehicle was switched off since an abort was noted: that is over."""
+    def _is_past(self, noted_s: float | None) -> bool:
+        """Whether the vehicle was switched off since that was noted, so that it is over."""
         time_s = self._vehicle.snapshot.time_s
-        return time_s is not None and self._noted_s is not None and time_s < self._noted_s
+        return time_s is not None and noted_s is not None and time_s < noted_s
+
+    def restarted(self, effects: Effects) -> None:
+        """Take that the vehicle was restarted: nothing of before is seen through any more."""
+        self._stale |= {work.work_id for work in self._held if work.was_accepted}
+        self._is_return_broken |= self._homeward is not None
+        if self._homeward is not None or self._leaving is not None:
+            self._vehicle.homeward = self._vehicle.abort = None
+        leaving, self._leaving, self._homeward = self._leaving, None, None
+        if leaving is not None:
+            self._is_return_broken |= leaving[0] is None
+            _acknowledge(leaving[0], effects, RESTARTED)
+
+    def take_broken_return(self) -> bool:
+        """Whether a restart of the vehicle has ended the return that an alarm had ordered, once."""
+        is_broken, self._is_return_broken = self._is_return_broken, False
+        return is_broken
 
     def replace(self, newest: EventWork, effects: Effects) -> bool:
         """Answer every older abort, and leave the vehicle to this one.
@@ -219,8 +239,10 @@ class EventDesk:
         self._known_since = self._known_since or now
         if not vehicle.snapshot.knows_whether_placed and now - self._known_since < TELLS_WITHIN_S:
             return  # One without a position is ordered to land, not to return
-        self._homeward = None
-        is_over = authority.in_command(vehicle.seen, _WAITS) is not InCommand.BROKER
+        homeward, self._homeward = self._homeward, None
+        self._is_return_broken |= homeward is not None and self._is_past(homeward.noted_s)
+        is_over = self._is_return_broken
+        is_over |= authority.in_command(vehicle.seen, _WAITS) is not InCommand.BROKER
         if not vehicle.snapshot.armed or is_over:
             vehicle.homeward = None
         else:

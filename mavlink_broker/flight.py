@@ -28,6 +28,7 @@ from mavlink_broker.protocol.plan_kinds import FENCE, RALLY
 from mavlink_broker.reporter import Reporter
 from mavlink_broker.session_states import BEFORE_TAKEOFF, Event, State
 from mavlink_broker.translation import authority
+from mavlink_broker.translation.alarms import mission_error
 from mavlink_broker.translation.authority import InCommand
 from mavlink_broker.translation.fence import fence_items, rally_items
 from mavlink_broker.vehicle import Vehicle
@@ -40,6 +41,7 @@ _READING: Final = frozenset({State.ATTACHING, State.RUNNING})
 _ENDING: Final = frozenset({State.LEAVING, State.FAILING, State.IDLE})
 """States behind which nothing of the mission is flown any more."""
 _ARMED_BY_US: Final = frozenset({State.ARMING, State.STARTING})
+RESTARTED: Final = "the vehicle was restarted"
 ON_GROUND: Final[int] = mavlink.MAV_LANDED_STATE_ON_GROUND
 
 _LOG = logging.getLogger(__name__)
@@ -257,7 +259,9 @@ class Flight(FlightProgress):
         self._vehicle.abort = None if work_id is None else abort_note(event, work_id, self._vehicle)
         if work_id is None:
             reason = self.ledger.message or ""
-            self._vehicle.homeward = Homeward(mission=self.work.name, reason=reason)
+            noted_s = self._vehicle.snapshot.time_s
+            name = self.work.name
+            self._vehicle.homeward = Homeward(mission=name, reason=reason, noted_s=noted_s)
         self._move(Event.ABORTED, now, effects)
         effects.messages += self._ending.start(now)
 
@@ -342,17 +346,31 @@ class Flight(FlightProgress):
         return now if told is None else told
 
     def rebooted(self, now: float, effects: Effects) -> None:
-        """Take that the vehicle was restarted."""
+        """Take that the vehicle was restarted: what it flies from then on is not ours."""
+        if self.state is State.LEAVING:
+            self._end_restarted(now, effects)
+            return
         self._is_fenced = self._is_arming_ordered = False
         preparing = self.state in BEFORE_TAKEOFF
         flying = self.state in {State.RUNNING, State.PERFORMING}
         lost_sight_of = self.state is State.ATTACHING and self._looks > 0 and self._has_flown
         if flying or lost_sight_of or (preparing and self._hovering):
-            self._fail_surely("the vehicle was restarted", now, effects)
+            self._give_up_soft_abort(effects, f"the mission has failed: {RESTARTED}")
+            self._fail_surely(RESTARTED, now, effects)
         elif preparing:
             self._move(Event.REBOOTED, now, effects)
         elif self.state is State.ATTACHING:
             self._activity = None
+        self._waits_for_orders = self._stops_propellers = False
+
+    def _end_restarted(self, now: float, effects: Effects) -> None:
+        """Give no further order of an abort, or of a return that an alarm has ordered."""
+        if self._ending_work is None:
+            failure = mission_error(f"{RESTARTED} on its way home")
+            effects.for_edge.append(self._reporter.alarm(failure, self.work.mission.mission_id))
+        self.refuse_ending(RESTARTED, effects)
+        self._ending, self._hovering = None, False
+        self._move(Event.ENDED, now, effects)
 
     def _ends_here(self, now: float, effects: Effects) -> bool:
         abort, self._soft_abort = self._soft_abort, None

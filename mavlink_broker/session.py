@@ -28,7 +28,7 @@ from mavlink_broker.pictures.desk import PictureDesk
 from mavlink_broker.protocol.streams import StreamRequests
 from mavlink_broker.reporter import Reporter
 from mavlink_broker.session_states import BEFORE_TAKEOFF, State
-from mavlink_broker.translation.alarms import AlarmWatch, Failure
+from mavlink_broker.translation.alarms import AlarmWatch, Failure, mission_error
 from mavlink_broker.translation.area_check import check_flyable
 from mavlink_broker.translation.authority import is_order
 from mavlink_broker.translation.families import MOST_ABLE
@@ -359,11 +359,16 @@ class Session:
             self._flight.receive(message, now, effects)
             self._close_flight(effects)
 
-    def permitted(self, messages: list[Message]) -> list[Message]:
-        """Leave out every order to a vehicle that somebody else has taken, whoever gives it."""
-        if not self.vehicle.is_taken:
-            return messages
-        return [message for message in messages if not is_order(message)]
+    def permitted(self, messages: list[Message], now: float) -> list[Message]:
+        """Leave out what must not be ordered now, whoever in here orders it.
+
+        Everything, of a vehicle that somebody else has taken, or that may have been restarted
+        while its link was away.
+        """
+        vehicle = self.vehicle
+        if vehicle.is_taken or vehicle.may_be_restarted(now):
+            return [message for message in messages if not is_order(message)]
+        return messages
 
     def due(self, told: list[ForEdge]) -> list[ForEdge]:
         """Hold back the answer to an abort until all that it ended is known to be over."""
@@ -415,6 +420,9 @@ class Session:
 
     def _see_events_through(self, now: float, effects: Effects) -> None:
         self._carry_out_events(now, effects)
+        if self._events.take_broken_return():
+            failure = mission_error("the vehicle was restarted on its way home")
+            effects.for_edge.append(self._reporter.alarm(failure, None))
         was_leaving = self._events.is_leaving
         self._events.step(now, effects)
         if was_leaving and not self._events.is_leaving:
@@ -473,6 +481,7 @@ class Session:
         self._attendance.renew()
         self._alarms.forget()
         self.pictures.restarted()
+        self._events.restarted(effects)
         if self._flight is not None:
             self._flight.rebooted(now, effects)
 

@@ -34,6 +34,9 @@ GROUND_KINDS: Final = frozenset({mavlink.MAV_TYPE_GROUND_ROVER, mavlink.MAV_TYPE
 HOME_PATIENCE_S: Final = 20.0
 """How long a vehicle that stands may take to tell its home; some never do."""
 
+JUDGED_WITHIN_S: Final = 3.0
+"""How long a vehicle whose link was away may take to show whether it was restarted meanwhile."""
+
 OF_THE_PAST: Final = frozenset({"CAMERA_IMAGE_CAPTURED"})
 """Their times are of what they tell of, which may be long ago."""
 
@@ -76,6 +79,7 @@ class Vehicle:
     _tells_manual: bool = False  # Its heartbeats tell by standard bits who steers it
     _heard_at: dict[str, float] = field(default_factory=dict)
     _reboots: RebootWatch = field(default_factory=RebootWatch)
+    _back_at: float | None = None  # When its link was last back
     _words: StatusTexts = field(default_factory=StatusTexts)
 
     def take(self, message: Message, now: float) -> bool:
@@ -84,6 +88,8 @@ class Vehicle:
         if kind == "HEARTBEAT" and not is_vehicle(message):
             return False  # Who else speaks under its numbers is not the vehicle
         if kind == "HEARTBEAT":
+            is_back = self._heard_at and self.link.state(now) is not LinkState.CONNECTED
+            self._back_at = now if is_back else self._back_at
             self.link.heard(now)
             self.autopilot, self.kind = message.autopilot, message.type
             self.family = family_of(message.autopilot, self.product, message.type)
@@ -157,6 +163,12 @@ class Vehicle:
     def is_heard(self, now: float) -> bool:
         """Whether it can be spoken to; a stale link may still come back."""
         return self.link.state(now) is not LinkState.LOST
+
+    def may_be_restarted(self, now: float) -> bool:
+        """Whether it may have been switched off while its link was away: its clock has to tell."""
+        if self._back_at is None or now - self._back_at >= JUDGED_WITHIN_S:
+            return False
+        return self._reboots.judged_at < self._back_at
 
     @property
     def version(self) -> str | None:

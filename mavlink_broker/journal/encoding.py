@@ -78,6 +78,7 @@ class _Pose(_Row):
 class _Homeward(_Row):
     mission: _Text
     reason: _Text
+    noted: _Number | None = None
 
 
 class _Abort(_Row):
@@ -247,11 +248,11 @@ def _read_pose(row: _Pose) -> Pose:
 
 
 def _homeward(homeward: Homeward) -> _Homeward:
-    return _Homeward(mission=homeward.mission, reason=homeward.reason)
+    return _Homeward(mission=homeward.mission, reason=homeward.reason, noted=homeward.noted_s)
 
 
 def _read_homeward(row: _Homeward) -> Homeward:
-    return Homeward(mission=row.mission, reason=row.reason)
+    return Homeward(mission=row.mission, reason=row.reason, noted_s=row.noted)
 
 
 def _abort(abort: AbortNote) -> _Abort:

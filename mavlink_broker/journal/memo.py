@@ -39,6 +39,7 @@ class Homeward:
 
     mission: str  # Name of the work
     reason: str
+    noted_s: float | None = None  # By the vehicle's clock, since it was switched on
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

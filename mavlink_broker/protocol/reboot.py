@@ -7,6 +7,7 @@ it begins at 0 and goes on. How fast the clock runs is nobody's concern here: a 
 run at any speed.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -38,6 +39,7 @@ class RebootWatch:
 
     def __init__(self) -> None:
         self._clocks: dict[str, _Clock] = {}
+        self.judged_at = -math.inf  # When a time was last seen to go on, or a restart was proved
 
     def sample(self, kind: str, time_boot_ms: int, now: float) -> bool:
         """Take a time since boot of a kind of message; true when it proves a restart."""
@@ -49,12 +51,14 @@ class RebootWatch:
         gap_s, clock.heard_at = now - clock.heard_at, now
         if time_boot_ms >= clock.newest_ms or _has_wrapped(clock.newest_ms, time_boot_ms):
             clock.newest_ms, clock.behind, clock.was_silent = time_boot_ms, 0, False
+            self.judged_at = now
         else:
             clock.was_silent |= gap_s >= SILENCE_S
             clock.behind += _is_suspicious(clock, time_boot_ms)
         if clock.behind < CONFIRMATIONS:
             return False
         self._clocks = {kind: _Clock(time_boot_ms, now)}
+        self.judged_at = now
         return True
 
 

@@ -1,0 +1,115 @@
+"""A vehicle that is restarted in the air is nobody's to command: that flight of ours is over."""
+
+from pathlib import Path
+
+import pytest
+
+from afarcloud.enumerations import Status
+from mavlink_broker.session_states import State
+from tests.support.broker_world import World
+from tests.support.scripted_vehicle import (
+    ARDUPILOT,
+    COPTER_GUIDED,
+    PX4,
+    PX4_HOLD,
+    PX4_MISSION,
+    Script,
+)
+from tests.unit.mavlink_broker.test_events import ABORT, POINT, said, world_at
+from tests.unit.mavlink_broker.test_restart_orders import alarmed_world
+from tests.unit.mavlink_broker.test_takeover import (
+    going_to_a_point,
+    orders,
+    state,
+)
+
+FLOWN_ON = pytest.mark.parametrize(
+    ("script", "mode"),
+    [(PX4, PX4_HOLD), (PX4, PX4_MISSION), (ARDUPILOT, COPTER_GUIDED)],
+    ids=["px4-hold", "px4-mission", "ardupilot-guided"],
+)
+
+
+def restart_in_the_air(world: World, mode: int) -> None:
+    """Somebody else flies the vehicle afterwards, in a mode that the broker orders too."""
+    vehicle = world.only_vehicle
+    vehicle.reboot(world.clock.now)
+    vehicle.armed = vehicle.airborne = True
+    vehicle.set_mode(mode)
+
+
+@FLOWN_ON
+@pytest.mark.parametrize("away_s", [0.0, 3.0, 20.0])
+def test_it_ends_an_abort(script: Script, mode: int, away_s: float) -> None:
+    """Also where the link was away, so that the restart shows only when it is back."""
+    world = going_to_a_point(script)
+    vehicle = world.only_vehicle
+    vehicle.silent = away_s > 0.0
+    world.run(away_s)
+    restart_in_the_air(world, mode)
+    if not vehicle.silent:
+        world.run_until(lambda: state(world) is State.IDLE, within_s=5.0)
+    since = len(vehicle.frames)
+    vehicle.silent = False
+    world.run(15.0)
+    assert orders(vehicle, since) == []
+    assert state(world) is State.IDLE
+    assert said(world, 2) == ["accepted", "refused"]
+    told = world.edge.acknowledgements(2)[-1]["message"]
+    is_clear = mode == PX4_MISSION and away_s > 0.0  # Long after the abort: another has chosen it
+    assert ("another hand flies the vehicle" if is_clear else "the vehicle was restarted") in told
+
+
+def test_it_ends_a_return_after_an_alarm_and_is_told_as_one(tmp_path: Path) -> None:
+    world = alarmed_world(tmp_path)
+    restart_in_the_air(world, PX4_HOLD)
+    world.only_vehicle.ill = 0
+    world.run_until(lambda: state(world) is State.IDLE, within_s=5.0)
+    world.air.is_uplink_there = True
+    since = len(world.only_vehicle.frames)
+    world.run(10.0)
+    assert orders(world.only_vehicle, since) == []
+    alarm = world.edge.bodies("/alarm/")[-1]
+    assert (alarm["alarm_type_id"], alarm["alarm_code_id"]) == (2, 52)
+    assert alarm["message"] == "mission error: the vehicle was restarted on its way home"
+
+
+@pytest.mark.parametrize("kind", ["abort", "alarm"])
+def test_it_ends_what_an_earlier_run_of_the_broker_has_ordered(kind: str, tmp_path: Path) -> None:
+    """The restart shows by the time that was noted, and is told."""
+    if kind == "alarm":
+        world = alarmed_world(tmp_path)
+    else:
+        world = world_at(1, journal=tmp_path)
+        world.air.is_uplink_there = False
+        world.edge.event(ABORT, abort=POINT)
+    world.run(1.0)
+    world.kill_broker()
+    restart_in_the_air(world, PX4_HOLD)
+    world.only_vehicle.ill = 0
+    world.air.is_uplink_there = True
+    since = len(world.only_vehicle.frames)
+    world.run(2.0)
+    world.restart_broker()
+    world.run(15.0)
+    assert orders(world.only_vehicle, since) == []
+    if kind == "alarm":
+        assert "restarted" in world.edge.bodies("/alarm/")[-1]["message"]
+        assert world.edge.status(1201) == Status.FAILED
+    else:
+        assert said(world, 2)[-1] == "refused"
+
+
+def test_it_ends_what_a_restarted_broker_sees_through() -> None:
+    world = going_to_a_point(PX4)
+    world.kill_broker()
+    world.restart_broker()
+    world.run_until(lambda: state(world) is State.LEAVING, within_s=10.0)
+    world.run(3.0)
+    restart_in_the_air(world, PX4_HOLD)
+    world.run_until(lambda: state(world) is State.IDLE, within_s=5.0)
+    since = len(world.only_vehicle.frames)
+    world.run(10.0)
+    assert orders(world.only_vehicle, since) == []
+    assert said(world, 2) == ["accepted", "refused"]
+    assert "restarted" in world.edge.acknowledgements(2)[-1]["message"]
