@@ -7,6 +7,7 @@
 An order that is refused, not answered or not obeyed is given again for as long as the vehicle is
 armed; a place that it will not go to is given up for landing where it is, unless the link is away.
 The orders end at once when somebody else takes command of the vehicle, or its own failsafe does.
+An order that leads to a place becomes a landing as soon as the vehicle has lost its position.
 """
 
 import math
@@ -123,6 +124,7 @@ class Ending:
         self._given_up = False
         self._obeyed_at: float | None = None  # It has left its mission, by its own word
         self.taken: str | None = None  # Who has taken the vehicle meanwhile
+        self._leads = False  # What is ordered needs a position
         self._performer = Performer(self._action(goes_there=True), vehicle)
 
     @property
@@ -164,7 +166,9 @@ class Ending:
 
     def receive(self, message: Message, now: float) -> list[Message]:
         """Take a message of the vehicle."""
-        return [] if self._is_taken(now) else self._performer.receive(message, now)
+        if self._is_taken(now) or self._must_not_go_there():
+            return []
+        return self._performer.receive(message, now)
 
     def tick(self, now: float) -> list[Message]:
         """Repeat what is overdue, and begin again what was refused or not obeyed."""
@@ -203,16 +207,23 @@ class Ending:
             self._arms_until = None
 
     def _must_not_go_there(self) -> bool:
-        """Whether it was on its way to a place, and stands, or cannot find it any more."""
+        """Whether it is led to a place, and stands, or cannot find it any more."""
         is_going = self._performer.phase is Phase.APPROACHING and self._performer.goes_somewhere
-        return is_going and self._comes_down
+        return (is_going and self._comes_down) or (self._leads and self._lacks_position)
+
+    @property
+    def _lacks_position(self) -> bool:
+        return self._vehicle.snapshot.lacks_position
 
     def _action(self, *, goes_there: bool) -> LiveAction:
         """Begin anew, or end only: one that came to its place does not leave it again."""
+        self._leads = False
         if self._stands:
             return staying(self._vehicle)
-        if self._given_up:
+        if self._given_up or self._lacks_position:
             return landing_here(self._vehicle)
+        is_soft = self._event.event_type_id is EventType.SOFT_ABORT_MISSION
+        self._leads = is_soft or (goes_there and self._event.abort is not None)
         return action_after(self._event, self._vehicle, goes_there=goes_there)
 
     def _is_taken(self, now: float) -> bool:

@@ -363,11 +363,15 @@ class Session:
         """Leave out what must not be ordered now, whoever in here orders it.
 
         Everything, of a vehicle that somebody else has taken, or that may have been restarted
-        while its link was away.
+        while its link was away; what leads to a place, of one in the air without a position.
         """
         vehicle = self.vehicle
         if vehicle.is_taken or vehicle.may_be_restarted(now):
             return [message for message in messages if not is_order(message)]
+        if vehicle.snapshot.lacks_position and vehicle.snapshot.armed:
+            stands = vehicle.is_standing_armed
+            leads = vehicle.family.leads_to_a_place
+            return [message for message in messages if stands or not leads(message)]
         return messages
 
     def due(self, told: list[ForEdge]) -> list[ForEdge]:

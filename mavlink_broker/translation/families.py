@@ -11,7 +11,7 @@ from enum import Enum, auto
 from typing import Final
 
 from afarcloud.enumerations import OrbitType
-from mavlink_broker.dialect import mavlink
+from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.protocol.command import CommandLong, long_command
 from mavlink_broker.protocol.command_sequence import Ways
 from mavlink_broker.protocol.parameter_write import ParameterEncoding
@@ -52,6 +52,18 @@ _COPTER_GUIDED: Final = _mode(4)
 
 _FOLLOW_OF_PX4: Final = _mode(4, 8)
 _FOLLOW_OF_COPTER: Final = _mode(23)
+
+
+_TO_A_PLACE: Final = frozenset(
+    {
+        mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH,
+        mavlink.MAV_CMD_DO_REPOSITION,
+        mavlink.MAV_CMD_DO_ORBIT,
+        mavlink.MAV_CMD_DO_FOLLOW,
+        mavlink.MAV_CMD_MISSION_START,
+    }
+)
+"""MAV_CMD that make a vehicle fly somewhere by its position."""
 
 
 class Following(Enum):
@@ -115,6 +127,24 @@ class Family:
     parameter_encoding: ParameterEncoding = ParameterEncoding.C_CAST  # Of one that tells none
     mode_name: Callable[[int, int], str] = modes.generic_name
     mode_role: Callable[[str], ModeRole] = modes.generic_role
+
+    def leads_to_a_place(self, message: Message) -> bool:
+        """Whether an order takes the vehicle to a place or round one, so that it needs a position.
+
+        Modes count as they are ordered in this family's ways of returning, following, starting.
+        """
+        if message.get_type() not in {"COMMAND_LONG", "COMMAND_INT"}:
+            return False
+        if message.command != mavlink.MAV_CMD_DO_SET_MODE:
+            return message.command in _TO_A_PLACE
+        mode = message.param1, message.param2, message.param3
+        ways = (*self.returning, *self.follow_modes, *self.starting)
+        return any(
+            isinstance(order, CommandLong)
+            and (order.command, order.parameters[:3]) == (message.command, mode)
+            for way in ways
+            for order in way
+        )
 
     @property
     def knows_modes(self) -> bool:

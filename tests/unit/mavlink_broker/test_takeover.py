@@ -445,6 +445,31 @@ class TestWithoutAPosition:
         assert (float(COPTER_RETURN), 0.0) not in modes
         assert vehicle.custom_mode not in {PX4_RETURN, COPTER_RETURN, COPTER_GUIDED}
 
+    @pytest.mark.parametrize(
+        ("script", "landing"), [(PX4, PX4_LAND), (OWN, PX4_LAND), (ARDUPILOT, COPTER_LAND)]
+    )
+    @pytest.mark.parametrize("is_muted", [False, True], ids=["refused", "unanswered"])
+    def test_no_return_is_ordered_again_once_it_is_known_to_be_lost(
+        self, script: Script, landing: int, *, is_muted: bool
+    ) -> None:
+        world = refusing_to_return(script)
+        vehicle = world.only_vehicle
+        if is_muted:
+            vehicle.mute_answers = set(REFUSING_RETURN)
+        world.run(0.7)
+        vehicle.ill = mavlink.MAV_SYS_STATUS_SENSOR_GPS
+        snapshot = world.app.sessions[1].vehicle.snapshot
+        world.run_until(lambda: snapshot.lacks_position, within_s=5.0)
+        since = len(vehicle.parameters)
+        world.run(2.0)
+        vehicle.script = slow(script)
+        world.run(4.0)
+        told = [(c, *v[1:3]) for c, v in vehicle.parameters[since:] if c not in ASKING]
+        px4_return, copter_return = (4.0, 5.0), (float(COPTER_RETURN), 0.0)
+        assert not [one for one in told if one[1:] in {px4_return, copter_return}]
+        assert mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH not in {one[0] for one in told}
+        assert vehicle.custom_mode == landing
+
 
 class TestAHoverIsEnded:
     """By a plan of its own: a landing or a return needs no take-off before."""
