@@ -3,6 +3,7 @@
 LockedError  another relay serves this state folder
 """
 
+import contextlib
 import fcntl
 import logging
 import os
@@ -35,6 +36,8 @@ from edge_server.uplinks.mqtt_topics import is_mqtt
 LOG = logging.getLogger(__name__)
 LOCK_PATIENCE_S: Final = 3.0
 SHARED_PATIENCE_S: Final = 0.5
+RETAKE_S: Final = 1.0
+"""After so long at most a relay that lives on holds the lock of one that died."""
 _LOOK_S: Final = 0.1
 
 
@@ -50,32 +53,75 @@ def run(config: Config) -> None:
         RelayError: if it cannot go on and should be started again.
     """
     config.edge_dir.mkdir(parents=True, exist_ok=True, mode=0o700)
-    lock = lock_state_folder(config)
     stopping = threading.Event()
+    lock = StateFolderLock(config)
     _at_first_signal(stopping.set)
     try:
+        lock.keep_trying(stopping)
         while not stopping.is_set() and _wait_for_database(config.database, stopping):
             _relay_once(config, stopping)
     finally:
-        if lock is not None:
-            os.close(lock)
+        stopping.set()
+        lock.close()
 
 
-def lock_state_folder(config: Config) -> int | None:
-    """Take the state folder's lock. Relays on PostgreSQL share the streams and need none.
+class StateFolderLock:
+    """The state folder's lock, which shows that a relay runs here.
 
-    They take it where it is free: it shows that a relay runs here. A look at the lock holds it for
-    a moment (`relay_health`), so they try again for longer than that.
-
-    Raises:
-        LockedError: if another relay holds it and the database is our own file.
+    Of relays on PostgreSQL, which share the streams, one has it and the others take it over within
+    `RETAKE_S` when that one dies. A look at the lock holds it for a moment (`relay_health`), so
+    they try for longer than that at first.
     """
-    if config.database_url is None:
-        return take_lock(config.relay_lock_path, LOCK_PATIENCE_S)
-    try:
-        return take_lock(config.relay_lock_path, SHARED_PATIENCE_S)
-    except LockedError:
-        return None
+
+    def __init__(self, config: Config) -> None:
+        """Take the lock.
+
+        Raises:
+            LockedError: if another relay holds it and the database is our own file.
+        """
+        self._path = config.relay_lock_path
+        self._guard = threading.Lock()
+        self._is_closed = False
+        is_shared = config.database_url is not None
+        try:
+            patience_s = SHARED_PATIENCE_S if is_shared else LOCK_PATIENCE_S
+            self._descriptor: int | None = take_lock(self._path, patience_s)
+        except LockedError:
+            if not is_shared:
+                raise
+            self._descriptor = None
+
+    @property
+    def is_held(self) -> bool:
+        """Whether it is ours."""
+        return self._descriptor is not None
+
+    def keep_trying(self, stopping: threading.Event) -> None:
+        """Take it in a thread as soon as it is free, unless it is ours already."""
+        if not self.is_held:
+            threading.Thread(target=self._take_over, args=(stopping,), daemon=True).start()
+
+    def try_again(self) -> bool:
+        """Take it if it is free; returns whether it is ours."""
+        with self._guard:
+            if not self.is_held and not self._is_closed:
+                with contextlib.suppress(LockedError, OSError):  # Or no descriptor is left
+                    self._descriptor = take_lock(self._path, 0.0)
+            return self.is_held
+
+    def close(self) -> None:
+        """Let go of it."""
+        with self._guard:
+            self._is_closed = True
+            if self._descriptor is not None:
+                os.close(self._descriptor)
+                self._descriptor = None
+
+    def _take_over(self, stopping: threading.Event) -> None:
+        while not stopping.wait(RETAKE_S):
+            if self.try_again():
+                LOG.info("the relay that held %s is gone; this one holds it now", self._path)
+                return
 
 
 def _relay_once(config: Config, stopping: threading.Event) -> None:

@@ -4,6 +4,7 @@ import fcntl
 import os
 import time
 from dataclasses import replace
+from threading import Event
 
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
@@ -12,9 +13,10 @@ from edge_server import relay_process
 from edge_server.outbox.answers import Answer, Unreachable, judge
 from edge_server.outbox.counting import RelayCounts, Uplink
 from edge_server.outbox.queue import Parcel, Stream
-from edge_server.relay_process import take_lock
+from edge_server.relay_process import LockedError, StateFolderLock, take_lock
 from edge_server.services.errors import FullError
 from edge_server.tally import Tally
+from tests.support.system import wait_for
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import TELEMETRY, telemetry
 
@@ -120,12 +122,38 @@ def test_a_look_at_the_lock_does_not_keep_a_relay_from_it(
     fcntl.flock(look, fcntl.LOCK_SH)
     monkeypatch.setattr(time, "sleep", lambda _: look.close())  # It ends while the relay waits
     shared = replace(edge.config, database_url="postgresql+psycopg://somewhere/edge")
-    lock = relay_process.lock_state_folder(shared)
+    lock = StateFolderLock(shared)
     monkeypatch.undo()
-    assert lock is not None
+    assert lock.is_held
     assert value(read_page(edge), "fm_uplink_state") == Uplink.OPEN
-    assert relay_process.lock_state_folder(shared) is None  # Another relay has it
-    os.close(lock)
+    lock.close()
+
+
+def test_of_two_relays_on_a_shared_database_the_survivor_is_seen(
+    edge: Edge, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(relay_process, "SHARED_PATIENCE_S", 0.0)
+    monkeypatch.setattr(relay_process, "RETAKE_S", 0.01)
+    counts_of(edge).uplink(Uplink.OPEN)
+    shared = replace(edge.config, database_url="postgresql+psycopg://somewhere/edge")
+    first, second = StateFolderLock(shared), StateFolderLock(shared)
+    assert (first.is_held, second.is_held, second.try_again()) == (True, False, False)
+    stopping = Event()
+    second.keep_trying(stopping)
+    first.close()
+    wait_for(lambda: second.is_held, "the survivor's lock")
+    assert value(read_page(edge), "fm_uplink_state") == Uplink.OPEN
+    second.close()
+    assert not second.try_again()  # What has ended takes nothing any more
+    assert value(read_page(edge), "fm_uplink_state") == Uplink.STOPPED
+
+
+def test_two_relays_on_a_file_are_one_too_many(edge: Edge, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(relay_process, "LOCK_PATIENCE_S", 0.0)
+    lock = StateFolderLock(edge.config)
+    with pytest.raises(LockedError, match="another relay serves this state folder"):
+        StateFolderLock(edge.config)
+    lock.close()
 
 
 def test_requests_are_counted_by_route_and_status(edge: Edge) -> None:
