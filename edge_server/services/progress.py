@@ -27,6 +27,7 @@ class Change(NamedTuple):
     mission: Work  # As it was before
     commands: Mapping[int, CommandProgress]  # As they were before
     ended: bool  # By this report
+    is_repetition: bool  # Of its end
 
 
 def advances(current: int, reported: int) -> bool:
@@ -81,7 +82,12 @@ def apply(connection: Connection, report: MissionReport, now: float) -> Change |
     was_open = mission.state != work.CLOSED
     if was_open:
         _move(connection, mission, current, report, now)
-    return Change(mission, current, ended=was_open and report.mission_status_id.is_terminal)
+    return Change(
+        mission,
+        current,
+        ended=was_open and report.mission_status_id.is_terminal,
+        is_repetition=not was_open,
+    )
 
 
 def find(connection: Connection, report: MissionReport) -> Work | None:

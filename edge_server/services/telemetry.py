@@ -1,18 +1,19 @@
 """Reports of vehicles: kept until the cloud has them. One transaction, then 201."""
 
 import json
-from collections.abc import Collection, Iterable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, Final, NamedTuple
 
 from sqlalchemy import Connection
 from ulid import ULID
 
-from afarcloud.faults import InvalidError
-from afarcloud.state import Alarm, Image, MissionReport, Report, StateVector
+from afarcloud.enumerations import Status
+from afarcloud.faults import Fault, InvalidError
+from afarcloud.state import Image, MissionReport, Report
 from afarcloud.wire import Kind, write
 from edge_server.outbox import queue
 from edge_server.outbox.queue import Stream
-from edge_server.services import intake, listing, once, progress, vehicle_holds
+from edge_server.services import effects, intake, listing, once
 from edge_server.services.attempts import repeatable
 from edge_server.services.context import (
     Caller,
@@ -29,11 +30,14 @@ from edge_server.services.errors import (
 )
 from edge_server.services.intake import Entry
 from edge_server.services.listing import Listing
-from edge_server.store import idempotency, telemetry
+from edge_server.services.progress import Change
+from edge_server.store import idempotency, telemetry, work
 from edge_server.store.database import to_json
 from edge_server.store.idempotency import Answered
-from edge_server.store.locks import WORK, Lock, of_stream
+from edge_server.store.locks import WORK
 from edge_server.store.telemetry import Record
+
+_COMMANDS: Final = "command_report_array"
 
 Refusal = KeyReusedError | FullError | ConflictError | InvalidError
 """Why one report of many is not kept."""
@@ -59,14 +63,15 @@ def ingest(context: Context, kind: Kind, report: Report, caller: Caller) -> dict
     body = _payload(report)
     context.space.admit(kind.value, _picture_bytes(report))
     now = context.clock()
-    flights = _new_flights(context, [report], now)
+    flights = effects.new_flights(context, [report], now)
     try:
         answered = context.database.write_together(
             lambda connection: _keep(connection, kind, report, body, caller, now, flights),
-            *_locks(report, kind, flights),
+            *effects.locks_of(report, kind, flights),
         )
     except ConflictError:
-        _learn_of_refused(context, report, now)
+        with context.database.write(WORK) as connection:
+            effects.apply_refused(connection, report, now)
         raise
     context.note_acknowledged(answered.object_id)
     context.wake_relay()
@@ -82,54 +87,121 @@ def ingest_all(
     A key that belongs to another request spoils its own report only, and so do a lack of room and
     a report that must not be said of its mission.
     """
-    refused: dict[int, Refusal] = dict(_without_room(context, arrivals))
-    flights = _new_flights(context, [one.report for one in arrivals], context.clock())
-    wanted = {lock for one in arrivals for lock in _locks(one.report, one.kind, flights)}
+    flights = effects.new_flights(context, [one.report for one in arrivals], context.clock())
+    wanted = {lock for one in arrivals for lock in effects.locks_of(one.report, one.kind, flights)}
     with context.database.write(*wanted) as connection:
         now = context.clock()
-        refused |= _apply_all(connection, arrivals, refused, owner, now, flights)
-        admitted = [one for number, one in enumerate(arrivals) if number not in refused]
-        entries = [
-            Entry(one.kind.value, _payload(one.report), one.idempotency_key) for one in admitted
+        judged = _apply_all(
+            connection, arrivals, _without_room(context, arrivals), owner, now, flights
+        )
+        admitted = [
+            number
+            for number in range(len(arrivals))
+            if number not in judged.refused and number not in judged.repeats
         ]
+        entries = [_entry(arrivals[number]) for number in admitted]
         kept = intake.keep_all(connection, entries, owner, now)
+        answers = {number: one.answer for number, one in zip(admitted, kept, strict=True)}
+        _note_ends(connection, judged.ends, answers)
+        answers |= _answer_repeats(connection, arrivals, judged.repeats, owner)
     acknowledged = [one.answer.object_id for one in kept if isinstance(one.answer, Answered)]
     context.note_acknowledged(max(acknowledged, default=0))
     context.wake_relay()
-    answers = iter(kept)
     return [
-        refused[number] if number in refused else _told(next(answers).answer)
+        judged.refused[number] if number in judged.refused else _told(answers[number])
         for number in range(len(arrivals))
     ]
+
+
+class _Judged(NamedTuple):
+    """What becomes of the reports of a batch, by their place in it; the others are kept as well."""
+
+    refused: dict[int, Refusal]
+    ends: dict[int, int]
+    """Those that end a mission, with its work."""
+    repeats: dict[int, int]
+    """Those that repeat the end of a mission and are not kept again, with its work."""
+
+    def note(self, number: int, change: Change | None) -> None:
+        """Take down what a report was taken for; the cloud gets the end of a mission once."""
+        if change is None or not (change.ended or change.is_repetition):
+            return
+        mission = change.mission
+        is_told = mission.end_record is not None or mission.id in self.ends.values()
+        part = self.repeats if change.is_repetition and is_told else self.ends
+        part[number] = mission.id
 
 
 def _apply_all(
     connection: Connection,
     arrivals: Sequence[Arrival],
-    refused: Collection[int],
+    refused: Mapping[int, Refusal],
     owner: str,
     now: float,
     flights: Collection[int],
-) -> dict[int, Refusal]:
-    """Do what follows from the reports that are new; gives those that are refused, by place."""
+) -> _Judged:
+    """Do what follows from the reports that are new, and say what becomes of each."""
     keys = [one.idempotency_key for one in arrivals if one.idempotency_key]
     known = set(idempotency.find_all(connection, keys, owner))
-    faults: dict[int, Refusal] = {}
-    for number, arrival in enumerate(arrivals):
-        report = arrival.report
-        is_done = number in refused or arrival.idempotency_key in known
-        if is_done or not _moves_work(report, flights):
+    repeated: dict[str, int] = {}  # Places, by their keys
+    judged = _Judged(dict(refused), {}, {})
+    for number, (_, report, key) in enumerate(arrivals):
+        if number in refused or key in known:
+            continue
+        if key in repeated:
+            first = repeated[key]
+            if _entry(arrivals[first]) == _entry(arrivals[number]):
+                judged.repeats[number] = judged.repeats[first]
+            else:
+                judged.refused[number] = once.reused()
             continue
         try:
-            _apply(connection, report, now, flights)
+            change = effects.apply(connection, report, now, flights)
         except (InvalidError, ConflictError) as error:
-            faults[number] = error
-            if isinstance(report, MissionReport):
-                vehicle_holds.after_refused_report(connection, report, now)
-        else:
-            if arrival.idempotency_key is not None:
-                known.add(arrival.idempotency_key)
-    return faults
+            judged.refused[number] = error
+            effects.apply_refused(connection, report, now)
+            continue
+        judged.note(number, change)
+        if key is not None and number in judged.repeats:
+            repeated[key] = number
+        elif key is not None:
+            known.add(key)
+    return judged
+
+
+def _note_ends(
+    connection: Connection,
+    ends: Mapping[int, int],
+    answers: Mapping[int, Answered | KeyReusedError],
+) -> None:
+    for number, work_id in ends.items():
+        answer = answers[number]
+        if isinstance(answer, Answered):
+            work.note_end(connection, work_id, answer.object_id, answer.message_id)
+
+
+def _answer_repeats(
+    connection: Connection, arrivals: Sequence[Arrival], repeats: Mapping[int, int], owner: str
+) -> dict[int, Answered]:
+    """Give the receipt of the report that ended a mission to those that repeat it."""
+    answers = {}
+    keyed = {}
+    for number, work_id in repeats.items():
+        mission = work.get(connection, work_id)
+        entry = _entry(arrivals[number])
+        answer = None if mission is None else effects.end_of(mission, entry.kind, entry.body)
+        if answer is None:
+            raise RuntimeError(f"the end of work {work_id} is not known")
+        answers[number] = answer
+        if entry.key is not None:
+            keyed[entry.key] = answer
+    if keyed:
+        idempotency.remember_all(connection, keyed, owner)
+    return answers
+
+
+def _entry(arrival: Arrival) -> Entry:
+    return Entry(arrival.kind.value, _payload(arrival.report), arrival.idempotency_key)
 
 
 def _told(answer: Answered | KeyReusedError) -> dict[str, Any] | KeyReusedError:
@@ -153,52 +225,6 @@ def _picture_bytes(report: Report) -> int:
     return len(report.frame) if isinstance(report, Image) else 0
 
 
-def _locks(report: Report, kind: Kind, flights: Collection[int]) -> tuple[Lock, ...]:
-    """What a report needs: the end of its stream, and what it may move besides."""
-    stream = of_stream(report.vehicle_id, kind.value)
-    return (WORK, stream) if _moves_work(report, flights) else (stream,)
-
-
-def _new_flights(context: Context, reports: Iterable[Report], now: float) -> frozenset[int]:
-    """Vehicles whose state vectors among these show a flight that is not known so far.
-
-    State vectors are many and hardly one is news, so this is looked at before the transaction. A
-    mission that is accepted meanwhile is none that they were measured on.
-    """
-    in_the_air = [
-        one for one in reports if isinstance(one, StateVector) and vehicle_holds.is_in_the_air(one)
-    ]
-    if not in_the_air:
-        return frozenset()
-    with context.database.read() as connection:
-        return vehicle_holds.new_flights(connection, in_the_air, now)
-
-
-def _moves_work(report: Report, flights: Collection[int]) -> bool:
-    """Whether a report may change a mission, or hold its vehicle."""
-    if isinstance(report, StateVector):
-        return report.vehicle_id in flights
-    is_about_mission = isinstance(report, Alarm) and report.mission_id is not None
-    return is_about_mission or isinstance(report, MissionReport)
-
-
-def _apply(connection: Connection, report: Report, now: float, flights: Collection[int]) -> None:
-    """Do what follows from a report; raises InvalidError or ConflictError, nothing being done."""
-    if isinstance(report, MissionReport):
-        change = progress.apply(connection, report, now)
-        vehicle_holds.after_report(connection, report, change, now)
-    elif isinstance(report, Alarm):
-        vehicle_holds.after_alarm(connection, report, now)
-    elif isinstance(report, StateVector) and report.vehicle_id in flights:
-        vehicle_holds.after_state_vector(connection, report, now)
-
-
-def _learn_of_refused(context: Context, report: Report, now: float) -> None:
-    if isinstance(report, MissionReport):
-        with context.database.write(WORK) as connection:
-            vehicle_holds.after_refused_report(connection, report, now)
-
-
 def _payload(report: Report) -> dict[str, Any]:
     """A report as the cloud gets it: the number of our own piece of work is nothing to it."""
     body = write(report)
@@ -220,9 +246,14 @@ def _keep(  # a record, who sent it and when
     answered = once.earlier(connection, caller, kind.value, body_sha256)
     if answered is not None:
         return answered
-    _apply(connection, report, now, flights)
-    record = store(connection, kind, body, now)
-    answered = Answered(kind.value, body_sha256, record.id, record.message_id, now)
+    change = effects.apply(connection, report, now, flights)
+    if change is not None and change.is_repetition:
+        answered = effects.end_of(change.mission, kind.value, body)
+    if answered is None:
+        record = store(connection, kind, body, now)
+        answered = Answered(kind.value, body_sha256, record.id, record.message_id, now)
+        if change is not None and (change.ended or change.is_repetition):
+            work.note_end(connection, change.mission.id, record.id, record.message_id)
     once.remember(connection, caller, answered)
     return answered
 
@@ -292,20 +323,68 @@ def replace(
     Raises:
         NotFoundError: if it is not here, or the cloud has it by now.
         ChangedError: if the precondition says so.
-        ConflictError: if it names another vehicle.
+        InvalidError, ConflictError: if it is about another vehicle, mission or plan than it was,
+            or says what must not be said of its mission.
     """
-    body = write(report)
+    body = _payload(report)
     message_id = str(ULID())
-    with context.database.write() as connection:
+    wanted = (WORK,) if effects.moves_work(report, ()) else ()
+    with context.database.write(*wanted) as connection:
         record = _find(connection, kind, record_id, to_change=True)
         precondition(show(record))
-        if record.vehicle_id != body["vehicle_id"]:
-            raise ConflictError("a report cannot change its vehicle_id")
+        _check_about_the_same(record.body(), body)
         payload = to_json({**body, "message_id": message_id})
         telemetry.replace(connection, record_id, message_id=message_id, payload=payload)
         queue.requeue(connection, record_id)
+        corrected = record._replace(message_id=message_id, payload=payload)
+        if isinstance(report, MissionReport):
+            _apply_correction(connection, record, corrected, report, context.clock())
+        else:
+            effects.apply(connection, report, context.clock(), ())
     context.wake_relay(changed=True)
-    return show(record._replace(message_id=message_id, payload=payload))
+    return show(corrected)
+
+
+def _check_about_the_same(old: Mapping[str, Any], new: Mapping[str, Any]) -> None:
+    """Let a correction pass that names what the report named; raises ConflictError."""
+    wrong = [
+        name
+        for name in ("vehicle_id", "mission_id", "plan_id")
+        if name in old and name in new and old[name] != new[name]
+    ]
+    if wrong:
+        raise ConflictError(
+            f"a report cannot change its {' and '.join(wrong)}",
+            tuple(Fault(name, "cannot be changed") for name in wrong),
+        )
+
+
+def _apply_correction(
+    connection: Connection, old: Record, new: Record, report: MissionReport, now: float
+) -> None:
+    """Do what follows from other statuses than a report had, as from a new report.
+
+    Raises:
+        InvalidError, ConflictError: if they must not be said of the mission, or are its end, which
+            another report has told.
+    """
+    work.note_new_end(connection, report.vehicle_id, report.mission_id, old.id, new.message_id)
+    before, after = old.body(), new.body()
+    if all(before[name] == after[name] for name in ("mission_status_id", _COMMANDS)):
+        return
+    change = effects.apply(connection, report, now, ())
+    was = Status(before["mission_status_id"])
+    if change is None:
+        is_allowed = not was.is_terminal or was == report.mission_status_id
+    else:
+        is_allowed = not change.is_repetition or change.mission.end_record in {old.id, None}
+    if not is_allowed:
+        raise ConflictError(
+            f"the end of mission {report.mission_id} has been told",
+            (Fault("mission_status_id", "contradicts the end that was told"),),
+        )
+    if change is not None and change.ended:
+        work.note_end(connection, change.mission.id, new.id, new.message_id)
 
 
 @repeatable

@@ -22,7 +22,7 @@ from edge_server.store.engines import WRITING, open_engine, sqlite_url
 from edge_server.store.failures import is_lost
 
 LOG = logging.getLogger(__name__)
-HEAD: Final = "0010"
+HEAD: Final = "0011"
 _SCRIPTS: Final = Path(__file__).parent / "migrations"
 _REPLACEMENT: Final = ".new"
 _PASSING: Final = ("starting up", "shutting down", "recovery", "too many", "not yet", "terminating")

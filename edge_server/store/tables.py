@@ -160,6 +160,8 @@ work = Table(
     Column("fault", Text),  # Why the mission ended, or has to end; none by an order
     Column("accepted_at", Float),
     Column("ended_at", Float),
+    Column("end_record", _ID),  # The report that ended a mission, as the cloud gets it
+    Column("end_message_id", String(26)),
     CheckConstraint("kind IN ('mission', 'latest_state_vector', 'event')", name="kind"),
     CheckConstraint("state IN ('queued', 'accepted', 'closed')", name="state"),
     CheckConstraint("(state = 'closed') = (status_id >= 3) OR status_id IS NULL", name="terminal"),

@@ -57,6 +57,8 @@ class Work(NamedTuple):
     fault: str | None = None
     accepted_at: float | None = None
     ended_at: float | None = None
+    end_record: int | None = None
+    end_message_id: str | None = None
 
 
 class CommandProgress(NamedTuple):
@@ -308,6 +310,25 @@ def change(connection: Connection, identifier: int, **columns: Any) -> None:
     connection.execute(update(work).where(work.c.id == identifier).values(**columns))
 
 
+def note_end(
+    connection: Connection, identifier: int, record_id: int, message_id: str | None
+) -> None:
+    """Remember which report has ended a mission."""
+    change(connection, identifier, end_record=record_id, end_message_id=message_id)
+
+
+def note_new_end(
+    connection: Connection, vehicle_id: int, mission_id: int, record_id: int, message_id: str
+) -> None:
+    """Remember that the report that has ended a mission, if it is that, is a new message."""
+    of_mission = and_(work.c.vehicle_id == vehicle_id, work.c.mission_id == mission_id)
+    connection.execute(
+        update(work)
+        .where(of_mission, work.c.end_record == record_id)
+        .values(end_message_id=message_id)
+    )
+
+
 def remove(connection: Connection, identifier: int) -> None:
     """Forget a piece of work."""
     connection.execute(delete(work).where(work.c.id == identifier))
@@ -406,4 +427,6 @@ def _work(row: Any) -> Work:
         row.fault,
         row.accepted_at,
         row.ended_at,
+        row.end_record,
+        row.end_message_id,
     )

@@ -6,7 +6,7 @@ import pytest
 
 from tests.support.databases import BOTH_ENGINES
 from tests.unit.edge_server.conftest import Edge
-from tests.unit.edge_server.documents import event, mission, mission_report, plan
+from tests.unit.edge_server.documents import event, mission, mission_report, plan, telemetry
 
 
 def accepted(edge: Edge, mission_id: int = 1201) -> dict[str, Any]:
@@ -103,7 +103,7 @@ def test_after_the_end_only_the_end_is_forwarded(edge: Edge, end: int, said: int
     assert edge.report("mission_report", mission_report(end, **named)).status_code == 201
     answer = edge.report("mission_report", mission_report(said, **named))
     assert answer.status_code == (201 if said == end else 409)
-    assert set(told(edge)) == {end}
+    assert told(edge) == [end]
     if said != end:
         assert list((answer.json or {})["detail"]["json"]) == ["mission_status_id"]
 
@@ -131,7 +131,7 @@ def test_the_report_that_ended_a_mission_may_be_repeated(edge: Edge) -> None:
     last = mission_report(4, 3, 4, 1)  # The third command is ABORTED by the end
     for _ in range(2):
         assert edge.report("mission_report", last).status_code == 201
-    assert told(edge) == [4, 4]
+    assert told(edge) == [4]
 
 
 def test_commands_that_the_mission_does_not_have_are_named(edge: Edge) -> None:
@@ -185,8 +185,10 @@ def test_in_bulk_each_report_is_judged_behind_those_before_it(edge: Edge) -> Non
     ]
     body = {"records": [{"mission_report": report} for report in reports]}
     answer = edge.post("/telemetry/", body, "broker")
-    assert [one["status"] for one in (answer.json or {})["records"]] == [201, 201, 409, 422, 201]
-    assert told(edge) == [2, 3, 3]
+    records = (answer.json or {})["records"]
+    assert [one["status"] for one in records] == [201, 201, 409, 422, 201]
+    assert records[4] == records[1]
+    assert told(edge) == [2, 3]
 
 
 def test_in_bulk_a_repeated_key_moves_nothing_twice(edge: Edge) -> None:
@@ -291,3 +293,90 @@ def test_after_an_operator_has_closed_a_mission_nobody_ends_it_again(edge: Edge)
     report = mission_report(5, 5, 5, 5, work_id=item["id"])
     assert edge.report("mission_report", report).status_code == 409
     assert told(edge) == [2, 5]
+
+
+@BOTH_ENGINES
+def test_the_cloud_is_told_one_end_however_often_it_is_reported(edge: Edge) -> None:
+    item = accepted(edge)
+    last = mission_report(3, 3, 3, 3, work_id=item["id"], plan_id=item["plan_id"])
+    receipt = {"id", "message_id", "received_at"}
+    first = edge.report("mission_report", last).json or {}
+    kept = {name: first[name] for name in receipt}
+    for changed in ({}, {"sequence_number": 9}, {"message": "all done"}, {"work_id": None}):
+        edge.clock.pass_s(1.0)
+        answer = edge.report("mission_report", last | changed)
+        assert answer.status_code == 201
+        assert {name: (answer.json or {})[name] for name in receipt} == kept
+    keyed = {"mission_report": last, "idempotency_key": "again"}
+    batch = edge.post("/telemetry/", {"records": [keyed, keyed]}, "broker")
+    assert (batch.json or {})["records"] == [kept | {"status": 201}] * 2
+    assert edge.report("mission_report", last, "later").status_code == 201
+    assert told(edge) == [3]
+    edge.ask("DELETE", "/plans/1", "operator")
+    again = edge.report("mission_report", last, "later")
+    assert {name: (again.json or {})[name] for name in receipt} == kept
+    assert told(edge) == [3]
+
+
+def test_in_a_batch_a_key_of_another_record_ends_no_mission(edge: Edge) -> None:
+    accepted(edge)
+    records = [
+        {"pose": telemetry("pose"), "idempotency_key": "one"},
+        {"mission_report": mission_report(3, 3, 3, 3), "idempotency_key": "one"},
+    ]
+    answer = edge.post("/telemetry/", {"records": records}, "broker")
+    assert [one["status"] for one in (answer.json or {})["records"]] == [201, 422]
+    assert status_of(edge, 1) == "NOT_STARTED"
+
+
+def correct(edge: Edge, record_id: int, report: dict[str, Any]) -> tuple[int, list[str]]:
+    answer = edge.ask("PUT", f"/mission_report/{record_id}", "admin", json=report)
+    return answer.status_code, list((answer.json or {}).get("detail", {}).get("json", {}))
+
+
+@BOTH_ENGINES
+def test_a_correction_says_what_a_report_may_say(edge: Edge) -> None:
+    item = accepted(edge)
+    edge.report("mission_report", mission_report(2, 2, plan_id=item["plan_id"]))
+    running = edge.get("/mission_report/")[0]["id"]
+    assert correct(edge, running, mission_report(2, 2, mission_id=7)) == (409, ["mission_id"])
+    assert correct(edge, running, mission_report(2, 2, plan_id=ELSEWHERE)) == (409, ["plan_id"])
+    assert correct(edge, running, mission_report(2, 2, vehicle_id=2)) == (409, ["vehicle_id"])
+    assert correct(edge, running, mission_report(2, 1, 1, 1, 1))[0] == 422
+    named = mission_report(2, 2, message="windy", work_id=item["id"])
+    assert correct(edge, running, named) == (200, [])
+    (shown,) = edge.get("/mission_report/")
+    assert (shown["message"], "work_id" in shown) == ("windy", False)
+    assert correct(edge, running, mission_report(2, 3, 2)) == (200, [])
+    assert correct(edge, running, mission_report(2, 2)) == (
+        409,
+        ["command_report_array.0.command_status_id"],
+    )
+    edge.report("mission_report", mission_report(3, 3, 3, 3))
+    finished = edge.get("/mission_report/")[1]["id"]
+    for status in (1, 2, 4, 5):
+        wrong = (409, ["mission_status_id"])
+        assert correct(edge, finished, mission_report(status, 3, 3, 3)) == wrong
+    assert correct(edge, running, mission_report(3, 3, 3, 3)) == (409, ["mission_status_id"])
+    assert correct(edge, running, mission_report(2, 3, 2, message="calm")) == (200, [])
+    assert correct(edge, finished, mission_report(3, 3, 3, 3, message="well")) == (200, [])
+    assert told(edge) == [2, 3]
+    repeated = edge.report("mission_report", mission_report(3, 3, 3, 3)).json or {}
+    assert repeated["message_id"] == edge.get("/mission_report/")[1]["message_id"]
+
+
+def test_a_correction_that_ends_a_mission_ends_it_here_too(edge: Edge) -> None:
+    accepted(edge)
+    edge.report("mission_report", mission_report(2, 2))
+    record = edge.get("/mission_report/")[0]["id"]
+    assert correct(edge, record, mission_report(4, 3, 4, 5)) == (200, [])
+    assert status_of(edge, 1) == "FAILED"
+    assert edge.get("/vehicles/1")["held"] is not None
+    assert edge.report("mission_report", mission_report(4, 3, 4, 5)).status_code == 201
+    assert told(edge) == [4]
+
+
+def test_the_end_of_a_mission_that_is_not_known_is_not_corrected_to_another(edge: Edge) -> None:
+    edge.report("mission_report", mission_report(3, mission_id=77))
+    record = edge.get("/mission_report/")[0]["id"]
+    assert correct(edge, record, mission_report(2, mission_id=77)) == (409, ["mission_status_id"])
