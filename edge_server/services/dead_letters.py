@@ -4,19 +4,16 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 from sqlalchemy import Connection
-from ulid import ULID
 
 from afarcloud.state import Report
-from afarcloud.wire import write
 from edge_server.outbox import queue
 from edge_server.services import listing, telemetry
 from edge_server.services.attempts import repeatable
 from edge_server.services.context import Context
-from edge_server.services.errors import ConflictError, NotFoundError
+from edge_server.services.errors import NotFoundError
 from edge_server.services.listing import Listing
 from edge_server.store import dead_letters
 from edge_server.store import telemetry as records
-from edge_server.store.database import to_json
 from edge_server.store.dead_letters import DeadLetter
 
 _EXPORTED_AT_ONCE: Final = 4  # Pictures are large
@@ -94,19 +91,13 @@ def edit(context: Context, record_id: int, report: Report) -> dict[str, Any]:
 
     Raises:
         NotFoundError: if it is no dead letter.
-        ConflictError: if the report names another vehicle.
+        InvalidError, ConflictError: as `telemetry.replace`.
     """
-    body = write(report)
-    message_id = str(ULID())
-    with context.database.write() as connection:
+    with context.database.write(*telemetry.locks_to_correct(report)) as connection:
         record = _find(connection, record_id, to_change=True).record
-        if record.vehicle_id != body["vehicle_id"]:
-            raise ConflictError("a report cannot change its vehicle_id")
-        payload = to_json({**body, "message_id": message_id})
-        records.replace(connection, record_id, message_id=message_id, payload=payload)
-        queue.requeue(connection, record_id)
+        corrected = telemetry.correct(connection, record, report, context.clock())
     context.wake_relay(changed=True)
-    return telemetry.show(record._replace(message_id=message_id, payload=payload))
+    return telemetry.show(corrected)
 
 
 def export(

@@ -34,7 +34,7 @@ from edge_server.services.progress import Change
 from edge_server.store import idempotency, telemetry, work
 from edge_server.store.database import to_json
 from edge_server.store.idempotency import Answered
-from edge_server.store.locks import WORK
+from edge_server.store.locks import WORK, Lock
 from edge_server.store.telemetry import Record
 
 _COMMANDS: Final = "command_report_array"
@@ -326,23 +326,36 @@ def replace(
         InvalidError, ConflictError: if it is about another vehicle, mission or plan than it was,
             or says what must not be said of its mission.
     """
-    body = _payload(report)
-    message_id = str(ULID())
-    wanted = (WORK,) if effects.moves_work(report, ()) else ()
-    with context.database.write(*wanted) as connection:
+    with context.database.write(*locks_to_correct(report)) as connection:
         record = _find(connection, kind, record_id, to_change=True)
         precondition(show(record))
-        _check_about_the_same(record.body(), body)
-        payload = to_json({**body, "message_id": message_id})
-        telemetry.replace(connection, record_id, message_id=message_id, payload=payload)
-        queue.requeue(connection, record_id)
-        corrected = record._replace(message_id=message_id, payload=payload)
-        if isinstance(report, MissionReport):
-            _apply_correction(connection, record, corrected, report, context.clock())
-        else:
-            effects.apply(connection, report, context.clock(), ())
+        corrected = correct(connection, record, report, context.clock())
     context.wake_relay(changed=True)
     return show(corrected)
+
+
+def locks_to_correct(report: Report) -> tuple[Lock, ...]:
+    """What a correction needs besides the record."""
+    return (WORK,) if effects.moves_work(report, ()) else ()
+
+
+def correct(connection: Connection, old: Record, report: Report, now: float) -> Record:
+    """Put another report in the place of a record that is here, due or a dead letter.
+
+    Raises:
+        InvalidError, ConflictError: as `replace`.
+    """
+    body = _payload(report)
+    _check_about_the_same(old.body(), body)
+    message_id = str(ULID())
+    new = old._replace(message_id=message_id, payload=to_json({**body, "message_id": message_id}))
+    telemetry.replace(connection, old.id, message_id=message_id, payload=new.payload)
+    queue.requeue(connection, old.id)
+    if isinstance(report, MissionReport):
+        _apply_correction(connection, old, new, report, now)
+    else:
+        effects.apply(connection, report, now, ())
+    return new
 
 
 def _check_about_the_same(old: Mapping[str, Any], new: Mapping[str, Any]) -> None:

@@ -9,7 +9,7 @@ from edge_server.outbox import queue
 from edge_server.outbox.queue import Stream
 from tests.support.databases import BOTH_ENGINES
 from tests.unit.edge_server.conftest import Edge
-from tests.unit.edge_server.documents import telemetry
+from tests.unit.edge_server.documents import mission_report, plan, telemetry
 
 pytestmark = BOTH_ENGINES
 
@@ -24,6 +24,12 @@ def rejected(edge: Edge, kind: str = "pose", vehicle_id: int = 1) -> dict[str, A
         (parcel,) = [one for one in heads if one.record_id == stored["id"]]
         queue.bury(connection, parcel, 3, REASON)
     return stored
+
+
+def bury_all(edge: Edge, kind: str) -> None:
+    with edge.context.database.write() as connection:
+        for parcel in queue.heads(connection, Stream(1, kind), 0, 10):
+            queue.bury(connection, parcel, 3, REASON)
 
 
 def due(edge: Edge, kind: str = "pose", vehicle_id: int = 1) -> list[int]:
@@ -152,3 +158,20 @@ def test_the_export_holds_each_letter_whole_in_a_line(edge: Edge) -> None:
     assert "frame" in lines[0]["report"]
     only = edge.ask("GET", "/dead_letters/export?kind=image", "operator").text
     assert [json.loads(line)["kind"] for line in only.splitlines()] == ["image"]
+
+
+def test_a_dead_letter_is_not_corrected_against_what_is_known(edge: Edge) -> None:
+    edge.post_plan(plan())
+    edge.accept()
+    (item,) = edge.work()
+    edge.report("mission_report", mission_report(3, 3, 3, 3, work_id=item["id"]))
+    bury_all(edge, "mission_report")
+    (letter,) = edge.get("/dead_letters/")
+    path = f"/dead_letters/{letter['id']}"
+    for wrong in (mission_report(2, 2), mission_report(3, 3, 3, 3, mission_id=7)):
+        assert edge.ask("PUT", path, "admin", json=wrong).status_code == 409
+    right = mission_report(3, 3, 3, 3, message="well", work_id=item["id"])
+    answer = edge.ask("PUT", path, "admin", json=right)
+    assert answer.status_code == 200
+    assert "work_id" not in (answer.json or {})
+    assert len(due(edge, "mission_report")) == 1
