@@ -7,7 +7,7 @@ import pytest
 
 from sim.config import SimulationConfig
 from sim.fault_notation import read_order
-from sim.faults import Fault
+from sim.faults import ALL_INSTANCES, Fault, Kind
 from tests.support.autopilot_tester import AutopilotTester
 from uav_firmware.msg.status import NavigationState
 
@@ -33,6 +33,31 @@ class Hover:
         fault = read_order(line, self.tester.truth.time_us)
         assert isinstance(fault, Fault)
         self.tester.simulation.add_fault(fault)
+
+    def drift(self, x_m_s2: float, y_m_s2: float, z_m_s2: float) -> None:
+        """Let the bias of every accelerometer grow by so much each second, from now on."""
+        tester, axes = self.tester, ("x_m_s2", "y_m_s2", "z_m_s2")
+        start_us = due_us = tester.truth.time_us
+
+        def grow() -> None:
+            nonlocal due_us
+            now_us = tester.truth.time_us
+            if now_us < due_us:
+                return
+            due_us = now_us + 100_000
+            grown_s = (now_us - start_us) * 1e-6
+            paces = zip(axes, (x_m_s2, y_m_s2, z_m_s2), strict=True)
+            values = {axis: pace * grown_s for axis, pace in paces}
+            tester.simulation.clear_faults(Kind.ACCEL_BIAS)
+            tester.simulation.add_fault(
+                Fault(
+                    kind=Kind.ACCEL_BIAS,
+                    start_us=now_us,
+                    values={**values, "instance": ALL_INSTANCES},
+                )
+            )
+
+        tester.watch(grow)
 
     def said(self, text: str) -> bool:
         """Whether the vehicle has sent a text."""
@@ -75,6 +100,38 @@ def test_the_only_accelerometer_jumps_and_the_vehicle_lands_where_it_is(
     assert hover.farthest_m < 1.5
     assert not hover.said("Gyroscope")
     tester.run_for(5.0)
+    assert not tester.status.preflight_checks_pass
+
+
+@pytest.mark.parametrize(
+    ("pace", "config"),
+    [
+        ((0.0, 0.1, 0.0), {"imus": 1}),
+        ((-0.1, 0.0, 0.0), {"imus": 3}),  # All three of them alike, so that no vote sees it
+        ((0.03, 0.0, 0.0), {"imus": 1}),
+        ((0.0, 1.0, 0.0), {"imus": 1}),
+        ((0.1, 0.0, 0.1), {"imus": 1}),
+        ((0.0, 0.0, -0.5), {"imus": 1}),
+        ((0.07, -0.07, 0.0), {"imus": 1, "wind_speed_m_s": 6.0}),
+    ],
+)
+def test_an_accelerometer_that_drifts_is_given_up_and_the_vehicle_lands_where_it_is(
+    tmp_path: Path, pace: tuple[float, float, float], config: dict[str, float]
+) -> None:
+    """Reported within 22 s, landed upright within a metre, disarmed, and not armed again."""
+    hover = Hover(tmp_path, **config)
+    tester = hover.tester
+    hover.drift(*pace)
+    tester.wait_until(
+        lambda: hover.said("Accelerometer bias beyond its limit: LAND"), 22.0, "reported"
+    )
+    tester.wait_until_landed()
+    assert not tester.simulation.wrecked
+    assert hover.farthest_m < 1.0
+    assert hover.largest_tilt_deg < 25.0
+    assert tester.true_position()[2] < 0.1
+    tester.run_for(5.0)
+    assert not tester.status.armed
     assert not tester.status.preflight_checks_pass
 
 

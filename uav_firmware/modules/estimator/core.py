@@ -1,12 +1,13 @@
 """What the aiding sources share: the filter, its clock and history, the origin, rest."""
 
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from uav_firmware.lib.declination import declination
 from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2, LocalFrame, gravity_m_s2
+from uav_firmware.lib.rotation import multiply, normalise
 from uav_firmware.modules.estimator.alignment import TiltAlignment
 from uav_firmware.modules.estimator.delay import InertialHistory, Past
 from uav_firmware.modules.estimator.ekf import Array, ErrorStateEkf, Noise
@@ -44,7 +45,17 @@ _MODELLED_FORCE_NOISE_M_S2: Final = 10.0  # Of a sample: 1 m/s^2 that lasts half
 _START_POSITION_SIGMA_M: Final = 10.0
 _START_VELOCITY_SIGMA_M_S: Final = 0.3
 _FREE_GPS_HEIGHT_SIGMA_M: Final = 10.0  # Where the barometer is the datum: weather over hours
+_TURNED_BACK_SIGMA_RAD: Final = 0.05
+_TURNED_BACK_SIGMA_RAD_S: Final = 0.001
 _UNKNOWN_HEADING_SIGMA_RAD: Final = 1.8  # That of an even spread over the circle
+
+
+class Former(NamedTuple):
+    """An earlier estimate, which the gyroscope still stands for."""
+
+    turned_ned: Vector3  # [rad] By which measurements have turned the attitude since
+    gyro_bias_frd: Vector3  # [rad/s]
+    wind_ne: tuple[float, float]  # [m/s]
 
 
 class Core:
@@ -106,6 +117,18 @@ class Core:
         self.state.accel_bias_frd = (0.0, 0.0, 0.0)
         # A model has no bias that walks; of a sensor that comes back none is known
         self.ekf.forget(ACCEL_BIAS, 1e-4 if modelled else self.params.accel_bias_limit)
+
+    def turn_back(self, former: Former) -> None:
+        """Undo what an accelerometer that has drifted has done to tilt, gyroscope bias and wind."""
+        state = self.state
+        x, y, _ = former.turned_ned
+        half = (1.0, -0.5 * x, -0.5 * y, 0.0)
+        state.q_ned_frd = normalise(multiply(half, state.q_ned_frd))
+        state.gyro_bias_frd, state.wind_ne = former.gyro_bias_frd, former.wind_ne
+        self.gyro_jump.forget()
+        self.ekf.forget(ATTITUDE.start, _TURNED_BACK_SIGMA_RAD)
+        self.ekf.forget(ATTITUDE.start + 1, _TURNED_BACK_SIGMA_RAD)
+        self.ekf.forget(GYRO_BIAS, _TURNED_BACK_SIGMA_RAD_S)
 
     def _set_noise(self) -> None:
         noise = _noise(self.params, self._gps_height_sigma)

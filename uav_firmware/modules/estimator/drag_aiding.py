@@ -21,6 +21,7 @@ from typing import Final
 
 from uav_firmware.lib.atmosphere import air_density, pressure_from_altitude
 from uav_firmware.lib.drag import DragModel
+from uav_firmware.lib.rotation import rotate_inverse
 from uav_firmware.modules.estimator.core import START_WIND_SIGMA_M_S, Core
 from uav_firmware.modules.estimator.fuse_drag import Air, drag_measurements
 from uav_firmware.modules.estimator.gate import Aid
@@ -38,6 +39,7 @@ _SLOWEST_M_S: Final = 1.0  # Below it a gust would never pass
 LOWEST_M: Final = 0.5
 """[m] Height above the place of lift-off down to which the wind is taken to die."""
 
+_LARGEST_SPEED_M_S: Final = 30.0  # Beyond it the estimate is nowhere, and no drag follows from it
 _ALTITUDES_M: Final = (-500.0, 10_000.0)  # Where a multirotor can be, whatever the estimate says
 _AIR_TEMPERATURE_C: Final = 15.0  # 20 degrees beside it are 7 % of the drag
 
@@ -123,6 +125,21 @@ class DragAiding:
         share = wind_share(height_m, roughness_m) / wind_share(former_m, roughness_m)
         north, east = core.state.wind_ne
         core.state.wind_ne = (share * north, share * east)
+
+    def model(self, core: Core, force_frd: Vector3) -> Vector3:
+        """Add the drag in the wind that is known to a modelled force [m/s^2] of the rotors."""
+        drag, origin = self.drag, core.origin
+        if drag is None or origin is None or core.on_ground is not False or self.carried:
+            return force_frd
+        state = core.state
+        (north, east, down), (wind_north, wind_east) = state.velocity_ned, state.wind_ne
+        motion = (north - wind_north, east - wind_east, down)
+        speed = math.hypot(*motion)
+        if not 0.0 < speed < _LARGEST_SPEED_M_S:  # NaN compares false
+            return force_frd
+        factor = drag.drag_m_s2(speed, density_at(origin.altitude_amsl_m)) / speed
+        forward, right, _ = rotate_inverse(state.q_ned_frd, motion)
+        return (-factor * forward, -factor * right, force_frd[2])
 
     def _forget(self, core: Core) -> None:
         """On the ground the force is the ground's, and the wind of the last flight is gone."""

@@ -86,6 +86,7 @@ class ErrorStateEkf:
         self.noise = noise
         self.gravity = gravity  # [m/s^2]
         self.acceleration_ned: Vector3 = (0.0, 0.0, 0.0)  # [m/s^2] Over the last step
+        self.turned_ned: Vector3 = (0.0, 0.0, 0.0)  # [rad] Sum of what `fuse` has turned by
         self.restarts = 0  # [-] How often the covariance had to be set up anew
         self._initial = np.diag(sigmas * sigmas)
         self.covariance = self._initial.copy()  # Changed in place, never replaced
@@ -237,7 +238,11 @@ class ErrorStateEkf:
             error += gain * (innovation - float(row.dot(error)))
             self._gain_column.dot(self._shared_row, product)
             np.subtract(covariance, product, covariance)
-        self.state.inject(error.tolist())
+        errors: list[float] = error.tolist()
+        self.state.inject(errors)
+        x, y, z = self.turned_ned
+        turned_x, turned_y, turned_z = errors[ATTITUDE]
+        self.turned_ned = (x + turned_x, y + turned_y, z + turned_z)
 
     def forget(self, part: slice | int, sigma: float) -> None:
         """Set a part's uncertainty [SI], with no correlation to the rest: after a reset."""

@@ -20,6 +20,7 @@ _LONGEST_STEP_S: Final = 0.1
 _BAD_FOR_S: Final = 0.1
 _GLITCH_US: Final = 20_000
 _MEAN_S: Final = 2.0  # Of thrust and force
+_CARRYING_S: Final = 10.0  # Over which the mean thrust of a flight carries the weight
 _LEAST_GIVEN: Final = 0.95  # [-] Of hover: what thrust does not carry for long, the ground does
 _LEAST_THRUST: Final = 0.1  # [-] Less has not lifted the vehicle
 
@@ -28,8 +29,8 @@ class ImuGuard:
     """Replaces absurd samples and watches over the order of time."""
 
     __slots__ = (
-        "_force", "_force_bad_since_us", "_mean_thrust", "_mean_z", "_rate", "_rate_bad_since_us",
-        "_thrust", "_time_us", "rejected",
+        "_carrying_thrust", "_force", "_force_bad_since_us", "_given_up", "_mean_thrust",
+        "_mean_z", "_rate", "_rate_bad_since_us", "_thrust", "_time_us", "rejected",
     )  # fmt: skip
 
     def __init__(self) -> None:
@@ -40,7 +41,8 @@ class ImuGuard:
         # [m/s^2] and [-]: means over the same time, whose ratio is what thrust gives
         self._mean_z = -STANDARD_GRAVITY_M_S2
         self._mean_thrust = 0.0
-        self._thrust = 0.0
+        self._thrust = self._carrying_thrust = 0.0
+        self._given_up = False
         self._rate_bad_since_us: int | None = None
         self._force_bad_since_us: int | None = None
 
@@ -59,12 +61,15 @@ class ImuGuard:
         x, y, z = imu.rate_frd
         rate_is_sane = x * x + y * y + z * z < _LARGEST_RATE**2  # NaN compares false
         x, y, z = imu.specific_force_frd
-        force_is_sane = x * x + y * y + z * z < _LARGEST_FORCE**2
+        force_is_sane = x * x + y * y + z * z < _LARGEST_FORCE**2 and not self._given_up
         if rate_is_sane and force_is_sane:
             self._rate, self._force = imu.rate_frd, imu.specific_force_frd
             share = min(dt / _MEAN_S, 1.0)
             self._mean_z += share * (z - self._mean_z)
             self._mean_thrust += share * (self._thrust - self._mean_thrust)
+            if self._thrust > _LEAST_THRUST:
+                share = min(dt / _CARRYING_S, 1.0) if self._carrying_thrust else 1.0
+                self._carrying_thrust += share * (self._thrust - self._carrying_thrust)
             self._rate_bad_since_us = self._force_bad_since_us = None
         else:
             self.rejected += 1
@@ -91,6 +96,19 @@ class ImuGuard:
             self._rate = imu.rate_frd
         given = self._thrust / self._mean_thrust if self._mean_thrust > _LEAST_THRUST else 1.0
         self._force = (0.0, 0.0, max(given, _LEAST_GIVEN) * self._mean_z)
+
+    def give_up_force(self) -> None:
+        """Treat the accelerometer as lost: its numbers are sane and wrong, for who knows how long.
+
+        What thrust gives is then known by what has carried the weight, not by what was measured.
+        """
+        self._given_up = True
+        self._mean_z = -STANDARD_GRAVITY_M_S2
+        self._mean_thrust = self._carrying_thrust
+
+    def use_force(self) -> None:
+        """Take the accelerometer again, since another one delivers now."""
+        self._given_up = False
 
     def expect_thrust(self, thrust: float) -> None:
         """Note the collective thrust that is commanded, 0 to 1 and in proportion to the force."""

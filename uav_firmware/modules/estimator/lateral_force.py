@@ -87,9 +87,20 @@ class LateralForce:
     def step_m_s2(self) -> float:
         """By how much the force is off its slow mean now, whatever the drag may be."""
         (x, y, u, v), (slow_x, slow_y, slow_u, slow_v) = self._fast, self._slow
-        force_x, force_y, forward, right = x - slow_x, y - slow_y, u - slow_u, v - slow_v
+        return math.hypot(*self.beside_drag((x - slow_x, y - slow_y), (u - slow_u, v - slow_v)))
+
+    @property
+    def mean_m_s2(self) -> tuple[float, float]:
+        """The force along x and y, without the vibration."""
+        return self._fast[0], self._fast[1]
+
+    def beside_drag(
+        self, force_m_s2: tuple[float, float], motion_m_s: tuple[float, float]
+    ) -> tuple[float, float]:
+        """What no drag explains of a change of force, motion through the air having changed too."""
+        (x, y), (forward, right) = force_m_s2, motion_m_s
         least, most = self._range_per_s
         square = forward * forward + right * right
-        best = -(force_x * forward + force_y * right) / square if square > 0.0 else least
+        best = -(x * forward + y * right) / square if square > 0.0 else least
         drag = min(max(best, least), most)
-        return math.hypot(force_x + drag * forward, force_y + drag * right)
+        return x + drag * forward, y + drag * right

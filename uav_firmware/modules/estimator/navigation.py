@@ -12,6 +12,7 @@ from uav_firmware.modules.estimator.baro_aiding import BaroAiding
 from uav_firmware.modules.estimator.compass_aiding import CompassAiding
 from uav_firmware.modules.estimator.core import RESET_AFTER_S, Core
 from uav_firmware.modules.estimator.drag_aiding import DragAiding
+from uav_firmware.modules.estimator.force_drift import ForceDrift
 from uav_firmware.modules.estimator.gps_aiding import GpsAiding
 from uav_firmware.modules.estimator.health import Validity
 from uav_firmware.modules.estimator.imu_guard import ImuGuard
@@ -37,6 +38,8 @@ _AIDED_S = 1.0  # A velocity that was fused longer ago does not hold the positio
 _RECKONING_S = 1.5  # Without a fix for longer, the estimate is dead reckoning
 _LARGEST_SPEED_M_S = 1.5  # One sigma of a velocity that can be controlled
 _LARGEST_DRIFT_M = 5.0  # One sigma; PX4's COM_POS_FS_EPH
+_JUMP_SETTLES_US = 2_000_000  # A bias that has jumped is found within that
+_STAYS_M_S2 = 0.5  # By which a bias that has jumped, and was found, may still be wrong
 _CERTAIN = 3.0  # [SD] By which a bias must be beyond its limit, as in PX4's check
 _BROKEN_GYRO_LIMIT = 2.0  # [-] Of EKF2_GYR_B_LIM; a bias up to there is followed, to land with
 _BROKEN_ACCEL_LIMIT_M_S2 = 8.0  # Likewise, once a jump has been suspected
@@ -53,6 +56,7 @@ class Navigation:
         self.compass = CompassAiding(params)
         self.rest = RestAiding()
         self.drag = DragAiding(drag)
+        self._force_drift = ForceDrift()
         self.rate_frd: Vector3 = (0.0, 0.0, 0.0)  # [rad/s] Of the last good sample, bias removed
         self._params = params
         self._average = RestAverage()
@@ -60,6 +64,9 @@ class Navigation:
         # Biased for certain as no healthy sensor is; found once, it stays so until a restart
         self.gyro_broken = False
         self.accel_broken = False
+        # When the accelerometer was last seen not to be, and its bias soon after
+        self._broken_us = 0
+        self._broken_bias: Vector3 = (0.0, 0.0, 0.0)
 
     def configure(self, params: EstimatorParams, drag: DragModel | None = None) -> None:
         """Work with changed parameters from now on."""
@@ -83,6 +90,8 @@ class Navigation:
             self._align(SensorImu(imu.time_us, rate, force))
             return self.core is not None
         core.model_force(modelled=self.guard.force_lost)
+        if core.force_modelled:
+            force = self.drag.model(core, force)
         core.step(imu.time_us, rate, force, dt)
         if not core.force_modelled:
             self.drag.take(core, force, self._params)
@@ -106,6 +115,8 @@ class Navigation:
             covariance[place, place] += (_SHIFT_DOUBT * change) ** 2
         if any(shift.accel_bias_frd):
             self.accel_broken = False
+            self.guard.use_force()
+            self._force_drift.restart()
         if any(shift.gyro_bias_frd):
             self.gyro_broken = False
             core.gyro_jump.forget()
@@ -162,6 +173,36 @@ class Navigation:
             _BROKEN_GYRO_LIMIT * params.gyro_bias_limit,
         )
         self._judge_biases(core)
+        self._look_for_drift(core)
+
+    def _look_for_drift(self, core: Core) -> None:
+        """Give up an accelerometer that has drifted; what it has led the estimate to is undone."""
+        flying = core.on_ground is False and not self.drag.carried
+        if not flying or core.origin is None or core.force_modelled:
+            self._force_drift.restart()
+            return
+        former = self._force_drift.look(core)
+        if former is None and not self._goes_on_drifting(core):
+            return
+        self.accel_broken = True
+        self.guard.give_up_force()
+        core.turn_back(former or self._force_drift.former)
+
+    def _goes_on_drifting(self, core: Core) -> bool:
+        """Whether a bias that is beyond its limit has been found, and does not stay there."""
+        bias = core.state.accel_bias_frd
+        if not self.accel_broken:
+            self._broken_us = core.time_us
+        if core.time_us - self._broken_us < _JUMP_SETTLES_US:
+            self._broken_bias = bias
+        suspected_us = core.accel_jump_us
+        again = suspected_us is not None and suspected_us - self._broken_us > _JUMP_SETTLES_US
+        return again or any(
+            abs(new - old) > _STAYS_M_S2 + _CERTAIN * core.ekf.sigma(axis)
+            for axis, (new, old) in enumerate(
+                zip(bias, self._broken_bias, strict=True), start=ACCEL_BIAS.start
+            )
+        )
 
     def _judge_biases(self, core: Core) -> None:
         """Which inertial sensor is biased as no healthy one is; what is found stays so."""
