@@ -180,8 +180,12 @@ def _replace(path: Path, fault: str) -> None:
 def _loss(saved: recovery.Recovered) -> str:
     if saved.whole:
         return ""
-    place = f" (from record {saved.damaged_from} on)" if saved.damaged_from is not None else ""
-    return f"; what could not be read{place} has not reached the cloud"
+    places = [
+        f"{'records' if name == 'telemetry' else f'rows of {name}'} from {first} on"
+        for name, first in saved.damaged_from.items()
+    ]
+    named = f" ({', '.join(places)})" if places else ""
+    return f"; what could not be read{named} is lost, and no record of it has reached the cloud"
 
 
 def is_ready(url: str) -> bool:

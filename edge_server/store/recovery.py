@@ -1,9 +1,13 @@
 """Rows of a broken SQLite file, as many as can still be read, into a new database.
 
 A damaged page makes every statement fail that meets it, so each table is read by rowid up to the
-damage and on from the first row behind it. A file whose first page is lost, which says where
-everything is, gets the first page of the new database for the reading: one that the same version
-has made has its tables in the same places. What does not look like a row of ours is left out.
+damage and on from the first row behind it. Then the rows are added that stand in pages to which no
+way leads any more, of records and of whatever people have made. A mission that is found so is held
+until an operator dispatches it: nobody knows how far it was.
+
+A file whose first page is lost, which says where everything is, gets the first page of the new
+database for the reading: one that the same version has made has its tables in the same places. What
+does not look like a row of ours is left out.
 
 The file in quarantine itself is only read.
 """
@@ -14,13 +18,16 @@ import mmap
 import shutil
 import sqlite3
 import struct
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 from urllib.parse import quote
 
-from edge_server.store import salvage
+from sqlalchemy import Table
+
+from edge_server.store import found_by_shape, salvage
 from edge_server.store.tables import METADATA, outbox, telemetry
 
 LOG = logging.getLogger(__name__)
@@ -35,12 +42,12 @@ _WAL_VERSIONS_AT: Final = 18
 class Recovered(NamedTuple):
     """How many rows were saved, by table; `whole` when none was unreadable.
 
-    `damaged_from` is the first id of a record from which on some could not be read in their order.
+    `damaged_from` is by table the first id from which on some could not be read in their order.
     """
 
     rows: dict[str, int]
     whole: bool
-    damaged_from: int | None = None
+    damaged_from: Mapping[str, int] = MappingProxyType({})
 
 
 def recover(broken: Path, fresh: Path) -> Recovered:
@@ -75,7 +82,9 @@ def _recover_from_log(broken: Path, fresh: Path) -> Recovered:
         records = _salvage(broken, target)
         _insert(target, "outbox", [column.name for column in outbox.columns], _due({}, target))
         target.execute("COMMIT")
-    return Recovered({"telemetry": records} if records else {}, whole=False, damaged_from=1)
+    return Recovered(
+        {"telemetry": records} if records else {}, whole=False, damaged_from={"telemetry": 1}
+    )
 
 
 def _open(broken: Path, fresh: Path, scratch: Path) -> sqlite3.Connection:
@@ -118,7 +127,7 @@ def _graft(broken: Path, fresh: Path, scratch: Path) -> None:
 def _copy_all(source: sqlite3.Connection, target: sqlite3.Connection, broken: Path) -> Recovered:
     rows: dict[str, int] = {}
     whole = True
-    damaged_from = None
+    damaged_from: dict[str, int] = {}
     for table in METADATA.sorted_tables:
         reader = _Reader(source, table.name, [column.name for column in table.columns])
         kept = _outbox_rows(reader, target) if table is outbox else iter(reader)
@@ -126,10 +135,14 @@ def _copy_all(source: sqlite3.Connection, target: sqlite3.Connection, broken: Pa
             kept = (row for row in kept if _is_record(row))
         columns = [column.name for column in outbox.columns] if table is outbox else reader.columns
         rows[table.name] = _insert(target, table.name, columns, kept)
+        if not reader.whole:
+            damaged_from[table.name] = reader.damaged_from or 1
         if table is telemetry and not reader.whole:
-            damaged_from = reader.damaged_from
             rows[table.name] += _salvage(broken, target)
         whole = whole and reader.whole
+    damaged = [table for table in found_by_shape.TABLES if table.name in damaged_from]
+    for name, number in _salvage_by_shape(broken, target, damaged).items():
+        rows[name] += number
     _leave_out_delivered(target)
     _drop_orphans(target)
     _go_on_counting(source, target)
@@ -139,7 +152,7 @@ def _copy_all(source: sqlite3.Connection, target: sqlite3.Connection, broken: Pa
 
 def _salvage(broken: Path, target: sqlite3.Connection) -> int:
     """Add the records that stand in pages to which no way leads any more."""
-    columns = [row[1] for row in target.execute('PRAGMA table_info("telemetry")').fetchall()]
+    columns = _columns(target, "telemetry")
     log = broken.with_name(broken.name + "-wal")
     with _mapped(broken) as file:
         whole = (
@@ -148,6 +161,29 @@ def _salvage(broken: Path, target: sqlite3.Connection) -> int:
             if len(row.values) == len(columns) and row.rowid > 0
         )
         return _insert(target, "telemetry", columns, filter(_is_sound, whole))
+
+
+def _columns(target: sqlite3.Connection, table: str) -> list[str]:
+    """Give the columns of a table in the order in which rows have them."""
+    return [row[1] for row in target.execute(f'PRAGMA table_info("{table}")').fetchall()]
+
+
+def _salvage_by_shape(
+    broken: Path, target: sqlite3.Connection, damaged: Sequence[Table]
+) -> dict[str, int]:
+    """Add the rows of other tables that stand in pages to which no way leads any more."""
+    added = dict.fromkeys((table.name for table in damaged), 0)
+    if not damaged:
+        return added
+    names = {table: _columns(target, table.name) for table in damaged}
+    log = broken.with_name(broken.name + "-wal")
+    with _mapped(broken) as file:
+        for found in salvage.live_rows(file, log.read_bytes() if log.exists() else b""):
+            for table in damaged:
+                row = found_by_shape.row_of(table, names[table], found)
+                if row is not None:
+                    added[table.name] += _insert(target, table.name, list(row), [row])
+    return added
 
 
 @contextmanager

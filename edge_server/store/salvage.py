@@ -2,7 +2,8 @@
 
 A table's rows stand in leaf pages that name neither their table nor need anything above them
 (SQLite file format, sections 1.6 and 2). So a damaged schema, root or first page costs no row, only
-a damaged leaf does. A row may be found twice, or be one that was deleted; who asks must judge it.
+a damaged leaf does. A row may be found twice, or be one that was deleted; who asks must judge it,
+or ask for the rows of pages in use alone, each page as it was last.
 """
 
 import mmap
@@ -14,6 +15,7 @@ Value: TypeAlias = int | float | str | bytes | None
 Content: TypeAlias = bytes | mmap.mmap
 DEFAULT_PAGE_BYTES: Final = 4096
 _LEAF: Final = 0x0D
+_FREELIST_AT: Final = 32
 _FILE_HEADER_BYTES: Final = 100
 _LOG_HEADER_BYTES: Final = 32
 _FRAME_HEADER_BYTES: Final = 24
@@ -41,6 +43,38 @@ def rows(file: Content, log: bytes = b"") -> Iterator[Row]:
         offset = _FILE_HEADER_BYTES if number == 1 else 0
         if len(page) == size and page[offset] == _LEAF:
             yield from _leaf(page, offset, _Overflow(file, pages, size))
+
+
+def live_rows(file: Content, log: bytes = b"") -> Iterator[Row]:
+    """Find the rows of all tables in the newest copies of those pages that are in use.
+
+    Where the list of free pages is damaged, what was deleted with its page is among them.
+    """
+    size = _page_size(file)
+    newest = dict(_frames(log, size))
+    number_of_pages = max(len(file) // size, *newest, 0)
+    overflow = _Overflow(file, newest, size)
+    free = _free_pages(overflow, number_of_pages)
+    for number in range(1, number_of_pages + 1):
+        page = overflow.page(number)
+        offset = _FILE_HEADER_BYTES if number == 1 else 0
+        if number not in free and len(page) == size and page[offset] == _LEAF:
+            yield from _leaf(page, offset, overflow)
+
+
+def _free_pages(pages: "_Overflow", number_of_pages: int) -> set[int]:
+    """Follow the list of free pages (section 1.5) as far as it goes."""
+    found: set[int] = set()
+    trunk = int.from_bytes(pages.page(1)[_FREELIST_AT : _FREELIST_AT + 4], "big")
+    while 0 < trunk <= number_of_pages and trunk not in found:
+        page = pages.page(trunk)
+        if len(page) != pages.page_bytes:
+            break
+        found.add(trunk)
+        trunk, count = struct.unpack_from(">II", page)
+        leaves = min(count, pages.page_bytes // 4 - 2)
+        found.update(struct.unpack_from(f">{leaves}I", page, 8))
+    return found
 
 
 def _page_size(file: Content) -> int:
@@ -71,12 +105,16 @@ class _Overflow(NamedTuple):
     log_pages: Mapping[int, bytes]
     page_bytes: int
 
+    def page(self, number: int) -> bytes:
+        """Give the newest copy of a page; too short where there is none."""
+        start = (number - 1) * self.page_bytes
+        return self.log_pages.get(number) or self.file[start : start + self.page_bytes]
+
     def read(self, number: int, left: int) -> bytes:
         """Follow a chain of overflow pages; raises _DamagedError."""
         content = bytearray()
         while left > 0:
-            start = (number - 1) * self.page_bytes
-            page = self.log_pages.get(number) or self.file[start : start + self.page_bytes]
+            page = self.page(number)
             if number < 1 or len(page) != self.page_bytes:
                 raise _DamagedError
             content += page[4 : 4 + left]

@@ -285,3 +285,86 @@ def add(database: Database, number: int, first: int = 0) -> int:
             )
             queue.enqueue(connection, record_id, POSES)
     return record_id
+
+
+def root_page(path: Path, table: str) -> int:
+    """Number of the page above all rows of a table, or of its only one."""
+    with closing(sqlite3.connect(path)) as connection:
+        (number,) = connection.execute(
+            "SELECT rootpage FROM sqlite_master WHERE name = ?", (table,)
+        ).fetchone()
+    return int(number)
+
+
+def add_plans(path: Path, number: int, *, deleted: int = 0) -> None:
+    """Keep plans of one mission each, many enough for several pages; some are deleted again."""
+    with closing(sqlite3.connect(path)) as connection:
+        for plan_id in range(1, number + deleted + 1):
+            body = json.dumps({"name": "x" * 400, "number": plan_id})
+            connection.execute(
+                "INSERT INTO plan (id, plan_id, body, received_at, expires_at, warnings) "
+                "VALUES (?, ?, ?, 1.0, 2.5, '[]')",
+                (plan_id, f"{plan_id:026d}", body),
+            )
+            connection.execute(
+                "INSERT INTO work (kind, vehicle_id, plan, mission_id, sequence_number, body, "
+                "state, status_id, created_at, expires_at) "
+                "VALUES ('mission', 1, ?, ?, 0, '{}', 'queued', 1, 1.0, 2.5)",
+                (plan_id, plan_id),
+            )
+        for field_id in range(1, 6):
+            body = json.dumps({"name": None, "boundary": [[0.5, 0.5], [0.5, 1.5], [1.5, 1.5]]})
+            connection.execute("INSERT INTO field VALUES (?, ?, 1.0, 1.0)", (field_id, body))
+        connection.commit()
+        connection.execute("PRAGMA foreign_keys=ON")
+        connection.execute("DELETE FROM plan WHERE id > ?", (number,))
+        connection.commit()
+        connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+
+
+def kept(path: Path, query: str) -> list[tuple[object, ...]]:
+    with closing(sqlite3.connect(path)) as connection:
+        return connection.execute(query).fetchall()
+
+
+@pytest.mark.usefixtures("originals")
+@pytest.mark.parametrize("table", ["plan", "work"])
+def test_rows_below_a_page_that_is_lost_are_saved_of_other_tables_too(
+    path: Path, table: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    add_plans(path, 120, deleted=60)
+    spoil(path, overwrite(root_page(path, table), b"\xa5" * PAGE))
+    migrate.prepare(sqlite_url(path))
+    plans = kept(path, "SELECT id, json_extract(body, '$.number'), received_at FROM plan")
+    assert plans == [(number, number, 1.0) for number in range(1, 121)]
+    works = kept(path, "SELECT plan, mission_id, state, held FROM work ORDER BY plan")
+    is_held = int(table == "work")  # Nobody knows whether that was its last state
+    assert works == [(number, number, "queued", is_held) for number in range(1, 121)]
+    assert f"rows of {table} from 1 on" in caplog.text
+    assert "records from" not in caplog.text
+
+
+@pytest.mark.usefixtures("originals")
+def test_vehicles_and_fields_are_not_taken_for_each_other(path: Path) -> None:
+    add_plans(path, 1)
+    for page in (1, *schema_pages(path)):
+        spoil(path, overwrite(page, b"\xa5" * PAGE))
+    migrate.prepare(sqlite_url(path))
+    assert kept(path, "SELECT vehicle_id FROM vehicle") == [(1,)]
+    assert kept(path, "SELECT id FROM field") == [(number,) for number in range(1, 6)]
+    assert kept(path, "SELECT id FROM plan") == [(1,)]
+
+
+@pytest.mark.usefixtures("originals")
+def test_a_key_that_is_lost_does_not_open_again(path: Path) -> None:
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute(
+            "INSERT INTO access_key (prefix, role, sha256, created_at) "
+            "VALUES ('0badc0de', 'admin', zeroblob(32), 1.0)"
+        )
+        connection.commit()
+        connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    for page in (1, *schema_pages(path)):
+        spoil(path, overwrite(page, b"\xa5" * PAGE))
+    migrate.prepare(sqlite_url(path))
+    assert kept(path, "SELECT prefix FROM access_key") == []
