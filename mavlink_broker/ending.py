@@ -252,4 +252,4 @@ class Ending:
             roles = roles - {ModeRole.MISSION}
         if vehicle.mode != self._first_mode:
             self._first_mode = None
-        return Claim(roles, mode=self._first_mode)
+        return Claim(roles, mode=self._first_mode, is_exclusive=True)

@@ -160,6 +160,7 @@ class EventDesk:
         elif not seen.armed or comes_down:
             effects.for_edge.append(Acknowledgement(work.work_id, "done"))
         else:
+            vehicle.ordered = None if is_newer else vehicle.ordered
             ending = Ending(work.event, vehicle)
             vehicle.abort = abort_note(work.event, work.work_id, vehicle)
             self._leaving = work, ending

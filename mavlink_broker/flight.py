@@ -252,6 +252,7 @@ class Flight(FlightProgress):
     ) -> None:
         """Send the vehicle where the event says."""
         self._follower = self._performer = None
+        self._vehicle.ordered = None  # This is newer
         event, self._ending_note = within_fence(event, self._area, self._vehicle)
         arms_until = now + STRAY_S if self._is_arming_ordered else None
         self._ending = Ending(event, self._vehicle, was_ours=True, arms_until=arms_until)
@@ -273,7 +274,7 @@ class Flight(FlightProgress):
         deadline_s = self._vehicle_time_s(now) + PATIENCE_S
         if before is not None:
             command, deadline_s = before.command, before.deadline_s
-        self._soft_abort = SoftAbort(work, command, deadline_s)
+        self._soft_abort = SoftAbort(work, command, deadline_s, now)
         self._abort_softly(self._soft_abort, now, effects)
 
     def _give_up_soft_abort(self, effects: Effects, instead: str) -> None:
@@ -290,7 +291,20 @@ class Flight(FlightProgress):
             effects.for_edge.append(Acknowledgement(abort.work.work_id, "done"))
         elif abort.is_due(command_ended=ended, now_s=self._vehicle_time_s(now)):
             self._soft_abort = None
-            self._abort_now(abort.work, now, effects)
+            if self._was_paused_after(abort.since):
+                self._leave_paused(abort.work, now, effects)
+            else:
+                self._abort_now(abort.work, now, effects)
+
+    def _leave_paused(self, work: EventWork, now: float, effects: Effects) -> None:
+        """End a mission at a soft abort's time, whose vehicle was paused since that came."""
+        self.ledger.abort(REASONS[work.event.event_type_id])
+        effects.for_edge.append(self._reporter.mission(self.ledger))
+        reason = f"{self._pause}: it stays there"
+        effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
+        self._vehicle.is_taken = True
+        self._follower = self._performer = None
+        self._move(Event.ENDED, now, effects)
 
     def _abort_now(self, work: EventWork, now: float, effects: Effects) -> None:
         """End the mission; a vehicle that is armed is told where to go."""

@@ -41,7 +41,7 @@ MOST_LOOKS: Final = 5
 _ARMED_BY_US: Final = frozenset({State.ARMING, State.STARTING})
 _COMING_DOWN: Final = Claim(authority.COMING_DOWN)
 _STANDING: Final = Claim(frozenset(), may_be_armed=False)
-_WAITING_IN_THE_AIR: Final = Claim(ON_THE_WAY)
+_WAITING_IN_THE_AIR: Final = Claim(ON_THE_WAY, is_exclusive=True)
 LAST_WORDS_S: Final = 0.5
 """How long a vehicle that refused something may take to say why."""
 Handler: TypeAlias = Callable[[float, Effects], None]
@@ -168,7 +168,7 @@ class FlightCore:
             case State.ATTACHING:
                 claim = _WAITING_IN_THE_AIR if self._saw_others else _COMING_DOWN
             case State.ARMING | State.STARTING if not self._hovering:
-                claim = Claim(ON_THE_WAY, mode=self._armed_in)
+                claim = Claim(ON_THE_WAY, mode=self._armed_in, is_exclusive=True)
             case State.FAILING if self._stops_propellers:
                 claim = Claim(ON_THE_WAY, mode=self._armed_in)
             case state if state in BEFORE_TAKEOFF | {State.WAITING}:
@@ -278,7 +278,8 @@ class FlightCore:
     ) -> None:
         self._fault = reason, command
         is_taken = self._who is not InCommand.BROKER
-        self._vehicle.is_taken |= is_taken
+        departed = self._performer is not None and self._performer.has_departed
+        self._vehicle.is_taken |= is_taken or (departed and bool(self._vehicle.snapshot.armed))
         armed_by_us = self.state in _ARMED_BY_US and not self._hovering
         self._stops_propellers = armed_by_us and not is_taken
         if self._stops_propellers:
@@ -286,7 +287,6 @@ class FlightCore:
         self._is_alarming = self._vehicle_cannot_go_on()
         held = self._vehicle.is_held_by_failsafe
         self._is_left_to_failsafe = held or self._who is InCommand.FAILSAFE
-        departed = self._performer is not None and self._performer.has_departed
         gives_up = self._follower is not None and self._follower.has_given_up
         is_begun = self._hovering and self._has_flown  # Else it is left to the next mission
         waits = self.state in _ASKING and is_begun and not departed

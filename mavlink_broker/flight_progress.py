@@ -1,6 +1,7 @@
 """One mission in flight: stretches of items are followed, live commands performed."""
 
 from abc import ABC, abstractmethod
+from typing import Final
 
 from afarcloud.enumerations import Status
 from mavlink_broker import activities
@@ -14,7 +15,10 @@ from mavlink_broker.series_watch import SeriesWatch
 from mavlink_broker.session_states import Event
 from mavlink_broker.skip_watch import SkipWatch
 from mavlink_broker.translation.authority import InCommand
-from mavlink_broker.translation.modes import LIVE_MODES
+from mavlink_broker.translation.modes import LIVE_MODES, ModeRole
+
+PAUSED_FOR_S: Final = 2.0
+"""How long a vehicle must hold: PX4 holds at the end of a mission before it tells of that."""
 
 
 class FlightProgress(FlightAttachment, ABC):
@@ -23,6 +27,8 @@ class FlightProgress(FlightAttachment, ABC):
     _speeds: SpeedOrders
     _foreign: ForeignWatch  # There whenever a follower is
     _skips: SkipWatch
+    _paused_at: float | None = None  # When items that fly were first seen to be held
+    _is_pause_told = False
     _series: tuple[int, SeriesWatch] | None = None  # Behind the command of that index
 
     @abstractmethod
@@ -45,6 +51,7 @@ class FlightProgress(FlightAttachment, ABC):
         self._move(self._event_of_stage(), now, effects)
 
     def _enter_running(self, now: float, effects: Effects) -> None:
+        self._paused_at, self._is_pause_told = None, False
         self._foreign = ForeignWatch(self._plan, self._vehicle)
         self._skips = SkipWatch(self._plan, self._vehicle)
         self._follower = Follower(
@@ -75,6 +82,7 @@ class FlightProgress(FlightAttachment, ABC):
             if self._is_taken_away:
                 self._fail(self._departure, now, effects, last)
             return
+        self._watch_pause(now, effects)
         effects.for_edge += self._follower.step(now)
         if self._who is InCommand.BROKER:
             self._speeds.hold(self._plan, self._stages.speed_m_s, now, effects)
@@ -85,6 +93,33 @@ class FlightProgress(FlightAttachment, ABC):
         departure = self._follower.departure or self._foreign.departure
         if departure is not None:
             self._fail(departure, now, effects)
+
+    def _watch_pause(self, now: float, effects: Effects) -> None:
+        """Report that somebody else holds the vehicle: the broker orders no hold of a mission.
+
+        It stays where it is for as long as that lasts; whoever paused it resumes it.
+        """
+        vehicle = self._vehicle
+        holds = vehicle.mode_role in {ModeRole.HOLD, ModeRole.PAUSED} and vehicle.family.knows_modes
+        if not holds or not vehicle.snapshot.armed or vehicle.is_held_by_failsafe:
+            self._paused_at, self._is_pause_told = None, False
+            return
+        self._paused_at = self._paused_at or now
+        if now - self._paused_at >= PAUSED_FOR_S and not self._is_pause_told:
+            self._is_pause_told = True
+            self.ledger.add_note(self.ledger.finished, self._pause)
+            effects.for_edge.append(self._reporter.mission(self.ledger))
+
+    @property
+    def _pause(self) -> str:
+        """Say who has paused the vehicle, as far as that is known."""
+        order = self._vehicle.ordered
+        who = "somebody else" if order is None else f"system {order.system}"
+        return f"{who} paused the vehicle: mode {self._vehicle.mode}"
+
+    def _was_paused_after(self, since: float) -> bool:
+        """Whether it is paused, and was not yet at that time."""
+        return self._paused_at is not None and self._paused_at > since
 
     def _takes_pictures(self, index: int, now: float, effects: Effects) -> bool:
         """Whether a command that has ended still takes pictures, so that the next one waits."""

@@ -15,7 +15,7 @@ from mavlink_broker.vehicle import Vehicle
 WITHIN_M: Final = 30.0
 """Horizontally, with wind and another satellite fix."""
 AS_HIGH_WITHIN_M: Final = 15.0
-_OURS: Final = Claim(ON_THE_WAY)
+_OURS: Final = Claim(ON_THE_WAY, is_exclusive=True)
 
 
 def begin(vehicle: Vehicle) -> None:

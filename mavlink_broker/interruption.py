@@ -54,6 +54,7 @@ class SoftAbort:
     work: EventWork
     command: int | None  # Running when it came; None: there is nothing to wait for
     deadline_s: float
+    since: float  # [s] When it was accepted, on the broker's clock
 
     def is_due(self, *, command_ended: bool, now_s: float) -> bool:
         """Whether the mission ends now."""

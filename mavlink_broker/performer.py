@@ -36,7 +36,7 @@ from mavlink_broker.translation.live import (
     Turned,
     approach_ways,
 )
-from mavlink_broker.translation.modes import ModeRole
+from mavlink_broker.translation.modes import LIVE_MODES, ModeRole
 from mavlink_broker.turn_runner import TurnRunner
 from mavlink_broker.vehicle import Vehicle
 
@@ -78,6 +78,7 @@ class Performer:
         self.reason = ""
         self.has_departed = False  # Somebody else has ended it
         self._is_out_of_mission = False  # The vehicle has left its items for this command
+        self._was_following = False  # In a mode that only the broker, or a pause, ends
         self._note: str | None = None
         self._judge: CaptureJudge | None = None  # Of an order whose answer takes time
 
@@ -96,8 +97,8 @@ class Performer:
     def claim(self) -> Claim:
         """Modes in which the vehicle does what it was ordered, or has not obeyed yet."""
         if self._is_out_of_mission and self._action.moves:
-            return Claim(authority.ON_THE_WAY - {ModeRole.MISSION})
-        return Claim(authority.ON_THE_WAY)
+            return Claim(authority.ON_THE_WAY - {ModeRole.MISSION}, is_exclusive=True)
+        return Claim(authority.ON_THE_WAY, is_exclusive=True)
 
     @property
     def has_begun(self) -> bool:
@@ -156,10 +157,12 @@ class Performer:
         messages = self._sequence.receive(message, now) if self._sequence else []
         if self._doing is not None and self.phase is Phase.GOING:
             messages += self._doing.receive(message, now)
-        if message.get_type() == "GLOBAL_POSITION_INT":
-            messages += self._tell_target(now)
         if self._works_s and self._record.is_answer(message):
             self._works_s = 0.0
+        if self._action.moves and self._sign_of_departure() is not None:
+            return messages
+        if message.get_type() == "GLOBAL_POSITION_INT":
+            messages += self._tell_target(now)
         return [*messages, *self._advance(now)]
 
     def _is_ignored(self, message: Message) -> bool:
@@ -172,6 +175,8 @@ class Performer:
         """Let time pass."""
         role = self._vehicle.mode_role
         self._is_out_of_mission |= role in {ModeRole.HOLD, ModeRole.GUIDED}
+        follows = isinstance(self._action.end, Lasted) and self._vehicle.mode in LIVE_MODES
+        self._was_following |= follows and self.phase is Phase.GOING
         messages: list[Message] = []
         if self._sign_of_departure() is None or not self._action.moves:
             messages += self._repeat(now)
@@ -334,6 +339,8 @@ class Performer:
         if who is not InCommand.BROKER:
             return authority.reason(who, seen)
         goes = self.phase is Phase.GOING
+        if goes and self._was_following and seen.role is ModeRole.HOLD:
+            return f"the vehicle was paused: mode {seen.mode}"
         if goes and isinstance(self._doing, TurnRunner) and self._doing.has_left:
             return f"the vehicle left its circle: mode {self._vehicle.mode}"
         return None

@@ -68,6 +68,11 @@ class Turning:
         return self._bearing is not None
 
     @property
+    def share(self) -> float:
+        """How much of it has been flown, 1 for all; 0 of a turn without an end."""
+        return self.turned_rad / self._end.angle_rad
+
+    @property
     def is_complete(self) -> bool:
         """Whether the angle has been flown, but for what it takes to stop."""
         return self.turned_rad >= ALMOST * self._end.angle_rad

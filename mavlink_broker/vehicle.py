@@ -16,7 +16,7 @@ from mavlink_broker.protocol.round_trip import RoundTrip
 from mavlink_broker.protocol.route import Route
 from mavlink_broker.protocol.status_text import StatusTexts
 from mavlink_broker.translation import authority
-from mavlink_broker.translation.authority import Seen
+from mavlink_broker.translation.authority import ForeignOrder, Seen
 from mavlink_broker.translation.families import GENERIC, Family, family_of
 from mavlink_broker.translation.loan import Loan
 from mavlink_broker.translation.modes import ModeRole
@@ -33,6 +33,9 @@ GROUND_KINDS: Final = frozenset({mavlink.MAV_TYPE_GROUND_ROVER, mavlink.MAV_TYPE
 
 HOME_PATIENCE_S: Final = 20.0
 """How long a vehicle that stands may take to tell its home; some never do."""
+
+SHOWN_WITHIN_S: Final = 1.5
+"""After its acknowledgement a mode shows in a heartbeat: a period of those, and half of one."""
 
 JUDGED_WITHIN_S: Final = 3.0
 """How long a vehicle whose link was away may take to show whether it was restarted meanwhile."""
@@ -76,6 +79,7 @@ class Vehicle:
     live: LiveNote | None = None  # The live command that it was told last
     started: str | None = None  # First command of the items that it was ordered to fly last
     is_taken: bool = False  # Somebody else has taken it from a mission; until it is disarmed
+    ordered: ForeignOrder | None = None  # By another system, in the mode that it is in
     _tells_manual: bool = False  # Its heartbeats tell by standard bits who steers it
     _heard_at: dict[str, float] = field(default_factory=dict)
     _reboots: RebootWatch = field(default_factory=RebootWatch)
@@ -110,13 +114,26 @@ class Vehicle:
         rebooted = boot_ms is not None and self._reboots.sample(kind, boot_ms, now)
         if rebooted:
             self._heard_at.clear()
+            self.ordered = None
             self.snapshot.forget()
             self.observations.forget()
             self._words.clear()
         self.snapshot.take(message)
         self.observations.take(message, self.snapshot, now)
         self.is_taken = self.is_taken and self.snapshot.armed is not False
+        self._see_orders(message, now)
         return rebooted
+
+    def _see_orders(self, message: Message, now: float) -> None:
+        """Learn of another system's order, until the vehicle leaves the mode that it led to."""
+        order = authority.foreign_order(message, self.route.own_system, now)
+        self.ordered = order or self.ordered
+        if message.get_type() != "HEARTBEAT" or self.ordered is None:
+            return
+        is_shown = now - self.ordered.at > SHOWN_WITHIN_S
+        waits = self.mode_role in {ModeRole.HOLD, ModeRole.GUIDED, ModeRole.PAUSED}
+        if not self.snapshot.armed or (is_shown and not waits):
+            self.ordered = None
 
     @property
     def memo(self) -> Memo:
@@ -196,6 +213,7 @@ class Vehicle:
             snapshot.armed,
             in_failsafe=snapshot.in_failsafe,
             is_manual=is_manual and not self.family.knows_modes,
+            ordered=self.ordered,
         )
 
     @property

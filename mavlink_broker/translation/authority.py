@@ -1,10 +1,11 @@
 """Who is in command of a vehicle, judged from its heartbeat; pure.
 
 The broker is in command while the vehicle is in a mode that an order or a mission of the broker
-leads to. Any other mode was chosen by the vehicle's own failsafe (HEARTBEAT.system_status is
-MAV_STATE_CRITICAL, which PX4 and ArduPilot set while a failsafe acts), or by somebody else: a
-pilot with a remote control, or another ground station. Whoever it is, the broker sends no order
-from then on (`is_order`).
+leads to, and nobody else has ordered it into that mode: a vehicle acknowledges the order of a
+ground station to everybody, with the number of that system. Any other mode was chosen by the
+vehicle's own failsafe (HEARTBEAT.system_status is MAV_STATE_CRITICAL, which PX4 and ArduPilot set
+while a failsafe acts), or by somebody else: a pilot with a remote control, or another ground
+station. Whoever it is, the broker sends no order from then on (`is_order`).
 """
 
 from enum import Enum, auto
@@ -24,6 +25,21 @@ IN_MISSION: Final = frozenset({ModeRole.MISSION, ModeRole.HOLD})
 """Modes in which a vehicle flies mission items that it was given, or is paused in them."""
 
 
+_ORDERED: Final = frozenset({ModeRole.HOLD, ModeRole.GUIDED})
+"""Modes in which it shows by its acknowledgement alone that somebody else has given an order."""
+_TAKING: Final = frozenset(
+    {
+        mavlink.MAV_CMD_DO_SET_MODE,
+        mavlink.MAV_CMD_DO_REPOSITION,
+        mavlink.MAV_CMD_DO_PAUSE_CONTINUE,
+        mavlink.MAV_CMD_OVERRIDE_GOTO,
+        mavlink.MAV_CMD_DO_ORBIT,
+        mavlink.MAV_CMD_DO_FOLLOW,
+        mavlink.MAV_CMD_NAV_LOITER_UNLIM,
+    }
+)
+
+
 class InCommand(Enum):
     """Who decides what a vehicle does."""
 
@@ -40,6 +56,15 @@ class Seen(NamedTuple):
     armed: bool | None  # None: it has not sent a heartbeat yet
     in_failsafe: bool = False
     is_manual: bool = False  # By the standard bits, of an autopilot whose modes are not known
+    ordered: "ForeignOrder | None" = None  # What another system has ordered since
+
+
+class ForeignOrder(NamedTuple):
+    """An order that the vehicle has accepted from another system."""
+
+    system: int
+    command: int  # MAV_CMD
+    at: float  # [s] On the broker's clock
 
 
 class Claim(NamedTuple):
@@ -48,6 +73,7 @@ class Claim(NamedTuple):
     roles: frozenset[ModeRole]
     mode: str | None = None  # One more, by name: the mode in which the vehicle was armed
     may_be_armed: bool = True
+    is_exclusive: bool = False  # What another system has ordered in these modes ends it
 
 
 def in_command(seen: Seen, claim: Claim) -> InCommand:
@@ -55,6 +81,7 @@ def in_command(seen: Seen, claim: Claim) -> InCommand:
     if not seen.armed:
         return InCommand.BROKER
     is_ours = (seen.role in claim.roles and not seen.is_manual) or seen.mode == claim.mode
+    is_ours &= not (claim.is_exclusive and seen.ordered is not None and seen.role in _ORDERED)
     if claim.may_be_armed and is_ours:
         return InCommand.BROKER
     return InCommand.FAILSAFE if seen.in_failsafe else InCommand.OTHERS
@@ -66,7 +93,21 @@ def reason(who: InCommand, seen: Seen) -> str:
         InCommand.FAILSAFE: "its own failsafe flies it",
         InCommand.OTHERS: "another hand flies the vehicle",
     }.get(who, "the broker flies it")
+    if who is InCommand.OTHERS and seen.ordered is not None and seen.role in _ORDERED:
+        entry = mavlink.enums["MAV_CMD"].get(seen.ordered.command)
+        name = entry.name if entry else f"MAV_CMD {seen.ordered.command}"
+        whose = f"system {seen.ordered.system} has paused or moved it by {name}"
     return f"the vehicle left the mission: mode {seen.mode}: {whose}"
+
+
+def foreign_order(message: Message, own_system: int, now: float) -> ForeignOrder | None:
+    """Read a COMMAND_ACK to another system for an order that makes a vehicle hold or go."""
+    if message.get_type() != "COMMAND_ACK" or message.result != mavlink.MAV_RESULT_ACCEPTED:
+        return None
+    system = getattr(message, "target_system", 0)
+    if message.command not in _TAKING or system in {0, own_system}:
+        return None
+    return ForeignOrder(system, message.command, now)
 
 
 def is_manual(base_mode: int) -> bool:
