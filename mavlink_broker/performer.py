@@ -317,7 +317,16 @@ class Performer:
 
     def _watch(self, now: float) -> None:
         """Fail what another hand has ended, and what takes too long."""
-        if self.phase in {Phase.DONE, Phase.FAILED} or not self._vehicle.is_heard(now):
+        if self.phase in {Phase.DONE, Phase.FAILED}:
+            return
+        if not self._vehicle.is_heard(now):
+            if self._judge is not None:
+                self._judge.rest()
+            return
+        is_judged = self.phase is Phase.BEGINNING and self._judge is not None
+        fault = self._judge.fault(now) if is_judged and self._judge else None
+        if fault is not None:
+            self._fail(fault)
             return
         approach_s = 0.0 if self._action.approach is None else APPROACH_WITHIN_S
         if self._time_s(now) - self._began_at > self._action.within_s + approach_s:

@@ -108,3 +108,18 @@ def test_a_camera_at_work_is_waited_for_however_long_it_is_silent() -> None:
     assert world.edge.statuses(1201)[1] != Status.FINISHED
     world.run_until_over(1201)
     assert len(vehicle.begun) == 1
+
+
+@pytest.mark.parametrize(("pictures", "ends"), [(6, Status.FINISHED), (0, Status.FAILED)])
+def test_a_second_camera_that_is_silent_does_not_hold_it_up_for_ever(
+    pictures: int, ends: Status
+) -> None:
+    world, vehicle = flown(pictures=pictures)
+    second = mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_CAMERA, 8, 0, 0, 4, 3)
+    world.hear(vehicle, second, mavlink.MAV_COMP_ID_CAMERA2)
+    world.run_until(lambda: vehicle.begun)
+    world.run_until(lambda: world.edge.statuses(1201)[1] == ends, within_s=60.0)
+    assert len(vehicle.begun) == 1
+    if ends is Status.FAILED:
+        told = world.edge.reports(1201)[-1]["message"]
+        assert "camera 101 has not told for 20 s whether it has ended" in told
