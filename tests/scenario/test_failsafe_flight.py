@@ -10,7 +10,7 @@ import pytest
 from pymavlink.dialects.v20 import common
 
 from sim.config import SimulationConfig
-from sim.faults import Fault, Kind
+from sim.faults import ALL_INSTANCES, Fault, Kind
 from tests.support.autopilot_tester import AutopilotTester
 from tests.support.stick_pilot import order
 from tests.support.toy_vehicle import item
@@ -139,6 +139,45 @@ def test_gps_lost_for_good_brakes_and_lands_near_the_place(tmp_path: Path, loss:
     assert math.hypot(*tester.truth.velocity_ned[:2]) < loss.touch_down_m_s
     tester.wait_until(lambda: not tester.status.armed, 20.0, "disarmed")
     assert math.dist(tester.true_position()[:2], place) < loss.away_m
+    assert not tester.simulation.wrecked
+
+
+def test_gps_lost_high_up_in_a_strong_wind_is_no_flight_with_the_wind(tmp_path: Path) -> None:
+    """A velocity that is doubtful by a share of the wind is still better than none."""
+    tester = vehicle(tmp_path, wind_speed_m_s=10.0, seed=13)
+    tester.take_off(40.0)
+    tester.run_for(20.0)
+    strike(tester, Kind.GPS_LOSS)
+    speeds: list[float] = []
+    held: list[bool] = []
+    tester.watch(lambda: speeds.append(math.hypot(*tester.truth.velocity_ned[:2])))
+    tester.watch(lambda: held.append(tester.estimate.velocity_valid))
+    tester.wait_until(lambda: tester.true_position()[2] < 0.1, 60.0, "touching")
+    assert all(held)
+    assert max(speeds) < 5.0
+    assert speeds[-1] < 3.0
+    tester.wait_until(lambda: not tester.status.armed, 20.0, "disarmed")
+
+
+@pytest.mark.parametrize("climb", [False, True])
+def test_without_any_height_it_comes_down_slowly_and_ends_disarmed(
+    tmp_path: Path, *, climb: bool
+) -> None:
+    """No GPS, every barometer frozen: the accelerometer is left, also when it was climbing."""
+    tester = vehicle(tmp_path, wind_speed_m_s=3.0)
+    tester.take_off(40.0 if climb else 10.0)
+    if climb:
+        tester.wait_until(lambda: tester.true_position()[2] > 10.0, 20.0, "climbing")
+    else:
+        tester.run_for(15.0)
+    strike(tester, Kind.GPS_LOSS)
+    strike(tester, Kind.BARO_FROZEN, instance=ALL_INSTANCES)
+    sinks: list[float] = []
+    tester.watch(lambda: sinks.append(tester.truth.velocity_ned[2]))
+    tester.wait_until(lambda: tester.true_position()[2] < 0.1, 60.0, "touching")
+    assert sinks[-1] < 1.0
+    assert max(sinks) < 2.0
+    tester.wait_until(lambda: not tester.status.armed, 8.0, "disarmed")
     assert not tester.simulation.wrecked
 
 

@@ -73,6 +73,7 @@ class VehicleLocalPosition(NamedTuple):
     heading_valid: bool  # Heading observed
     resets: EstimateResets = EstimateResets()
     dead_reckoning: bool = False  # Neither GPS position nor GPS velocity aids it
+    sink_accuracy_m_s: float = 0.0  # [m/s] Of the vertical velocity, one sigma
 
 
 class VehicleGlobalPosition(NamedTuple):

@@ -55,7 +55,7 @@ class BaroAiding:
             self._average(altitude, baro.time_us)
         elif self._reference_m is None:
             self._start(core, altitude)
-        elif baro.time_us >= self.height.ready_us:
+        elif baro.time_us >= self.height.ready_us and not self._frozen.repeated:
             self.height.ready_us = baro.time_us + _INTERVAL_US
             self._fuse(core, altitude - self._reference_m, failed=failed)
 

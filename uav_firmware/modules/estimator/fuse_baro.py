@@ -37,16 +37,22 @@ def height_measurement(state: NominalState, height_m: float, sigma: float) -> Se
 
 
 class FrozenDetector:
-    """Notices a barometer that repeats itself to the last digit, as a live one never does."""
+    """Notices a barometer that repeats itself to the last digit, as a live one never does for long.
+
+    A repeated value is not used at all: until it is known to be frozen, a barometer that stops in
+    a climb would teach the filter a vertical velocity of none.
+    """
 
     def __init__(self) -> None:
         self.frozen = False  # At the last sample
+        self.repeated = False  # The last sample says what the one before said
         self._value = math.nan
         self._since_us = 0
 
     def is_frozen(self, pressure_pa: float, time_us: int) -> bool:
         """Take a sample; true from 2 s of exact repetition on until it changes."""
-        if pressure_pa != self._value:
+        self.repeated = pressure_pa == self._value
+        if not self.repeated:
             self._value, self._since_us = pressure_pa, time_us
         self.frozen = (time_us - self._since_us) * 1e-6 >= _FROZEN_AFTER_S
         return self.frozen

@@ -10,6 +10,7 @@ from uav_firmware.modules.estimator.core import Core
 from uav_firmware.modules.estimator.health import Validity, status_flags
 from uav_firmware.modules.estimator.navigation import Navigation
 from uav_firmware.modules.estimator.params import EstimatorParams
+from uav_firmware.modules.estimator.state import VELOCITY
 from uav_firmware.msg.estimate import (
     EstimatorStatus,
     VehicleAttitude,
@@ -76,6 +77,7 @@ class EstimatorModule:
         self._aid_counts = (0, 0, 0, 0)
         self._validity = Validity()
         self._accuracy_m = (math.nan, math.nan)
+        self._sink_accuracy_m_s = math.inf
         self._global_due_us = 0
         self._status_due_us = 0
 
@@ -135,6 +137,7 @@ class EstimatorModule:
             self._global_due_us = time_us + _GLOBAL_EVERY_US
             self._validity = self.navigation.validity()
             self._accuracy_m = self.navigation.accuracy_m()
+            self._sink_accuracy_m_s = core.ekf.sigma(VELOCITY.stop - 1)
             self._publish_global(core)
         self._publish_local(core)
         self._publish_status(time_us)
@@ -165,6 +168,7 @@ class EstimatorModule:
                 validity.heading,
                 core.reset_log.resets,
                 validity.dead_reckoning,
+                self._sink_accuracy_m_s,
             )
         )
 

@@ -37,6 +37,7 @@ _SHIFT_DOUBT = 0.3  # [-] Of a change of bias, one sigma
 _AIDED_S = 1.0  # A velocity that was fused longer ago does not hold the position any more
 _RECKONING_S = 1.5  # Without a fix for longer, the estimate is dead reckoning
 _LARGEST_SPEED_M_S = 1.5  # One sigma of a velocity that can be controlled
+_WIND_SHARE = 0.3  # [-] Likewise, of the wind: a vehicle that is kept level goes with all of it
 _LARGEST_DRIFT_M = 5.0  # One sigma; PX4's COM_POS_FS_EPH
 _JUMP_SETTLES_US = 2_000_000  # A bias that has jumped is found within that
 _STAYS_M_S2 = 0.5  # By which a bias that has jumped, and was found, may still be wrong
@@ -275,7 +276,8 @@ class Navigation:
             height_s <= limit_s or (steady and ekf.sigma(DOWN) < _LARGEST_DRIFT_M)
         )
         # The drag holds the velocity as well as the wind is known; without it the tilt does not
-        slow = max(ekf.sigma(VELOCITY.start), ekf.sigma(VELOCITY.start + 1)) < _LARGEST_SPEED_M_S
+        limit_m_s = max(_LARGEST_SPEED_M_S, _WIND_SHARE * math.hypot(*core.state.wind_ne))
+        slow = max(ekf.sigma(VELOCITY.start), ekf.sigma(VELOCITY.start + 1)) < limit_m_s
         dragged = self.drag.force.age_s(now_us) <= _AIDED_S and slow
         velocity = located and (moving_s <= limit_s or dragged)
         upright = (

@@ -82,6 +82,7 @@ class LandDetectorModule:
             0.0 if torque_thrust is None else torque_thrust.thrust,
             self._ground_down - position.position_ned[2],
             self._led_down(position, now_us),
+            position.sink_accuracy_m_s,
         )
         self._note_times(seen, now_us, reckoned=position.dead_reckoning)
         for event in self._events(seen, status, now_us):
@@ -142,6 +143,8 @@ class LandDetectorModule:
         if setpoint is None or now_us - setpoint.time_us > _STALE_US:
             return _BLIND_SINK
         forward = setpoint.velocity_ned[2]
+        if not position.altitude_valid:  # Whatever is asked for, position_control descends
+            return _BLIND_SINK if math.isnan(forward) else max(forward, _BLIND_SINK)
         error = setpoint.position_ned[2] - position.position_ned[2]
         if math.isnan(error):
             return _BLIND_SINK if math.isnan(forward) else forward

@@ -192,7 +192,8 @@ class PositionControlModule:
         """What is wanted, or, once the ground carries the vehicle, to stand on it."""
         share = self._last_thrust_up / self._law_hover
         now_s, sink_speed = position.time_us * 1e-6, position.velocity_ned[2]
-        if not self._touchdown.update(now_s, wanted, sink_speed, share):
+        accuracy_m_s = position.sink_accuracy_m_s
+        if not self._touchdown.update(now_s, wanted, sink_speed, share, accuracy_m_s):
             return wanted
         self._law.forget_horizontal()
         return settle(self._params.z_velocity_max_down)

@@ -14,7 +14,10 @@ BLIND: Final[Vector3] = (_NAN, _NAN, _NAN)
 LEVEL: Final[Vector3] = (0.0, 0.0, 0.0)
 """No acceleration."""
 
-_SINK_WITHOUT_HEIGHT: Final = 0.3  # [m/s^2] Down: softly, since nothing tells the speed
+_SINK_WITHOUT_HEIGHT_M_S: Final = 0.5  # At least, as long as the speed is known
+_KNOWN_SINK_M_S: Final = 1.0  # One sigma of a vertical velocity that can be controlled
+_CERTAIN_TO_SINK: Final = 2.0  # [SD] Of it: asked for, so that it comes down whatever the error
+_SINK_WITHOUT_SPEED: Final = 0.3  # [m/s^2] Down: softly, since nothing tells the speed
 _CLIMB_HEIGHT: Final = 0.5  # [m] More than a height estimate drifts on the ground
 _CLIMB_SPEED: Final = 0.05  # [m/s]
 
@@ -23,7 +26,8 @@ def observable(wanted: Motion, estimate: VehicleLocalPosition) -> Motion:
     """Unset what the estimate cannot observe.
 
     Without horizontal position the velocity is controlled; without velocity the vehicle stays
-    level, unless acceleration alone was asked for; without height it sinks softly.
+    level, unless acceleration alone was asked for. Without height it comes down: at the speed
+    asked for as long as the accelerometer tells the vertical velocity, softly afterwards.
     """
     if estimate.position_valid and estimate.velocity_valid and estimate.altitude_valid:
         return wanted
@@ -36,9 +40,18 @@ def observable(wanted: Motion, estimate: VehicleLocalPosition) -> Motion:
         velocity = (_NAN, _NAN, velocity[2])
     if not estimate.altitude_valid:
         position = (position[0], position[1], _NAN)
-        velocity = (velocity[0], velocity[1], _NAN)
-        acceleration = (acceleration[0], acceleration[1], _SINK_WITHOUT_HEIGHT)
+        sink, share = _sink_without_height(velocity[2], estimate.sink_accuracy_m_s)
+        velocity = (velocity[0], velocity[1], sink)
+        acceleration = (acceleration[0], acceleration[1], share)
     return Motion(position, velocity, acceleration, speed_max)
+
+
+def _sink_without_height(asked_m_s: float, accuracy_m_s: float) -> tuple[float, float]:
+    """Velocity [m/s] and acceleration [m/s^2] down of a vehicle that knows no height."""
+    if not accuracy_m_s < _KNOWN_SINK_M_S:
+        return _NAN, _SINK_WITHOUT_SPEED
+    surely = max(_SINK_WITHOUT_HEIGHT_M_S, _CERTAIN_TO_SINK * accuracy_m_s)
+    return (surely if math.isnan(asked_m_s) else max(asked_m_s, surely)), 0.0
 
 
 def wants_climb(wanted: Motion, estimate: VehicleLocalPosition) -> bool:

@@ -36,6 +36,15 @@ def test_thrust_or_motion_is_no_ground(flying: Observation) -> None:
     assert not stands(flying, LIMITS)
 
 
+def test_a_velocity_of_which_little_is_known_hides_no_ground_and_makes_none() -> None:
+    trembling = STANDING._replace(velocity_ned=(0.0, 0.0, 0.35))
+    assert not stands(trembling, LIMITS)
+    assert stands(trembling._replace(sink_accuracy=0.15), LIMITS)
+    falling = STANDING._replace(velocity_ned=(0.0, 0.0, 1.1), sink_accuracy=0.8)
+    assert not touches_ground(falling, LIMITS)
+    assert not touches_ground(trembling._replace(sink_accuracy=0.15, thrust=0.25), LIMITS)
+
+
 def test_tipping_over_touches_but_does_not_stand() -> None:
     tipping = STANDING._replace(rate_frd=(0.0, -1.0, 0.0))
     assert touches_ground(tipping, LIMITS)

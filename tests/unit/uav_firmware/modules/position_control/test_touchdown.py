@@ -49,6 +49,14 @@ def test_what_flies_does_not_stand(wanted: Motion, sink_speed: float, hover_shar
     assert not after(2.0, wanted, sink_speed=sink_speed, hover_share=hover_share)[1]
 
 
+def test_a_velocity_within_its_deviation_is_none() -> None:
+    touchdown, carried = TouchDown(), False
+    for step in range(round(1.0 / STEP_S)):
+        carried = touchdown.update(step * STEP_S, led_down(), 0.3, LIGHT, 0.12)
+    assert carried
+    assert not touchdown.update(1.0, led_down(), 0.5, LIGHT, 0.12)
+
+
 def test_sinking_after_all_ends_it_at_once() -> None:
     touchdown, carried = after(1.0, led_down(), sink_speed=0.0, hover_share=LIGHT)
     assert carried

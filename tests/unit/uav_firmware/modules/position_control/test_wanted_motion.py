@@ -27,11 +27,27 @@ def test_without_velocity_the_vehicle_stays_level() -> None:
     assert motion.acceleration_ned[:2] == (0.0, 0.0)
 
 
-def test_without_height_it_sinks() -> None:
-    motion = observable(WANTED, local_position(altitude_valid=False))
+@pytest.mark.parametrize(
+    ("asked", "accuracy", "sink"),
+    [(-0.3, 0.05, 0.5), (NAN, 0.05, 0.5), (1.5, 0.05, 1.5), (0.4, 0.4, 0.8)],
+)
+def test_without_height_it_comes_down_at_a_speed_that_the_accelerometer_tells(
+    asked: float, accuracy: float, sink: float
+) -> None:
+    wanted = WANTED._replace(velocity_ned=(0.1, 0.2, asked))
+    estimate = local_position(altitude_valid=False, sink_accuracy_m_s=accuracy)
+    motion = observable(wanted, estimate)
+    assert math.isnan(motion.position_ned[2])
+    assert motion.velocity_ned[2] == sink
+    assert motion.acceleration_ned[2] == 0.0
+
+
+def test_without_height_and_vertical_velocity_it_sinks_softly() -> None:
+    estimate = local_position(altitude_valid=False, sink_accuracy_m_s=1.5)
+    motion = observable(WANTED, estimate)
     assert math.isnan(motion.position_ned[2])
     assert math.isnan(motion.velocity_ned[2])
-    assert motion.acceleration_ned[2] > 0.0
+    assert 0.0 < motion.acceleration_ned[2] < 0.5
 
 
 @pytest.mark.parametrize(
