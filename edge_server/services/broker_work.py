@@ -206,6 +206,7 @@ def acknowledge(
             state = work.ACCEPTED if said is Acknowledgement.ACCEPTED else work.CLOSED
             work.change(connection, identifier, state=state)
         changed = work.get(connection, identifier)
+    context.not_flown.clear()
     context.wake_relay()
     return {"id": identifier, "state": changed.state if changed else work.CLOSED}
 

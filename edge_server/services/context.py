@@ -1,7 +1,8 @@
 """What every service needs: the database, the clock, whom to wake."""
 
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,8 +17,10 @@ from edge_server.services.space import Space
 from edge_server.store import high_water
 from edge_server.store.database import Database, Topic
 from edge_server.store.high_water import HighWater
+from edge_server.store.work import Work
 
 WAITING_LIMIT = 8
+CACHED_S: Final = 0.5
 
 
 class Caller(NamedTuple):
@@ -44,6 +47,34 @@ def unconditionally(_shown: dict[str, Any]) -> None:
     """Change it however it is."""
 
 
+class BriefCache:
+    """Missions as they were read a moment ago, until something of them is changed here."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._changes = 0
+        self._missions: tuple[Work, ...] = ()
+        self._until_s = 0.0
+
+    def get(self, read: Callable[[], Iterable[Work]]) -> tuple[Work, ...]:
+        """Give what was read last; read it again when another server may have changed it."""
+        with self._lock:
+            changes = self._changes
+            if time.monotonic() < self._until_s:
+                return self._missions
+        missions = tuple(read())
+        with self._lock:
+            if changes == self._changes:  # Else this may be what was there before
+                self._missions, self._until_s = missions, time.monotonic() + CACHED_S
+        return missions
+
+    def clear(self) -> None:
+        """Forget it; call after the commit of a change."""
+        with self._lock:
+            self._changes += 1
+            self._until_s = 0.0
+
+
 @dataclass(frozen=True, slots=True)
 class Context:
     """Shared by all requests of a process; `clock` gives epoch seconds."""
@@ -56,6 +87,8 @@ class Context:
     high_water: HighWater | None = field(init=False)
     judging: threading.Lock = field(default_factory=threading.Lock)
     """Held while a plan is judged against its geofence: the interpreter is shared with aborts."""
+    not_flown: BriefCache = field(default_factory=BriefCache)
+    """Missions that were accepted and have not been seen to fly."""
     places_to_wait: threading.BoundedSemaphore = field(
         default_factory=lambda: threading.BoundedSemaphore(WAITING_LIMIT)
     )

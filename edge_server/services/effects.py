@@ -13,6 +13,7 @@ from afarcloud.wire import Kind
 from edge_server.services import once, progress, vehicle_holds
 from edge_server.services.context import Context
 from edge_server.services.progress import Change
+from edge_server.store import work
 from edge_server.store.idempotency import Answered
 from edge_server.store.locks import WORK, Lock, of_stream
 from edge_server.store.work import Work
@@ -35,8 +36,14 @@ def new_flights(context: Context, reports: Iterable[Report], now: float) -> froz
     ]
     if not in_the_air:
         return frozenset()
+    missions = context.not_flown.get(lambda: _read_not_flown(context, now))
+    return vehicle_holds.new_flights(missions, in_the_air, now)
+
+
+def _read_not_flown(context: Context, now: float) -> list[Work]:
+    """Read the missions that a state vector may show to fly, however late it comes."""
     with context.database.read() as connection:
-        return vehicle_holds.new_flights(connection, in_the_air, now)
+        return work.not_flown(connection, ended_since=now - once.KEPT_S)
 
 
 def moves_work(report: Report, flights: Collection[int]) -> bool:

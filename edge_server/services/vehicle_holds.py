@@ -7,7 +7,7 @@ operator releases it no mission of it is handed out, and none is accepted. A mis
 before it left the ground holds nothing.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 from sqlalchemy import Connection
@@ -77,15 +77,16 @@ def is_in_the_air(state: StateVector) -> bool:
 
 
 def new_flights(
-    connection: Connection, states: Sequence[StateVector], now: float
+    missions: Iterable[Work], states: Iterable[StateVector], now: float
 ) -> frozenset[int]:
     """Vehicles that some of these places in the air show on a mission not known to have flown."""
-    vehicle_ids = {state.vehicle_id for state in states}
-    missions = work.not_flown(connection, vehicle_ids)
+    of_vehicle: dict[int | None, list[Work]] = {}
+    for mission in missions:
+        of_vehicle.setdefault(mission.vehicle_id, []).append(mission)
     return frozenset(
         state.vehicle_id
         for state in states
-        if any(_was_under_way(mission, state, now) for mission in missions)
+        if any(_was_under_way(one, state, now) for one in of_vehicle.get(state.vehicle_id, ()))
     )
 
 
@@ -93,7 +94,7 @@ def after_state_vector(connection: Connection, state: StateVector, now: float) -
     """Learn from a place in the air which mission has flown: what was under way at that time."""
     if not is_in_the_air(state):
         return
-    for mission in work.not_flown(connection, {state.vehicle_id}):
+    for mission in work.not_flown(connection, vehicle_id=state.vehicle_id):
         if _was_under_way(mission, state, now):
             _learn(connection, mission, now, flown=True)
 

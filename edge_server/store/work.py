@@ -1,7 +1,7 @@
 """The broker's work as rows, and how far each mission and command is."""
 
 import json
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from sqlalchemy import (
@@ -215,12 +215,18 @@ def missions_of(connection: Connection, vehicle_id: int, mission_id: int) -> lis
     return [_work(row) for row in connection.execute(query.order_by(work.c.id))]
 
 
-def not_flown(connection: Connection, vehicle_ids: Collection[int]) -> list[Work]:
-    """List the missions of some vehicles that were accepted and have not been seen to fly."""
-    query = _QUERY.where(
-        work.c.vehicle_id.in_(vehicle_ids),
-        text("accepted_at IS NOT NULL AND NOT flown"),  # As the index has it
-    )
+def not_flown(
+    connection: Connection, *, vehicle_id: int | None = None, ended_since: float | None = None
+) -> list[Work]:
+    """List missions that were accepted and have not been seen to fly, of one vehicle or of all.
+
+    With `ended_since` those that ended before it are left out.
+    """
+    query = _QUERY.where(text("accepted_at IS NOT NULL AND NOT flown"))  # As the index has it
+    if vehicle_id is not None:
+        query = query.where(work.c.vehicle_id == vehicle_id)
+    if ended_since is not None:
+        query = query.where(or_(work.c.ended_at.is_(None), work.c.ended_at >= ended_since))
     return [_work(row) for row in connection.execute(query.order_by(work.c.id))]
 
 

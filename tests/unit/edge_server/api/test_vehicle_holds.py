@@ -350,3 +350,10 @@ def test_a_fault_after_a_release_in_flight_holds_again(edge: Edge) -> None:
     assert release(edge).status_code == 200
     tell(edge, said(4, 3, 4, 5, message=FAULT))
     assert edge.get("/vehicles/1")["held"]["reason"] == FAULT
+
+
+def test_a_flight_is_seen_though_the_vehicle_was_in_the_air_just_before(edge: Edge) -> None:
+    edge.report(*at_height(20.0))
+    accept(edge)
+    tell(edge, at_height(20.0), said(4, 4, 5, 5))
+    assert is_held(edge)
