@@ -76,6 +76,27 @@ def test_a_wreck_stops_its_motors_and_is_reported(
     assert not tester.status.armed
 
 
+@pytest.mark.parametrize(
+    "faults",
+    [[(Kind.GYRO_BIAS, {"x_deg_s": 200.0})], [(MOTOR, {"motor": 1}), (MOTOR, {"motor": 3})]],
+    ids=["gyroscope", "two_motors"],
+)
+def test_a_wreck_blames_no_motor_for_what_the_ground_has_done(
+    tmp_path: Path, faults: Sequence[tuple[Kind, dict[str, float]]]
+) -> None:
+    """Rotors stop at the ground: that is the crash, told at once, and no failure of motors."""
+    tester = hovering(tmp_path, imus=1)
+    for kind, values in faults:
+        strike(tester, kind, **values)
+    tester.wait_until(lambda: tester.simulation.wrecked, 20.0, "on the ground")
+    tester.wait_until(lambda: is_stopped(tester), 0.1, "stopped")
+    tester.run_for(1.0)
+    assert said(tester, "Crash: has hit something, rotors stand")
+    truly = {f"Motor {values['motor']}" for kind, values in faults if kind is MOTOR}
+    named = {f"Motor {n}" for n in (1, 2, 3, 4) if said(tester, f"Motor {n} failed")}
+    assert named == truly
+
+
 def test_on_two_motors_of_one_diagonal_it_comes_down_and_stops(tmp_path: Path) -> None:
     tester = hovering(tmp_path)
     strike(tester, MOTOR, motor=1)
@@ -92,7 +113,7 @@ def test_a_lost_attitude_disarms_just_after_the_take_off(tmp_path: Path) -> None
     """COM_LKDOWN_TKO: a vehicle whose motors are plugged in wrongly does not climb on its side."""
     tester = ready(tmp_path)
     tester.take_off(10.0)
-    tester.wait_until(lambda: not tester.landed, 10.0, "in the air")
+    tester.wait_until(lambda: tester.true_position()[2] > 1.5, 10.0, "not yet on the ground again")
     strike(tester, MOTOR, motor=1)
     strike(tester, MOTOR, motor=3)
     tester.wait_until(lambda: not tester.status.armed, 2.0, "disarmed")

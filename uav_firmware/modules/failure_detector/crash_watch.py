@@ -13,8 +13,12 @@ wrong for a while. Three more hold without rest:
     adrift      the thrust axis is ERROR_MAX beside its set-point, and the vehicle does not
                 accelerate, for ADRIFT_TIME_S: ArduCopter's crash check
     silent      neither gyroscope nor accelerometer delivers a number, for SILENT_TIME_S
+    stands      the thrust is far below what has carried the vehicle, and the pressure says that it
+                does not fall, for STANDS_TIME_S: something else carries it. Asks neither inertial
+                sensor nor estimate, of which one may be the reason why it was not seen to land
 
-What was found stays found until `reset`.
+What was found stays found until `reset`. A blow (`BlowWatch`) is no crash by itself, but with two
+rotors that stand it is.
 """
 
 import math
@@ -25,6 +29,7 @@ from uav_firmware.msg.vectors import Vector3
 REST_TIME_S: Final = 0.8
 ADRIFT_TIME_S: Final = 2.0
 SILENT_TIME_S: Final = 2.0
+STANDS_TIME_S: Final = 3.0
 ERROR_MAX: Final = math.radians(30.0)
 _OFF_AXIS_COSINE: Final = math.cos(math.radians(45.0))
 _STILL_RATE: Final = 0.35  # [rad/s] Each axis
@@ -32,6 +37,11 @@ _STEADY: Final = 1.5  # [m/s^2] Off the average
 _WEIGHT_MARGIN: Final = 2.0  # [m/s^2] Off gravity
 _NOT_ACCELERATING: Final = 3.0  # [m/s^2] ArduCopter's CRASH_CHECK_ACCEL_MAX
 _AVERAGE_TIME_S: Final = 0.2
+_LOW_THRUST: Final = 0.6  # [-] Of what carries: it would have fallen by 17 m
+_STAYS_M: Final = 2.0  # Pressure of gusts included
+_BLOW_M_S2: Final = 15.0  # Between two looks; rotors take six times as long for it
+_BLOW_RAD_S: Final = 2.0
+_STRUCK_S: Final = 1.0
 _GRAVITY: Final = 9.80665  # [m/s^2]
 
 
@@ -42,12 +52,14 @@ class Moment(NamedTuple):
     specific_force_frd: Vector3  # [m/s^2] Of the accelerometer
     thrust_axis_error: float  # [rad] Between thrust axis and set-point; NaN where there is none
     failed_motors: int  # [-] How many
+    thrust_share: float = math.nan  # [-] Commanded, of what carries; NaN on the ground, or unknown
+    height_m: float = math.nan  # By pressure, above anything
 
 
 class CrashWatch:
     """How long each sign has held."""
 
-    __slots__ = ("_adrift_s", "_average", "_rest_s", "_silent_s", "cause")
+    __slots__ = ("_adrift_s", "_average", "_height_m", "_rest_s", "_silent_s", "_stands_s", "cause")
 
     def __init__(self) -> None:
         self.reset()
@@ -56,7 +68,8 @@ class CrashWatch:
         """Forget what was found and what was averaged."""
         self.cause = ""
         self._average: Vector3 | None = None
-        self._rest_s = self._adrift_s = self._silent_s = 0.0
+        self._rest_s = self._adrift_s = self._silent_s = self._stands_s = 0.0
+        self._height_m = math.nan  # Since when the thrust is low
 
     def update(self, seen: Moment, dt: float) -> str:
         """Words for the operator once the vehicle has crashed, empty before."""
@@ -74,6 +87,7 @@ class CrashWatch:
         )
         self._adrift_s = self._adrift_s + dt if adrift else 0.0
         self._silent_s = self._silent_s + dt if blind and unweighed else 0.0
+        self._stands_s = self._stands_s + dt if self._stays_without_thrust(seen) else 0.0
         if self.cause:
             return self.cause
         if self._rest_s >= REST_TIME_S:
@@ -82,7 +96,19 @@ class CrashWatch:
             self.cause = f"attitude off by {math.degrees(seen.thrust_axis_error):.0f} degrees"
         elif self._silent_s >= SILENT_TIME_S:
             self.cause = "no inertial sensor"
+        elif self._stands_s >= STANDS_TIME_S:
+            self.cause = "stands, and was not seen to land"
         return self.cause
+
+    def _stays_without_thrust(self, seen: Moment) -> bool:
+        """Whether the thrust is too low to fly, and the height is still what it was then."""
+        if not seen.thrust_share < _LOW_THRUST:  # NaN compares false
+            self._height_m = math.nan
+            return False
+        if abs(seen.height_m - self._height_m) < _STAYS_M:
+            return True
+        self._height_m = seen.height_m
+        return False
 
     def _is_steady(self, force: Vector3, dt: float) -> bool:
         """Whether the specific force is that of the last tenths of a second."""
@@ -104,6 +130,26 @@ class CrashWatch:
         if seen.failed_motors > 1:
             return "at rest with motors failed"
         return "at rest without gyroscope" if blind else ""
+
+
+class BlowWatch:
+    """Tells a blow by the inertial sensor: a change that neither rotors nor air can make."""
+
+    __slots__ = ("_force", "_left_s", "_rate")
+
+    def __init__(self) -> None:
+        self._rate = self._force = (math.nan, math.nan, math.nan)
+        self._left_s = 0.0
+
+    def update(self, rate_frd: Vector3, force_frd: Vector3, dt: float) -> bool:
+        """Look some hundred times a second; whether the last blow was within a second."""
+        turn, push = math.dist(rate_frd, self._rate), math.dist(force_frd, self._force)
+        self._rate, self._force = rate_frd, force_frd
+        if turn > _BLOW_RAD_S or push > _BLOW_M_S2:  # NaN compares false
+            self._left_s = _STRUCK_S
+        else:
+            self._left_s = max(0.0, self._left_s - dt)
+        return self._left_s > 0.0
 
 
 def _size(vector: Vector3) -> float:

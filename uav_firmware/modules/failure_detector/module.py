@@ -1,21 +1,22 @@
-"""Reads rotor telemetry, commands, attitude and inertial sensor, publishes what has failed."""
+"""Reads rotors, commands, attitude, inertial sensor, barometer; publishes what has failed."""
 
 import math
 from typing import Final
 
 from uav_firmware.bus import Queue, Topic
+from uav_firmware.lib.atmosphere import altitude_from_pressure
 from uav_firmware.lib.rotation import rotate, to_euler
 from uav_firmware.modules.failure_detector.attitude_watch import AxisWatch
-from uav_firmware.modules.failure_detector.crash_watch import CrashWatch, Moment
+from uav_firmware.modules.failure_detector.crash_watch import BlowWatch, CrashWatch, Moment
 from uav_firmware.modules.failure_detector.motor_watch import MotorLimits, MotorWatch
 from uav_firmware.modules.failure_detector.params import FailureDetectorParams
 from uav_firmware.msg.actuators import ActuatorMotors
 from uav_firmware.msg.control_mode import ControlLevel, VehicleControlMode
-from uav_firmware.msg.estimate import VehicleAttitude
+from uav_firmware.msg.estimate import HoverThrustEstimate, VehicleAttitude
 from uav_firmware.msg.failure import FailureDetectorStatus
-from uav_firmware.msg.sensors import SensorEsc, SensorImu, SensorsStatus
-from uav_firmware.msg.setpoints import VehicleAttitudeSetpoint
-from uav_firmware.msg.status import StatusText, VehicleStatus
+from uav_firmware.msg.sensors import SensorBaro, SensorEsc, SensorImu, SensorsStatus
+from uav_firmware.msg.setpoints import VehicleAttitudeSetpoint, VehicleTorqueThrustSetpoint
+from uav_firmware.msg.status import LandDetected, StatusText, VehicleStatus
 from uav_firmware.msg.vectors import Vector3
 from uav_firmware.parameters import Registry
 
@@ -24,6 +25,9 @@ _ATTITUDE_US: Final = 20_000  # 50 Hz: an attitude counts as lost after tenths o
 _LONGEST_STEP_S: Final = 0.1
 _ESC_SILENT_US: Final = 500_000
 _SETPOINT_STALE_US: Final = 500_000
+_BARO_SILENT_US: Final = 500_000
+_THRUST_TIME_S: Final = 1.0  # A controller that is deceived pulls now and then
+_CARRYING_TIME_S: Final = 20.0
 _CRITICAL: Final = 2  # MAV_SEVERITY
 _NAN: Final = math.nan
 _DOWN: Final[Vector3] = (0.0, 0.0, 1.0)
@@ -45,7 +49,11 @@ class FailureDetectorModule:
         failure_status: Topic[FailureDetectorStatus],
         status_text: Queue[StatusText],
         imu: Topic[SensorImu],
+        baro: Topic[SensorBaro],
         attitude_setpoint: Topic[VehicleAttitudeSetpoint],
+        torque_thrust: Topic[VehicleTorqueThrustSetpoint],
+        hover_thrust_estimate: Topic[HoverThrustEstimate],
+        land_detected: Topic[LandDetected],
         vehicle_control_mode: Topic[VehicleControlMode],
     ) -> None:
         registry.add(FailureDetectorParams)
@@ -54,7 +62,11 @@ class FailureDetectorModule:
         self._esc = esc
         self._attitude = attitude
         self._imu = imu
+        self._baro = baro
         self._attitude_setpoint = attitude_setpoint
+        self._torque_thrust = torque_thrust
+        self._hover_thrust = hover_thrust_estimate
+        self._landed = land_detected
         self._control_mode = vehicle_control_mode
         self._vehicle_status = vehicle_status
         self._sensors_status = sensors_status
@@ -64,7 +76,9 @@ class FailureDetectorModule:
         self._params = registry.read(FailureDetectorParams)
         self._watch = MotorWatch(_limits(self._params))
         self._roll, self._pitch = AxisWatch(), AxisWatch()
-        self._crash_watch = CrashWatch()
+        self._crash_watch, self._blow_watch = CrashWatch(), BlowWatch()
+        self._struck = False
+        self._thrust = self._carrying_thrust = math.nan
         self._crash = ""
         self._cleared_us = 0
         self._imu_count = 0
@@ -73,6 +87,7 @@ class FailureDetectorModule:
         self._esc_count = 0
         self._esc_us = 0
         self._attitude_us = 0
+        self._blow_us = 0
 
     def update(self, now_us: int) -> None:
         """Look once; publish on change and once a second."""
@@ -89,6 +104,7 @@ class FailureDetectorModule:
         if self._esc.count != self._esc_seen and _is_complete(self._esc.value):
             self._esc_seen, self._esc_heard_us = self._esc.count, now_us
         if armed:
+            self._watch_blows(now_us)
             self._watch_motors()
         else:
             self._watch.rest()
@@ -114,7 +130,17 @@ class FailureDetectorModule:
         dt = min((esc.time_us - self._esc_us) * 1e-6, _LONGEST_STEP_S)
         self._esc_us = esc.time_us
         if dt > 0.0:
-            self._watch.update(motors.control, esc.rotor_rpm, dt)
+            self._watch.update(motors.control, esc.rotor_rpm, dt, struck=self._struck)
+        if (self._watch.failed | self._watch.blocked).bit_count() > 1 and self._watch.blocked:
+            self._crash = self._crash or "has hit something, rotors stand"
+
+    def _watch_blows(self, now_us: int) -> None:
+        imu, dt = self._imu.value, (now_us - self._blow_us) * 1e-6
+        self._blow_us = now_us
+        self._struck = False
+        if imu is not None and self._params.crash_enabled:
+            dt = min(dt, _LONGEST_STEP_S)
+            self._struck = self._blow_watch.update(imu.rate_frd, imu.specific_force_frd, dt)
 
     @property
     def _leads_attitude(self) -> bool:
@@ -132,8 +158,37 @@ class FailureDetectorModule:
             _SILENT if silent else imu.specific_force_frd,
             self._thrust_axis_error(now_us),
             self._watch.failed.bit_count(),
+            self._thrust_share(dt),
+            self._height_m(now_us),
         )
         return self._crash_watch.update(seen, dt)
+
+    def _thrust_share(self, dt: float) -> float:
+        """Thrust over what carries the vehicle; NaN where nothing has shown that in this flight.
+
+        What carries is the less of two: the hover thrust that the controller has learnt, which
+        follows the estimate, and the mean of what was commanded in flight, which follows nothing.
+        """
+        commanded, learnt, landed = (
+            self._torque_thrust.value, self._hover_thrust.value, self._landed.value
+        )  # fmt: skip
+        if commanded is None or learnt is None or landed is None or landed.landed:
+            self._thrust = self._carrying_thrust = _NAN
+            return _NAN
+        thrust, mean = self._thrust, self._carrying_thrust
+        if math.isnan(mean):
+            thrust = mean = commanded.thrust
+        self._thrust = thrust = thrust + dt / (dt + _THRUST_TIME_S) * (commanded.thrust - thrust)
+        self._carrying_thrust = mean = mean + dt / (dt + _CARRYING_TIME_S) * (thrust - mean)
+        carrying = min(mean, learnt.hover_thrust)
+        known = learnt.valid and carrying > 0.0 and not self._watch.failed
+        return thrust / carrying if known else _NAN
+
+    def _height_m(self, now_us: int) -> float:
+        baro = self._baro.value
+        if baro is None or now_us - baro.time_us > _BARO_SILENT_US or not baro.pressure_pa > 0.0:
+            return _NAN
+        return altitude_from_pressure(baro.pressure_pa)
 
     def _thrust_axis_error(self, now_us: int) -> float:
         """Angle [rad] between the thrust axis and where it shall point; NaN without an order."""

@@ -7,6 +7,9 @@ rotor that turns at less than a share of the bound for a while has failed. Speed
 measured on the F450's motors and usual for a motor under a propeller's load:
 n / n_full = 1.23 u - 0.23 u^2.
 
+Rotors also stand because the vehicle lies on them: those that slow down just after a blow count as
+blocked first, and as failed only if the vehicle has not been found crashed meanwhile.
+
 At lower commands, above all while the motors idle before a take-off, a rotor is given longer and
 has to reach a smaller share: what stands then has failed.
 """
@@ -22,6 +25,7 @@ _SQUARE: Final = 0.23
 _IDLE_COMMAND: Final = 0.03  # [-] Below it a motor may stand
 _IDLE_SHARE: Final = 0.5  # [-] Of the speed expected
 _IDLE_TIME_S: Final = 0.3
+_BLOCKED_TIME_S: Final = 0.1  # A crash is found sooner, a rotor lost to a branch not much later
 
 
 class MotorLimits(NamedTuple):
@@ -41,10 +45,12 @@ class MotorWatch:
     def __init__(self, limits: MotorLimits) -> None:
         self.limits = limits
         self.failed = 0  # [-] Bit 0 is motor 1
+        self.blocked = 0  # [-] Bits too; slow since a blow
         self.weak = False  # All together turn slower than they are told to
         self._bounds = [0.0, 0.0, 0.0, 0.0]
         self._slow_s = [0.0, 0.0, 0.0, 0.0]
         self._weak_s = 0.0
+        self._blocked_s = 0.0
 
     def forgive(self) -> None:
         """Forget which motors have failed."""
@@ -56,10 +62,14 @@ class MotorWatch:
         self._bounds = [0.0, 0.0, 0.0, 0.0]
         self._slow_s = [0.0, 0.0, 0.0, 0.0]
         self._weak_s = 0.0
+        self.blocked, self._blocked_s = 0, 0.0
 
-    def update(self, command: Motors, speed_rpm: Motors, dt: float) -> int:
-        """Motors that have failed, as bits, after `dt` seconds with these commands."""
-        limits, bounds = self.limits, self._bounds
+    def update(self, command: Motors, speed_rpm: Motors, dt: float, *, struck: bool = False) -> int:
+        """Motors that have failed, as bits, after `dt` seconds with these commands.
+
+        `struck` says that the vehicle has just received a blow.
+        """
+        limits, bounds, slow = self.limits, self._bounds, 0
         for motor in range(4):
             wanted = command[motor]
             steady = limits.full_speed_rpm * wanted * (_LINEAR - _SQUARE * wanted)
@@ -73,11 +83,20 @@ class MotorWatch:
             if speed_rpm[motor] < share * bounds[motor] and wanted >= _IDLE_COMMAND:
                 self._slow_s[motor] += dt
                 if self._slow_s[motor] >= patience_s:
-                    self.failed |= 1 << motor
+                    slow |= 1 << motor
             else:
                 self._slow_s[motor] = 0.0
+        self._judge_slow(slow & ~self.failed, dt, struck=struck)
         self._judge_all(command, speed_rpm, dt)
         return self.failed
+
+    def _judge_slow(self, slow: int, dt: float, *, struck: bool) -> None:
+        """Which of those that are newly too slow have failed."""
+        self.blocked = slow if struck or self.blocked else 0
+        self._blocked_s = self._blocked_s + dt if self.blocked else 0.0
+        if not self.blocked or self._blocked_s >= _BLOCKED_TIME_S:
+            self.failed |= slow
+            self.blocked, self._blocked_s = 0, 0.0
 
     def _judge_all(self, command: Motors, speed_rpm: Motors, dt: float) -> None:
         """Rotors that are all somewhat slow have lost their drive, not their grip."""

@@ -10,6 +10,8 @@ from uav_firmware.modules.failure_detector.crash_watch import (
     ADRIFT_TIME_S,
     REST_TIME_S,
     SILENT_TIME_S,
+    STANDS_TIME_S,
+    BlowWatch,
     CrashWatch,
     Moment,
 )
@@ -41,6 +43,11 @@ def watch(moment: Moment, seconds: float, former: CrashWatch | None = None) -> C
         (HOVER._replace(thrust_axis_error=0.6), ADRIFT_TIME_S),
         (HOVER._replace(thrust_axis_error=1.0, rate_frd=(3.0, 0.0, 0.0)), ADRIFT_TIME_S),
         (Moment(SILENT, SILENT, 0.0, 0), SILENT_TIME_S),
+        (HOVER._replace(thrust_share=0.5, height_m=655.0), STANDS_TIME_S),
+        (  # Nothing of the inertial sensor is right
+            Moment((3.5, 0.0, 0.0), (0.0, 20.0, -9.8), NAN, 0, 0.2, 655.0),
+            STANDS_TIME_S,
+        ),
     ],
 )
 def test_a_crash_is_found_when_its_signs_have_held(moment: Moment, after_s: float) -> None:
@@ -61,10 +68,37 @@ def test_a_crash_is_found_when_its_signs_have_held(moment: Moment, after_s: floa
         HOVER._replace(thrust_axis_error=0.4),
         HOVER._replace(thrust_axis_error=1.0, specific_force_frd=(0.0, 0.0, -20.0)),
         HOVER._replace(thrust_axis_error=NAN),
+        HOVER._replace(thrust_share=0.9, height_m=655.0),
+        HOVER._replace(thrust_share=NAN, height_m=655.0),
+        HOVER._replace(thrust_share=0.1, height_m=NAN),
     ],
 )
 def test_a_flight_is_no_crash(moment: Moment) -> None:
     assert watch(moment, 30.0).cause == ""
+
+
+@pytest.mark.parametrize("rise_m_s", [0.0, 12.0])
+def test_a_fall_and_a_toss_without_thrust_are_no_crash(rise_m_s: float) -> None:
+    """From 100 m down, and 7 m up and down again: height changes as nothing that stands does."""
+    seen = CrashWatch()
+    for number in range(round(3.6 / DT)):
+        t = number * DT
+        height_m = 755.0 + rise_m_s * t - 4.9 * t * t
+        moment = HOVER._replace(specific_force_frd=(0.0, 0.0, -0.3), thrust_share=0.0)
+        seen.update(moment._replace(height_m=height_m), DT)
+    assert seen.cause == ""
+
+
+def test_a_blow_is_what_neither_rotors_nor_a_controller_can_do() -> None:
+    blow = BlowWatch()
+    for number in range(250):  # A flip at 10 rad/s, begun within 0.1 s, in vibration
+        rate = min(10.0, 100.0 * number * 0.008)
+        force = -9.8 - 3.0 * math.sin(number)
+        assert not blow.update((rate, 0.0, 0.0), (0.0, 0.0, force), 0.008)
+    assert blow.update((0.0, 0.0, 0.0), (0.0, 0.0, -9.8), 0.008)
+    assert [blow.update((0.0, 0.0, 0.0), HOVER[1], dt) for dt in (0.9, 0.2)] == [True, False]
+    assert blow.update((0.0, 0.0, 0.0), (0.0, 0.0, -30.0), 0.008)
+    assert not BlowWatch().update(SILENT, SILENT, 0.008)
 
 
 def test_what_was_found_stays_until_it_is_reset() -> None:

@@ -2,6 +2,8 @@
 
 import math
 
+import pytest
+
 from tests.support.vehicle_status import vehicle_status
 from uav_firmware.bus import Queue, Topic
 from uav_firmware.lib.rotation import from_euler
@@ -9,7 +11,7 @@ from uav_firmware.modules.failure_detector.module import FailureDetectorModule
 from uav_firmware.msg.actuators import ActuatorMotors
 from uav_firmware.msg.estimate import VehicleAttitude
 from uav_firmware.msg.failure import FailureDetectorStatus
-from uav_firmware.msg.sensors import SensorEsc, SensorsStatus
+from uav_firmware.msg.sensors import SensorEsc, SensorImu, SensorsStatus
 from uav_firmware.msg.status import StatusText, VehicleStatus
 from uav_firmware.parameters import Registry
 
@@ -24,6 +26,7 @@ class Vehicle:
         self.registry = Registry()
         self.motors: Topic[ActuatorMotors] = Topic()
         self.esc: Topic[SensorEsc] = Topic()
+        self.imu: Topic[SensorImu] = Topic()
         self.attitude: Topic[VehicleAttitude] = Topic()
         self.vehicle_status: Topic[VehicleStatus] = Topic()
         self.sensors: Topic[SensorsStatus] = Topic()
@@ -33,9 +36,13 @@ class Vehicle:
             self.registry,
             motors=self.motors,
             esc=self.esc,
-            imu=Topic(),
+            imu=self.imu,
+            baro=Topic(),
             attitude=self.attitude,
             attitude_setpoint=Topic(),
+            torque_thrust=Topic(),
+            hover_thrust_estimate=Topic(),
+            land_detected=Topic(),
             vehicle_control_mode=Topic(),
             vehicle_status=self.vehicle_status,
             sensors_status=self.sensors,
@@ -45,11 +52,20 @@ class Vehicle:
         self.now_us = 0
         self.vehicle_status.publish(vehicle_status(armed=True))
 
-    def fly(self, seconds: float, *, second_rpm: float = HOVER_RPM, roll: float = 0.0) -> None:
+    def fly(
+        self,
+        seconds: float,
+        *,
+        second_rpm: float = HOVER_RPM,
+        roll: float = 0.0,
+        third_rpm: float = HOVER_RPM,
+        rate: float = 0.0,
+    ) -> None:
         for _ in range(round(seconds * 1e6 / STEP_US)):
             self.now_us += STEP_US
             self.motors.publish(ActuatorMotors(self.now_us, (0.42, 0.42, 0.42, 0.42)))
-            speeds = (HOVER_RPM, second_rpm, HOVER_RPM, HOVER_RPM)
+            speeds = (HOVER_RPM, second_rpm, third_rpm, HOVER_RPM)
+            self.imu.publish(SensorImu(self.now_us, (rate, 0.0, 0.0), (0.0, 0.0, -9.8)))
             self.esc.publish(SensorEsc(self.now_us, speeds, (2.7, 2.7, 2.7, 2.7)))
             q = from_euler(roll, 0.0, 0.0)
             self.attitude.publish(VehicleAttitude(self.now_us, q, (0.0, 0.0, 0.0)))
@@ -90,6 +106,19 @@ def test_a_slow_motor_is_told_of_at_once_and_said_once() -> None:
     assert vehicle.failed == 0b10
     vehicle.fly(2.0, second_rpm=500.0)
     assert [text.text for text in vehicle.texts.drain()] == ["Motor 2 failed"]
+
+
+@pytest.mark.parametrize("enabled", [0, 1])
+def test_rotors_that_stop_at_a_blow_are_a_crash_and_no_failed_motors(enabled: int) -> None:
+    vehicle = Vehicle()
+    vehicle.registry.set("FD_CRASH_EN", enabled)
+    vehicle.fly(2.0, rate=7.0)
+    vehicle.fly(0.1, second_rpm=0.0, third_rpm=0.0)
+    assert vehicle.status.value is not None
+    assert vehicle.status.value.crash == ("has hit something, rotors stand" if enabled else "")
+    assert vehicle.failed == (0 if enabled else 0b110)
+    texts = [text.text for text in vehicle.texts.drain()]
+    assert texts == ([] if enabled else ["Motor 2 failed", "Motor 3 failed"])
 
 
 def test_a_standing_motor_of_a_disarmed_vehicle_has_not_failed() -> None:

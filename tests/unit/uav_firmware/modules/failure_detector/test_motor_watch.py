@@ -48,6 +48,21 @@ def test_a_stopping_motor_is_named_within_a_tenth_of_a_second(motor: int) -> Non
     assert rotors.run(0.1, HOVER) == 1 << motor
 
 
+def test_a_motor_that_stops_at_a_blow_is_blocked_first_and_failed_a_tenth_later() -> None:
+    watch = MotorWatch(LIMITS)
+    whole: Motors = tuple(map(steady_rpm, HOVER))  # type: ignore[assignment]  # four of them
+    for _ in range(100):
+        watch.update(HOVER, whole, DT)
+    seen = []
+    for _ in range(25):
+        watch.update(HOVER, (0.0, *whole[1:]), DT, struck=True)
+        seen.append((watch.blocked, watch.failed))
+    assert seen[0] == (0, 0)
+    assert seen[3] == (1, 0)
+    assert seen[11] == (1, 0)
+    assert seen[-1] == (0, 1)
+
+
 def test_rotors_that_are_all_somewhat_slow_are_a_weak_propulsion_and_no_failed_motor() -> None:
     rotors = Rotors()
     rotors.run(1.0, HOVER)
