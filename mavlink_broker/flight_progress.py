@@ -1,10 +1,10 @@
 """One mission in flight: stretches of items are followed, live commands performed."""
 
 from abc import ABC, abstractmethod
-from typing import Final
 
 from afarcloud.enumerations import Status
 from mavlink_broker import activities
+from mavlink_broker.departure import GRACE_S
 from mavlink_broker.effects import Effects
 from mavlink_broker.flight_attachment import FlightAttachment
 from mavlink_broker.follower import Follower
@@ -16,9 +16,6 @@ from mavlink_broker.session_states import Event
 from mavlink_broker.skip_watch import SkipWatch
 from mavlink_broker.translation.authority import InCommand
 from mavlink_broker.translation.modes import LIVE_MODES, ModeRole
-
-PAUSED_FOR_S: Final = 2.0
-"""How long a vehicle must hold: PX4 holds at the end of a mission before it tells of that."""
 
 
 class FlightProgress(FlightAttachment, ABC):
@@ -97,7 +94,8 @@ class FlightProgress(FlightAttachment, ABC):
     def _watch_pause(self, now: float, effects: Effects) -> None:
         """Report that somebody else holds the vehicle: the broker orders no hold of a mission.
 
-        It stays where it is for as long as that lasts; whoever paused it resumes it.
+        It stays where it is for as long as that lasts; whoever paused it resumes it. PX4 holds at
+        the end of a mission too, mostly before it has told of that.
         """
         vehicle = self._vehicle
         holds = vehicle.mode_role in {ModeRole.HOLD, ModeRole.PAUSED} and vehicle.family.knows_modes
@@ -105,9 +103,10 @@ class FlightProgress(FlightAttachment, ABC):
             self._paused_at, self._is_pause_told = None, False
             return
         self._paused_at = self._paused_at or now
-        if now - self._paused_at >= PAUSED_FOR_S and not self._is_pause_told:
+        if now - self._paused_at >= GRACE_S and not self._is_pause_told:
             self._is_pause_told = True
-            self.ledger.add_note(self.ledger.finished, self._pause)
+            last = len(self.ledger.commands) - 1
+            self.ledger.add_note(min(self.ledger.finished, last), self._pause)
             effects.for_edge.append(self._reporter.mission(self.ledger))
 
     @property

@@ -1,5 +1,6 @@
 """One vehicle as the broker sees it: its link, its family, its newest words."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
@@ -92,8 +93,8 @@ class Vehicle:
         if kind == "HEARTBEAT" and not is_vehicle(message):
             return False  # Who else speaks under its numbers is not the vehicle
         if kind == "HEARTBEAT":
-            is_back = self._heard_at and self.link.state(now) is not LinkState.CONNECTED
-            self._back_at = now if is_back else self._back_at
+            if self.link.state(now) is not LinkState.CONNECTED and self._is_clock_judged:
+                self._back_at = now
             self.link.heard(now)
             self.autopilot, self.kind = message.autopilot, message.type
             self.family = family_of(message.autopilot, self.product, message.type)
@@ -126,7 +127,8 @@ class Vehicle:
 
     def _see_orders(self, message: Message, now: float) -> None:
         """Learn of another system's order, until the vehicle leaves the mode that it led to."""
-        order = authority.foreign_order(message, self.route.own_system, now)
+        ours = frozenset({self.route.own_system, self.route.target_system})
+        order = authority.foreign_order(message, ours, now)
         self.ordered = order or self.ordered
         if message.get_type() != "HEARTBEAT" or self.ordered is None:
             return
@@ -180,6 +182,12 @@ class Vehicle:
     def is_heard(self, now: float) -> bool:
         """Whether it can be spoken to; a stale link may still come back."""
         return self.link.state(now) is not LinkState.LOST
+
+    @property
+    def _is_clock_judged(self) -> bool:
+        """Whether it tells times, and has since its link was last back."""
+        since = -math.inf if self._back_at is None else self._back_at
+        return self._reboots.judged_at > -math.inf and self._reboots.judged_at >= since
 
     def may_be_restarted(self, now: float) -> bool:
         """Whether it may have been switched off while its link was away: its clock has to tell."""

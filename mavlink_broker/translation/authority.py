@@ -100,12 +100,15 @@ def reason(who: InCommand, seen: Seen) -> str:
     return f"the vehicle left the mission: mode {seen.mode}: {whose}"
 
 
-def foreign_order(message: Message, own_system: int, now: float) -> ForeignOrder | None:
-    """Read a COMMAND_ACK to another system for an order that makes a vehicle hold or go."""
+def foreign_order(message: Message, ours: frozenset[int], now: float) -> ForeignOrder | None:
+    """Read a COMMAND_ACK to another system for an order that makes a vehicle hold or go.
+
+    `ours` are the broker and the vehicle itself: PX4 acknowledges what its own modules order too.
+    """
     if message.get_type() != "COMMAND_ACK" or message.result != mavlink.MAV_RESULT_ACCEPTED:
         return None
     system = getattr(message, "target_system", 0)
-    if message.command not in _TAKING or system in {0, own_system}:
+    if message.command not in _TAKING or system in {0, *ours}:
         return None
     return ForeignOrder(system, message.command, now)
 

@@ -69,6 +69,15 @@ def test_items_that_are_paused_go_on_when_they_are_resumed(
     assert world.edge.status(1201) == Status.FINISHED
 
 
+def test_an_order_of_the_vehicle_to_itself_is_no_pause() -> None:
+    """PX4's modules order modes of it, and these are acknowledged to everybody as well."""
+    world = live(PX4)
+    own = mavlink.MAVLink_command_ack_message(REPOSITION, 0, 0, 0, world.only_vehicle.system, 1)
+    world.only_vehicle.send(own)
+    world.run(3.0)
+    assert state(world) is State.PERFORMING
+
+
 def circling(script: Script) -> World:
     """A world whose vehicle has flown a tenth of its circle."""
     world = World()

@@ -5,7 +5,11 @@ from pathlib import Path
 import pytest
 
 from afarcloud.enumerations import Status
+from mavlink_broker.codec import Decoder, Encoder
+from mavlink_broker.dialect import mavlink
+from mavlink_broker.protocol.route import Route
 from mavlink_broker.session_states import State
+from mavlink_broker.vehicle import Vehicle
 from tests.support.broker_world import World
 from tests.support.scripted_vehicle import (
     ARDUPILOT,
@@ -36,6 +40,23 @@ def restart_in_the_air(world: World, mode: int) -> None:
     vehicle.reboot(world.clock.now)
     vehicle.armed = vehicle.airborne = True
     vehicle.set_mode(mode)
+
+
+@pytest.mark.parametrize("tells_time", [False, True])
+def test_rare_heartbeats_do_not_silence_the_broker(*, tells_time: bool) -> None:
+    """It waits once for the clock of a vehicle that was away, and never for one without."""
+    vehicle = Vehicle(1, Route(254, 190, 1, 1))
+    for now in (0.0, 0.5) if tells_time else ():
+        vehicle.take(mavlink.MAVLink_attitude_message(int(now * 1e3), 0, 0, 0, 0, 0, 0), now)
+    (heartbeat,) = Decoder().decode(
+        Encoder(1, 1).encode(mavlink.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3))
+    )
+    vehicle.take(heartbeat, 0.5)
+    doubts = []
+    for now in (6.0, 12.0, 18.0):
+        vehicle.take(heartbeat, now)
+        doubts.append(vehicle.may_be_restarted(now))
+    assert doubts == [tells_time, False, False]
 
 
 @FLOWN_ON
