@@ -143,8 +143,13 @@ class Performer:
         home = self._vehicle.snapshot.home
         if home is None:
             return self._fail("the vehicle's home is not known")
-        speed_m_s = self._action.approach_speed_m_s
-        return self._order(approach_ways(self._action.approach, home, speed_m_s), now)
+        ways = approach_ways(
+            self._action.approach,
+            home,
+            self._action.approach_speed_m_s,
+            by_order=self._vehicle.family.speed_by_order,
+        )
+        return self._order(ways, now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
         """Take a message of the vehicle."""

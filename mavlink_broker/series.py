@@ -13,7 +13,15 @@ from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.journal.memo import LiveNote, Pose
 from mavlink_broker.protocol.command import Accepted, Command, Refused, long_command
 from mavlink_broker.protocol.command_sequence import CommandSequence, Ways
-from mavlink_broker.translation.live import AS_IT_IS, Face, Order, Shift, Step, reposition
+from mavlink_broker.translation.live import (
+    AS_IT_IS,
+    Face,
+    Order,
+    Shift,
+    Step,
+    reposition,
+    speed_order,
+)
 from mavlink_broker.translation.situation import Spot
 from mavlink_broker.vehicle import Vehicle
 
@@ -59,8 +67,12 @@ def missing_camera(vehicle: Vehicle, refusal: Refused) -> str | None:
 class SeriesRunner:
     """One series on its way."""
 
-    def __init__(self, steps: Sequence[Step], vehicle: Vehicle) -> None:
+    def __init__(
+        self, steps: Sequence[Step], vehicle: Vehicle, *, speed_m_s: float = AS_IT_IS
+    ) -> None:
+        """Take the steps, and how fast its ways are flown."""
         self._steps = list(steps)
+        self._speed_m_s = speed_m_s
         self.steps = 0  # That have been taken
         self._vehicle = vehicle
         self._first: Spot | None = None
@@ -151,8 +163,13 @@ class SeriesRunner:
                 order = heading_order(self._vehicle, self._first, heading_deg)
                 return () if order is None else ((order,),)
             case Shift():
-                order = way_order(self._vehicle, self._spot(step), self._first_heading_deg)
-                return () if order is None else ((order,),)
+                speed_m_s, heading_deg = self._speed_m_s, self._first_heading_deg
+                spot, vehicle = self._spot(step), self._vehicle
+                order = way_order(vehicle, spot, heading_deg, speed_m_s=speed_m_s)
+                if order is None:
+                    return ()
+                is_told = vehicle.family.speed_by_order and speed_m_s > 0.0
+                return ((order, speed_order(speed_m_s)) if is_told else (order,),)
 
     def _spot(self, step: Shift) -> Spot | None:
         if self._first is None:

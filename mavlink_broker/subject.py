@@ -186,7 +186,8 @@ class SubjectTracker:
         """Fly the quick shot that needs no place of the subject."""
         self._steers = False
         self.note = "track_mode QUICK_SHOT: backwards and up instead of a circle"
-        self._series = SeriesRunner((QUICK_RETREAT,), self._vehicle)
+        speed_m_s = self._end.maximum_speed_m_s
+        self._series = SeriesRunner((QUICK_RETREAT,), self._vehicle, speed_m_s=speed_m_s)
 
     def _tell_target(self, subject: Subject, now: float) -> list[Message]:
         """Have the vehicle follow, and tell it where the subject is."""

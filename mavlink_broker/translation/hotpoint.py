@@ -1,6 +1,7 @@
 """A turn about a point: DO_ORBIT in flight, or LOITER_TURNS where missions have it."""
 
 import math
+from dataclasses import replace
 from typing import Final
 
 from afarcloud.commands import NavHotpoint, NavHotpointParameters
@@ -45,12 +46,29 @@ def hotpoint(command: NavHotpoint, situation: Situation) -> Items | LiveAction |
     if p.angular_velocity < SLOWEST_TURN_DEG_S:
         slow = f"a turn at {p.angular_velocity:g} deg/s takes longer than a day"
         return Refusal("angular_velocity", slow)
+    wanted, p = p, _within_speed(p, situation.maximum_speed_m_s)
+    part = _part(p, situation)
+    return part if p is wanted else replace(part, notes=(_slowed(p), *part.notes))
+
+
+def _part(p: NavHotpointParameters, situation: Situation) -> Items | LiveAction:
     manner = _manner(p, situation.family)
     if isinstance(manner, str):
         return _from_point_to_point(p, situation, manner)
     if manner is Orbiting.BY_ITEM:
         return _as_items(p, situation)
     return _live(p, situation)
+
+
+def _within_speed(p: NavHotpointParameters, most_m_s: float) -> NavHotpointParameters:
+    """Give the turn that is no faster than the mission; 0: that has no greatest speed."""
+    if most_m_s <= 0.0 or speed_on_circle_m_s(p.angular_velocity, p.radius) <= most_m_s:
+        return p
+    return p.model_copy(update={"angular_velocity": math.degrees(most_m_s / p.radius)})
+
+
+def _slowed(p: NavHotpointParameters) -> str:
+    return f"angular_velocity was limited to {p.angular_velocity:.1f} deg/s by maximum_speed"
 
 
 def _manner(p: NavHotpointParameters, family: Family) -> Orbiting | str:
@@ -106,6 +124,7 @@ def _live(p: NavHotpointParameters, situation: Situation) -> LiveAction:
     return LiveAction(
         begin=((orbit,),),
         approach=start_point(p),
+        approach_speed_m_s=situation.approach_speed_m_s,
         end=Turned(
             *(p.latitude, p.longitude, p.radius, FULL_TURN_RAD),
             is_clockwise=p.is_clockwise,

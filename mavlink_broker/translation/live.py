@@ -99,7 +99,7 @@ class LiveAction:
     end: End
     within_s: float  # Beginning to end; longer means that something is wrong
     approach: Spot | None = None  # Gone to before it begins
-    approach_speed_m_s: float | None = None  # Told by an order of its own; None: none is told
+    approach_speed_m_s: float | None = None  # None: the vehicle's own
     follow: Spot | None = None  # Told to the vehicle as the place of a target, all the time
     loans: tuple[Loan, ...] = ()  # Parameters that it borrows of the vehicle, while it lasts
     finish: Ways = ()  # What ends it, when its time has come
@@ -123,10 +123,15 @@ def speed_order(speed_m_s: float) -> CommandLong:
     return long_command(mavlink.MAV_CMD_DO_CHANGE_SPEED, ground_speed, speed_m_s, throttle_as_it_is)
 
 
-def approach_ways(spot: Spot, home: Home, speed_m_s: float | None) -> Ways:
-    """Go to a place; the speed comes behind the order, which sets the vehicle's own."""
-    go = reposition(spot, home)
-    return ((go,),) if speed_m_s is None else ((go, speed_order(speed_m_s)), (go,))
+def approach_ways(spot: Spot, home: Home, speed_m_s: float | None, *, by_order: bool) -> Ways:
+    """Go to a place no faster than told; None: as fast as the vehicle does by itself.
+
+    `by_order`: the order to go there sets the vehicle's own speed, so that another comes behind.
+    """
+    if speed_m_s is None:
+        return ((reposition(spot, home),),)
+    go = reposition(spot, home, speed_m_s=speed_m_s)
+    return ((go, speed_order(speed_m_s)), (go,)) if by_order else ((go,),)
 
 
 def reposition(

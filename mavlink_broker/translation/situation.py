@@ -59,8 +59,8 @@ class Situation(NamedTuple):
 
     @property
     def approach_speed_m_s(self) -> float | None:
-        """Speed of a way that is flown live, where an order to go somewhere brings none."""
-        return self.maximum_speed_m_s if self.family.speed_by_order else None
+        """Speed of a way that is flown live, the mission's; None where that has none."""
+        return self.maximum_speed_m_s or None
 
 
 @dataclass(frozen=True, slots=True)

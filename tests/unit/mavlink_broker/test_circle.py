@@ -14,6 +14,7 @@ from tests.support.geodesy import LocalGround
 from tests.support.scripted_vehicle import ARDUPILOT, HOME, PX4, Script
 
 RADIUS_M = 15.0
+MAXIMUM_SPEED_M_S = 4.0
 BACKWARDS = OrbitType.ALONG_CIRCLE_LOOKING_BACKWARDS
 AWAY = OrbitType.AWAY_FROM_HOT_POINT
 FAMILIES = pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
@@ -44,7 +45,8 @@ def flown(heading: OrbitType, script: Script, **how: Any) -> tuple[World, list[t
     world.run_until_over(1201, within_s=400.0)
     assert world.edge.statuses(1201) == [Status.FINISHED] * 3
     sent = [v for command, v in vehicle.parameters if command == mavlink.MAV_CMD_DO_REPOSITION]
-    return world, [values for values in sent if values[0] > 0.0]
+    assert sent[0][0] == MAXIMUM_SPEED_M_S, "to where the circle begins"
+    return world, sent[1:]
 
 
 def north_east(order: tuple[float, ...]) -> tuple[float, float]:

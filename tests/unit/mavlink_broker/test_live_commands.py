@@ -94,6 +94,13 @@ class TestAHotpoint:
         assert went[0][4] / 1e7 == pytest.approx(HOME[0] - 10.0 / 111_000.0, abs=1e-6)
         assert went[0][5] / 1e7 == pytest.approx(HOME[1], abs=1e-6)
         assert went[0][6] == HOME[2] + 8.0
+        assert went[0][0] == 4.0, "the mission's speed"
+
+    def test_is_no_faster_than_the_mission(self) -> None:
+        flown_m_s = flown(takeoff(), hotpoint(radius=20.0, angular_velocity=30.0), go_home(3))
+        orbit = [v for c, v in flown_m_s.only_vehicle.parameters if c == mavlink.MAV_CMD_DO_ORBIT]
+        assert orbit[0][1] == pytest.approx(4.0)
+        assert "by maximum_speed" in str(messages(flown_m_s)[1])
 
     def test_at_the_nearest_point_goes_nowhere_before(self) -> None:
         world = flown(takeoff(), hotpoint(start_point=4), go_home(3))

@@ -67,9 +67,9 @@ class TestACircle:
     def test_that_is_wide_is_slower_still_and_says_so(self) -> None:
         """No more than half of WPNAV_ACCEL goes into the turn."""
         world = flown(
-            COPTER_4_6, mission(takeoff(), hotpoint(radius=25, angular_velocity=20), go_home())
+            COPTER_4_6, mission(takeoff(), hotpoint(radius=11, angular_velocity=20), go_home())
         )
-        assert "limited to 12.8 deg/s" in notes(world)[1]
+        assert "limited to 19.3 deg/s" in notes(world)[1]
 
     @pytest.mark.parametrize("is_clockwise", [True, False])
     def test_turns_the_way_that_versions_before_4_4_know(self, *, is_clockwise: bool) -> None:

@@ -23,11 +23,11 @@ from uav_firmware.msg.vectors import Vector3
 NAN = math.nan
 UNSET: Vector3 = (NAN, NAN, NAN)
 IDLE_SINK_SPEED_M_S = 0.7  # [m/s] asked for on the ground, so that the thrust stays down
+JERK_PER_SPEED = 1.5  # [1/s^2] with which a trajectory comes to a commanded speed
 
 _WARNING, _NOTICE = 4, 5  # MAV_SEVERITY
 _FACING_SPEED = 0.3  # [m/s] horizontal set-point speed above which the nose follows it
 _PLANNED_SHARE = 0.97  # of a commanded speed, for the trajectory
-_JERK_PER_SPEED = 1.5  # [1/s^2] with which a trajectory comes to a commanded speed
 _NEAREST_LOOK_M = 1.0  # [m] a place nearer than this has no direction worth turning to
 
 
@@ -54,7 +54,7 @@ class Speeds:
             speed_up=_or(self.up, limits.speed_up),
             speed_down=_or(self.down, limits.speed_down),
             speed_path=min(_PLANNED_SHARE * self.path, limits.speed_path),
-            jerk_path=min(_JERK_PER_SPEED * self.path, limits.jerk_path),
+            jerk_path=min(JERK_PER_SPEED * self.path, limits.jerk_path),
         )
 
     @property

@@ -3,7 +3,7 @@
 import math
 
 from uav_firmware.lib.resets import EstimateStep
-from uav_firmware.modules.navigator.flight import Flight
+from uav_firmware.modules.navigator.flight import Flight, Speeds
 from uav_firmware.modules.navigator.mode import NavigatorMode
 from uav_firmware.modules.navigator.orbit import Circle, Orbit, circle_of
 from uav_firmware.msg.guidance import OrbitHeading, OrbitTarget
@@ -26,6 +26,7 @@ class OrbitMode(NavigatorMode):
             circle = Circle(here, flight.params.orbit_radius)
         else:
             circle = circle_of(order, flight)
+            flight.speeds = Speeds(horizontal=order.speed_m_s)  # The way there is no faster
         self._orbit = Orbit(
             flight,
             circle,

@@ -7,7 +7,7 @@ import math
 from enum import Enum, auto
 
 from uav_firmware.lib.rotation import wrap_pi
-from uav_firmware.modules.navigator.flight import Flight, Speeds
+from uav_firmware.modules.navigator.flight import JERK_PER_SPEED, Flight, Speeds
 from uav_firmware.modules.navigator.orbit_law import (
     OrbitSpeed,
     heading_at,
@@ -124,12 +124,14 @@ class Orbit:
     def _choose_speed(self, flight: Flight, speed: float) -> OrbitSpeed:
         limits = flight.limits()
         wanted = limits.speed_horizontal if math.isnan(speed) else speed
+        hardest = flight.limits_with(Speeds(horizontal=math.inf))
+        hardest = hardest._replace(jerk=min(hardest.jerk, JERK_PER_SPEED * abs(wanted)))
         turning = self._heading is None or turns_with_the_circle(self._heading)
         rate = math.radians(flight.params.yaw_rate_max_deg)
         chosen = speed_on(
             self._circle.radius,
             wanted,
-            flight.limits_with(Speeds(horizontal=math.inf)),
+            hardest,
             tilt_max=flight.tilt_max,
             yaw_rate_max=rate if turning else math.inf,
         )
