@@ -25,6 +25,7 @@ from uav_firmware.modules.commander.decision import (
     denied,
     not_now,
 )
+from uav_firmware.modules.commander.failsafe_actions import PILOTED
 from uav_firmware.modules.commander.params import CommanderParams
 from uav_firmware.modules.commander.vehicle_view import VehicleView
 from uav_firmware.msg.mission import (
@@ -56,10 +57,11 @@ def change_mode(state: NavigationState, situation: Situation) -> Decision:
 
     A complete mission begins again, and a hold that is on its way to a point stops. Before
     arming nothing moves: every mode may then be chosen, as on PX4, and it is the arming that is
-    refused while what the mode needs is missing.
+    refused while what the mode needs is missing. In flight without a fix the vehicle lands: then
+    an operator may order that landing, a pilot may take over, and nothing else ends it.
     """
     view = situation.view
-    reason = mode_requirements.missing(state, view) if situation.armed else None
+    reason = _refusal_in_flight(state, situation) if situation.armed else None
     if reason is not None:
         return not_now(reason)
     if state in mode_requirements.AIRBORNE_ONLY and situation.armed and view.landed:
@@ -71,6 +73,22 @@ def change_mode(state: NavigationState, situation: Situation) -> Decision:
     if state is NavigationState.AUTO_LOITER and situation.mode is state:
         return accepted(Tell(hold_here(view.now_us)), SetMode(state))
     return accepted(SetMode(state))
+
+
+def _refusal_in_flight(state: NavigationState, situation: Situation) -> str | None:
+    """Why an armed vehicle cannot enter a mode by an order; None when it can.
+
+    A hold by dead reckoning is the failsafe's, while it waits for the fix: ordered, it would put
+    off the landing for as long as the reckoning lasts.
+    """
+    view = situation.view
+    reason = mode_requirements.missing(state, view)
+    if reason is not None or state in PILOTED or state is NavigationState.AUTO_LAND:
+        return reason
+    holds = state is NavigationState.AUTO_LOITER
+    if holds or situation.mode is NavigationState.AUTO_LAND:
+        return mode_requirements.missing_for_place(view)
+    return None
 
 
 def hold_here(now_us: int) -> NavigatorTarget:

@@ -498,12 +498,34 @@ def test_without_a_fix_no_order_leads_elsewhere_or_overrules_the_landing(
     assert vehicle.position[0] < 40.0
 
 
-@pytest.mark.parametrize("command", [Command.NAV_LAND, Command.NAV_LOITER_UNLIM])
-def test_without_a_fix_it_may_land_or_hold_where_it_is(command: Command) -> None:
+HERE: dict[str, tuple[Command, tuple[float, ...]]] = {
+    "hold": (Command.NAV_LOITER_UNLIM, ()),
+    "hold for a time": (Command.NAV_LOITER_TIME, (30.0,)),
+    "hold as a mode": (Command.DO_SET_MODE, (1.0, 4.0, 3.0)),
+    "pause": (Command.DO_PAUSE_CONTINUE, (0.0,)),
+    "climb": (Command.DO_REPOSITION, (-1.0, 1.0, 0.0, NAN, NAN, NAN, 690.0)),
+}
+
+
+@pytest.mark.parametrize("landing", [False, True])
+@pytest.mark.parametrize("order", HERE)
+def test_without_a_fix_no_hold_or_climb_puts_off_the_landing(order: str, *, landing: bool) -> None:
+    vehicle = on_mission(COM_FAIL_ACT_T=3.0)
+    lose_fix(vehicle)
+    vehicle.run(4.5 if landing else 1.5)
+    command, params = HERE[order]
+    assert vehicle.send(command, *params) == CommandResult.TEMPORARILY_REJECTED
+    assert any("no GPS fix" in text for text in vehicle.texts)
+    vehicle.run(3.0)
+    assert vehicle.mode is LAND
+
+
+def test_without_a_fix_an_operator_may_order_the_landing_at_once() -> None:
     vehicle = on_mission(COM_FAIL_ACT_T=20.0)
     lose_fix(vehicle)
     vehicle.run(1.5)
-    assert vehicle.send(command) == CommandResult.ACCEPTED
+    assert vehicle.send(Command.NAV_LAND) == CommandResult.ACCEPTED
+    assert vehicle.mode is LAND
 
 
 @pytest.mark.parametrize("loss", [lose_fix, lambda v: setattr(v, "position_valid", False)])
