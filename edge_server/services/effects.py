@@ -4,7 +4,6 @@ It happens in the transaction that keeps the report, under the locks that are as
 """
 
 from collections.abc import Collection, Iterable
-from typing import Any
 
 from sqlalchemy import Connection
 
@@ -79,9 +78,8 @@ def apply_refused(connection: Connection, report: Report, now: float) -> None:
         vehicle_holds.after_refused_report(connection, report, now)
 
 
-def end_of(mission: Work, kind: str, body: dict[str, Any]) -> Answered | None:
+def end_of(mission: Work, kind: str, sha256: bytes) -> Answered | None:
     """Give what the report that ended a mission was answered, to a repetition of it."""
     if mission.end_record is None or mission.ended_at is None:
         return None
-    sha256 = once.hash_body(body)
     return Answered(kind, sha256, mission.end_record, mission.end_message_id, mission.ended_at)

@@ -25,6 +25,8 @@ class Entry(NamedTuple):
     kind: str
     body: dict[str, Any]
     key: str | None
+    sha256: bytes
+    """By which a repetition is known."""
 
 
 class Kept(NamedTuple):
@@ -44,7 +46,7 @@ def keep_all(
     outcomes: list[Kept] = []
     waiting: dict[str, int] = {}  # Keys of this very batch
     for entry in entries:
-        answered = Answered(entry.kind, once.hash_body(entry.body), 0, str(ULID()), now)
+        answered = Answered(entry.kind, entry.sha256, 0, str(ULID()), now)
         earlier = known.get(entry.key) if entry.key else None
         if earlier is None:
             if entry.key:

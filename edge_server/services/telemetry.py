@@ -60,13 +60,16 @@ def ingest(context: Context, kind: Kind, report: Report, caller: Caller) -> dict
         FullError: if there is no room for it.
         InvalidError, ConflictError: if it must not be said of its mission (`progress.apply`).
     """
-    body = _payload(report)
+    said: dict[str, Any] = write(report)
+    body_sha256, body = once.hash_body(said), _for_cloud(said)
     context.space.admit(kind.value, _picture_bytes(report))
     now = context.clock()
     flights = effects.new_flights(context, [report], now)
     try:
         answered = context.database.write_together(
-            lambda connection: _keep(connection, kind, report, body, caller, now, flights),
+            lambda connection: _keep(
+                connection, kind, report, body, body_sha256, caller, now, flights
+            ),
             *effects.locks_of(report, kind, flights),
         )
     except ConflictError:
@@ -189,7 +192,7 @@ def _answer_repeats(
     for number, work_id in repeats.items():
         mission = work.get(connection, work_id)
         entry = _entry(arrivals[number])
-        answer = None if mission is None else effects.end_of(mission, entry.kind, entry.body)
+        answer = None if mission is None else effects.end_of(mission, entry.kind, entry.sha256)
         if answer is None:
             raise RuntimeError(f"the end of work {work_id} is not known")
         answers[number] = answer
@@ -201,7 +204,9 @@ def _answer_repeats(
 
 
 def _entry(arrival: Arrival) -> Entry:
-    return Entry(arrival.kind.value, _payload(arrival.report), arrival.idempotency_key)
+    said: dict[str, Any] = write(arrival.report)
+    sha256 = once.hash_body(said)
+    return Entry(arrival.kind.value, _for_cloud(said), arrival.idempotency_key, sha256)
 
 
 def _told(answer: Answered | KeyReusedError) -> dict[str, Any] | KeyReusedError:
@@ -225,11 +230,9 @@ def _picture_bytes(report: Report) -> int:
     return len(report.frame) if isinstance(report, Image) else 0
 
 
-def _payload(report: Report) -> dict[str, Any]:
+def _for_cloud(said: dict[str, Any]) -> dict[str, Any]:
     """A report as the cloud gets it: the number of our own piece of work is nothing to it."""
-    body = write(report)
-    body.pop("work_id", None)
-    return body
+    return {name: value for name, value in said.items() if name != "work_id"}
 
 
 def _keep(  # a record, who sent it and when
@@ -237,18 +240,18 @@ def _keep(  # a record, who sent it and when
     kind: Kind,
     report: Report,
     body: dict[str, Any],
+    body_sha256: bytes,
     caller: Caller,
     now: float,
     flights: Collection[int],
 ) -> Answered:
     """Store a report unless it has been stored under this key; raises KeyReusedError."""
-    body_sha256 = once.hash_body(body)
     answered = once.earlier(connection, caller, kind.value, body_sha256)
     if answered is not None:
         return answered
     change = effects.apply(connection, report, now, flights)
     if change is not None and change.is_repetition:
-        answered = effects.end_of(change.mission, kind.value, body)
+        answered = effects.end_of(change.mission, kind.value, body_sha256)
     if answered is None:
         record = store(connection, kind, body, now)
         answered = Answered(kind.value, body_sha256, record.id, record.message_id, now)
@@ -345,7 +348,7 @@ def correct(connection: Connection, old: Record, report: Report, now: float) -> 
     Raises:
         InvalidError, ConflictError: as `replace`.
     """
-    body = _payload(report)
+    body = _for_cloud(write(report))
     _check_about_the_same(old.body(), body)
     message_id = str(ULID())
     new = old._replace(message_id=message_id, payload=to_json({**body, "message_id": message_id}))

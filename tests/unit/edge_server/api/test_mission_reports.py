@@ -380,3 +380,47 @@ def test_the_end_of_a_mission_that_is_not_known_is_not_corrected_to_another(edge
     edge.report("mission_report", mission_report(3, mission_id=77))
     record = edge.get("/mission_report/")[0]["id"]
     assert correct(edge, record, mission_report(2, mission_id=77)) == (409, ["mission_status_id"])
+
+
+def test_a_key_stands_for_one_work(edge: Edge) -> None:
+    item = accepted(edge)
+    report = mission_report(2, 2, work_id=item["id"])
+    assert edge.report("mission_report", report, "one").status_code == 201
+    other = report | {"work_id": 500}
+    assert edge.report("mission_report", other, "one").status_code == 422
+    records = [{"mission_report": each, "idempotency_key": "one"} for each in (report, other)]
+    answer = edge.post("/telemetry/", {"records": records}, "broker")
+    assert [one["status"] for one in (answer.json or {})["records"]] == [201, 422]
+    assert told(edge) == [2]
+
+
+STEPS = (
+    "store.work.change_commands",
+    "store.work.change",
+    "store.vehicle_holds.place",
+    "store.telemetry.add",
+    "outbox.queue.enqueue",
+    "store.work.note_end",
+    "store.idempotency.remember",
+)
+
+
+def test_a_report_that_breaks_off_at_any_step_has_changed_nothing(
+    edge: Edge, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    item = accepted(edge)
+    last = mission_report(4, 3, 4, 5, work_id=item["id"])
+
+    def break_off(*_: Any, **__: Any) -> None:
+        raise RuntimeError("broken off")
+
+    for step in STEPS:
+        with monkeypatch.context() as patched:
+            patched.setattr(f"edge_server.{step}", break_off)
+            assert edge.report("mission_report", last, "end").status_code == 500, step
+        assert (status_of(edge, 1), told(edge)) == ("NOT_STARTED", [])
+        assert edge.get("/vehicles/1")["held"] is None
+    for _ in range(2):
+        assert edge.report("mission_report", last, "end").status_code == 201
+    assert (status_of(edge, 1), told(edge)) == ("FAILED", [4])
+    assert edge.get("/vehicles/1")["held"] is not None
