@@ -200,11 +200,18 @@ def test_without_any_accelerometer_it_lands_by_the_thrust_that_is_commanded(
     assert not hover.said("Motor")
 
 
-def test_without_any_gyroscope_it_falls_and_says_that_it_was_the_gyroscope(tmp_path: Path) -> None:
-    hover = Hover(tmp_path, imus=1)
-    hover.break_now("gyro_loss")
-    hover.tester.run_for(10.0)
-    assert hover.said("Gyroscope lost, no attitude")
-    assert not hover.said("Motor")
-    assert not hover.said("has jumped")
-    assert not hover.said("beyond its limit")
+@pytest.mark.parametrize(("line", "imus"), [("gyro_loss", 1), ("gyro_frozen instance=all", 3)])
+def test_without_any_gyroscope_the_flight_is_terminated_and_says_why(
+    tmp_path: Path, line: str, imus: int
+) -> None:
+    """Nothing controls it any more: the motors stop at once, and nothing else is blamed."""
+    hover = Hover(tmp_path, imus=imus)
+    tester = hover.tester
+    hover.break_now(line)
+    tester.wait_until(lambda: not tester.status.armed, 0.5, "terminated")
+    tester.run_for(5.0)
+    assert hover.said("Gyroscope lost, no attitude: TERMINATE")
+    assert hover.said("Flight terminated")
+    for other in ("Motor", "Crash", "has jumped", "beyond its limit"):
+        assert not hover.said(other)
+    assert not tester.status.preflight_checks_pass

@@ -343,7 +343,7 @@ ROWS: Final[Mapping[Cause, Row]] = {
     Cause.GYRO_LOST: Row(
         "Gyroscope lost, no attitude",
         lambda moment, _present: moment.view.gyro_lost,
-        _always(Action.DESCEND),
+        _always(Action.TERMINATE),  # As PX4, whose descent needs an angular velocity
         urgent=True,
     ),
     Cause.ACCEL_LOST: Row(
