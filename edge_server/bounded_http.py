@@ -4,6 +4,11 @@ A timeout of a socket starts again with every byte, so a server that sends a byt
 holds its client for ever. Here the timeout of a request counts from the moment at which the client
 begins to wait: status line, interim answers, headers and body must all be there when it ends, and
 must not be larger than `MAXIMUM_RAW_BYTES` on the line.
+
+The deadline is kept by the reader of the answer, without a thread or timer per request: the relay
+sends thousands of small records a second on connections that stay open. The broker, which the edge
+server may not import, has a module of the same name for seldom and large exchanges: there a timer
+shuts the connection down, so that connecting, the TLS handshake and sending are bounded too.
 """
 
 import http.client
