@@ -260,7 +260,8 @@ class App:
             return
         if not self._call(peer, now, partial(peer.session.take_event, work, now)):
             failure = self.faults.warning(_owner(peer), now)
-            self._tell(Acknowledgement(work.work_id, "refused", failure), work.vehicle_id)
+            refused = Acknowledgement(work.work_id, "refused", failure)
+            self._call(peer, now, lambda effects: effects.for_edge.append(refused))
 
     def _answer_state_vector(self, work: StateVectorWork, now: float) -> None:
         """Have one vehicle or all report; done if any of them could."""

@@ -157,6 +157,7 @@ class Session:
         wait until it has. A refusal's report goes out before the acknowledgement, which closes
         the work.
         """
+        self._answers.open(work.work_id)
         flight = Flight(work, self.vehicle, self._reporter)
         family = self.vehicle.family if self.vehicle.is_identified else MOST_ABLE
         try:
@@ -230,6 +231,7 @@ class Session:
         Raises:
             Exception: an unexpected error; the caller refuses the event then.
         """
+        self._answers.open(work.work_id)
         self._events.put(work)
         try:
             self._carry_out_events(now, effects)

@@ -413,6 +413,29 @@ class TestEveryEventHasOneFinalAnswer:
         assert said(world, event)[-1] in {"done", "refused"}
         assert "internal error" in str(answers(world, event)[-1][1])
 
+    @pytest.mark.parametrize("is_restarted", [False, True], ids=["at once", "after a wait"])
+    def test_one_whose_carrying_out_meets_an_error(
+        self, monkeypatch: pytest.MonkeyPatch, *, is_restarted: bool
+    ) -> None:
+        """The mission that it had ended by then answers it too, and counts no more."""
+        world = world_at(1)
+        reason = "unexpected"
+
+        def fail(*_: Any, **__: Any) -> None:
+            raise RuntimeError(reason)
+
+        monkeypatch.setattr(Flight, "_abort_softly", fail)
+        if is_restarted:
+            world.restart_broker()
+        event = world.edge.event(SOFT_ABORT)
+        world.run(5.0)
+        monkeypatch.undo()
+        world.run(5.0)
+        assert world.edge.status(1201) == Status.FAILED
+        finals = [status for status in said(world, event) if status != "accepted"]
+        assert len(finals) == 1
+        assert "internal error" in str(answers(world, event)[-1][1])
+
 
 def answers(world: World, event: int) -> list[tuple[str, str | None]]:
     """What was said about an event, and why."""
