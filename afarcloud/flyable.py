@@ -126,7 +126,7 @@ def reach_faults(mission: Mission, path: str, limits: VehicleLimits) -> Iterator
 
 def _too_far(first: Spot, before: Spot, place: Spot, limits: VehicleLimits) -> str | None:
     away_m = distance_m(*first[:2], *place[:2])
-    if away_m > limits.farthest_m:
+    if away_m > limits.farthest_m > 0.0:
         most = f"at most {limits.farthest_m:g} m (farthest_m)"
         return f"the place lies {away_m:.0f} m from the mission's first one, {most}"
     leg_m = distance_m(*before[:2], *place[:2])

@@ -41,8 +41,8 @@ class Config:
     connections_per_address: int = 256
     plan_lifetime_s: float = 12 * 3600.0
     queue_limit: int = 8  # Unfinished missions per vehicle
-    farthest_m: float = 10_000.0  # These two as `VehicleLimits` has them
-    longest_leg_m: float = 900.0
+    farthest_m: float = 0.0  # These two as `VehicleLimits` has them
+    longest_leg_m: float = 0.0
     backoff_base_s: float = 0.5
     backoff_cap_s: float = 10.0
     probe_interval_s: float = 15.0  # While the cloud refuses our key
@@ -265,7 +265,7 @@ SETTINGS: Final = (
     ),
     Setting("plan_lifetime_s", "PLAN_LIFETIME_S", _seconds(1, 30 * 86400), "default expires_at"),
     Setting("queue_limit", "QUEUE_LIMIT", _whole(1, 1000), "unfinished missions per vehicle"),
-    Setting("farthest_m", "FARTHEST_M", _metres(100, 1e6), "a mission's places from its first"),
+    Setting("farthest_m", "FARTHEST_M", _metres(0, 1e6), "places from the first; 0: no limit"),
     Setting("longest_leg_m", "LONGEST_LEG_M", _metres(0, 1e6), "place to place; 0: no limit"),
     Setting("backoff_base_s", "RELAY_BACKOFF_BASE_S", _seconds(0.01, 60), "first retry, at most"),
     Setting("backoff_cap_s", "RELAY_BACKOFF_CAP_S", _seconds(0.01, 3600), "any retry, at most"),

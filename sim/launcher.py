@@ -12,7 +12,7 @@ from typing import Self
 from sim import signing_keys
 from sim.console import Screen
 from sim.farm_client import FarmClient, NotReadyError, RefusedError
-from sim.processes import programs, uplink
+from sim.processes import fleet_limits, programs, uplink
 from sim.settings import Settings
 from sim.state_lock import StateLock
 from sim.supervisor import Supervisor, SupervisorError, check_ports
@@ -49,6 +49,7 @@ class System:
         self._programs = programs(settings)
         environment = {
             "LOG_FORMAT": "text",  # People read the lines of all programs together
+            **fleet_limits(),
             **os.environ,
             "PYTHONUNBUFFERED": "1",
             "STATE_DIR": str(settings.state_dir),

@@ -41,6 +41,11 @@ def programs(settings: Settings) -> list[Program]:
     ]
 
 
+def fleet_limits() -> dict[str, str]:
+    """Environment that says how far our vehicles fly: what their missions' check refuses."""
+    return {"FARTHEST_M": "10000", "LONGEST_LEG_M": "900"}
+
+
 def uplink(settings: Settings) -> dict[str, str]:
     """Environment that says how records reach the mock cloud: straight, or over a broker."""
     url = settings.mqtt_url

@@ -129,13 +129,15 @@ def going(*north_m: float | None) -> Mission:
 @pytest.mark.parametrize(
     ("north_m", "limits", "places"),
     [
-        ((899.0, 1790.0), {}, []),
-        ((901.0,), {}, [1]),
-        ((899.0, -899.0), {}, [2]),
-        ((500.0, None, 2500.0), {}, []),  # Nobody knows where following ends
-        ((5000.0, 9990.0), {"longest_leg_m": 0.0}, []),
-        ((5000.0, 10_010.0), {"longest_leg_m": 0.0}, [2]),
-        ((1e7, 0.0), {"longest_leg_m": 0.0}, [1]),
+        ((1e7, 0.0), {}, []),
+        ((899.0, 1790.0), {"longest_leg_m": 900.0}, []),
+        ((901.0,), {"longest_leg_m": 900.0}, [1]),
+        ((899.0, -899.0), {"longest_leg_m": 900.0}, [2]),
+        # Nobody knows where following ends
+        ((500.0, None, 2500.0), {"longest_leg_m": 900.0}, []),
+        ((5000.0, 9990.0), {"farthest_m": 10_000.0}, []),
+        ((5000.0, 10_010.0), {"farthest_m": 10_000.0}, [2]),
+        ((1e7, 0.0), {"farthest_m": 10_000.0}, [1]),
         ((2000.0,), {"longest_leg_m": 2500.0, "farthest_m": 1500.0}, [1]),
     ],
 )

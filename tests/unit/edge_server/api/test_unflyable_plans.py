@@ -1,5 +1,6 @@
 """What no vehicle of the fleet can fly is refused at post, by its field and with the reason."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -17,6 +18,16 @@ EAST = [NORTH, WEST + 0.001]
 NORTHEAST = [NORTH + 0.001, WEST + 0.001]
 NORTHWEST = [NORTH + 0.001, WEST]
 BOW_TIE = [CORNER, NORTHEAST, EAST, NORTHWEST]
+
+
+@pytest.fixture
+def fleet(config: Config) -> Iterator[Edge]:
+    """An edge server whose fleet flies neither far nor long legs."""
+    app = create_app(replace(config, longest_leg_m=900.0, farthest_m=10_000.0), clock=Clock())
+    edge = Edge(app.test_client(), context_of(app), Clock())
+    edge.register(1)
+    yield edge
+    edge.context.database.close()
 
 
 def flight_to(**place: Any) -> dict[str, Any]:
@@ -74,9 +85,9 @@ def refusal(edge: Edge, document: dict[str, Any]) -> dict[str, list[str]]:
     ],
 )
 def test_a_plan_that_no_vehicle_can_fly_is_refused_by_its_field(
-    edge: Edge, document: dict[str, Any], path: str, text: str
+    fleet: Edge, document: dict[str, Any], path: str, text: str
 ) -> None:
-    ((named, told),) = refusal(edge, document).items()
+    ((named, told),) = refusal(fleet, document).items()
     assert named == path
     assert text in str(told)
 
@@ -97,14 +108,13 @@ def test_an_outline_that_is_closed_by_its_first_corner_is_taken(edge: Edge) -> N
     assert edge.post_plan(plan(geofence={"inclusion": [closed]})).status_code == 201
 
 
-def test_a_fleet_that_flies_farther_says_so(config: Config) -> None:
-    app = create_app(replace(config, longest_leg_m=0.0, farthest_m=20_000.0), clock=Clock())
-    context = context_of(app)
-    edge = Edge(app.test_client(), context, Clock())
-    edge.register(1)
-    assert edge.post_plan(plan(flight_to(latitude=NORTH + 0.15))).status_code == 201
-    assert edge.post_plan(plan(flight_to(latitude=NORTH + 0.2))).status_code == 422
-    context.database.close()
+def test_how_far_a_fleet_flies_is_for_it_to_say(edge: Edge, fleet: Edge) -> None:
+    far = plan(
+        flight_to(latitude=-NORTH),
+        rally_points=[{"latitude": 0.0, "longitude": 0.0, "altitude": 10.0}],
+    )
+    assert edge.post_plan(far).status_code == 201
+    assert fleet.post_plan(far).status_code == 422
 
 
 def test_the_limits_are_those_of_a_vehicle_unless_they_are_set(edge: Edge) -> None:
