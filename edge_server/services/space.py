@@ -152,11 +152,21 @@ class Space:
             if upkeep.checkpoint(self._database) is Outcome.FULL and ballast.release(path):
                 LOG.warning("the disk is full; the ballast %s is given up", path)
                 upkeep.checkpoint(self._database)
-            upkeep.give_back(self._database, STEPS)
+            if not upkeep.give_back(self._database, STEPS) and self._may_lend_ballast():
+                LOG.info("the ballast %s is lent to free pages that need room to go", path)
+                ballast.release(path)
+                upkeep.give_back(self._database, STEPS)
             self._has_free_pages = not ballast.hold(path) and upkeep.look(
                 self._database
             ).free_bytes > _TIMES_BALLAST * ballast.size_on(path)
         self._looked_at_disk = True
+
+    def _may_lend_ballast(self) -> bool:
+        """Whether pages are free that no longer fit the log, and that are more than the ballast."""
+        path = self._config.ballast_path
+        if not path.exists():
+            return False
+        return upkeep.look(self._database).free_bytes > _TIMES_BALLAST * ballast.size_on(path)
 
     def keep_age(self, monotonic: float) -> None:
         """Drop what is too old, and dead letters beyond their own budget."""

@@ -1,5 +1,10 @@
-"""A file system of a few megabytes in memory, where the system lets us make one."""
+"""A file system of a few megabytes, where the system lets us make one.
 
+It is in memory; `SMALL_DISK=ext4` makes a real one in a file, whose metadata and journal take room,
+and which allocates late.
+"""
+
+import os
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,15 +19,24 @@ class NoSmallDiskError(Exception):
 def small_disk(folder: Path, megabytes: int) -> Iterator[Path]:
     """Give a folder on a disk of its own; raises NoSmallDiskError."""
     folder.mkdir()
-    command = ["mount", "-t", "tmpfs", "-o", f"size={megabytes}m", "tmpfs", str(folder)]
+    image = folder.with_name(f"{folder.name}.ext4")
+    commands = [["mount", "-t", "tmpfs", "-o", f"size={megabytes}m", "tmpfs", str(folder)]]
+    if os.environ.get("SMALL_DISK") == "ext4":
+        commands = [
+            ["truncate", f"--size={megabytes}M", str(image)],
+            ["mkfs.ext4", "-q", "-m", "0", str(image)],
+            ["mount", "-o", "loop", str(image), str(folder)],
+        ]
     try:
-        subprocess.run(command, check=True, capture_output=True)
+        for command in commands:
+            subprocess.run(command, check=True, capture_output=True)
     except (OSError, subprocess.CalledProcessError) as error:
         raise NoSmallDiskError(str(error)) from None
     try:
         yield folder
     finally:
         subprocess.run(["umount", "--lazy", str(folder)], check=True, capture_output=True)
+        image.unlink(missing_ok=True)
 
 
 def fill_up(path: Path) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from random import Random
 
 import pytest
+from sqlalchemy import delete
 
 from edge_server.app import context_of, create_app
 from edge_server.config import Config
@@ -21,11 +22,14 @@ from edge_server.outbox.schedule import Schedule
 from edge_server.outbox.streams import AllStreams
 from edge_server.outbox.uplink import MOST, Offer
 from edge_server.preparation import open_database, prepare
+from edge_server.store import upkeep
+from edge_server.store.tables import telemetry
 from tests.support.small_disk import NoSmallDiskError, fill_up, small_disk
 from tests.unit.edge_server import documents
 from tests.unit.edge_server.conftest import Clock, Edge
 
 PATIENCE_S = 60.0
+PAGE_BYTES = 4096
 JPEG = b"\xff\xd8\xff" + bytes(220_000) + b"\xff\xd9"
 PICTURE = {"frame": base64.b64encode(JPEG).decode(), "image_size": len(JPEG)}
 
@@ -113,7 +117,8 @@ def test_it_recovers_by_itself_again_and_again(edge: Edge) -> None:
         fill_up(filler)
         number = fill(edge, number, ["pose", "image", "battery"])
         assert edge.count("outbox") > 10
-        assert os.statvfs(edge.config.state_dir).f_bavail == 0
+        disk = os.statvfs(edge.config.state_dir)
+        assert disk.f_bavail * disk.f_frsize < PAGE_BYTES
         drain(edge)
         for _ in range(5):  # A turn gives back a bounded number of pages
             edge.context.space.keep(time.monotonic())
@@ -145,3 +150,20 @@ def test_a_start_on_a_full_disk_uses_the_room_that_is_held(edge: Edge) -> None:
     prepare(edge.config)
     assert not edge.config.ballast_path.exists()
     assert edge.count("telemetry") == 1
+
+
+def test_the_held_room_is_lent_to_what_gives_room_back(edge: Edge) -> None:
+    """The backlog is gone, its pages are free in the file, and nothing else is free anywhere."""
+    edge.context.space.keep(time.monotonic())
+    number = fill(edge, 0, ["image"])
+    with edge.context.database.write() as connection:
+        connection.execute(delete(telemetry))
+    upkeep.checkpoint(edge.context.database)
+    fill_up(edge.config.state_dir / "another program")
+    assert edge.config.ballast_path.exists()
+    for _ in range(5):
+        edge.context.space.keep(time.monotonic())
+    assert edge.config.ballast_path.exists()
+    for kind in ("pose", "image", "battery"):
+        assert report(edge, kind, number) == 201
+        number += 1
