@@ -4,11 +4,21 @@ import dataclasses
 
 import pytest
 
-from mavlink_broker.codec import Encoder
+from mavlink_broker.codec import Decoder, Encoder
 from mavlink_broker.config import Config
 from mavlink_broker.dialect import mavlink
 from mavlink_broker.fleet import AUTOPILOT
-from tests.support.broker_world import FINISHED, World, first_flight, flying_world
+from mavlink_broker.session_states import State
+from tests.support.broker_world import (
+    FINISHED,
+    World,
+    first_flight,
+    flying_world,
+    go_home,
+    mission,
+    takeoff,
+    waypoint,
+)
 from tests.support.scripted_vehicle import ARDUPILOT, PX4, PX4_POSITION
 
 
@@ -50,6 +60,25 @@ class TestSeveralVehicles:
         world.run(30.0)
         assert vehicle.uploads == 0
         assert world.edge.acknowledgements(work)[0]["status"] == "refused"
+
+
+def test_all_that_comes_in_one_round_is_answered_in_that_round() -> None:
+    """The items that a vehicle asks for wait for no tick: a long mission is uploaded as it asks."""
+    world = World()
+    world.add_vehicle()
+    world.run(3.0)
+    world.edge.plan(mission(takeoff(), *(waypoint(number) for number in range(2, 31)), go_home(31)))
+    world.run_until(lambda: world.app.sessions[1].state is State.UPLOADING, within_s=10.0)
+    (address,) = world.air.vehicles
+    encoder = Encoder(1, 1)
+    before = len(world.air.sent)
+    for seq in range(30):
+        request = mavlink.MAVLink_mission_request_int_message(254, 191, seq)
+        world.air.to_broker(address, encoder.encode(request))
+    world.app.step(0.0)
+    sent = [m for _, frame in world.air.sent[before:] for m in Decoder().decode(frame)]
+    items = [message.seq for message in sent if message.get_type() == "MISSION_ITEM_INT"]
+    assert items[-30:] == list(range(30))
 
 
 class TestTelling:
