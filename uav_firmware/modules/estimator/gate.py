@@ -6,7 +6,15 @@ from typing import Final
 from uav_firmware.modules.estimator.ekf import ErrorStateEkf, Measurement
 
 STOP_AFTER_S: Final = 5.0
-"""A source rejected for so long without a break is stopped (PX4's hgt_fusion_timeout_max)."""
+"""A source rejected for so long is stopped (PX4's hgt_fusion_timeout_max)."""
+
+FORGIVEN_SHARE: Final = 0.25
+"""[-] Of the time for which a source agrees, taken off the time for which it was rejected.
+
+One that comes and goes is stopped too, if it is wrong for more than a fifth of the time.
+"""
+
+_LONGEST_STEP_S: Final = 1.0  # A silence says nothing
 
 RESUME_AFTER_S: Final = 2.0
 """A stopped source is used again after agreeing for so long without a break."""
@@ -22,13 +30,16 @@ class Aid:
 
     USED    --a measurement beyond the gate--------> DOUBTED
     DOUBTED --a measurement within it--------------> USED
-    DOUBTED --for STOP_AFTER_S, nothing within it--> STOPPED   not fused, reported
+    DOUBTED --STOP_AFTER_S in all, see below-------> STOPPED   not fused, reported
     STOPPED --for RESUME_AFTER_S, all within it----> USED
     any     --the estimate is reset to it----------> USED
+
+    The time of rejection runs between two measurements that are both beyond the gate, so that
+    a single outlier costs nothing; agreement takes FORGIVEN_SHARE of its own time off it.
     """
 
-    __slots__ = ("_agreeing_since_us", "_rejecting_since_us", "_stopped", "fused_us", "gate",
-                 "ratio", "ready_us")  # fmt: skip
+    __slots__ = ("_agreeing_since_us", "_doubt_s", "_judged_us", "_rejecting_since_us", "_stopped",
+                 "fused_us", "gate", "ratio", "ready_us")  # fmt: skip
 
     def __init__(self, gate: float) -> None:
         self.gate = gate  # [-] Standard deviations that an innovation may reach
@@ -38,6 +49,8 @@ class Aid:
         self._rejecting_since_us: int | None = None
         self._agreeing_since_us: int | None = None  # While it is stopped
         self._stopped = False
+        self._doubt_s = 0.0  # [s] Time of rejection that is not forgiven yet
+        self._judged_us: int | None = None  # [us] The last measurement
 
     def fuse(
         self,
@@ -50,17 +63,22 @@ class Aid:
         if not self._admits(now_us):
             return False
         ekf.fuse(group)
-        self.accept(now_us)
+        self._use(now_us)
         return True
 
     def _admits(self, now_us: int) -> bool:
         """Judge the last ratio; whether its measurement may be fused."""
+        before_us, self._judged_us = self._judged_us, now_us
+        step_s = 0.0 if before_us is None else min((now_us - before_us) * 1e-6, _LONGEST_STEP_S)
         if self.ratio > 1.0:
+            if self._rejecting_since_us is not None and self._agreeing_since_us is None:
+                self._doubt_s += step_s
             self._agreeing_since_us = None
             if self._rejecting_since_us is None:
                 self._rejecting_since_us = now_us
-            self._stopped = self._stopped or self.rejected_s(now_us) > STOP_AFTER_S
+            self._stopped = self._stopped or self._doubt_s > STOP_AFTER_S
             return False
+        self._doubt_s = max(0.0, min(self._doubt_s, STOP_AFTER_S) - FORGIVEN_SHARE * step_s)
         if not self._stopped:
             return True
         if self._agreeing_since_us is None:
@@ -68,7 +86,11 @@ class Aid:
         return (now_us - self._agreeing_since_us) * 1e-6 >= RESUME_AFTER_S
 
     def accept(self, now_us: int) -> None:
-        """Note that the source and the estimate agree, by fusion or by a reset."""
+        """Note that the estimate has been reset to the source."""
+        self._use(now_us)
+        self._doubt_s = 0.0
+
+    def _use(self, now_us: int) -> None:
         self.fused_us = now_us
         self._rejecting_since_us = self._agreeing_since_us = None
         self._stopped = False

@@ -131,6 +131,28 @@ def test_a_gps_position_that_jumps_is_stopped_until_it_is_back(north_m: float) -
     assert trial.rig.position.resets.number == before
 
 
+def coming_and_going(change: Change, *, bad_s: float, good_s: float) -> Change:
+    def changed(readings: Readings) -> Readings:
+        bad = (readings.truth.time_us * 1e-6) % (bad_s + good_s) < bad_s
+        return change(readings) if bad else readings
+
+    return changed
+
+
+@pytest.mark.parametrize(
+    ("bad_s", "good_s", "found"), [(3.0, 1.5, AidSource.GPS_POSITION), (0.5, 4.0, NONE)]
+)
+def test_a_gps_position_that_comes_and_goes_is_stopped_if_it_is_wrong_often(
+    bad_s: float, good_s: float, found: AidSource
+) -> None:
+    trial = Trial().fly_until(JUMP_S)
+    trial.spoil(coming_and_going(jump(north_m=30.0), bad_s=bad_s, good_s=good_s)).fly_until(48.0)
+    assert trial.stopped == found
+    assert trial.worst_horizontal_m < 1.0
+    trial.spoil(good).fly_until(52.0)
+    assert trial.stopped == NONE
+
+
 @pytest.mark.parametrize("up_m", [8.0, 30.0, -8.0, -30.0])
 def test_a_gps_height_that_jumps_is_stopped_and_moves_no_barometer(up_m: float) -> None:
     trial = Trial().fly_until(JUMP_S)
