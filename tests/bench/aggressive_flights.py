@@ -27,7 +27,9 @@ _STREAM_STEPS: Final = 5  # 50 Hz
 _ATTITUDE_IGNORED: Final = 128
 _RATES_IGNORED: Final = 7
 _PX4_OFFBOARD: Final = 6
-_FALSE: Final = ("Gyroscope", "Accelerometer", "Compass", "Barometer", "Motor", "disagree")
+_FALSE: Final = (
+    "Gyroscope", "Accelerometer", "Compass", "Barometer", "Motor", "disagree", "Crash",
+)  # fmt: skip
 """What no text may name, since nothing is broken."""
 
 
