@@ -70,7 +70,7 @@ class Triad:
     def __init__(
         self, normals: Iterator[float], noise: AxisNoise, *, rate_hz: int, factor: float
     ) -> None:
-        self._normals = normals
+        self._triples = zip(normals, normals, normals, strict=True)  # One call for three numbers
         self._turn_on = normal_vector(normals, noise.turn_on_sigma * factor)
         self._drifts = tuple(
             GaussMarkov(
@@ -98,12 +98,13 @@ class Triad:
         """Measured components; `rotor_load` is the rotor speed over hover's, squared."""
         vibration = self._vibration * rotor_load
         sigma = math.sqrt(self._variance + vibration * vibration)
-        normals, bias, limit = self._normals, self.bias, self._full_scale
+        bias, limit = self.bias, self._full_scale
+        noise_x, noise_y, noise_z = next(self._triples)
         true_x, true_y, true_z = true_value
         (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = self._rows
-        x = xx * true_x + xy * true_y + xz * true_z + bias[0] + sigma * next(normals)
-        y = yx * true_x + yy * true_y + yz * true_z + bias[1] + sigma * next(normals)
-        z = zx * true_x + zy * true_y + zz * true_z + bias[2] + sigma * next(normals)
+        x = xx * true_x + xy * true_y + xz * true_z + bias[0] + sigma * noise_x
+        y = yx * true_x + yy * true_y + yz * true_z + bias[1] + sigma * noise_y
+        z = zx * true_x + zy * true_y + zz * true_z + bias[2] + sigma * noise_z
         if -limit <= x <= limit and -limit <= y <= limit and -limit <= z <= limit:
             return x, y, z
         return (

@@ -67,13 +67,16 @@ class LateralForce:
             v + fast * (share * right - v),
         )
         slow_x, slow_y, slow_u, slow_v = self._slow
+        off_x, off_y, off_u, off_v = x - slow_x, y - slow_y, u - slow_u, v - slow_v
         self._slow = (
-            slow_x + slow * (x - slow_x),
-            slow_y + slow * (y - slow_y),
-            slow_u + slow * (u - slow_u),
-            slow_v + slow * (v - slow_v),
+            slow_x + slow * off_x,
+            slow_y + slow * off_y,
+            slow_u + slow * off_u,
+            slow_v + slow * off_v,
         )
-        if self.step_m_s2 > _STEP_M_S2:
+        # Mostly so little has changed that no coefficient of the range could make it a step
+        largest = abs(off_x) + abs(off_y) + self._range_per_s[1] * (abs(off_u) + abs(off_v))
+        if largest > _STEP_M_S2 and self.step_m_s2 > _STEP_M_S2:
             self._left_s = _HELD_S
         elif self._left_s > 0.0:
             self._left_s -= dt

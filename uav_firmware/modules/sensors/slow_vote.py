@@ -15,6 +15,7 @@ alarm, and nothing is given up. Failed instances stay so until a restart.
 
 import math
 from collections.abc import Sequence
+from itertools import combinations
 from typing import Final, NamedTuple
 
 Vector = tuple[float, ...]
@@ -52,6 +53,7 @@ class SlowVote:
     def __init__(self, count: int, limit: float) -> None:
         self.limit = limit
         self.failed = 0  # [-] Bit 0 is the first instance
+        self.good = list(range(count))  # Instances that have not failed
         self.disputed = False
         self.selected = 0
         self._apart_since_us: int | None = None
@@ -94,11 +96,6 @@ class SlowVote:
             return sample
         return tuple(a + b for a, b in zip(sample, self._correction, strict=True))
 
-    @property
-    def good(self) -> list[int]:
-        """Instances that have not failed."""
-        return [i for i in range(len(self._instances)) if not self.failed >> i & 1]
-
     def _silent_or_stuck(self, good: list[int]) -> list[Failed]:
         seen_us = max(self._instances[i].seen_us for i in good) if good else 0
         changed_us = max(self._instances[i].changed_us for i in good) if good else 0
@@ -118,7 +115,7 @@ class SlowVote:
             self.disputed = False
             return []
         offs = {i: self._instances[i].off for i in known}
-        widest = max(math.dist(offs[i], offs[j]) for i in known for j in known)
+        widest = max(math.dist(offs[i], offs[j]) for i, j in combinations(known, 2))
         if widest <= self.limit:
             self._apart_since_us, self.disputed = None, False
             return []
@@ -137,7 +134,7 @@ class SlowVote:
 
     def _give_up(self, number: int) -> None:
         self.failed |= 1 << number
-        good = self.good
+        good = self.good = [i for i in self.good if i != number]
         if number != self.selected or not good:
             return
         old, new = self._instances[number], self._instances[good[0]]

@@ -104,15 +104,12 @@ class TriadVote:
         `others_change` is whether the samples of another kind of sensor have changed meanwhile.
         """
         news = []
-        for instance in self.good:
-            own = window[:, instance]
-            if np.count_nonzero(~np.isfinite(own).all(axis=1)) > _FORGIVEN:
-                news.append(Failed(instance, "no data"))
-        stuck = [
-            i
-            for i in self.good
-            if np.array_equal(window[:, i], np.broadcast_to(window[0, i], (len(window), 3)))
-        ]
+        whole = np.isfinite(window)
+        if not whole.all():
+            missing = np.count_nonzero(~whole.all(axis=2), axis=0)
+            news = [Failed(i, "no data") for i in self.good if missing[i] > _FORGIVEN]
+        changes = (window != window[0]).any(axis=(0, 2))
+        stuck = [i for i in self.good if not changes[i]]
         if others_change or len(stuck) < len(self.good):
             news += [Failed(i, "stuck") for i in stuck]
         for failure in news:
@@ -136,7 +133,8 @@ class TriadVote:
         if len(samples) < WINDOW // 2:
             return []
         means = samples.mean(axis=0)
-        middle = np.median(means, axis=0)
+        # The median, for which numpy takes ten times as long
+        middle = np.sort(means, axis=0)[1] if len(good) == _THREE else 0.5 * (means[0] + means[1])
         size = abs(float(np.linalg.norm(middle)) - self.limits.usual)
         self._size = max(size, 0.8 * self._size)
         off = means - middle
