@@ -90,6 +90,7 @@ class FlightCore:
         self._opaque_id = 0
         self._mode_asked_at = -math.inf  # Of a vehicle that is not ready in the mode that it is in
         self._why_asked_at = -math.inf
+        self._obstacle: str | None = None  # That was logged last, while it waits
         self._began_at = 0.0
         self._heard_at: float | None = None  # Its vehicle, for the first time since it is attached
         self._entered_at = 0.0

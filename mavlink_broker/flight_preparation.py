@@ -1,5 +1,6 @@
 """One mission up to its flight: waited for, uploaded, proved, armed, started."""
 
+import logging
 from typing import Final
 
 from afarcloud.commands import FLYING
@@ -20,12 +21,15 @@ from mavlink_broker.translation.modes import ModeRole
 from mavlink_broker.translation.situation import Spot
 
 FLYING_WITHIN_S: Final = 5.0
+TOLD_AFTER_S: Final = 3.0
+"""How long a mission waits before its upload until the log says what for."""
 START_AGAIN_AFTER_S: Final = 1.0
 ARM_AGAIN_AFTER_S: Final = 2.0
 MODE_EVERY_S: Final = 2.0
 """Longer than a mode takes to show."""
 WHY_EVERY_S: Final = 14.0
 """Less often than what a vehicle waits for by itself, and often enough for its newest reason."""
+_LOG = logging.getLogger(__name__)
 _AFTER_ACCEPTANCE: Final = {
     State.FENCING: Event.FENCED,
     State.HOLDING: Event.HELD,
@@ -210,6 +214,7 @@ class FlightPreparation(FlightCore):
         obstacle = readiness.obstacle(
             self._vehicle, now, hovering=self._hovering, waited_s=waited_s
         )
+        self._tell_obstacle(obstacle, waited_s)
         if obstacle is None:
             if self.is_confirmed or not self._acts_at_once:
                 self._set_out(now, effects)
@@ -223,6 +228,17 @@ class FlightPreparation(FlightCore):
             effects.messages.append(activities.hold_on_ground(self._vehicle))
         if waited_s >= readiness.WITHIN_S:
             self._fail(f"not ready after {readiness.WITHIN_S:.0f} s: {obstacle}", now, effects)
+
+    def _tell_obstacle(self, obstacle: str | None, waited_s: float) -> None:
+        """Log what a mission waits for, once it has waited, and whenever that changes."""
+        if obstacle == self._obstacle or (obstacle is not None and waited_s < TOLD_AFTER_S):
+            return
+        number, vehicle_id = self.work.mission.mission_id, self._vehicle.vehicle_id
+        if obstacle is None:
+            _LOG.info("mission %d goes on after %.0f s", number, waited_s)
+        else:
+            _LOG.warning("mission %d waits for vehicle %d: %s", number, vehicle_id, obstacle)
+        self._obstacle = obstacle
 
     @property
     def _acts_at_once(self) -> bool:

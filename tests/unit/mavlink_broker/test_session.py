@@ -155,13 +155,16 @@ class TestAWholeMission:
 
 
 class TestWaiting:
-    def test_for_a_vehicle_to_be_ready_to_arm(self) -> None:
+    def test_for_a_vehicle_to_be_ready_to_arm(self, caplog: pytest.LogCaptureFixture) -> None:
+        caplog.set_level("INFO")
         world = World()
         vehicle = world.add_vehicle(script=dataclasses.replace(PX4, ready_to_arm_after_s=20.0))
         world.edge.plan(first_flight())
         world.run(15.0)
         assert vehicle.uploads == 0
+        assert caplog.text.count("mission 1201 waits for vehicle 1: it is not ready to arm") == 1
         world.run_until_over(1201)
+        assert "mission 1201 goes on after 2" in caplog.text
         assert world.edge.status(1201) == Status.FINISHED
 
     def test_in_vain_fails_with_the_vehicles_last_words(self) -> None:
