@@ -38,6 +38,7 @@ from edge_server.store.locks import WORK, Lock
 from edge_server.store.telemetry import Record
 
 _COMMANDS: Final = "command_report_array"
+_MOST_BEHIND: Final = 100_000
 
 Refusal = KeyReusedError | FullError | ConflictError | InvalidError
 """Why one report of many is not kept."""
@@ -381,8 +382,8 @@ def _apply_correction(
     """Do what follows from other statuses than a report had, as from a new report.
 
     Raises:
-        InvalidError, ConflictError: if they must not be said of the mission, or are its end, which
-            another report has told.
+        InvalidError, ConflictError: if they must not be said of the mission, or a later report has
+            been taken, or another one has told its end.
     """
     work.note_new_end(connection, report.vehicle_id, report.mission_id, old.id, new.message_id)
     before, after = old.body(), new.body()
@@ -392,15 +393,30 @@ def _apply_correction(
     was = Status(before["mission_status_id"])
     if change is None:
         is_allowed = not was.is_terminal or was == report.mission_status_id
+    elif change.is_repetition:
+        is_allowed = change.mission.end_record in {old.id, None}
     else:
-        is_allowed = not change.is_repetition or change.mission.end_record in {old.id, None}
+        is_allowed = _is_last(connection, old, report.mission_id)
     if not is_allowed:
         raise ConflictError(
-            f"the end of mission {report.mission_id} has been told",
-            (Fault("mission_status_id", "contradicts the end that was told"),),
+            f"of mission {report.mission_id} something else has been told since",
+            (Fault("mission_status_id", "contradicts what was told since"),),
         )
     if change is not None and change.ended:
         work.note_end(connection, change.mission.id, new.id, new.message_id)
+
+
+def _is_last(connection: Connection, record: Record, mission_id: int) -> bool:
+    """Whether nothing else that waits for the cloud was told of a mission behind a report."""
+    behind = telemetry.page(
+        connection,
+        record.kind,
+        after_id=record.id,
+        limit=_MOST_BEHIND,
+        vehicle_id=record.vehicle_id,
+        since_s=0.0,
+    )
+    return all(one.body()["mission_id"] != mission_id for one in behind)
 
 
 @repeatable

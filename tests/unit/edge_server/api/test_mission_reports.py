@@ -376,6 +376,18 @@ def test_a_correction_that_ends_a_mission_ends_it_here_too(edge: Edge) -> None:
     assert told(edge) == [4]
 
 
+def test_an_end_is_not_told_ahead_of_what_was_told_before_it(edge: Edge) -> None:
+    accepted(edge)
+    edge.report("mission_report", mission_report(2, 2))
+    edge.report("mission_report", mission_report(2, 2))
+    first, second = (record["id"] for record in edge.get("/mission_report/"))
+    wrong = (409, ["mission_status_id"])
+    assert correct(edge, first, mission_report(5, 3, 5, 5)) == wrong
+    assert status_of(edge, 1) == "RUNNING"
+    assert correct(edge, second, mission_report(5, 3, 5, 5)) == (200, [])
+    assert (status_of(edge, 1), told(edge)) == ("ABORTED", [2, 5])
+
+
 def test_the_end_of_a_mission_that_is_not_known_is_not_corrected_to_another(edge: Edge) -> None:
     edge.report("mission_report", mission_report(3, mission_id=77))
     record = edge.get("/mission_report/")[0]["id"]
