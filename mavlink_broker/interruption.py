@@ -1,13 +1,11 @@
 """An event that has come upon a mission, and what becomes of it."""
 
-from collections import deque
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from afarcloud.enumerations import EventType
 from afarcloud.plan import Event
 from mavlink_broker.dialect import Message, mavlink
-from mavlink_broker.effects import Acknowledgement, Effects, ForEdge
+from mavlink_broker.effects import Acknowledgement, Effects
 from mavlink_broker.protocol.command import Accepted, Refused
 from mavlink_broker.protocol.command_sequence import CommandSequence
 from mavlink_broker.translation.area_check import AreaCheck
@@ -60,56 +58,6 @@ class SoftAbort:
     def is_due(self, *, command_ended: bool, now_s: float) -> bool:
         """Whether the mission ends now."""
         return self.command is None or command_ended or now_s >= self.deadline_s
-
-
-ANSWERED_KEPT = 256
-"""Work ids of which a second final answer is recognised."""
-
-
-@dataclass(slots=True)
-class OwedAnswers:
-    """Sees to it that there is one final answer to each piece of work, and when an abort has its.
-
-    An abort may end a mission whose acceptance is not answered yet. Until that answer is there,
-    the edge server may hand the mission out again to a restarted broker; so an abort is done only
-    behind it, and is handed out again with the mission.
-    """
-
-    _owed: dict[int, set[int]] = field(default_factory=dict)  # Missions by the work id of an abort
-    _held: list[Acknowledgement] = field(default_factory=list)
-    _answered: deque[int] = field(default_factory=lambda: deque(maxlen=ANSWERED_KEPT))
-
-    def open(self, work_id: int) -> None:
-        """Take work; an edge server that begins anew gives the same numbers again."""
-        if work_id in self._answered:
-            self._answered.remove(work_id)
-
-    def owe(self, abort: int, missions: Iterable[int]) -> None:
-        """Wait with the answer to an abort for these missions."""
-        self._owed[abort] = set(missions)
-
-    def settle(self, mission: int) -> None:
-        """Learn that a mission has been answered for."""
-        for missions in self._owed.values():
-            missions.discard(mission)
-        self._owed = {abort: missions for abort, missions in self._owed.items() if missions}
-
-    def sift(self, told: Sequence[ForEdge]) -> list[ForEdge]:
-        """Give what may be told by now, what was held back before behind the rest.
-
-        The first final answer counts: whatever ends work behind an error answers it once more.
-        """
-        due: list[ForEdge] = []
-        for word in told:
-            is_final = isinstance(word, Acknowledgement) and word.status != "accepted"
-            if not isinstance(word, Acknowledgement) or not is_final:
-                due.append(word)
-            elif word.work_id not in self._answered:
-                self._answered.append(word.work_id)
-                (self._held if word.work_id in self._owed else due).append(word)
-        due += [word for word in self._held if word.work_id not in self._owed]
-        self._held = [word for word in self._held if word.work_id in self._owed]
-        return due
 
 
 @dataclass(slots=True)

@@ -16,12 +16,12 @@ from mavlink_broker.attendance import Attendance
 from mavlink_broker.battery_size import BatterySize
 from mavlink_broker.bulletin import Bulletin
 from mavlink_broker.dialect import Message, mavlink, source_of
+from mavlink_broker.dropped_missions import DroppedMissions
 from mavlink_broker.effects import Acknowledgement, Effects, ForEdge
-from mavlink_broker.ending import abort_note
 from mavlink_broker.event_desk import EventDesk, is_abort
 from mavlink_broker.flight import Flight
 from mavlink_broker.giving_back import GivingBack
-from mavlink_broker.interruption import ENDED, REASONS, OwedAnswers
+from mavlink_broker.interruption import ENDED, REASONS
 from mavlink_broker.journal.memo import Homeward, Memo
 from mavlink_broker.pictures.desk import HEARD as PICTURED
 from mavlink_broker.pictures.desk import PictureDesk
@@ -81,8 +81,7 @@ class Session:
         self._giving_back = GivingBack(vehicle)
         self._events = EventDesk(vehicle)
         self._waiting: deque[Flight] = deque()
-        self._to_abort: dict[int, tuple[Flight, str]] = {}  # When it is known to be ours, and why
-        self._answers = OwedAnswers()
+        self._dropped = DroppedMissions(vehicle)
         self._flight: Flight | None = None
         self._landing_of: str | None = None  # The mission behind which the vehicle comes down
         self._failed: Homeward | None = None  # In an earlier run
@@ -101,7 +100,7 @@ class Session:
     def is_stranger(self, now: float) -> bool:
         """Whether a vehicle has told no more than that it is there, and is there no more."""
         is_idle = self._flight is None and not self._waiting and not self._events.is_waiting
-        is_idle &= not self._to_abort
+        is_idle &= not self._dropped.are_open
         is_long_lost = self._lost_since is not None and now - self._lost_since > FORGOTTEN_AFTER_S
         return is_idle and is_long_lost and self.vehicle.snapshot.position is None
 
@@ -157,7 +156,7 @@ class Session:
         wait until it has. A refusal's report goes out before the acknowledgement, which closes
         the work.
         """
-        self._answers.open(work.work_id)
+        self._dropped.open(work.work_id)
         flight = Flight(work, self.vehicle, self._reporter)
         family = self.vehicle.family if self.vehicle.is_identified else MOST_ABLE
         try:
@@ -173,13 +172,7 @@ class Session:
 
     def take_verdict(self, verdict: Verdict, now: float, effects: Effects) -> None:
         """Learn whether a mission that was accepted may be flown; one that may not is dropped."""
-        if verdict.work_id in self._to_abort:
-            ended, reason = self._to_abort.pop(verdict.work_id)
-            if verdict.holds:
-                ended.abort(reason, effects)
-            self._answers.settle(verdict.work_id)
-            if not self._to_abort:
-                self.vehicle.owed_abort = None
+        if self._dropped.take_verdict(verdict, effects):
             return
         flights = (*self._waiting, self._flight)
         flight = next((f for f in flights if f and f.work.work_id == verdict.work_id), None)
@@ -231,7 +224,7 @@ class Session:
         Raises:
             Exception: an unexpected error; the caller refuses the event then.
         """
-        self._answers.open(work.work_id)
+        self._dropped.open(work.work_id)
         self._events.put(work)
         try:
             self._carry_out_events(now, effects)
@@ -281,12 +274,14 @@ class Session:
         concerned = [flight for flight in self._waiting if self._concerns(work, flight)]
         for flight in concerned:
             self._waiting.remove(flight)
-            self._abort_waiting(flight, REASONS[work.event.event_type_id], effects)
+            if flight.is_confirmed:
+                flight.abort(REASONS[work.event.event_type_id], effects)
+            else:
+                self._dropped.drop(flight, work)
+                effects.for_edge.append(Acknowledgement(flight.work.work_id, "accepted"))
         if self._may_be_dropped(work):
             concerned += self._drop_unconfirmed(work, now, effects)
-        if self._to_abort:
-            self._answers.owe(work.work_id, self._to_abort)
-            self.vehicle.owed_abort = abort_note(work.event, work.work_id, self.vehicle)
+        self._dropped.owe(work)
         if self._flight is not None and self._concerns(work, self._flight):
             self._flight.interrupt(work, now, effects)
             self._close_flight(effects)
@@ -294,25 +289,11 @@ class Session:
             self._has_flown = True  # What waits was behind it, and has not begun
             self._events.see_through(work, now, effects, is_newer=replaces)
         elif concerned:
-            if self._to_abort and not work.was_accepted:
+            if self._dropped.are_open and not work.was_accepted:
                 effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))
             effects.for_edge.append(Acknowledgement(work.work_id, "done"))
         else:
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", NO_MISSION))
-
-    def _abort_waiting(self, flight: Flight, reason: str, effects: Effects) -> None:
-        """End a mission that has not begun.
-
-        An abort empties the edge server's queue too: whose acceptance it refuses has been ended
-        there, and has its report. So a mission that is not known to be ours is accepted first, and
-        reported once the edge server agrees.
-        """
-        if flight.is_confirmed:
-            flight.abort(reason, effects)
-            return
-        work_id = flight.work.work_id
-        self._to_abort[work_id] = flight, reason
-        effects.for_edge.append(Acknowledgement(work_id, "accepted"))
 
     def _may_be_dropped(self, work: EventWork) -> bool:
         """Whether nothing has been ordered for the mission that is being prepared."""
@@ -326,8 +307,7 @@ class Session:
         flight = self._flight
         if flight is None:
             return []
-        reason = REASONS[work.event.event_type_id]
-        self._to_abort[flight.work.work_id] = flight, reason
+        self._dropped.drop(flight, work)
         flight.withdraw(now, effects)
         self._close_flight(effects)
         return [flight]
@@ -378,7 +358,7 @@ class Session:
 
     def due(self, told: list[ForEdge]) -> list[ForEdge]:
         """Hold back the answer to an abort until all that it ended is known to be over."""
-        return self._answers.sift(told)
+        return self._dropped.sift(told)
 
     def watch(self, asked_elsewhere: Collection[int] | None) -> None:
         """Learn that ground stations watch, and which messages they have asked for."""
@@ -499,7 +479,7 @@ class Session:
         if reason is not None and self._is_resumed(flight):
             self._waiting.popleft().fail_again(reason, now, effects)
             return
-        if self._events.is_before(flight.work.work_id) or self._to_abort:
+        if self._events.is_before(flight.work.work_id) or self._dropped.are_open:
             return
         resumed = self._is_resumed(flight)
         free = self.vehicle.snapshot.is_on_ground or self.vehicle.hovers
