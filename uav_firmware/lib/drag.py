@@ -17,6 +17,7 @@ import math
 from typing import Final, NamedTuple
 
 SEA_LEVEL_DENSITY_KG_M3: Final = 1.225
+_LEAST_MOMENTUM_PER_S: Final = 0.001
 
 
 class DragModel(NamedTuple):
@@ -24,6 +25,15 @@ class DragModel(NamedTuple):
 
     ballistic_kg_m2: float  # [kg/m^2] EKF2_BCOEF_X, above 0
     momentum_per_s: float  # [1/s] EKF2_MCOEF, at sea level's density; 0: none
+
+    @property
+    def tells_airspeed(self) -> bool:
+        """Whether the airspeed may be taken from it.
+
+        Every rotor has momentum drag: without that coefficient, the tilt of a slight breeze would
+        be a gale against the body alone. The threshold is PX4's.
+        """
+        return self.momentum_per_s > _LEAST_MOMENTUM_PER_S
 
     def drag_m_s2(
         self, airspeed_m_s: float, density_kg_m3: float, thrust_ratio: float = 1.0

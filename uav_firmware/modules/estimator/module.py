@@ -30,11 +30,12 @@ _STATUS_EVERY_US: Final = 200_000
 
 
 def drag_of(registry: Registry) -> DragModel | None:
-    """Drag of the airframe; None where its coefficients are not declared, or both say none."""
+    """Drag of the airframe; None where its coefficients are not declared, or tell no airspeed."""
     if not set(_DRAG_PARAMETERS) <= set(registry.names()):
         return None
     ballistic, momentum = (float(registry.get(name)) for name in _DRAG_PARAMETERS)
-    return DragModel(ballistic, momentum)
+    drag = DragModel(ballistic, momentum)
+    return drag if drag.tells_airspeed else None
 
 
 class EstimatorModule:

@@ -66,6 +66,16 @@ def test_nothing_is_said_before_the_filter_has_settled() -> None:
     assert estimator.wind(MODEL, DENSITY) is None
 
 
+def test_without_the_drag_of_the_rotors_no_tilt_is_a_gale() -> None:
+    estimator = WindEstimator()
+    for _ in range(300):
+        estimator.update(leaning((0.0, 0.9), 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.1)
+    breeze = estimator.wind(MODEL, DENSITY)
+    assert breeze is not None
+    assert math.hypot(*breeze) < 3.5
+    assert estimator.wind(MODEL._replace(momentum_per_s=0.0), DENSITY) is None
+
+
 def test_a_gust_of_a_second_moves_the_mean_a_little() -> None:
     estimator = WindEstimator()
     calm, blown = leaning((0.0, 0.0), 0.0), leaning(drag_of((0.0, 10.0), (0.0, 0.0)), 0.0)
