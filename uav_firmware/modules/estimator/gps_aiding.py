@@ -27,7 +27,12 @@ from uav_firmware.modules.estimator.fuse_gps import (
     velocity_measurements,
 )
 from uav_firmware.modules.estimator.gate import Aid
-from uav_firmware.modules.estimator.params import EstimatorParams, HeightReference
+from uav_firmware.modules.estimator.params import (
+    EstimatorParams,
+    GpsCheck,
+    GpsMode,
+    HeightReference,
+)
 from uav_firmware.modules.estimator.state import BARO_BIAS, DOWN, GPS_HEIGHT_BIAS, VELOCITY
 from uav_firmware.msg.sensors import SensorGps
 from uav_firmware.msg.vectors import Vector3
@@ -63,11 +68,20 @@ class GpsAiding:
         self._params = params
         self.horizontal.gate = self.vertical.gate = params.gps_position_gate
         self.velocity.gate = params.gps_velocity_gate
+        checks = GpsCheck(params.gps_checks)
+
+        def at_most(check: GpsCheck, limit: float) -> float:
+            return limit if check in checks else math.inf
+
         self._required = GpsRequirements(
-            satellites=params.required_satellites,
-            horizontal_accuracy_m=params.required_horizontal_accuracy,
-            vertical_accuracy_m=params.required_vertical_accuracy,
-            speed_accuracy_m_s=params.required_speed_accuracy,
+            satellites=params.required_satellites if GpsCheck.SATELLITES in checks else 0,
+            horizontal_accuracy_m=at_most(
+                GpsCheck.HORIZONTAL_ACCURACY, params.required_horizontal_accuracy
+            ),
+            vertical_accuracy_m=at_most(
+                GpsCheck.VERTICAL_ACCURACY, params.required_vertical_accuracy
+            ),
+            speed_accuracy_m_s=at_most(GpsCheck.SPEED_ACCURACY, params.required_speed_accuracy),
         )
 
     def take(self, core: Core, gps: SensorGps, baro: Aid) -> None:
@@ -158,13 +172,16 @@ class GpsAiding:
         """Whether every source of horizontal motion has been rejected for too long.
 
         In flight one that agrees with the inertial sensors is enough to hold on to; on the ground
-        there is nothing to lose, and the receiver is right about where the vehicle stands.
+        there is nothing to lose, and the receiver is right about where the vehicle stands. With
+        EKF2_GPS_MODE 0 the position is believed in flight too.
         """
         rejected = (
             self.horizontal.rejected_s(core.time_us) > RESET_AFTER_S,
             self.velocity.rejected_s(core.time_us) > RESET_AFTER_S,
         )
-        return any(rejected) if core.standing else all(rejected)
+        if core.standing:
+            return any(rejected)
+        return rejected[0] if self._params.gps_mode == GpsMode.AUTOMATIC else all(rejected)
 
     def height_failed(self, core: Core, baro: Aid) -> bool:
         """Whether no source of height or vertical velocity has helped for too long."""

@@ -6,7 +6,7 @@ EKF2_HDG_B_WALK, EKF2_WIND_Z0.
 """
 
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import IntEnum, IntFlag
 
 from uav_firmware.parameters import param
 
@@ -16,6 +16,22 @@ class HeightReference(IntEnum):
 
     BAROMETER = 0
     GPS = 1
+
+
+class GpsMode(IntEnum):
+    """Values of EKF2_GPS_MODE."""
+
+    AUTOMATIC = 0  # Reset when no other source of position is left
+    DEAD_RECKONING = 1  # Reset when no source of velocity is left either
+
+
+class GpsCheck(IntFlag):
+    """Bits of EKF2_GPS_CHECK that this vehicle has checks for; the numbers are PX4's."""
+
+    SATELLITES = 1
+    HORIZONTAL_ACCURACY = 4
+    VERTICAL_ACCURACY = 8
+    SPEED_ACCURACY = 16
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,6 +171,16 @@ class EstimatorParams:
     required_satellites: int = param(
         "EKF2_REQ_NSATS", 6, unit="-", minimum=4, maximum=12,
         short="Satellites that a fix must use",
+        locked_while_armed=True,
+    )  # fmt: skip
+    gps_checks: int = param(
+        "EKF2_GPS_CHECK", 29, unit="1", minimum=0, maximum=29,
+        short="Checks of a fix: 1 EKF2_REQ_NSATS, 4 EKF2_REQ_EPH, 8 EKF2_REQ_EPV, 16 EKF2_REQ_SACC",
+        locked_while_armed=True,
+    )  # fmt: skip
+    gps_mode: int = param(
+        "EKF2_GPS_MODE", GpsMode.DEAD_RECKONING, unit="1", minimum=0, maximum=1,
+        short="A GPS position off for 5 s in flight: 0 reset to it, 1 only without its velocity",
         locked_while_armed=True,
     )  # fmt: skip
     origin_time: float = param(

@@ -131,6 +131,27 @@ def test_a_gps_position_that_jumps_is_stopped_until_it_is_back(north_m: float) -
     assert trial.rig.position.resets.number == before
 
 
+def test_gps_mode_0_believes_a_position_that_has_jumped_for_long() -> None:
+    trial = Trial(EKF2_GPS_MODE=0).fly_until(JUMP_S)
+    before = trial.rig.position.resets.number
+    trial.spoil(jump(north_m=30.0)).fly_until(40.0)
+    assert trial.worst_horizontal_m > 25.0
+    assert trial.rig.position.resets.number > before
+    assert trial.stopped == NONE
+
+
+def rough(readings: Readings) -> Readings:
+    """Fixes that say of themselves that they are not good enough."""
+    return on_gps(lambda gps: gps._replace(horizontal_accuracy_m=4.0, satellites_used=5))(readings)
+
+
+@pytest.mark.parametrize(("checks", "used"), [(29, False), (24, True), (25, False), (28, False)])
+def test_a_fix_is_refused_for_what_is_checked_alone(checks: int, *, used: bool) -> None:
+    trial = Trial(EKF2_GPS_CHECK=checks).fly_until(JUMP_S)
+    trial.spoil(rough).fly_until(34.0)
+    assert trial.rig.position.dead_reckoning is not used
+
+
 def coming_and_going(change: Change, *, bad_s: float, good_s: float) -> Change:
     def changed(readings: Readings) -> Readings:
         bad = (readings.truth.time_us * 1e-6) % (bad_s + good_s) < bad_s
