@@ -30,7 +30,7 @@ POINT = {"latitude": HOME[0] + 2e-4, "longitude": HOME[1], "altitude": 7.0}
 COMMANDS = (
     takeoff(1),
     waypoint(2),
-    hotpoint(3, radius=30.0, start_point=4),
+    hotpoint(3, radius=10.0, start_point=4),
     follow(4),
     go_home(5),
 )
