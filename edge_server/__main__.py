@@ -12,10 +12,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from edge_server import logs, redaction
 from edge_server.config import SETTINGS, Config, ConfigError, load
-from edge_server.exit_codes import FAILED, OK, WRONG_SETUP
-from edge_server.supervisor import PARENT_VARIABLE, Supervisor
+from edge_server.observability import logs
+from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
+from edge_server.process.supervisor import PARENT_VARIABLE, Supervisor
+from edge_server.security import redaction
 
 LOG = logging.getLogger("edge_server")
 
@@ -34,7 +35,7 @@ def main(arguments: list[str]) -> int:
     if options.command is None:
         return Supervisor(arguments, config).run()
     if parent := os.environ.get(PARENT_VARIABLE):
-        from edge_server import children  # noqa: PLC0415  # only a part needs it
+        from edge_server.process import children  # noqa: PLC0415  # only a part needs it
 
         children.die_with(int(parent))
     command: Callable[[Config, argparse.Namespace], int] = options.run
@@ -42,7 +43,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _serve(config: Config, _options: argparse.Namespace) -> int:
-    from edge_server import server  # noqa: PLC0415  # each command loads what it needs
+    from edge_server.process import server  # noqa: PLC0415  # each command loads what it needs
 
     try:
         server.serve(config)
@@ -55,12 +56,12 @@ def _serve(config: Config, _options: argparse.Namespace) -> int:
 
 
 def _relay(config: Config, _options: argparse.Namespace) -> int:
-    from edge_server import relay_process  # noqa: PLC0415  # as above
     from edge_server.outbox.relay import RelayError  # noqa: PLC0415  # as above
+    from edge_server.process import relay  # noqa: PLC0415  # as above
 
     try:
-        relay_process.run(config)
-    except relay_process.LockedError as error:
+        relay.run(config)
+    except relay.LockedError as error:
         print(f"edge server: {error}", file=sys.stderr)
         return WRONG_SETUP
     except RelayError as error:
@@ -70,8 +71,8 @@ def _relay(config: Config, _options: argparse.Namespace) -> int:
 
 
 def _migrate(config: Config, _options: argparse.Namespace) -> int:
-    from edge_server import preparation  # noqa: PLC0415  # as above
-    from edge_server.key_files import OpenSecretError  # noqa: PLC0415  # as above
+    from edge_server.process import preparation  # noqa: PLC0415  # as above
+    from edge_server.security.key_files import OpenSecretError  # noqa: PLC0415  # as above
     from edge_server.store.migrate import HEAD, StoreError  # noqa: PLC0415  # as above
 
     try:
@@ -84,7 +85,7 @@ def _migrate(config: Config, _options: argparse.Namespace) -> int:
 
 
 def _back_up(config: Config, options: argparse.Namespace) -> int:
-    from edge_server import backup  # noqa: PLC0415  # as above
+    from edge_server.store import backup  # noqa: PLC0415  # as above
 
     if config.database_url is not None:
         print(
@@ -103,30 +104,30 @@ def _back_up(config: Config, options: argparse.Namespace) -> int:
 
 
 def _dead_letters(config: Config, options: argparse.Namespace) -> int:
-    from edge_server import dead_letter_commands  # noqa: PLC0415  # as above
+    from edge_server.cli import dead_letters  # noqa: PLC0415  # as above
     from edge_server.services.errors import ServiceError  # noqa: PLC0415  # as above
 
     code = OK
     try:
-        for line in dead_letter_commands.run(config, options.action, options.id, options.file):
+        for line in dead_letters.run(config, options.action, options.id, options.file):
             if isinstance(line, ServiceError):
                 code = FAILED
             print(line, file=sys.stderr if isinstance(line, ServiceError) else sys.stdout)
-    except dead_letter_commands.UnreadableError as error:
+    except dead_letters.UnreadableError as error:
         print(f"edge server: {error}", file=sys.stderr)
         return FAILED
-    except dead_letter_commands.NoDatabaseError as error:
+    except dead_letters.NoDatabaseError as error:
         print(f"edge server: {error}", file=sys.stderr)
         return WRONG_SETUP
     return code
 
 
 def _access(config: Config, options: argparse.Namespace) -> int:
-    from edge_server import access_commands  # noqa: PLC0415  # as above
+    from edge_server.cli import access  # noqa: PLC0415  # as above
     from edge_server.store.migrate import StoreError  # noqa: PLC0415  # as above
 
     try:
-        return access_commands.run(config, options)
+        return access.run(config, options)
     except StoreError as error:
         print(f"edge server: {error}", file=sys.stderr)
         return FAILED

@@ -35,7 +35,7 @@ from edge_server.api import (
 )
 from edge_server.api.limits import Limits
 from edge_server.config import Config
-from edge_server.metrics import Metrics
+from edge_server.observability.metrics import Metrics
 from edge_server.services.context import Context
 from edge_server.store.database import Database
 from edge_server.store.engines import engine_options, prepare_engine

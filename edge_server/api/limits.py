@@ -14,8 +14,8 @@ from limits.storage import MemoryStorage
 from limits.strategies import SlidingWindowCounterRateLimiter
 from werkzeug.exceptions import TooManyRequests
 
-from edge_server.addresses import network_of
 from edge_server.config import Config
+from edge_server.front.client_address import network_of
 from edge_server.store.keys import Role, StoredKey
 
 _FORGETTING_S: Final = 60.0

@@ -20,9 +20,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Final, NamedTuple
 
-from edge_server.addresses import network_of
 from edge_server.front import admission
 from edge_server.front.admission import Eviction, Limits, NoRoomError, Reason
+from edge_server.front.client_address import network_of
 from edge_server.front.connection import Connection, Phase
 from edge_server.front.counts import FrontCounts
 from edge_server.front.exchange import Exchange

@@ -6,7 +6,7 @@ from typing import Final
 
 from edge_server.outbox.answers import Meaning, Verdict
 from edge_server.outbox.queue import Parcel
-from edge_server.tally import Tally
+from edge_server.store.tally import Tally
 
 UPLINK: Final = "uplink_state"
 DELIVERY_BUCKETS_S: Final = (0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 5, 30, 300, 3600, 86400)

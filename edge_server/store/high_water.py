@@ -9,8 +9,8 @@ import threading
 from pathlib import Path
 from typing import Final
 
-from edge_server import tally
-from edge_server.tally import Tally
+from edge_server.store import tally
+from edge_server.store.tally import Tally
 
 _NAME: Final = "newest_record"
 

@@ -23,7 +23,7 @@ import requests
 from ulid import ULID
 
 from edge_server.config import Config
-from edge_server.preparation import prepare
+from edge_server.process.preparation import prepare
 from tests.bench.process import cpu_seconds, resident_mb
 from tests.bench.results import Result, at_least, at_most, percentile
 from tests.support.system import PATIENCE_S, free_ports, wait_for

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import requests
 
-from edge_server.exit_codes import WRONG_SETUP
+from edge_server.process.exit_codes import WRONG_SETUP
 from edge_server.store import migrate
 from tests.support.databases import PostgresServer, running_server
 from tests.support.fake_cloud import FakeCloud, running_cloud

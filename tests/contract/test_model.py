@@ -30,7 +30,7 @@ from edge_server.outbox.queue import Stream
 from edge_server.outbox.retry import Backoff
 from edge_server.outbox.schedule import Schedule, Shipment
 from edge_server.outbox.uplink import Offer
-from edge_server.preparation import open_database, prepare
+from edge_server.process.preparation import open_database, prepare
 from edge_server.services import telemetry
 from edge_server.services.context import Caller, Context
 from edge_server.services.errors import FullError

@@ -16,10 +16,10 @@ from sqlalchemy import text
 
 from afarcloud.state import Report
 from afarcloud.wire import Kind, read
-from edge_server import relay_process
 from edge_server.config import Config
 from edge_server.outbox.relay import Relay
-from edge_server.preparation import prepare
+from edge_server.process import relay
+from edge_server.process.preparation import prepare
 from edge_server.services import telemetry
 from edge_server.services.context import Caller, Context
 from edge_server.store.database import Database
@@ -51,7 +51,7 @@ class Station:
         return identifiers
 
     def relay(self) -> "Station":
-        self._relay = relay_process.build(self.context.config, self.database)
+        self._relay = relay.build(self.context.config, self.database)
         self._thread = threading.Thread(target=self._relay.run)
         self._thread.start()
         return self

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import requests
 
-from edge_server.preparation import prepare
+from edge_server.process.preparation import prepare
 from sim.cloud import mqtt_requests
 from sim.cloud.mqtt import MqttDoor
 from sim.cloud.store import Store

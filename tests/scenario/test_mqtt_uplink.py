@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from edge_server.preparation import prepare
+from edge_server.process.preparation import prepare
 from tests.support import fake_cloud
 from tests.support.fake_cloud import Fault, Handler, Received
 from tests.support.station import Station, station_config

@@ -14,7 +14,7 @@ from afarcloud.wire import Kind, read
 from edge_server.config import Config
 from edge_server.outbox.queue import Stream
 from edge_server.outbox.uplink import MOST
-from edge_server.preparation import prepare
+from edge_server.process.preparation import prepare
 from edge_server.services.telemetry import Arrival
 from tests.support.virtual_station import VirtualCloud, VirtualStation
 from tests.unit.edge_server import documents

@@ -18,10 +18,10 @@ from schemathesis import Case, GenerationMode
 from schemathesis.config import SchemathesisConfig
 from schemathesis.core.result import Ok
 
-from edge_server import key_files
 from edge_server.app import context_of, create_app
 from edge_server.config import Config
-from edge_server.preparation import prepare
+from edge_server.process.preparation import prepare
+from edge_server.security import key_files
 from edge_server.store.keys import Role
 
 _NO_LIMIT: Final = 1_000_000

@@ -10,10 +10,10 @@ from sqlalchemy import text
 
 from afarcloud.state import Report
 from afarcloud.wire import Kind, read
-from edge_server import relay_process
 from edge_server.config import Config
 from edge_server.outbox.relay import Relay
-from edge_server.preparation import open_database
+from edge_server.process import relay
+from edge_server.process.preparation import open_database
 from edge_server.services import telemetry
 from edge_server.services.context import Caller, Context
 from tests.support.system import PATIENCE_S
@@ -58,7 +58,7 @@ class Station:
         return identifier
 
     def relay(self) -> None:
-        self._relay = relay_process.build(self.config, self.database)
+        self._relay = relay.build(self.config, self.database)
         self._thread = threading.Thread(target=self._relay.run)
         self._thread.start()
 

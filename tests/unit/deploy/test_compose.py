@@ -11,9 +11,9 @@ import edge_server.config
 import mavlink_broker.config
 import uav_firmware.config
 from deploy import secret_files
-from edge_server.server import GRACE_S
+from edge_server.process.server import GRACE_S
+from edge_server.process.supervisor import STOP_WAIT_S
 from edge_server.store.keys import Role
-from edge_server.supervisor import STOP_WAIT_S
 from tests.unit.deploy.dockerfile import ROOT, TARGETS, stages
 from tests.unit.deploy.settings import ANYWHERE, KNOWN
 

@@ -11,10 +11,10 @@ from flask.testing import FlaskClient
 from sqlalchemy import text
 from werkzeug.test import TestResponse
 
-from edge_server import key_files
 from edge_server.app import context_of, create_app
 from edge_server.config import Config
-from edge_server.preparation import prepare
+from edge_server.process.preparation import prepare
+from edge_server.security import key_files
 from edge_server.services.context import Context
 from edge_server.store.keys import Role
 from tests.support.databases import PostgresServer

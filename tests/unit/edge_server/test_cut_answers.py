@@ -8,11 +8,11 @@ from collections.abc import Callable, Iterator, Sequence
 
 import pytest
 
-from edge_server.bounded_http import MAXIMUM_RAW_BYTES
-from edge_server.cloud import HttpUplink
 from edge_server.config import Config
 from edge_server.outbox.answers import Meaning, Reply, judge
 from edge_server.outbox.queue import Parcel, Stream
+from edge_server.uplinks.bounded_http import MAXIMUM_RAW_BYTES
+from edge_server.uplinks.cloud_http import HttpUplink
 from tests.support import scripted_answers
 from tests.support.scripted_answers import ScriptedAnswers, Speaker
 

@@ -21,7 +21,7 @@ from edge_server.outbox.retry import Backoff
 from edge_server.outbox.schedule import Schedule
 from edge_server.outbox.streams import AllStreams
 from edge_server.outbox.uplink import MOST, Offer
-from edge_server.preparation import open_database, prepare
+from edge_server.process.preparation import open_database, prepare
 from edge_server.store import upkeep
 from edge_server.store.tables import telemetry
 from tests.support.small_disk import NoSmallDiskError, fill_up, small_disk

@@ -18,8 +18,8 @@ from typing import Any
 import pytest
 import requests
 
+from edge_server.process.supervisor import DEATHS
 from edge_server.store import integrity
-from edge_server.supervisor import DEATHS
 from tests.support.fake_cloud import running_cloud
 from tests.support.process_tree import descendants, gone
 from tests.support.system import PATIENCE_S, wait_for

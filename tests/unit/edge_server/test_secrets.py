@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from edge_server import key_files
 from edge_server.config import Config
-from edge_server.key_files import OpenSecretError
-from edge_server.preparation import prepare
+from edge_server.process.preparation import prepare
+from edge_server.security import key_files
+from edge_server.security.key_files import OpenSecretError
 from edge_server.store.keys import Role
 
 GIVEN = {

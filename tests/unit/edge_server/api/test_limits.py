@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from edge_server.addresses import network_of
 from edge_server.app import context_of, create_app
 from edge_server.config import Config
+from edge_server.front.client_address import network_of
 from tests.unit.edge_server.conftest import Clock, Edge
 from tests.unit.edge_server.documents import telemetry
 

@@ -9,13 +9,13 @@ from threading import Event
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from edge_server import relay_process
 from edge_server.outbox.answers import Answer, Unreachable, judge
 from edge_server.outbox.counting import RelayCounts, Uplink
 from edge_server.outbox.queue import Parcel, Stream
-from edge_server.relay_process import LockedError, StateFolderLock, take_lock
+from edge_server.process import relay
+from edge_server.process.relay import LockedError, StateFolderLock, take_lock
 from edge_server.services.errors import FullError
-from edge_server.tally import Tally
+from edge_server.store.tally import Tally
 from tests.support.system import wait_for
 from tests.unit.edge_server.conftest import Edge
 from tests.unit.edge_server.documents import TELEMETRY, telemetry
@@ -132,8 +132,8 @@ def test_a_look_at_the_lock_does_not_keep_a_relay_from_it(
 def test_of_two_relays_on_a_shared_database_the_survivor_is_seen(
     edge: Edge, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(relay_process, "SHARED_PATIENCE_S", 0.0)
-    monkeypatch.setattr(relay_process, "RETAKE_S", 0.01)
+    monkeypatch.setattr(relay, "SHARED_PATIENCE_S", 0.0)
+    monkeypatch.setattr(relay, "RETAKE_S", 0.01)
     counts_of(edge).uplink(Uplink.OPEN)
     shared = replace(edge.config, database_url="postgresql+psycopg://somewhere/edge")
     first, second = StateFolderLock(shared), StateFolderLock(shared)
@@ -149,7 +149,7 @@ def test_of_two_relays_on_a_shared_database_the_survivor_is_seen(
 
 
 def test_two_relays_on_a_file_are_one_too_many(edge: Edge, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(relay_process, "LOCK_PATIENCE_S", 0.0)
+    monkeypatch.setattr(relay, "LOCK_PATIENCE_S", 0.0)
     lock = StateFolderLock(edge.config)
     with pytest.raises(LockedError, match="another relay serves this state folder"):
         StateFolderLock(edge.config)

@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 from sqlalchemy.exc import OperationalError
 
-from edge_server import relay_process
 from edge_server.config import Config
 from edge_server.outbox import queue
 from edge_server.outbox.answers import Meaning, Verdict
@@ -16,6 +15,7 @@ from edge_server.outbox.ledger import GROUP, GROUP_WAIT_S, MOST, RETRY_S, Entry,
 from edge_server.outbox.queue import Parcel, Stream
 from edge_server.outbox.relay import RelayError
 from edge_server.outbox.states import Happening
+from edge_server.process import relay
 from edge_server.store import ballast, integrity, migrate, telemetry
 from edge_server.store.database import Database
 from edge_server.store.engines import open_engine, sqlite_url
@@ -174,8 +174,8 @@ def test_a_relay_that_finds_its_file_broken_while_it_makes_room_leaves_a_note(
         def __init__(self, database: Database) -> None:
             self.run = Ledger(database).give_way
 
-    monkeypatch.setattr(relay_process, "build", lambda _config, database: MakesRoom(database))
-    monkeypatch.setattr(relay_process, "_stop_with", lambda *_: None)
+    monkeypatch.setattr(relay, "build", lambda _config, database: MakesRoom(database))
+    monkeypatch.setattr(relay, "_stop_with", lambda *_: None)
     with pytest.raises(RelayError, match="broken"):
-        relay_process._relay_once(config, threading.Event())
+        relay._relay_once(config, threading.Event())
     assert integrity.noted_fault(config.database_path) == "file is not a database"

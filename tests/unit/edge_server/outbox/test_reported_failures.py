@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from edge_server import relay_process
 from edge_server.config import Config
 from edge_server.outbox import gaps
 from edge_server.outbox.uplink import MOST
-from edge_server.preparation import open_database, prepare
+from edge_server.process import relay
+from edge_server.process.preparation import open_database, prepare
 from edge_server.services.errors import FullError
 from edge_server.store.migrate import is_ready
 from tests.soak import outage
@@ -244,7 +244,7 @@ class _Relayed:
         )
         self.station = VirtualStation(quick)
         self.database = open_database(quick)
-        self._relay = relay_process.build(quick, self.database)
+        self._relay = relay.build(quick, self.database)
         self._thread = threading.Thread(target=self._relay.run)
 
     def run(self, kind: str, fault: Fault) -> None:

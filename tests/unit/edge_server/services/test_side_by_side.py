@@ -20,7 +20,7 @@ from afarcloud.wire import Kind, read
 from edge_server.config import Config
 from edge_server.outbox import queue
 from edge_server.outbox.queue import Stream
-from edge_server.preparation import open_database
+from edge_server.process.preparation import open_database
 from edge_server.services import broker_work, plans, telemetry, vehicles
 from edge_server.services.broker_work import Acknowledgement
 from edge_server.services.context import Caller, Context

@@ -19,7 +19,7 @@ from edge_server.outbox import gaps, queue, thinning
 from edge_server.outbox.budget import Level
 from edge_server.outbox.gaps import Lost, Reason
 from edge_server.outbox.queue import Delivered, Stream
-from edge_server.preparation import open_database
+from edge_server.process.preparation import open_database
 from edge_server.services import telemetry
 from edge_server.services.context import Caller, Context, show_time
 from edge_server.services.errors import FullError

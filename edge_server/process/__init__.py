@@ -1,0 +1,1 @@
+"""The processes of the edge server: web server, relay, their supervisor, housekeeping."""

@@ -1,0 +1,219 @@
+"""The web server: gunicorn's process and parser, our own front, started from here.
+
+One worker, because SQLite has one writer and the broker's long polls are woken inside one
+process.
+
+The server's parent process loads neither the application nor the database: it only watches.
+
+PortTakenError   another program listens on our port
+UnpreparedError  the state folder cannot be used
+WrongDoorError   what we are told to serve with would let others in, or nobody
+"""
+
+import logging
+import os
+import socket
+import ssl
+import threading
+import time
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any, Final
+
+from gunicorn.app.base import BaseApplication  # type: ignore[import-untyped]  # it has no types
+from gunicorn.arbiter import Arbiter  # type: ignore[import-untyped]  # as above
+
+from edge_server.config import Config
+from edge_server.front.admission import KEEP_ALIVE_S, Limits
+from edge_server.process import children, workers
+from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
+from edge_server.security import tls
+
+if TYPE_CHECKING:
+    from edge_server.api.auth import KeyRing
+
+LOG = logging.getLogger(__name__)
+BIND_PATIENCE_S: Final = 3.0
+KEPT_MIB: Final = 64
+"""Of requests that are not whole yet, all together; and as much of whole ones without an answer."""
+BACKLOG: Final = 1024
+DATABASE_LOOK_S: Final = 0.5
+GRACE_S: Final = 5
+_WsgiApp = Callable[[dict[str, Any], Any], Iterable[bytes]]
+
+
+class PortTakenError(Exception):
+    """Another program listens on our port."""
+
+
+class WrongDoorError(Exception):
+    """What we are told to serve with would let others in, or nobody."""
+
+
+def serve(config: Config) -> None:
+    """Prepare the database and the keys, then serve until a signal ends it.
+
+    Raises:
+        PortTakenError: if the port is taken.
+        WrongDoorError: if it could be reached without TLS, or certificate or key are no good.
+        UnpreparedError: if the state folder cannot be used; the reason has been logged.
+    """
+    try:
+        tls.check_exposure(config)
+        context = tls.context_for(config)
+    except (tls.ExposedError, tls.CertificateError) as error:
+        raise WrongDoorError(str(error)) from None
+    listener = listen(config.host, config.port, BIND_PATIENCE_S)
+    _prepare_apart(config)
+    workers.run(_Application(config, listener, context))
+
+
+def _prepare_apart(config: Config) -> None:
+    """Prepare in a process of its own, so that what it loads does not stay in memory."""
+    parent = os.getpid()
+    child = os.fork()
+    if child == 0:
+        children.die_with(parent)
+        os._exit(_prepare(config))
+    _, status = os.waitpid(child, 0)
+    if (code := os.waitstatus_to_exitcode(status)) != OK:
+        raise UnpreparedError(code)
+
+
+def _prepare(config: Config) -> int:
+    from edge_server.security.key_files import OpenSecretError  # noqa: PLC0415  # stays in the child
+    from edge_server.store.migrate import StoreError  # noqa: PLC0415  # as above
+
+    try:
+        _prepare_when_it_answers(config)
+    except (OpenSecretError, StoreError) as error:
+        LOG.error("%s", error)  # noqa: TRY400  # the sentence is enough
+        return WRONG_SETUP
+    except OSError:
+        LOG.exception("the state folder %s cannot be prepared", config.state_dir)
+        return FAILED
+    return OK
+
+
+def _prepare_when_it_answers(config: Config) -> None:
+    """Prepare; a database server that is not up yet is waited for."""
+    from edge_server.process.preparation import prepare  # noqa: PLC0415  # stays in the child
+    from edge_server.store.migrate import UnreachableError  # noqa: PLC0415  # as above
+
+    told = ""
+    while True:
+        try:
+            prepare(config)
+        except UnreachableError as error:
+            if told != str(error):
+                told = str(error)
+                LOG.warning("waiting for the database: %s", error)
+            time.sleep(DATABASE_LOOK_S)
+        else:
+            return
+
+
+def listen(host: str, port: int, patience_s: float) -> socket.socket:
+    """Take the port; one that our own killed predecessor holds is free in a moment.
+
+    Raises:
+        PortTakenError: if it is still taken after that.
+    """
+    deadline = time.monotonic() + patience_s
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    while True:
+        listener = socket.socket(family, socket.SOCK_STREAM)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listener.bind((host, port))
+            listener.listen(BACKLOG)
+        except OSError as error:
+            listener.close()
+            if time.monotonic() > deadline:
+                raise PortTakenError(
+                    f"cannot listen on {host}:{port} ({error.strerror}); is another edge server "
+                    f"running? Choose another port with EDGE_PORT or --port."
+                ) from None
+            time.sleep(0.05)
+        else:
+            return listener
+
+
+class UnpreparedError(Exception):
+    """The state folder cannot be used."""
+
+    def __init__(self, exit_code: int) -> None:
+        super().__init__(f"preparing the state folder ended with code {exit_code}")
+        self.exit_code = exit_code
+
+
+class _Application(BaseApplication):  # type: ignore[misc]  # gunicorn has no types
+    """Gunicorn, configured by our configuration."""
+
+    def __init__(
+        self, config: Config, listener: socket.socket, context: ssl.SSLContext | None
+    ) -> None:
+        self._config = config
+        self._listener = listener
+        self._context = context
+        self._ring: KeyRing | None = None
+        super().__init__()
+
+    @property
+    def front_limits(self) -> Limits:
+        """How many connections there may be, and how much of their requests is kept."""
+        config = self._config
+        return Limits(config.connections, config.connections_per_address, KEPT_MIB * 1024 * 1024)
+
+    def is_known_key(self, key: str) -> bool:
+        """Whether an access key was active when the keys were read last; waits for nothing."""
+        return self._ring is None or self._ring.is_known(key)
+
+    def load_config(self) -> None:
+        if self._context is not None:
+            # Gunicorn takes the presence of a file as the wish for TLS
+            self.cfg.set("certfile", str(self._config.tls_certificate_file))
+            self.cfg.set("keyfile", str(self._config.tls_key_file))
+            self.cfg.set("ssl_context", lambda _config, _default: self._context)
+        for name, value in {
+            "bind": f"fd://{self._listener.fileno()}",
+            "workers": 1,
+            "threads": self._config.threads,
+            "worker_class": workers.EdgeWorker,
+            "logger_class": workers.EdgeLogger,
+            "worker_tmp_dir": "/dev/shm" if os.path.isdir("/dev/shm") else None,  # noqa: PTH112, S108  # gunicorn's heartbeat file, made safely
+            "keepalive": int(KEEP_ALIVE_S),
+            "timeout": 0,  # A slow machine is no reason to kill a worker with what it serves
+            "sendfile": False,  # An answer goes through its exchange, which has a deadline
+            "graceful_timeout": GRACE_S,
+            "control_socket_disable": True,
+            "loglevel": "warning",
+            "post_fork": _post_fork,
+        }.items():
+            self.cfg.set(name, value)
+
+    def load(self) -> _WsgiApp:
+        from edge_server.api.keys import KEY_RING  # noqa: PLC0415  # as above
+        from edge_server.app import context_of, create_app  # noqa: PLC0415  # as above
+        from edge_server.process import (  # noqa: PLC0415  # only the worker needs them
+            file_watch,
+            housekeeping,
+        )
+
+        app = create_app(self._config)
+        context = context_of(app)
+        self._ring = app.extensions[KEY_RING]
+        workers.on_stop.append(context.bell.close)
+        context.database.listen(context.hear)
+        chores: list[Callable[[], None]] = [
+            lambda: housekeeping.run(context, workers.stopping),
+            lambda: file_watch.run(context, workers.stopping, workers.start_again),
+        ]
+        for chore in chores:
+            threading.Thread(target=chore, daemon=True).start()
+        scheme = "http" if self._context is None else "https"
+        LOG.info("serving on %s://%s:%d", scheme, self._config.host, self._config.port)
+        return app
+
+
+def _post_fork(server: Arbiter, _worker: object) -> None:
+    children.die_with(server.pid)

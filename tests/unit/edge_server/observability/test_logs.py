@@ -1,0 +1,124 @@
+"""Lines of the log: one JSON object each, with the request's id, without secrets."""
+
+import io
+import json
+import logging
+import threading
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from typing import Any
+
+import pytest
+
+from edge_server.observability import logs
+
+LOG = logging.getLogger("edge_server.tested")
+
+
+class Terminal(io.StringIO):
+    """A stream with a person behind it."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.fixture(autouse=True)
+def _log_as_before(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Leave the root logger and the hooks as they were."""
+    root = logging.getLogger()
+    handlers, level = root.handlers[:], root.level
+    monkeypatch.setattr("sys.excepthook", None)
+    monkeypatch.setattr("threading.excepthook", threading.excepthook)
+    monkeypatch.setattr(logs, "_redactors", [])
+    yield
+    logging.captureWarnings(capture=False)
+    root.handlers[:] = handlers
+    root.setLevel(level)
+
+
+def lines_of(stream: io.StringIO) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in stream.getvalue().splitlines()]
+
+
+def test_away_from_a_terminal_each_line_is_an_object() -> None:
+    stream = io.StringIO()
+    logs.configure("INFO", "auto", stream)
+    LOG.warning("cloud %s\nis away", "A", extra={"vehicle_id": 3})
+    LOG.debug("not asked for")
+    (line,) = lines_of(stream)
+    assert line["message"] == "cloud A\nis away"
+    assert line["level"] == "WARNING"
+    assert line["logger"] == "edge_server.tested"
+    assert line["vehicle_id"] == 3
+    moment = datetime.fromisoformat(line["time"])
+    assert abs((datetime.now(UTC) - moment).total_seconds()) < 3600
+
+
+@pytest.mark.parametrize(("form", "as_json"), [("auto", False), ("text", False), ("json", True)])
+def test_a_terminal_gets_sentences_unless_it_asks(form: str, *, as_json: bool) -> None:
+    stream = Terminal()
+    logs.configure("INFO", form, stream)
+    LOG.info("serving")
+    assert stream.getvalue().startswith("{") == as_json
+    assert "serving" in stream.getvalue()
+
+
+def test_a_failure_is_one_line_with_its_trace() -> None:
+    stream = io.StringIO()
+    logs.configure("INFO", "json", stream)
+    try:
+        int("bad \udc80 bytes")
+    except ValueError:
+        LOG.exception("it failed")
+    (line,) = lines_of(stream)
+    assert "ValueError" in line["exc_info"]
+
+
+def test_a_thread_that_fails_is_told_like_anything_else() -> None:
+    stream = io.StringIO()
+    logs.configure("INFO", "json", stream)
+
+    def fail() -> None:
+        raise ValueError("nobody catches this")
+
+    thread = threading.Thread(target=fail)
+    thread.start()
+    thread.join()
+    (line,) = lines_of(stream)
+    assert line["level"] == "CRITICAL"
+    assert "nobody catches this" in line["exc_info"]
+
+
+@pytest.mark.parametrize("form", ["json", "text"])
+def test_every_line_of_a_request_has_its_id(form: str) -> None:
+    stream = io.StringIO()
+    logs.configure("INFO", form, stream)
+    token = logs.REQUEST_ID.set("abc-123")
+    LOG.info("within")
+    logs.REQUEST_ID.reset(token)
+    LOG.info("without")
+    within, without = stream.getvalue().splitlines()
+    assert "abc-123" in within
+    assert "abc-123" not in without
+
+
+@pytest.mark.parametrize("form", ["json", "text"])
+def test_secrets_are_taken_out_wherever_they_stand(form: str) -> None:
+    stream = io.StringIO()
+    logs.configure("INFO", form, stream)
+    logs.redact_with(lambda line: line.replace("s3cret", "***"))
+    LOG.info("a key %s", "s3cret", extra={"header": "s3cret"})
+    try:
+        int("s3cret")
+    except ValueError:
+        LOG.exception("s3cret")
+    assert "s3cret" not in stream.getvalue()
+    assert "***" in stream.getvalue()
+
+
+@pytest.mark.parametrize(("form", "lines"), [("text", 0), ("json", 1)])
+def test_one_line_for_every_request_is_for_programs(form: str, lines: int) -> None:
+    stream = io.StringIO()
+    logs.configure("INFO", form, stream)
+    logging.getLogger("edge_server.access").info("GET /plans/1 200")
+    assert len(stream.getvalue().splitlines()) == lines

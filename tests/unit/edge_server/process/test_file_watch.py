@@ -1,0 +1,85 @@
+"""What the start has no time to look at is looked at while the server runs."""
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from sqlalchemy import text
+
+from edge_server.process import file_watch
+from edge_server.store import integrity, migrate
+from edge_server.store.engines import open_engine, sqlite_url
+from tests.support.system import PATIENCE_S
+from tests.unit.edge_server.conftest import Edge
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """A database with a table of many pages."""
+    path = tmp_path / "edge" / "edge.sqlite3"
+    migrate.prepare(sqlite_url(path))
+    engine = open_engine(sqlite_url(path))
+    with engine.begin() as connection:
+        connection.execute(text("CREATE TABLE filler (content TEXT)"))
+        for _ in range(100):
+            connection.execute(text("INSERT INTO filler VALUES (hex(randomblob(2000)))"))
+    engine.dispose()
+    return path
+
+
+def spoil_the_middle(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    middle = len(content) // 2 // 4096 * 4096
+    content[middle : middle + 4096] = b"\xa5" * 4096
+    path.write_bytes(content)
+
+
+def test_a_whole_file_has_no_fault(path: Path) -> None:
+    assert integrity.fault_of(path) is None
+    file_watch.check(path)
+    assert integrity.noted_fault(path) is None
+
+
+def test_a_fault_deep_in_the_file_is_noted_and_the_next_start_sets_it_aside(path: Path) -> None:
+    spoil_the_middle(path)
+    file_watch.check(path)
+    assert integrity.noted_fault(path)
+    assert not migrate.is_ready(sqlite_url(path))
+    migrate.prepare(sqlite_url(path))
+    assert integrity.noted_fault(path) is None
+    assert migrate.is_ready(sqlite_url(path))
+    assert list((path.parent / "quarantine").glob("*.sqlite3"))
+
+
+def test_a_file_that_is_not_there_is_not_made(tmp_path: Path) -> None:
+    file_watch.check(tmp_path / "edge.sqlite3")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "harm",
+    [
+        pytest.param(lambda path: integrity.note_fault(path, "row 7 missing"), id="a noted fault"),
+        pytest.param(lambda path: path.rename(path.with_suffix(".old")), id="a file taken away"),
+    ],
+)
+def test_the_server_is_started_anew(
+    edge: Edge, harm: Callable[[Path], object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(file_watch, "CHECK_AFTER_S", 0.0)
+    monkeypatch.setattr(file_watch, "LOOK_S", 0.01)
+    asked, stopping = threading.Event(), threading.Event()
+    watch = threading.Thread(target=file_watch.run, args=(edge.context, stopping, asked.set))
+    watch.start()
+    assert not asked.wait(0.1)
+    harm(edge.config.database_path)
+    assert asked.wait(PATIENCE_S)
+    watch.join()
+    stopping.set()
+
+
+def test_it_ends_with_the_server(edge: Edge) -> None:
+    stopping = threading.Event()
+    stopping.set()
+    file_watch.run(edge.context, stopping, lambda: pytest.fail("nothing is wrong"))

@@ -1,0 +1,159 @@
+"""When a part that has died is started again, and when it is given up."""
+
+import signal
+import subprocess
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from edge_server.config import Config
+from edge_server.process import supervisor
+from edge_server.process.exit_codes import FAILED, OK, WRONG_SETUP
+from edge_server.process.supervisor import (
+    DEATHS,
+    FIRST_WAIT_S,
+    LONGEST_WAIT_S,
+    WITHIN_S,
+    Deaths,
+    Supervisor,
+)
+from edge_server.store import tally
+
+RUNS = None
+"""In a list of exit codes: this process does not end by itself."""
+
+
+class Machine:
+    """Processes and a clock that are not there; `codes` are those of a part's processes in turn.
+
+    The last code of a part is that of all its later processes. SIGTERM comes at `term_at_s`.
+    """
+
+    def __init__(self, codes: dict[str, Sequence[int | None]], term_at_s: float = 300.0) -> None:
+        self.starts = dict.fromkeys(codes, 0)
+        self.ended: list[str] = []
+        self._codes = codes
+        self._now_s = 0.0
+        self._term_at_s = term_at_s
+        self._on_signal: dict[int, Callable[[int, None], None]] = {}
+
+    def monotonic(self) -> float:
+        return self._now_s
+
+    def sleep(self, duration_s: float) -> None:
+        was, self._now_s = self._now_s, self._now_s + duration_s
+        if was < self._term_at_s <= self._now_s:
+            self._on_signal[signal.SIGTERM](signal.SIGTERM, None)
+
+    def install(self, number: int, handler: Callable[[int, None], None]) -> None:
+        self._on_signal[number] = handler
+
+    def start(self, command: Sequence[str], **_: Any) -> "Process":
+        name = command[-1]
+        codes = self._codes[name]
+        code = codes[min(self.starts[name], len(codes) - 1)]
+        self.starts[name] += 1
+        return Process(name, code, self.ended)
+
+
+class Process:
+    """One that has ended with a code, or runs until it is asked to end."""
+
+    def __init__(self, name: str, code: int | None, ended: list[str]) -> None:
+        self._name, self._code, self._ended = name, code, ended
+
+    def poll(self) -> int | None:
+        return self._code
+
+    def send_signal(self, number: int) -> None:
+        assert number == signal.SIGTERM
+        self._code = 0
+        self._ended.append(self._name)
+
+    def wait(self, _timeout_s: float) -> int:
+        assert self._code is not None
+        return self._code
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[Machine], int]:
+    """Run a supervisor on a machine; returns its exit code."""
+
+    def run(machine: Machine) -> int:
+        config = Config(state_dir=tmp_path)
+        config.edge_dir.mkdir()
+        with monkeypatch.context() as patch:
+            patch.setattr(supervisor, "time", machine)
+            patch.setattr(subprocess, "Popen", machine.start)
+            patch.setattr(signal, "signal", machine.install)
+            return Supervisor([], config).run()
+
+    return run
+
+
+def test_a_relay_that_dies_again_and_again_never_stops_the_server(
+    run: Callable[[Machine], int], tmp_path: Path
+) -> None:
+    machine = Machine({"serve": [RUNS], "relay": [FAILED, WRONG_SETUP, -9, FAILED]})
+    assert run(machine) == OK
+    assert machine.starts["serve"] == 1
+    assert machine.starts["relay"] > 2 * DEATHS
+    assert machine.ended == ["serve"]
+    counted = tally.read(Config(state_dir=tmp_path).supervisor_tally_path)
+    assert machine.starts["relay"] - counted[tally.PART_DEATHS]["relay",] in {0, 1}
+
+
+@pytest.mark.parametrize(("wrong", "other"), [("serve", "relay"), ("relay", "serve")])
+def test_a_part_that_is_set_up_wrongly_stops_everything_at_its_first_start(
+    run: Callable[[Machine], int], wrong: str, other: str
+) -> None:
+    machine = Machine({wrong: [WRONG_SETUP], other: [RUNS]})
+    assert run(machine) == WRONG_SETUP
+    assert machine.starts == {wrong: 1, other: 1}
+    assert machine.ended == [other]
+
+
+def test_a_server_that_dies_five_times_within_a_minute_stops_everything(
+    run: Callable[[Machine], int],
+) -> None:
+    machine = Machine({"serve": [FAILED], "relay": [RUNS]})
+    assert run(machine) == FAILED
+    assert machine.starts == {"serve": DEATHS, "relay": 1}
+    assert machine.ended == ["relay"]
+
+
+def test_a_server_that_dies_once_is_started_again(run: Callable[[Machine], int]) -> None:
+    machine = Machine({"serve": [-9, RUNS], "relay": [RUNS]})
+    assert run(machine) == OK
+    assert machine.starts == {"serve": 2, "relay": 1}
+    assert sorted(machine.ended) == ["relay", "serve"]
+
+
+def test_the_wait_doubles_from_death_to_death_up_to_a_bound() -> None:
+    deaths, now, waits = Deaths(), 0.0, []
+    for _ in range(40):
+        waits.append(deaths.note(now, now + 0.1))
+        now += 0.1 + waits[-1]
+    assert waits[:4] == [FIRST_WAIT_S * 2**number for number in range(4)]
+    assert waits == sorted(waits)
+    assert set(waits[10:]) == {LONGEST_WAIT_S}
+    assert deaths.total == 40
+
+
+def test_a_part_that_has_run_for_a_minute_is_started_again_at_once() -> None:
+    deaths = Deaths()
+    for _ in range(10):
+        deaths.note(0.0, 1.0)
+    assert deaths.note(100.0, 100.0 + WITHIN_S) == FIRST_WAIT_S
+
+
+def test_five_deaths_within_a_minute_are_hopeless_and_over_more_time_they_are_not() -> None:
+    quick, slow = Deaths(), Deaths()
+    for number in range(DEATHS):
+        assert not quick.are_hopeless
+        quick.note(number, number + 1.0)
+        slow.note(number * WITHIN_S, (number + 1) * WITHIN_S)
+    assert quick.are_hopeless
+    assert not slow.are_hopeless
