@@ -27,19 +27,19 @@ from uav_firmware.modules.logger.module import LoggerModule
 from uav_firmware.modules.logger.params import LoggerParams
 from uav_firmware.modules.manual_control.module import ManualControlModule
 from uav_firmware.modules.manual_control.params import ManualControlParams
-from uav_firmware.modules.mavlink.builders.identity import FLIGHT_SW_VERSION
-from uav_firmware.modules.mavlink.dispatcher import PlanChecks
+from uav_firmware.modules.mavlink.commands.power_commands import PowerAction
 from uav_firmware.modules.mavlink.files.roots import IMAGES_URL
-from uav_firmware.modules.mavlink.link_params import LinkParams
-from uav_firmware.modules.mavlink.mission_store import PlanCheck
+from uav_firmware.modules.mavlink.missions.mission_store import PlanCheck
 from uav_firmware.modules.mavlink.module import MavlinkModule
-from uav_firmware.modules.mavlink.peers import Peer
-from uav_firmware.modules.mavlink.power_commands import PowerAction
-from uav_firmware.modules.mavlink.reception import SigningOptions
-from uav_firmware.modules.mavlink.signing_params import SigningParams
-from uav_firmware.modules.mavlink.signing_setup import SetupTrust
-from uav_firmware.modules.mavlink.vehicle_facts import VehicleFacts
-from uav_firmware.modules.navigator import geofence_plan
+from uav_firmware.modules.mavlink.parameters.vehicle_facts import VehicleFacts
+from uav_firmware.modules.mavlink.signing.signing_params import SigningParams
+from uav_firmware.modules.mavlink.signing.signing_setup import SetupTrust
+from uav_firmware.modules.mavlink.telemetry.identity import FLIGHT_SW_VERSION
+from uav_firmware.modules.mavlink.wire.dispatcher import PlanChecks
+from uav_firmware.modules.mavlink.wire.link_params import LinkParams
+from uav_firmware.modules.mavlink.wire.peers import Peer
+from uav_firmware.modules.mavlink.wire.reception import SigningOptions
+from uav_firmware.modules.navigator.geofence import fence_items
 from uav_firmware.modules.navigator.module import NavigatorModule
 from uav_firmware.modules.offboard.module import OffboardModule
 from uav_firmware.modules.parameter_storage.module import ParameterStorageModule
@@ -292,9 +292,9 @@ class Autopilot:
             topics=mavlink_topics(topics),
             checks=PlanChecks(
                 mission=PlanCheck(self.navigator.check_item, self.navigator.review_mission),
-                fence=PlanCheck(geofence_plan.check_fence_item, geofence_plan.review_fence),
+                fence=PlanCheck(fence_items.check_fence_item, fence_items.review_fence),
                 rally_points=PlanCheck(
-                    geofence_plan.check_rally_point, self.navigator.review_rally_points
+                    fence_items.check_rally_point, self.navigator.review_rally_points
                 ),
             ),
             storage=storage,

@@ -16,7 +16,7 @@ from tests.support.ground_station import ADDRESS, MemoryLink
 from uav_firmware.cal.link import Address
 from uav_firmware.drivers.log_folder import LogFolder
 from uav_firmware.drivers.udp_link import UdpLink
-from uav_firmware.modules.mavlink.peers import Peer, Profile
+from uav_firmware.modules.mavlink.wire.peers import Peer, Profile
 
 _BROKER: Final[Address] = ("192.0.2.1", 14540)
 _LOOPBACK: Final = "127.0.0.1"

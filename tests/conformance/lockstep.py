@@ -14,7 +14,7 @@ from sim.simulation import Simulation
 from uav_firmware.cal.link import Address
 from uav_firmware.drivers.file_storage import FileStorage
 from uav_firmware.drivers.jsbsim import JsbsimVehicle
-from uav_firmware.modules.mavlink.peers import Peer, Profile
+from uav_firmware.modules.mavlink.wire.peers import Peer, Profile
 from uav_firmware.topology import Autopilot
 
 ADDRESS: Final[Address] = ("192.0.2.2", 14550)

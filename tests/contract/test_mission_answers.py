@@ -11,11 +11,12 @@ import pytest
 from pymavlink.dialects.v20 import common, development
 
 from tests.support.mission_field import Vehicle
-from uav_firmware.modules.mavlink.dialect import Message, frame, pack
-from uav_firmware.modules.mavlink.mission_server import MissionServer
-from uav_firmware.modules.mavlink.mission_store import PlanCheck, PlanStore
-from uav_firmware.modules.mavlink.status_text import StatusTexts
-from uav_firmware.modules.navigator import feasibility, geofence_plan
+from uav_firmware.modules.mavlink.missions.mission_server import MissionServer
+from uav_firmware.modules.mavlink.missions.mission_store import PlanCheck, PlanStore
+from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
+from uav_firmware.modules.mavlink.wire.dialect import Message, frame, pack
+from uav_firmware.modules.navigator.geofence import fence_items
+from uav_firmware.modules.navigator.mission import feasibility
 from uav_firmware.modules.navigator.params import NavigatorParams
 from uav_firmware.msg.mission import MissionItem, PlanReview
 from uav_firmware.msg.status import HomePosition
@@ -53,15 +54,15 @@ def judges() -> list[PlanCheck]:
 
     def rally(items: Sequence[MissionItem]) -> PlanReview:
         yield 1
-        return geofence_plan.check_rally_points(items)
+        return fence_items.check_rally_points(items)
 
     return [
         PlanCheck(
             lambda item: feasibility.check_item(item, HOME, params),
             lambda items: feasibility.review(items, HOME, params),
         ),
-        PlanCheck(geofence_plan.check_fence_item, geofence_plan.review_fence),
-        PlanCheck(geofence_plan.check_rally_point, rally),
+        PlanCheck(fence_items.check_fence_item, fence_items.review_fence),
+        PlanCheck(fence_items.check_rally_point, rally),
     ]
 
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.contract.test_mission_answers import Uploader, item
-from uav_firmware.modules.mavlink.dialect import Message, mavlink
+from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
 
 REPETITIONS = 3  # A tick may ask again for an item of each type of plan
 FLOATS = st.floats(width=32)

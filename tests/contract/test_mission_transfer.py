@@ -22,12 +22,12 @@ from mavlink_broker.translation.mission_item import waypoint
 from mavlink_broker.translation.read_back import difference
 from tests.support.lossy_link import GROUND_ADDRESS, VEHICLE_ADDRESS, Conditions, LossyLink
 from uav_firmware.bus import Topic
-from uav_firmware.modules.mavlink import dialect as vehicle_dialect
-from uav_firmware.modules.mavlink.addressing import Outgoing, Sender
-from uav_firmware.modules.mavlink.dialect_extensions import MissionCurrent
-from uav_firmware.modules.mavlink.mission_server import MissionServer
-from uav_firmware.modules.mavlink.mission_store import PlanCheck, PlanStore
-from uav_firmware.modules.mavlink.status_text import StatusTexts
+from uav_firmware.modules.mavlink.missions.mission_server import MissionServer
+from uav_firmware.modules.mavlink.missions.mission_store import PlanCheck, PlanStore
+from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
+from uav_firmware.modules.mavlink.wire import dialect as vehicle_dialect
+from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender
+from uav_firmware.modules.mavlink.wire.dialect_extensions import MissionCurrent
 from uav_firmware.msg.mission import Mission, MissionItem, PlanReview
 
 ROUTE = Route(own_system=254, own_component=191, target_system=1, target_component=1)

@@ -11,8 +11,8 @@ from mavlink_broker.codec import Decoder, Encoder
 from mavlink_broker.dialect import mavlink
 from mavlink_broker.guard import Guard, VehicleSigning
 from mavlink_broker.key_ring import KeyRing
-from uav_firmware.modules.mavlink import dialect
-from uav_firmware.modules.mavlink.signing import Signer, SigningClock
+from uav_firmware.modules.mavlink.signing.signature import Signer, SigningClock
+from uav_firmware.modules.mavlink.wire import dialect
 
 KEY, WRONG_KEY = bytes(range(32)), bytes(range(1, 33))
 NOW = datetime(2026, 9, 1, tzinfo=UTC)

@@ -12,7 +12,7 @@ from pathlib import Path
 from pymavlink.dialects.v20 import common
 
 from tests.support.parameter_table import autopilot
-from uav_firmware.modules.mavlink.streams import STREAMS
+from uav_firmware.modules.mavlink.telemetry.streams import STREAMS
 
 FOLDER = Path(__file__).parent / "firmware"
 

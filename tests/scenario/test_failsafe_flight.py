@@ -16,7 +16,7 @@ from tests.support.stick_pilot import order
 from tests.support.toy_vehicle import item
 from uav_firmware.cal.log_store import LogFile
 from uav_firmware.drivers.file_storage import FileStorage
-from uav_firmware.modules.navigator.geofence import Polygon
+from uav_firmware.modules.navigator.geofence.geofence import Polygon
 from uav_firmware.msg.geofence import Fence
 from uav_firmware.msg.status import Command, NavigationState
 

@@ -18,7 +18,7 @@ from tests.support.ground_station import GroundStation, MemoryLink
 from uav_firmware.cal.log_store import LogStore
 from uav_firmware.drivers.file_storage import FileStorage
 from uav_firmware.drivers.jsbsim import JsbsimVehicle
-from uav_firmware.modules.mavlink.peers import Peer
+from uav_firmware.modules.mavlink.wire.peers import Peer
 from uav_firmware.msg.estimate import VehicleLocalPosition
 from uav_firmware.msg.status import LandDetected, NavigationState, VehicleStatus
 from uav_firmware.topology import Autopilot

@@ -31,7 +31,7 @@ from uav_firmware.drivers.jsbsim import JsbsimVehicle
 from uav_firmware.drivers.jsbsim_camera import JsbsimCamera
 from uav_firmware.drivers.log_folder import LogFolder
 from uav_firmware.drivers.storage_card import image_folder, image_tree, storage_card
-from uav_firmware.modules.mavlink.peers import Peer, Profile
+from uav_firmware.modules.mavlink.wire.peers import Peer, Profile
 from uav_firmware.topology import Autopilot
 
 EPOCH: Final = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)

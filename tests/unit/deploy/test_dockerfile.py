@@ -108,7 +108,7 @@ def test_every_image_has_the_packages_that_its_program_loads_and_no_others(targe
 def test_the_one_dialect_that_is_kept_is_the_one_that_is_spoken(stage: str) -> None:
     module = {
         "broker-files": "mavlink_broker.dialect",
-        "vehicle-files": "uav_firmware.modules.mavlink.dialect",
+        "vehicle-files": "uav_firmware.modules.mavlink.wire.dialect",
     }[stage]
     file = file_of(module)
     assert file is not None

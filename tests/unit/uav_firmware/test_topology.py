@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import common
 from sim.config import SimulationConfig
 from tests.support.autopilot_tester import AutopilotTester
 from tests.support.ground_station import ADDRESS
-from uav_firmware.modules.mavlink.peers import Peer, Profile
+from uav_firmware.modules.mavlink.wire.peers import Peer, Profile
 from uav_firmware.msg.control_mode import ControlLevel, ControlSource, VehicleControlMode
 
 

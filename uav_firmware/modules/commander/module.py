@@ -3,11 +3,12 @@
 from collections.abc import Callable
 from typing import Final
 
-from uav_firmware.modules.commander import mode_requirements
-from uav_firmware.modules.commander.arming_states import Arming, ArmingEvent, after
-from uav_firmware.modules.commander.commands import decide
-from uav_firmware.modules.commander.control_mode import control_of
-from uav_firmware.modules.commander.decision import (
+from uav_firmware.modules.commander.arming.arming_states import Arming, ArmingEvent, after
+from uav_firmware.modules.commander.arming.disarming import DisarmTimer
+from uav_firmware.modules.commander.arming.failure_latch import FailureLatch
+from uav_firmware.modules.commander.arming.home import HomeKeeper
+from uav_firmware.modules.commander.arming.readiness import EXAMINE_PERIOD_US, Health, examine
+from uav_firmware.modules.commander.commands.decision import (
     Arm,
     Decision,
     Disarm,
@@ -19,21 +20,20 @@ from uav_firmware.modules.commander.decision import (
     Tell,
     Terminate,
 )
-from uav_firmware.modules.commander.disarming import DisarmTimer
-from uav_firmware.modules.commander.failsafe import Failsafe, FailsafeMachine
-from uav_firmware.modules.commander.failsafe_actions import PILOTED, Action
-from uav_firmware.modules.commander.failsafe_causes import ROWS
-from uav_firmware.modules.commander.failsafe_params import FailsafeParams
-from uav_firmware.modules.commander.failure_latch import FailureLatch
-from uav_firmware.modules.commander.flight_commands import Situation, hold_here
-from uav_firmware.modules.commander.home import HomeKeeper
+from uav_firmware.modules.commander.commands.dispatch import decide
+from uav_firmware.modules.commander.commands.flight_commands import Situation, hold_here
+from uav_firmware.modules.commander.commands.texts import DISARM_TEXTS, Severity
+from uav_firmware.modules.commander.failsafe.actions import PILOTED, Action
+from uav_firmware.modules.commander.failsafe.causes import ROWS
+from uav_firmware.modules.commander.failsafe.machine import Failsafe, FailsafeMachine
+from uav_firmware.modules.commander.failsafe.params import FailsafeParams
+from uav_firmware.modules.commander.failsafe.return_time import pace_of
+from uav_firmware.modules.commander.modes import requirements
+from uav_firmware.modules.commander.modes.control_mode import control_of
+from uav_firmware.modules.commander.modes.pilot import TakeOver
+from uav_firmware.modules.commander.modes.timed_hold import TimedHold
 from uav_firmware.modules.commander.observer import Observer
 from uav_firmware.modules.commander.params import CommanderParams
-from uav_firmware.modules.commander.pilot import TakeOver
-from uav_firmware.modules.commander.readiness import EXAMINE_PERIOD_US, Health, examine
-from uav_firmware.modules.commander.return_time import pace_of
-from uav_firmware.modules.commander.texts import DISARM_TEXTS, Severity
-from uav_firmware.modules.commander.timed_hold import TimedHold
 from uav_firmware.modules.commander.topics import CommanderTopics
 from uav_firmware.modules.commander.vehicle_view import VehicleView
 from uav_firmware.msg.control_mode import VehicleControlMode
@@ -225,17 +225,17 @@ class CommanderModule:
         if not self._armed:
             return
         navigator = view.navigator
-        if mode_requirements.missing_for_place(view) is not None:
+        if requirements.missing_for_place(view) is not None:
             self._last_target = None  # Not flown any more; ordered again it is a new one
         done = (
             navigator is not None
             and navigator.finished
             and navigator.navigation_state is self._mode
         )
-        if done and self._mode in mode_requirements.ENDING_IN_HOLD:
+        if done and self._mode in requirements.ENDING_IN_HOLD:
             self._enter(NavigationState.AUTO_LOITER)
         following = self._timed_hold.next_mode(self._mode, view.now_us, at_rest=done)
-        if following is not self._mode and mode_requirements.missing(following, view) is None:
+        if following is not self._mode and requirements.missing(following, view) is None:
             self._enter(following)
         mission_state = view.progress.state if view.progress is not None else 0
         event = self._stopping_failure(view) or self._disarm_timer.due(
@@ -295,7 +295,7 @@ class CommanderModule:
         if not moved or waiting or self._mode in PILOTED or not params.stick_override & bit:
             return
         for mode in (NavigationState.POSCTL, NavigationState.ALTCTL):
-            if mode_requirements.missing(mode, view) is None:
+            if requirements.missing(mode, view) is None:
                 self._failsafe.overrule()
                 self._enter(mode)
                 self._say(view.now_us, Severity.INFO, f"Pilot took over: {mode.name}")

@@ -6,12 +6,12 @@ from typing import Any, Final
 from uav_firmware.bus import Topic
 from uav_firmware.lib.atmosphere import air_density, pressure_from_altitude
 from uav_firmware.lib.drag import DragModel
-from uav_firmware.modules.commander.failsafe_params import FailsafeParams
-from uav_firmware.modules.commander.failure_latch import FailureLatch
-from uav_firmware.modules.commander.sensor_watch import Freshness
+from uav_firmware.modules.commander.arming.failure_latch import FailureLatch
+from uav_firmware.modules.commander.arming.sensor_watch import Freshness
+from uav_firmware.modules.commander.failsafe.params import FailsafeParams
+from uav_firmware.modules.commander.failsafe.wind import WindEstimator
 from uav_firmware.modules.commander.topics import CommanderTopics
 from uav_firmware.modules.commander.vehicle_view import SensorAges, VehicleView
-from uav_firmware.modules.commander.wind import WindEstimator
 from uav_firmware.msg.estimate import WindEstimate
 from uav_firmware.msg.sensors import SensorImu
 

@@ -6,22 +6,22 @@ from typing import Final
 from uav_firmware.cal.files import Card
 from uav_firmware.cal.link import Address, Link
 from uav_firmware.cal.storage import Storage
-from uav_firmware.modules.mavlink.addressing import OWN_COMPONENTS, Outgoing, Sender
-from uav_firmware.modules.mavlink.builders.context import BatteryThresholds, Context
-from uav_firmware.modules.mavlink.changes import ChangeDetector
-from uav_firmware.modules.mavlink.dialect import Message, parse
-from uav_firmware.modules.mavlink.dispatcher import Dispatcher, PlanChecks
-from uav_firmware.modules.mavlink.link_params import LinkParams
-from uav_firmware.modules.mavlink.mission_progress import ReachedAnnouncer
-from uav_firmware.modules.mavlink.peers import Peer, PeerTable
-from uav_firmware.modules.mavlink.power_commands import PowerAction
-from uav_firmware.modules.mavlink.reception import Reception, SigningOptions
-from uav_firmware.modules.mavlink.signing_setup import SigningSetup
-from uav_firmware.modules.mavlink.status_text import StatusTexts
-from uav_firmware.modules.mavlink.streams import default_intervals_us
+from uav_firmware.modules.mavlink.commands.power_commands import PowerAction
+from uav_firmware.modules.mavlink.signing.signing_setup import SigningSetup
+from uav_firmware.modules.mavlink.telemetry.changes import ChangeDetector
+from uav_firmware.modules.mavlink.telemetry.context import BatteryThresholds, Context
+from uav_firmware.modules.mavlink.telemetry.mission_progress import ReachedAnnouncer
+from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
+from uav_firmware.modules.mavlink.telemetry.streams import default_intervals_us
+from uav_firmware.modules.mavlink.telemetry.vibration import VibrationMeter
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
-from uav_firmware.modules.mavlink.transmitter import Transmitter
-from uav_firmware.modules.mavlink.vibration import VibrationMeter
+from uav_firmware.modules.mavlink.wire.addressing import OWN_COMPONENTS, Outgoing, Sender
+from uav_firmware.modules.mavlink.wire.dialect import Message, parse
+from uav_firmware.modules.mavlink.wire.dispatcher import Dispatcher, PlanChecks
+from uav_firmware.modules.mavlink.wire.link_params import LinkParams
+from uav_firmware.modules.mavlink.wire.peers import Peer, PeerTable
+from uav_firmware.modules.mavlink.wire.reception import Reception, SigningOptions
+from uav_firmware.modules.mavlink.wire.transmitter import Transmitter
 from uav_firmware.parameters import Registry, UnknownParameterError
 
 MAX_MESSAGES_PER_CALL: Final = 128

@@ -9,10 +9,10 @@ from uav_firmware.lib.resets import EstimateStep
 from uav_firmware.lib.rotation import wrap_pi
 from uav_firmware.lib.smoothing import Waypoint
 from uav_firmware.lib.vector import ZERO, norm, subtract
-from uav_firmware.modules.navigator.geofence import Geofence
+from uav_firmware.modules.navigator.geofence.geofence import Geofence
 from uav_firmware.modules.navigator.params import NavigatorParams
-from uav_firmware.modules.navigator.path_follower import PathFollower
-from uav_firmware.modules.navigator.yaw import YawSlew
+from uav_firmware.modules.navigator.trajectory.path_follower import PathFollower
+from uav_firmware.modules.navigator.trajectory.yaw import YawSlew
 from uav_firmware.msg.estimate import VehicleLocalPosition
 from uav_firmware.msg.guidance import OrbitStatus, RegionOfInterest
 from uav_firmware.msg.mission import MissionItem

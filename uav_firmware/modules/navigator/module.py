@@ -7,21 +7,29 @@ from typing import Final
 from uav_firmware.bus import Queue, Topic
 from uav_firmware.lib.resets import ResetFollower
 from uav_firmware.lib.stepwise import finished
-from uav_firmware.modules.navigator import area, feasibility
-from uav_firmware.modules.navigator.area import AreaKeeper
 from uav_firmware.modules.navigator.flight import Flight, Speeds
-from uav_firmware.modules.navigator.follow import FollowMode
-from uav_firmware.modules.navigator.geofence_watch import GeofenceWatch
-from uav_firmware.modules.navigator.guided_modes import OrbitMode
-from uav_firmware.modules.navigator.loiter import LoiterMode
-from uav_firmware.modules.navigator.mission import MissionMode
-from uav_firmware.modules.navigator.mission_review import MissionReview
-from uav_firmware.modules.navigator.mode import NavigatorMode
+from uav_firmware.modules.navigator.geofence import area
+from uav_firmware.modules.navigator.geofence.area import AreaKeeper
+from uav_firmware.modules.navigator.geofence.monitor import GeofenceWatch
+from uav_firmware.modules.navigator.mission import feasibility
+from uav_firmware.modules.navigator.mission.mission_mode import MissionMode
+from uav_firmware.modules.navigator.mission.review import MissionReview
+from uav_firmware.modules.navigator.modes.follow import FollowMode
+from uav_firmware.modules.navigator.modes.heading_commands import (
+    take_heading,
+    take_region_of_interest,
+)
+from uav_firmware.modules.navigator.modes.loiter import LoiterMode
+from uav_firmware.modules.navigator.modes.mode import NavigatorMode
+from uav_firmware.modules.navigator.modes.orbit_mode import OrbitMode
+from uav_firmware.modules.navigator.modes.single_manoeuvre_modes import (
+    LandMode,
+    ReturnMode,
+    TakeoffMode,
+)
 from uav_firmware.modules.navigator.params import NavigatorParams
 from uav_firmware.modules.navigator.reports import Reporter, ReportTopics
-from uav_firmware.modules.navigator.simple_modes import LandMode, ReturnMode, TakeoffMode
 from uav_firmware.modules.navigator.surroundings import ceiling, frame_of, tilt_max, yaw_of
-from uav_firmware.modules.navigator.turning import take_heading, take_region_of_interest
 from uav_firmware.msg.control_mode import (
     ControlSource,
     ManualControlSetpoint,

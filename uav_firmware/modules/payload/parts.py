@@ -4,14 +4,14 @@ from collections import deque
 from dataclasses import dataclass, field
 
 from uav_firmware.cal.camera import Gaze, Seeker
-from uav_firmware.modules.payload.camera import Camera
-from uav_firmware.modules.payload.gimbal import Aim, Gimbal
-from uav_firmware.modules.payload.gimbal_control import GimbalControl
-from uav_firmware.modules.payload.ledger import CaptureLedger
-from uav_firmware.modules.payload.lens import lens
-from uav_firmware.modules.payload.panorama import Panorama
+from uav_firmware.modules.payload.camera.camera import Camera
+from uav_firmware.modules.payload.camera.capture_log import CaptureLedger
+from uav_firmware.modules.payload.camera.lens import lens
+from uav_firmware.modules.payload.camera.panorama import Panorama
+from uav_firmware.modules.payload.camera.storage import JPEG_BYTES_PER_PIXEL, Storage
+from uav_firmware.modules.payload.gimbal.control import GimbalControl
+from uav_firmware.modules.payload.gimbal.gimbal import Aim, Gimbal
 from uav_firmware.modules.payload.params import PayloadParams
-from uav_firmware.modules.payload.storage import JPEG_BYTES_PER_PIXEL, Storage
 from uav_firmware.modules.payload.tracking import Tracker
 from uav_firmware.msg.payload import CameraEvent
 from uav_firmware.msg.status import VehicleCommand

@@ -10,8 +10,8 @@ is computed from the attitude. Either is lost when it has been out of the pictur
 import math
 from typing import Final, NamedTuple
 
-from uav_firmware.modules.payload.gimbal import Place
-from uav_firmware.modules.payload.lens import PICTURE, in_picture, on_ground, ray_ned
+from uav_firmware.modules.payload.camera.lens import PICTURE, in_picture, on_ground, ray_ned
+from uav_firmware.modules.payload.gimbal.gimbal import Place
 from uav_firmware.msg.payload import Box, TrackingMode, TrackingStatus
 from uav_firmware.msg.vectors import Quaternion, Vector3
 

@@ -16,7 +16,7 @@ from tests.unit.sim.camera.surveyor import read
 from uav_firmware.cal.camera import Exposure, Outcome, SecondPicture
 from uav_firmware.drivers.jsbsim_camera import ERASED_AT_ONCE, MEMORY, STORING_US, JsbsimCamera
 from uav_firmware.drivers.storage_card import image_folder, image_tree
-from uav_firmware.modules.payload.lens import lens
+from uav_firmware.modules.payload.camera.lens import lens
 
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 DOWN = quaternion_from_euler(0.0, -0.5 * math.pi, 0.0)

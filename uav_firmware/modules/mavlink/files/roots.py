@@ -3,11 +3,11 @@
 from typing import Final
 
 from uav_firmware.cal.files import Card, FileStore, Place
-from uav_firmware.modules.mavlink.addressing import AUTOPILOT_COMPONENT
 from uav_firmware.modules.mavlink.files import metadata_files
 from uav_firmware.modules.mavlink.files.metadata_files import MetadataFiles
 from uav_firmware.modules.mavlink.files.parameter_files import ParameterFiles
 from uav_firmware.modules.mavlink.files.tree import MountedTree
+from uav_firmware.modules.mavlink.wire.addressing import AUTOPILOT_COMPONENT
 
 CARD: Final[Place] = ("fs", "microsd")
 LOGS: Final[Place] = (*CARD, "log")

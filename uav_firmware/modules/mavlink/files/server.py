@@ -7,12 +7,12 @@ bounds what is done and sent, so that no number of requests takes the control lo
 from typing import Final
 
 from uav_firmware.cal.files import FileStore
-from uav_firmware.modules.mavlink.addressing import Outgoing, Sender, is_for_us
-from uav_firmware.modules.mavlink.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.files.client import FileClient
 from uav_firmware.modules.mavlink.files.codec import Opcode, Reply, read_request
 from uav_firmware.modules.mavlink.files.sessions import IDLE_LIMIT_US
-from uav_firmware.modules.mavlink.pace import Pace
+from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender, is_for_us
+from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
+from uav_firmware.modules.mavlink.wire.pace import Pace
 
 MAX_CLIENTS: Final = 8
 _SILENT_US: Final = 10_000_000

@@ -7,14 +7,14 @@ import pytest
 
 from tests.support.toy_vehicle import NAN, ToyVehicle, at, item, takeoff, waypoint
 from tests.unit.uav_firmware.modules.navigator.test_modes import airborne
-from uav_firmware.modules.commander.arming_states import (
+from uav_firmware.modules.commander.arming.arming_states import (
     TRANSITIONS,
     Arming,
     ArmingEvent,
     IllegalArmingError,
     after,
 )
-from uav_firmware.modules.commander.sensor_watch import SensorBit
+from uav_firmware.modules.commander.arming.sensor_watch import SensorBit
 from uav_firmware.msg.estimate import WindEstimate
 from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.geofence import Fence

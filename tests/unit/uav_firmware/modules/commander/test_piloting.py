@@ -5,9 +5,9 @@ import math
 import pytest
 
 from tests.support.toy_vehicle import ToyVehicle
-from uav_firmware.modules.commander.control_mode import control_of
-from uav_firmware.modules.commander.mode_requirements import REQUIREMENTS
-from uav_firmware.modules.commander.pilot import TakeOver, unsafe_throttle
+from uav_firmware.modules.commander.modes.control_mode import control_of
+from uav_firmware.modules.commander.modes.pilot import TakeOver, unsafe_throttle
+from uav_firmware.modules.commander.modes.requirements import REQUIREMENTS
 from uav_firmware.msg.control_mode import (
     ControlLevel,
     ControlSource,

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import uav_firmware.modules.commander as package
 from tests.support.toy_vehicle import ToyVehicle
-from uav_firmware.modules.commander import health_checks
-from uav_firmware.modules.commander.arming_states import TRANSITIONS
-from uav_firmware.modules.commander.commands import HANDLERS
-from uav_firmware.modules.commander.failsafe_actions import Action
-from uav_firmware.modules.commander.failsafe_causes import Cause
-from uav_firmware.modules.commander.mode_requirements import REQUIREMENTS, STARTABLE, Need
+from uav_firmware.modules.commander.arming import health_checks
+from uav_firmware.modules.commander.arming.arming_states import TRANSITIONS
+from uav_firmware.modules.commander.commands.dispatch import HANDLERS
+from uav_firmware.modules.commander.failsafe.actions import Action
+from uav_firmware.modules.commander.failsafe.causes import Cause
+from uav_firmware.modules.commander.modes.requirements import REQUIREMENTS, STARTABLE, Need
 
 FOLDER = Path(str(package.__file__)).parent
 TEXT = (FOLDER / "README.md").read_text(encoding="utf-8")

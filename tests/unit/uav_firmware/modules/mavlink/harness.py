@@ -7,16 +7,16 @@ from typing import Any
 from uav_firmware.bus import Queue, Topic
 from uav_firmware.cal.link import Address, Link
 from uav_firmware.cal.storage import Storage
-from uav_firmware.modules.mavlink.dialect import frame, mavlink, pack, parse
-from uav_firmware.modules.mavlink.dispatcher import PlanChecks
-from uav_firmware.modules.mavlink.link_params import LinkParams
-from uav_firmware.modules.mavlink.mission_store import PlanCheck
+from uav_firmware.modules.mavlink.commands.power_commands import PowerAction
+from uav_firmware.modules.mavlink.missions.mission_store import PlanCheck
 from uav_firmware.modules.mavlink.module import MavlinkModule
-from uav_firmware.modules.mavlink.peers import Peer, Profile
-from uav_firmware.modules.mavlink.power_commands import PowerAction
-from uav_firmware.modules.mavlink.reception import SigningOptions
-from uav_firmware.modules.mavlink.signing import Signer
+from uav_firmware.modules.mavlink.signing.signature import Signer
 from uav_firmware.modules.mavlink.topics import MavlinkTopics
+from uav_firmware.modules.mavlink.wire.dialect import frame, mavlink, pack, parse
+from uav_firmware.modules.mavlink.wire.dispatcher import PlanChecks
+from uav_firmware.modules.mavlink.wire.link_params import LinkParams
+from uav_firmware.modules.mavlink.wire.peers import Peer, Profile
+from uav_firmware.modules.mavlink.wire.reception import SigningOptions
 from uav_firmware.msg.actuators import ActuatorMotors
 from uav_firmware.msg.battery import BatteryStatus
 from uav_firmware.msg.estimate import (

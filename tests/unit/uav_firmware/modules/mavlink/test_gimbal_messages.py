@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from tests.unit.uav_firmware.modules.mavlink.harness import GIMBAL, SYSTEM, Bench, command_long
 from uav_firmware.lib.rotation import from_euler, multiply, to_euler
-from uav_firmware.modules.mavlink.builders.context import BatteryThresholds, Context
-from uav_firmware.modules.mavlink.builders.gimbal import gimbal_device_attitude_status
-from uav_firmware.modules.mavlink.dialect import mavlink
+from uav_firmware.modules.mavlink.camera.gimbal_messages import gimbal_device_attitude_status
+from uav_firmware.modules.mavlink.telemetry.context import BatteryThresholds, Context
+from uav_firmware.modules.mavlink.wire.dialect import mavlink
 from uav_firmware.msg.payload import Controller, GimbalFlags, GimbalOrder, PayloadCommand
 from uav_firmware.msg.status import VehicleCommand
 from uav_firmware.msg.vectors import Quaternion

@@ -13,10 +13,10 @@ from tests.unit.uav_firmware.modules.mavlink.harness import (
     Bench,
     command_long,
 )
-from uav_firmware.modules.mavlink.commands import FORWARDED
-from uav_firmware.modules.mavlink.dialect import Payload, frame, mavlink, pack
-from uav_firmware.modules.mavlink.dispatcher import Dispatcher
+from uav_firmware.modules.mavlink.commands.commands import FORWARDED
 from uav_firmware.modules.mavlink.module import MAX_MESSAGES_PER_CALL
+from uav_firmware.modules.mavlink.wire.dialect import Payload, frame, mavlink, pack
+from uav_firmware.modules.mavlink.wire.dispatcher import Dispatcher
 
 HANDLED: Final = {
     cls

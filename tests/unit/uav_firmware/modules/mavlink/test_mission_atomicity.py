@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from tests.support.memory_storage import MemoryStorage
 from tests.support.mission_field import Vehicle
-from uav_firmware.modules.mavlink.dialect import frame, mavlink, pack
-from uav_firmware.modules.mavlink.plan_file import decode
+from uav_firmware.modules.mavlink.missions.plan_file import decode
+from uav_firmware.modules.mavlink.wire.dialect import frame, mavlink, pack
 
 PLANS = {254: (3, 10.0), 255: (5, 20.0)}  # Uploader: number of items and their height [m]
 

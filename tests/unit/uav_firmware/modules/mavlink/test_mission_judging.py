@@ -13,9 +13,9 @@ from tests.unit.uav_firmware.modules.mavlink.harness import (
     mission_count,
     mission_item,
 )
-from uav_firmware.modules.mavlink.dialect import mavlink
-from uav_firmware.modules.mavlink.dispatcher import PlanChecks
-from uav_firmware.modules.mavlink.mission_store import PlanCheck
+from uav_firmware.modules.mavlink.missions.mission_store import PlanCheck
+from uav_firmware.modules.mavlink.wire.dialect import mavlink
+from uav_firmware.modules.mavlink.wire.dispatcher import PlanChecks
 from uav_firmware.msg.mission import MissionItem, MissionRejection, PlanReview
 
 ACCEPTED, INVALID, DENIED, CANCELLED = 0, 5, 14, 15

@@ -11,7 +11,7 @@ from tests.unit.uav_firmware.modules.mavlink.harness import (
     mission_count,
     mission_item,
 )
-from uav_firmware.modules.mavlink.dialect import mavlink
+from uav_firmware.modules.mavlink.wire.dialect import mavlink
 
 ACCEPTED, ERROR, NO_SPACE = 0, 1, 4
 SECOND_US = 1_000_000

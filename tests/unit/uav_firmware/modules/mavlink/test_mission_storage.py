@@ -12,7 +12,7 @@ from tests.unit.uav_firmware.modules.mavlink.harness import (
     mission_count,
     mission_item,
 )
-from uav_firmware.modules.mavlink.dialect import mavlink
+from uav_firmware.modules.mavlink.wire.dialect import mavlink
 from uav_firmware.msg.mission import MissionRejection
 
 ACCEPTED, ERROR, NO_SPACE = 0, 1, 4

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 import uav_firmware.modules.mavlink as package
-from uav_firmware.modules.mavlink.commands import ANSWERED_HERE, FOR_PAYLOAD, FORWARDED
-from uav_firmware.modules.mavlink.dialect import mavlink
-from uav_firmware.modules.mavlink.modes import MODES, OFFERED
-from uav_firmware.modules.mavlink.streams import CAMERA_STREAMS, STREAMS
+from uav_firmware.modules.mavlink.commands.commands import ANSWERED_HERE, FOR_PAYLOAD, FORWARDED
+from uav_firmware.modules.mavlink.commands.modes import MODES, OFFERED
+from uav_firmware.modules.mavlink.telemetry.streams import CAMERA_STREAMS, STREAMS
+from uav_firmware.modules.mavlink.wire.dialect import mavlink
 
 FOLDER = Path(str(package.__file__)).parent
 TEXT = (FOLDER / "README.md").read_text()

@@ -13,7 +13,7 @@ from tests.unit.uav_firmware.modules.mavlink.harness import (
     command_long,
 )
 from uav_firmware.cal.link import Address
-from uav_firmware.modules.mavlink.dialect import mavlink, parse
+from uav_firmware.modules.mavlink.wire.dialect import mavlink, parse
 
 SECOND_US = 1_000_000
 ARM, REQUEST = 400, 512

@@ -4,7 +4,7 @@ import pytest
 
 from tests.support.toy_vehicle import NAN, ToyVehicle, item, takeoff, waypoint
 from tests.unit.uav_firmware.modules.navigator.test_modes import airborne, fly_to
-from uav_firmware.modules.commander.sensor_watch import SensorBit
+from uav_firmware.modules.commander.arming.sensor_watch import SensorBit
 from uav_firmware.msg.geofence import FenceBreach
 from uav_firmware.msg.mission import MissionResult
 from uav_firmware.msg.status import Command

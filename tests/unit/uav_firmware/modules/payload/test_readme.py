@@ -4,8 +4,8 @@ import re
 from pathlib import Path
 
 import uav_firmware.modules.payload as package
-from uav_firmware.modules.navigator.mission_route import PAYLOAD
-from uav_firmware.modules.payload.camera_states import TRANSITIONS
+from uav_firmware.modules.navigator.mission.route import PAYLOAD
+from uav_firmware.modules.payload.camera.states import TRANSITIONS
 from uav_firmware.modules.payload.orders import _HANDLERS
 from uav_firmware.msg.payload import PayloadCommand
 

@@ -15,8 +15,8 @@ from tests.unit.uav_firmware.modules.payload.bench import (
 )
 from uav_firmware.cal.camera import Gaze, Seeker
 from uav_firmware.lib.rotation import from_euler, yaw_of
-from uav_firmware.modules.payload.lens import in_picture, on_ground, ray_ned
-from uav_firmware.modules.payload.panorama import directions
+from uav_firmware.modules.payload.camera.lens import in_picture, on_ground, ray_ned
+from uav_firmware.modules.payload.camera.panorama import directions
 from uav_firmware.msg.payload import Box, CancelOrder, PayloadCommand, TrackingMode, TrackingStatus
 from uav_firmware.msg.status import CommandResult, NavigationState
 

@@ -7,14 +7,14 @@ from typing import Final, NamedTuple
 
 from uav_firmware.cal.files import Card
 from uav_firmware.drivers.file_tree import FileTree
-from uav_firmware.modules.mavlink.addressing import Outgoing, Sender
-from uav_firmware.modules.mavlink.dialect import mavlink, pack
 from uav_firmware.modules.mavlink.files.codec import Opcode
 from uav_firmware.modules.mavlink.files.metadata_files import MetadataFiles
 from uav_firmware.modules.mavlink.files.parameter_files import ParameterFiles
 from uav_firmware.modules.mavlink.files.roots import vehicle_tree
 from uav_firmware.modules.mavlink.files.server import FileServer
-from uav_firmware.modules.mavlink.pace import Pace
+from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender
+from uav_firmware.modules.mavlink.wire.dialect import mavlink, pack
+from uav_firmware.modules.mavlink.wire.pace import Pace
 from uav_firmware.parameters import Registry
 
 SYSTEM: Final = 7

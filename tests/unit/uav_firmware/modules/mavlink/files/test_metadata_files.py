@@ -9,8 +9,8 @@ import pytest
 from tests.support import parameter_table
 from tests.unit.uav_firmware.modules.mavlink.files.asking import Desk
 from tests.unit.uav_firmware.modules.mavlink.harness import SYSTEM, Bench, command_long
-from tests.unit.uav_firmware.modules.mavlink.test_parameter_server import raw_value
-from uav_firmware.modules.mavlink.dialect import mavlink
+from tests.unit.uav_firmware.modules.mavlink.parameters.test_parameter_server import raw_value
+from uav_firmware.modules.mavlink.wire.dialect import mavlink
 from uav_firmware.parameters import Registry
 
 PLACE = "/etc/extras"

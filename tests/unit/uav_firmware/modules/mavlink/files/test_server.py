@@ -18,7 +18,7 @@ from uav_firmware.modules.mavlink.files.sessions import (
     RECLAIM_US,
     TAKE_OVER_US,
 )
-from uav_firmware.modules.mavlink.pace import TOKENS_MAX, TOKENS_PER_SECOND
+from uav_firmware.modules.mavlink.wire.pace import TOKENS_MAX, TOKENS_PER_SECOND
 
 CARD = "/fs/microsd"
 SECRET = "secret.txt"

@@ -1,0 +1,87 @@
+"""Wind from the tilt: direction, size, and that both are found again after being put in."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from uav_firmware.lib.drag import DragModel
+from uav_firmware.lib.rotation import from_thrust_direction_and_yaw
+from uav_firmware.modules.commander.failsafe.wind import GRAVITY, WindEstimator, push_of, wind_of
+from uav_firmware.msg.vectors import Quaternion
+
+MODEL, DENSITY = DragModel(87.0, 0.295), 1.15
+speeds = st.floats(-15.0, 15.0)
+
+
+def leaning(drag: tuple[float, float], yaw: float) -> Quaternion:
+    """Attitude that holds a vehicle still against a drag [m/s^2, north and east]."""
+    return from_thrust_direction_and_yaw((-drag[0], -drag[1], -GRAVITY), yaw)
+
+
+def drag_of(wind: tuple[float, float], velocity: tuple[float, float]) -> tuple[float, float]:
+    """Drag of a steady flight against the airspeed: rotors linear, body by the square.
+
+    Who leans against more drag pushes harder, and harder pushing rotors drag more: iterated.
+    """
+    air = (velocity[0] - wind[0], velocity[1] - wind[1])
+    drag = (0.0, 0.0)
+    for _ in range(50):
+        thrust_ratio = math.hypot(*drag, GRAVITY) / GRAVITY
+        rotors = 0.295 * math.sqrt(DENSITY / 1.225 * thrust_ratio)
+        size = rotors + 0.5 * DENSITY / 87.0 * math.hypot(*air)
+        drag = (-size * air[0], -size * air[1])
+    return drag
+
+
+def test_leaning_west_means_wind_from_the_west() -> None:
+    push = push_of(leaning((0.0, 1.97), 0.0), (0.0, 0.0, 0.0))
+    assert push.drag == pytest.approx((0.0, 1.97))
+    north, east = wind_of(push, (0.0, 0.0), MODEL, DENSITY)
+    assert north == 0.0
+    assert east == pytest.approx(6.0, abs=0.1)
+
+
+@given(speeds, speeds, speeds, speeds, st.floats(-3.0, 3.0))
+def test_a_wind_put_in_is_found_again(
+    north: float, east: float, v_north: float, v_east: float, yaw: float
+) -> None:
+    wind, velocity = (north, east), (v_north, v_east)
+    q = leaning(drag_of(wind, velocity), yaw)
+    push = push_of(q, (0.0, 0.0, 0.0))
+    assert wind_of(push, velocity, MODEL, DENSITY) == pytest.approx(wind, abs=1e-3)
+
+
+def test_nothing_is_said_before_the_filter_has_settled() -> None:
+    estimator = WindEstimator()
+    q = leaning(drag_of((0.0, 8.0), (0.0, 0.0)), 0.5)
+    found = []
+    for _ in range(300):
+        estimator.update(q, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.1)
+        found.append(estimator.wind(MODEL, DENSITY))
+    assert found[50] is None
+    assert found[-1] == pytest.approx((0.0, 8.0), abs=0.05)
+    estimator.restart()
+    assert estimator.wind(MODEL, DENSITY) is None
+
+
+def test_without_the_drag_of_the_rotors_no_tilt_is_a_gale() -> None:
+    estimator = WindEstimator()
+    for _ in range(300):
+        estimator.update(leaning((0.0, 0.9), 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.1)
+    breeze = estimator.wind(MODEL, DENSITY)
+    assert breeze is not None
+    assert math.hypot(*breeze) < 3.5
+    assert estimator.wind(MODEL._replace(momentum_per_s=0.0), DENSITY) is None
+
+
+def test_a_gust_of_a_second_moves_the_mean_a_little() -> None:
+    estimator = WindEstimator()
+    calm, blown = leaning((0.0, 0.0), 0.0), leaning(drag_of((0.0, 10.0), (0.0, 0.0)), 0.0)
+    for step in range(400):
+        q = blown if 300 <= step < 310 else calm
+        estimator.update(q, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.1)
+    wind = estimator.wind(MODEL, DENSITY)
+    assert wind is not None
+    assert math.hypot(*wind) < 2.5

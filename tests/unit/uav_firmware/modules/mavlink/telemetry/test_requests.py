@@ -1,0 +1,194 @@
+import math
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.unit.uav_firmware.modules.mavlink.harness import (
+    BROKER,
+    SYSTEM,
+    Bench,
+    command_int,
+    command_long,
+    empty_topics,
+)
+from uav_firmware.modules.mavlink.telemetry.streams import STREAMS
+from uav_firmware.modules.mavlink.wire.dialect import mavlink
+
+ACCEPTED, NOT_YET, DENIED, UNSUPPORTED = 0, 1, 2, 3
+REQUEST, SET_INTERVAL, GET_INTERVAL = 512, 511, 510
+ATTITUDE, HOME, VERSION, MODES = 30, 242, 148, 435
+SECOND_US = 1_000_000
+
+
+def asked(bench: Bench, message: Any, **sender: Any) -> tuple[int, list[Any]]:
+    """Result of the only answer, and the other messages that came with it."""
+    bench.hear()
+    bench.say(message, **sender)
+    bench.run()
+    heard = bench.hear()
+    (ack,) = [m for m in heard if m.get_type() == "COMMAND_ACK"]
+    return ack.result, [m for m in heard if m.get_type() != "COMMAND_ACK"]
+
+
+@pytest.mark.parametrize("stream", STREAMS, ids=lambda stream: str(stream.message_id))
+@pytest.mark.parametrize("command", [command_long, command_int])
+def test_every_streamed_message_can_be_requested(stream: Any, command: Any) -> None:
+    bench = Bench()
+    bench.run(SECOND_US)
+    result, messages = asked(bench, command(REQUEST, stream.message_id))
+    assert result == ACCEPTED
+    assert stream.message_id in {type(m).id for m in messages}
+
+
+@pytest.mark.parametrize("request_of", [(REQUEST, VERSION), (520, 1), (520, 0)])
+def test_the_version_tells_only_what_is_true(request_of: tuple[int, int]) -> None:
+    result, messages = asked(Bench(), command_long(*request_of))
+    (version,) = [m for m in messages if m.get_type() == "AUTOPILOT_VERSION"]
+    assert result == ACCEPTED
+    promised = {1, 2, 4, 8, 16, 32, 64, 128, 256, 2048, 8192, 16384, 32768, 262144}
+    assert {1 << i for i in range(64) if version.capabilities >> i & 1} == promised
+    assert version.flight_sw_version == 0x01100000
+    assert version.uid == SYSTEM
+
+
+def test_the_list_of_modes_comes_whole_or_one_by_one() -> None:
+    bench = Bench()
+    bench.run(SECOND_US)
+    _, messages = asked(bench, command_long(REQUEST, MODES, 0))
+    modes = [m for m in messages if m.get_type() == "AVAILABLE_MODES"]
+    assert [m.mode_index for m in modes] == list(range(1, modes[0].number_modes + 1))
+    assert {m.custom_mode for m in modes} == {
+        0x02040000,
+        0x03040000,
+        0x04040000,
+        0x05040000,
+        0x06040000,
+        0x00020000,
+        0x00030000,
+        0x00050000,
+        0x00060000,
+        0x00070000,
+        0x01030000,
+        0x08040000,
+    }
+    _, messages = asked(bench, command_long(REQUEST, MODES, 2))
+    (one,) = [m for m in messages if m.get_type() == "AVAILABLE_MODES"]
+    assert one.to_dict() == modes[1].to_dict()
+    assert asked(bench, command_long(REQUEST, MODES, len(modes) + 1))[0] == DENIED
+
+
+def test_home_has_a_command_of_its_own() -> None:
+    result, messages = asked(Bench(), command_long(410))
+    assert result == ACCEPTED
+    assert "HOME_POSITION" in {m.get_type() for m in messages}
+    assert asked(Bench(topics=empty_topics()), command_long(REQUEST, HOME))[0] == NOT_YET
+
+
+@pytest.mark.parametrize("message_id", [396, 395, 0xFFFFFF])
+def test_what_is_not_spoken_is_refused_at_once(message_id: int) -> None:
+    assert asked(Bench(), command_long(REQUEST, message_id))[0] == UNSUPPORTED
+    assert asked(Bench(), command_long(SET_INTERVAL, message_id, 1e6))[0] == UNSUPPORTED
+
+
+@pytest.mark.parametrize("request_of", [(REQUEST, 300), (519, 1)])
+def test_an_old_ground_station_gets_the_protocol_version(request_of: tuple[int, int]) -> None:
+    result, messages = asked(Bench(), command_long(*request_of))
+    (version,) = [m for m in messages if m.get_type() == "PROTOCOL_VERSION"]
+    assert result == ACCEPTED
+    assert (version.min_version, version.version, version.max_version) == (100, 200, 200)
+    assert version.spec_version_hash == [0] * 8
+
+
+@pytest.mark.parametrize("number", [math.nan, -1.0, 30.5, 1e30, math.inf])
+def test_numbers_that_are_no_message_are_denied(number: float) -> None:
+    for command in (REQUEST, SET_INTERVAL, GET_INTERVAL):
+        assert asked(Bench(), command_long(command, number))[0] == DENIED
+
+
+@pytest.mark.parametrize("interval", [math.nan, -2.0, -0.5, math.inf, 2.0**31, 1e30])
+def test_intervals_that_cannot_be_meant_are_denied(interval: float) -> None:
+    assert asked(Bench(), command_long(SET_INTERVAL, ATTITUDE, interval))[0] == DENIED
+
+
+def rate(bench: Bench, name: str, at: Any = None) -> float:
+    """Messages of a type in 10 s, as Hz."""
+    bench.hear()
+    bench.hear(at=BROKER)
+    bench.run(10 * SECOND_US)
+    return len(bench.hear(name, at=at) if at else bench.hear(name)) / 10
+
+
+@pytest.mark.parametrize(
+    ("interval_us", "expected_hz"),
+    [(20_000, 50.0), (1_000_000, 1.0), (-1, 0.0), (0, 15.0), (1, 250.0)],
+)
+def test_an_interval_holds_for_the_peer_that_asked(interval_us: int, expected_hz: float) -> None:
+    bench = Bench()
+    bench.run(SECOND_US)
+    assert asked(bench, command_long(SET_INTERVAL, ATTITUDE, interval_us))[0] == ACCEPTED
+    assert rate(bench, "ATTITUDE") == pytest.approx(expected_hz, abs=0.2)
+    assert rate(bench, "ATTITUDE", BROKER) == pytest.approx(100.0, abs=0.2)
+
+
+def test_an_interval_for_everybody() -> None:
+    bench = Bench()
+    bench.say(command_long(SET_INTERVAL, ATTITUDE, 500_000, 0, 0, 0, 0, 2))
+    bench.run()
+    assert rate(bench, "ATTITUDE") == pytest.approx(2.0, abs=0.2)
+    assert rate(bench, "ATTITUDE", BROKER) == pytest.approx(2.0, abs=0.2)
+
+
+def test_the_truth_streams_when_asked_for() -> None:
+    bench = Bench()
+    bench.say(command_long(SET_INTERVAL, 115, 66_667))
+    assert rate(bench, "HIL_STATE_QUATERNION") == pytest.approx(15.0, abs=0.2)
+
+
+@pytest.mark.parametrize("interval_us", [-1.0, 2e6, 2e9])
+def test_the_heartbeat_can_neither_be_turned_off_nor_thinned_out(interval_us: float) -> None:
+    assert asked(Bench(), command_long(SET_INTERVAL, 0, interval_us))[0] == DENIED
+
+
+@given(st.floats(min_value=0.0, width=32, allow_infinity=False))
+def test_every_interval_that_is_taken_can_be_told(interval_us: float) -> None:
+    bench = Bench()
+    taken = asked(bench, command_long(SET_INTERVAL, ATTITUDE, interval_us))[0] == ACCEPTED
+    result, messages = asked(bench, command_long(GET_INTERVAL, ATTITUDE))
+    assert result == ACCEPTED
+    assert "MESSAGE_INTERVAL" in {m.get_type() for m in messages}
+    assert taken == (interval_us < 2**31)
+
+
+@pytest.mark.parametrize(
+    ("message_id", "expected"), [(ATTITUDE, 66_667), (115, -1), (259, 0), (60_000, 0)]
+)
+def test_an_interval_can_be_asked_for(message_id: int, expected: int) -> None:
+    result, messages = asked(Bench(), command_long(GET_INTERVAL, message_id))
+    (interval,) = [m for m in messages if m.get_type() == "MESSAGE_INTERVAL"]
+    assert result == ACCEPTED
+    assert (interval.message_id, interval.interval_us) == (message_id, expected)
+
+
+def test_a_request_to_every_system_is_answered() -> None:
+    everybody = command_long(REQUEST, VERSION, target_system=0, target_component=0)
+    result, messages = asked(Bench(), everybody)
+    assert result == ACCEPTED
+    assert "AUTOPILOT_VERSION" in {m.get_type() for m in messages}
+
+
+def test_a_response_for_everybody_goes_to_everybody() -> None:
+    bench = Bench()
+    bench.hear(at=BROKER)
+    bench.say(command_long(REQUEST, VERSION, 0, 0, 0, 0, 0, 2))
+    bench.run()
+    assert bench.hear("AUTOPILOT_VERSION", at=BROKER)
+    assert bench.hear("COMMAND_ACK", at=BROKER) == []
+    assert bench.hear("AUTOPILOT_VERSION")
+
+
+def test_the_old_stream_request_is_taken_without_harm() -> None:
+    bench = Bench()
+    bench.say(mavlink.MAVLink_request_data_stream_message(SYSTEM, 1, 0, 4, 1))
+    assert rate(bench, "ATTITUDE") == pytest.approx(15.0, abs=0.2)

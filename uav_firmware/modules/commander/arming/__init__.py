@@ -1,0 +1,1 @@
+"""Whether the vehicle may be armed, and when its motors stop."""

@@ -1,0 +1,1 @@
+"""Which causes are present, and what is done about the worst."""

@@ -1,0 +1,1 @@
+"""Flight modes: what each needs and who leads in it."""

@@ -1,1 +1,0 @@
-"""Messages built from topics: pure functions, one file per family."""

@@ -1,0 +1,1 @@
+"""The command protocol: what arrives, what is answered, what is repeated."""

@@ -1,0 +1,113 @@
+"""Flight modes as PX4 puts them on the wire: one table, read in every direction.
+
+`custom_mode` is a 32-bit number with the main mode in its third byte and the sub mode in its
+fourth (PX4's `px4_custom_mode`). Standard modes are MAVLink's MAV_STANDARD_MODE.
+"""
+
+from collections.abc import Mapping
+from typing import Final, NamedTuple
+
+from uav_firmware.modules.mavlink.wire.dialect import mavlink
+from uav_firmware.msg.status import NavigationState
+
+_AUTO: Final = 4
+_POSCTL: Final = 3
+
+_PILOTED: Final = (
+    mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED | mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
+)
+_GUIDED: Final = mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED | mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
+_AUTONOMOUS: Final = _GUIDED | mavlink.MAV_MODE_FLAG_AUTO_ENABLED
+
+PROPERTY_NOT_USER_SELECTABLE: Final = 2
+PROPERTY_AUTO_MODE: Final = 4
+"""MAV_MODE_PROPERTY_AUTO_MODE, which the shipped dialect does not name."""
+
+
+class Mode(NamedTuple):
+    """How one navigation state appears on the wire."""
+
+    main: int
+    sub: int
+    base_flags: int  # MAV_MODE_FLAG without ARMED and CUSTOM_MODE_ENABLED
+    standard: int  # MAV_STANDARD_MODE
+    name: str
+    offered: bool = False  # Listed by AVAILABLE_MODES: the vehicle can fly it
+
+    @property
+    def custom_mode(self) -> int:
+        """The number of HEARTBEAT.custom_mode."""
+        return self.main << 16 | self.sub << 24
+
+
+_STATE = NavigationState
+_NON_STANDARD: Final = mavlink.MAV_STANDARD_MODE_NON_STANDARD
+
+MODES: Final[Mapping[NavigationState, Mode]] = {
+    _STATE.MANUAL: Mode(1, 0, _PILOTED, _NON_STANDARD, "Manual"),
+    _STATE.ALTCTL: Mode(
+        2, 0, _PILOTED, mavlink.MAV_STANDARD_MODE_ALTITUDE_HOLD, "Altitude", offered=True
+    ),
+    _STATE.POSCTL: Mode(
+        _POSCTL,
+        0,
+        _PILOTED | _GUIDED,
+        mavlink.MAV_STANDARD_MODE_POSITION_HOLD,
+        "Position",
+        offered=True,
+    ),
+    _STATE.AUTO_MISSION: Mode(
+        _AUTO, 4, _AUTONOMOUS, mavlink.MAV_STANDARD_MODE_MISSION, "Mission", offered=True
+    ),
+    _STATE.AUTO_LOITER: Mode(_AUTO, 3, _AUTONOMOUS, _NON_STANDARD, "Hold", offered=True),
+    _STATE.AUTO_RTL: Mode(
+        _AUTO, 5, _AUTONOMOUS, mavlink.MAV_STANDARD_MODE_SAFE_RECOVERY, "Return", offered=True
+    ),
+    _STATE.ACRO: Mode(
+        5, 0, mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED, _NON_STANDARD, "Acro", offered=True
+    ),
+    _STATE.TERMINATION: Mode(10, 0, 0, _NON_STANDARD, "Termination"),
+    _STATE.OFFBOARD: Mode(6, 0, _GUIDED, _NON_STANDARD, "Offboard", offered=True),
+    _STATE.STAB: Mode(7, 0, _PILOTED, _NON_STANDARD, "Stabilized", offered=True),
+    _STATE.AUTO_TAKEOFF: Mode(
+        _AUTO, 2, _AUTONOMOUS, mavlink.MAV_STANDARD_MODE_TAKEOFF, "Takeoff", offered=True
+    ),
+    _STATE.AUTO_LAND: Mode(
+        _AUTO, 6, _AUTONOMOUS, mavlink.MAV_STANDARD_MODE_LAND, "Land", offered=True
+    ),
+    _STATE.AUTO_FOLLOW_TARGET: Mode(
+        _AUTO, 8, _AUTONOMOUS, _NON_STANDARD, "Follow me", offered=True
+    ),
+    _STATE.AUTO_PRECLAND: Mode(_AUTO, 9, _AUTONOMOUS, _NON_STANDARD, "Precision land"),
+    _STATE.ORBIT: Mode(
+        _POSCTL, 1, _AUTONOMOUS, mavlink.MAV_STANDARD_MODE_ORBIT, "Orbit", offered=True
+    ),
+}
+
+OFFERED: Final[tuple[NavigationState, ...]] = tuple(
+    state for state, mode in MODES.items() if mode.offered
+)
+"""The modes of AVAILABLE_MODES in the order of their index, which begins at 1."""
+
+_BY_MAIN_AND_SUB: Final = {(mode.main, mode.sub): state for state, mode in MODES.items()}
+_BY_STANDARD: Final = {
+    mode.standard: state for state, mode in MODES.items() if mode.standard != _NON_STANDARD
+}
+
+
+def from_main_and_sub(main: int, sub: int) -> NavigationState | None:
+    """Navigation state of PX4's main and sub mode; None where there is none."""
+    return _BY_MAIN_AND_SUB.get((main, sub))
+
+
+def from_custom_mode(custom_mode: int) -> NavigationState | None:
+    """Navigation state of a packed custom mode; None where there is none."""
+    if custom_mode & 0xFFFF:
+        return None
+    return from_main_and_sub(custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF)
+
+
+def from_standard_mode(standard: int) -> NavigationState | None:
+    """Navigation state of a MAV_STANDARD_MODE that the vehicle can fly; None otherwise."""
+    state = _BY_STANDARD.get(standard)
+    return state if state in OFFERED else None

@@ -1,0 +1,1 @@
+"""Streamed input: sticks, set-points, targets, gimbal attitudes."""

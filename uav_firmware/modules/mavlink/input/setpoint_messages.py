@@ -1,0 +1,208 @@
+"""SET_POSITION_TARGET_* and SET_ATTITUDE_TARGET as set-points of the vehicle. Pure.
+
+What cannot be flown is refused whole, with a sentence: a set-point that is followed in part
+leads somewhere that nobody has asked for.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Final, NamedTuple, TypeAlias
+
+from uav_firmware.lib.geo import LocalFrame
+from uav_firmware.lib.rotation import normalise, wrap_pi
+from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
+from uav_firmware.msg.control_mode import OffboardSetpoint
+from uav_firmware.msg.estimate import VehicleLocalPosition
+from uav_firmware.msg.setpoints import (
+    TrajectorySetpoint,
+    VehicleAttitudeSetpoint,
+    VehicleRatesSetpoint,
+)
+from uav_firmware.msg.status import HomePosition
+from uav_firmware.msg.vectors import Vector3
+
+REACH_MAX_M: Final = 10_000.0
+SPEED_MAX_M_S: Final = 100.0
+ACCELERATION_MAX_M_S2: Final = 50.0
+YAW_RATE_MAX_RAD_S: Final = 10.0
+BODY_RATE_MAX_RAD_S: Final = 40.0
+
+_FORCE: Final = 1 << 9
+_YAW_IGNORED: Final = 1 << 10
+_YAW_RATE_IGNORED: Final = 1 << 11
+_RATE_BITS: Final = (1, 2, 4)
+_THRUST_BODY: Final = 32
+_THRUST_IGNORED: Final = 64
+_ATTITUDE_IGNORED: Final = 128
+_NAN: Final = math.nan
+
+_BODY_FRAMES: Final = frozenset({mavlink.MAV_FRAME_BODY_NED, mavlink.MAV_FRAME_BODY_FRD})
+_AMSL_FRAMES: Final = frozenset({mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT})
+_HOME_FRAMES: Final = frozenset(
+    {mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT}
+)
+
+
+class SetpointError(Exception):
+    """A set-point cannot be flown; the text says why."""
+
+
+class Whereabouts(NamedTuple):
+    """What frames are resolved by."""
+
+    estimate: VehicleLocalPosition
+    home: HomePosition | None
+
+
+Reader: TypeAlias = Callable[[Message, Whereabouts, int], OffboardSetpoint]
+"""Makes a set-point of a message, stamped with the time of arrival [us]."""
+
+
+def from_local(message: Message, where: Whereabouts, now_us: int) -> OffboardSetpoint:
+    """SET_POSITION_TARGET_LOCAL_NED, in NED or (velocity, acceleration) turned by the heading.
+
+    Raises:
+        SetpointError: if it cannot be flown.
+    """
+    position, velocity, acceleration = _vectors(message, (message.x, message.y, message.z))
+    if message.coordinate_frame in _BODY_FRAMES:
+        if not all(map(math.isnan, position)):
+            raise SetpointError("a position in a body frame is not supported")
+        heading = where.estimate.heading
+        velocity, acceleration = _turned(velocity, heading), _turned(acceleration, heading)
+    elif message.coordinate_frame != mavlink.MAV_FRAME_LOCAL_NED:
+        raise SetpointError(f"frame {message.coordinate_frame} is not supported")
+    return _motion(message, position, velocity, acceleration, now_us)
+
+
+def from_global(message: Message, where: Whereabouts, now_us: int) -> OffboardSetpoint:
+    """SET_POSITION_TARGET_GLOBAL_INT, above mean sea level or above home.
+
+    Raises:
+        SetpointError: if it cannot be flown.
+    """
+    numbers = (message.lat_int * 1e-7, message.lon_int * 1e-7, message.alt)
+    place, velocity, acceleration = _vectors(message, numbers)
+    position = _local(place, message.coordinate_frame, where)
+    return _motion(message, position, velocity, acceleration, now_us)
+
+
+def from_attitude(message: Message, _where: Whereabouts, now_us: int) -> OffboardSetpoint:
+    """SET_ATTITUDE_TARGET: attitude and thrust, or body rates and thrust.
+
+    Raises:
+        SetpointError: if it cannot be flown.
+    """
+    mask, thrust = message.type_mask, message.thrust
+    if mask & (_THRUST_IGNORED | _THRUST_BODY):
+        raise SetpointError(f"mask {mask} has no collective thrust")
+    if not 0.0 <= thrust <= 1.0:
+        raise SetpointError(f"thrust is {thrust:g}")
+    wire = (message.body_roll_rate, message.body_pitch_rate, message.body_yaw_rate)
+    roll, pitch, yaw = (
+        _NAN if mask & bit else rate for rate, bit in zip(wire, _RATE_BITS, strict=True)
+    )
+    rates = (roll, pitch, yaw)
+    _refuse_beyond(rates, BODY_RATE_MAX_RAD_S, "body rate")
+    if mask & _ATTITUDE_IGNORED:
+        if any(map(math.isnan, rates)):
+            raise SetpointError(f"mask {mask} has neither attitude nor all body rates")
+        return VehicleRatesSetpoint(now_us, rates, thrust)
+    if not (roll == 0.0 or math.isnan(roll)) or not (pitch == 0.0 or math.isnan(pitch)):
+        raise SetpointError("roll or pitch rate beside an attitude is not supported")
+    return VehicleAttitudeSetpoint(
+        now_us, _unit(message.q), 0.0 if math.isnan(yaw) else yaw, thrust
+    )
+
+
+READERS: Final[Mapping[str, Reader]] = {
+    "SET_POSITION_TARGET_LOCAL_NED": from_local,
+    "SET_POSITION_TARGET_GLOBAL_INT": from_global,
+    "SET_ATTITUDE_TARGET": from_attitude,
+}
+
+
+def _unit(q: list[float]) -> tuple[float, float, float, float]:
+    w, x, y, z = q
+    if not 0.9 < math.sqrt(w * w + x * x + y * y + z * z) < 1.1:
+        raise SetpointError("the quaternion is not of unit length")
+    return normalise((w, x, y, z))
+
+
+def _vectors(message: Message, position: Vector3) -> tuple[Vector3, Vector3, Vector3]:
+    """Position, velocity and acceleration; NaN where the mask or the sender leaves them unset."""
+    mask = message.type_mask
+    if mask & _FORCE:
+        raise SetpointError("a force is not supported")
+    velocity = _masked((message.vx, message.vy, message.vz), mask >> 3)
+    acceleration = _masked((message.afx, message.afy, message.afz), mask >> 6)
+    _refuse_beyond(velocity, SPEED_MAX_M_S, "velocity")
+    _refuse_beyond(acceleration, ACCELERATION_MAX_M_S2, "acceleration")
+    return _masked(position, mask), velocity, acceleration
+
+
+def _masked(vector: Vector3, mask: int) -> Vector3:
+    x, y, z = (_NAN if mask >> axis & 1 else vector[axis] for axis in range(3))
+    return (x, y, z)
+
+
+def _refuse_beyond(vector: Vector3, limit: float, name: str) -> None:
+    """Refuse what is infinite or absurd; NaN is unset."""
+    for value in vector:
+        if abs(value) > limit:
+            raise SetpointError(f"{name} {value:g} is beyond {limit:g}")
+
+
+def _motion(
+    message: Message, position: Vector3, velocity: Vector3, acceleration: Vector3, now_us: int
+) -> TrajectorySetpoint:
+    _refuse_beyond(position, REACH_MAX_M, "position")
+    for name, vector in (
+        ("position", position),
+        ("velocity", velocity),
+        ("acceleration", acceleration),
+    ):
+        if math.isnan(vector[0]) is not math.isnan(vector[1]):
+            raise SetpointError(f"mask {message.type_mask} sets half of a horizontal {name}")
+    for axis, name in ((0, "horizontal"), (2, "vertical")):
+        if all(math.isnan(vector[axis]) for vector in (position, velocity, acceleration)):
+            raise SetpointError(f"mask {message.type_mask} sets nothing {name}")
+    yaw = _NAN if message.type_mask & _YAW_IGNORED else message.yaw
+    yaw_rate = _NAN if message.type_mask & _YAW_RATE_IGNORED else message.yaw_rate
+    _refuse_beyond((yaw, 0.0, 0.0), REACH_MAX_M, "yaw")
+    _refuse_beyond((yaw_rate, 0.0, 0.0), YAW_RATE_MAX_RAD_S, "yaw rate")
+    heading = yaw if math.isnan(yaw) else wrap_pi(yaw)
+    return TrajectorySetpoint(now_us, position, velocity, acceleration, heading, yaw_rate)
+
+
+def _turned(vector: Vector3, heading: float) -> Vector3:
+    """From the frame of the nose to north and east."""
+    forward, right, down = vector
+    cosine, sine = math.cos(heading), math.sin(heading)
+    return (forward * cosine - right * sine, forward * sine + right * cosine, down)
+
+
+def _local(place: Vector3, frame: int, where: Whereabouts) -> Vector3:
+    """Local position [m, NED] of latitude, longitude [deg] and altitude [m]; NaN stays NaN."""
+    if frame not in _AMSL_FRAMES | _HOME_FRAMES:
+        raise SetpointError(f"frame {frame} is not supported")
+    latitude, longitude, altitude = place
+    if frame in _HOME_FRAMES:
+        if where.home is None:
+            raise SetpointError("altitude above home, but home is not set")
+        altitude += where.home.altitude_amsl_m
+    estimate = where.estimate
+    origin = (
+        estimate.origin_latitude_deg,
+        estimate.origin_longitude_deg,
+        estimate.origin_altitude_amsl_m,
+    )
+    if not all(map(math.isfinite, origin)):
+        raise SetpointError("the vehicle does not know where it is")
+    down = estimate.origin_altitude_amsl_m - altitude
+    if math.isnan(latitude) or math.isnan(longitude):
+        return (_NAN, _NAN, down)
+    if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0):
+        raise SetpointError("the place is not on the earth")
+    north, east, _ = LocalFrame(*origin).to_ned(latitude, longitude, origin[2])
+    return (north, east, down)

@@ -1,0 +1,1 @@
+"""The log protocol: list, download, stream."""

@@ -1,0 +1,1 @@
+"""The parameter protocol and the parameters' description."""

@@ -1,0 +1,252 @@
+"""The parameter protocol's vehicle end, PX4 style: INT32 and REAL32, bytewise, with a hash.
+
+Sans-IO. `_HASH_CHECK` stands first in the list: CRC32 over the sorted names and raw values of
+the parameters that do not change by themselves. A ground station that already knows the values
+answers with PARAM_SET `_HASH_CHECK`, and the list stops.
+"""
+
+import struct
+import zlib
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from uav_firmware.cal.link import Address
+from uav_firmware.modules.mavlink.parameters.vehicle_facts import FACTS
+from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
+from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender, is_for_us
+from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
+from uav_firmware.modules.mavlink.wire.dialect_extensions import (
+    MAV_PARAM_ERROR_TYPE_MISMATCH,
+    ParamValue,
+    raw_param_value,
+)
+from uav_firmware.parameters import (
+    ParameterError,
+    ParameterLockedError,
+    ParameterRangeError,
+    ParameterTypeError,
+    Registry,
+    UnknownParameterError,
+)
+
+HASH_NAME: Final = "_HASH_CHECK"
+VALUES_PER_SECOND: Final = 1000
+"""Pace of the list, in vehicle time: 40 kB/s, a third of a 1 Mbit/s link."""
+_MAX_VALUES_PER_TICK: Final = 40
+_NO_INDEX: Final = 0xFFFF
+
+_INT32: Final[int] = mavlink.MAV_PARAM_TYPE_INT32
+_REAL32: Final[int] = mavlink.MAV_PARAM_TYPE_REAL32
+_UINT32: Final[int] = mavlink.MAV_PARAM_TYPE_UINT32
+_DOES_NOT_EXIST: Final[int] = mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST
+_READ_ONLY: Final[int] = mavlink.MAV_PARAM_ERROR_READ_ONLY
+_PERMISSION_DENIED: Final[int] = mavlink.MAV_PARAM_ERROR_PERMISSION_DENIED
+_OUT_OF_RANGE: Final[int] = mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE
+_ERROR_CODES: Final[Mapping[type[ParameterError], int]] = {
+    UnknownParameterError: _DOES_NOT_EXIST,
+    ParameterRangeError: _OUT_OF_RANGE,
+    ParameterTypeError: MAV_PARAM_ERROR_TYPE_MISMATCH,
+    ParameterLockedError: _PERMISSION_DENIED,
+}
+
+
+@dataclass(slots=True)
+class _Listing:
+    """A list that is being sent to one peer."""
+
+    next_index: int
+    sent_us: int
+
+
+class ParameterServer:
+    """Serves PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET."""
+
+    def __init__(
+        self,
+        *,
+        system_id: int,
+        registry: Registry,
+        save: Callable[[], None],
+        texts: StatusTexts,
+    ) -> None:
+        """Take the parameters, and `save`, called after a change, which may raise OSError."""
+        self._system_id = system_id
+        self._registry = registry
+        self._save = save
+        self._texts = texts
+        self._listings: dict[Address, _Listing] = {}
+        self._names: list[str] = []
+        self._indices: dict[str, int] = {}
+        self._changed: deque[str] = deque()
+
+    def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
+        """Take a message of the parameter protocol."""
+        if not is_for_us(message, self._system_id):
+            return []
+        self._index_names()
+        if message.get_type() == "PARAM_REQUEST_LIST":
+            self._listings[sender.address] = _Listing(next_index=0, sent_us=now_us)
+            return [Outgoing(self._hash_value(), sender.address)]
+        if message.get_type() == "PARAM_SET":
+            return self._set(message, sender)
+        return self._read(message, sender)
+
+    def tick(self, now_us: int) -> list[Outgoing]:
+        """Send the next values of the lists under way."""
+        if own := self._registry.take_put_back():
+            self._index_names()
+            self._changed.extend(own)
+        outgoing = self._told()
+        for address, listing in list(self._listings.items()):
+            due = (now_us - listing.sent_us) * VALUES_PER_SECOND // 1_000_000
+            if due == 0:
+                continue
+            listing.sent_us = now_us
+            end = listing.next_index + min(due, _MAX_VALUES_PER_TICK)
+            names = self._names[listing.next_index : end]
+            outgoing += [Outgoing(self._value(name), address) for name in names]
+            listing.next_index = end
+            if end >= len(self._names):
+                del self._listings[address]
+        return outgoing
+
+    def changed_together(self, names: Iterable[str]) -> list[Outgoing]:
+        """Tell every peer, tick by tick, what has been set in another way; keep it."""
+        self._index_names()
+        self._changed.extend(names)
+        return self._saved()
+
+    def forget(self, address: Address) -> None:
+        """Stop the list to a peer that is gone."""
+        self._listings.pop(address, None)
+
+    def hash_value(self) -> int:
+        """CRC32 over the parameters as PX4 and QGroundControl compute it: no inversions."""
+        state = 0xFFFFFFFF  # zlib inverts at both ends; starting inverted undoes the first
+        for name in self._registry.names():
+            if not self._registry.declaration(name).is_volatile:
+                state = zlib.crc32(name.encode("ascii") + self._raw(name), state)
+        return state ^ 0xFFFFFFFF
+
+    def _told(self) -> list[Outgoing]:
+        """Some of the values that every peer is to be told."""
+        count = min(len(self._changed), _MAX_VALUES_PER_TICK)
+        return [Outgoing(self._value(self._changed.popleft())) for _ in range(count)]
+
+    def _index_names(self) -> None:
+        """Number the parameters; a later registration of more makes the numbers anew."""
+        names = self._registry.names()
+        if len(names) != len(self._names):
+            self._names = names
+            self._indices = {name: i for i, name in enumerate(names)}
+
+    def _read(self, message: Message, sender: Sender) -> list[Outgoing]:
+        if message.param_index == -1:
+            name = message.param_id
+            if name == HASH_NAME:
+                return [Outgoing(self._hash_value(), sender.address)]
+            known = name in self._indices
+        else:
+            known = 0 <= message.param_index < len(self._names)
+            name = self._names[message.param_index] if known else message.param_id
+        if not known:
+            return [self._error(name, message.param_index, _DOES_NOT_EXIST, sender)]
+        return [Outgoing(self._value(name), sender.address)]
+
+    def _set(self, message: Message, sender: Sender) -> list[Outgoing]:
+        name: str = message.param_id
+        if name == HASH_NAME:
+            self.forget(sender.address)
+            return []
+        fault = self._change(name, message)
+        if fault is None:
+            return [Outgoing(self._value(name)), *self._saved()]
+        error = self._error(name, self._indices.get(name, -1), fault, sender)
+        if name not in self._indices:
+            return [error]
+        # The error first: a client that compares the value would take it for a lost PARAM_SET.
+        return [error, Outgoing(self._value(name), sender.address)]
+
+    def _change(self, name: str, message: Message) -> int | None:
+        """Change a value; gives the MAV_PARAM_ERROR when it is refused."""
+        try:
+            is_integer = self._registry.declaration(name).is_integer
+            value = _carried_value(message, is_integer=is_integer)
+            if value is None:
+                return MAV_PARAM_ERROR_TYPE_MISMATCH
+            if name in FACTS:
+                return None if value == self._registry.get(name) else _READ_ONLY
+            self._registry.set(name, value)
+        except ParameterError as error:
+            return _ERROR_CODES.get(type(error), _OUT_OF_RANGE)
+        return None
+
+    def _saved(self) -> list[Outgoing]:
+        """Keep the values across a restart; the operator hears when that fails."""
+        try:
+            self._save()
+        except OSError as error:
+            text = f"Parameters not saved: {error.strerror}"
+            return self._texts.say(mavlink.MAV_SEVERITY_WARNING, text)
+        return []
+
+    def _raw(self, name: str) -> bytes:
+        """The four bytes of a value."""
+        value = self._registry.get(name)
+        is_integer = self._registry.declaration(name).is_integer
+        return struct.pack("<i", int(value)) if is_integer else struct.pack("<f", value)
+
+    def _value(self, name: str) -> Message:
+        is_integer = self._registry.declaration(name).is_integer
+        return _param_value(
+            name,
+            self._raw(name),
+            _INT32 if is_integer else _REAL32,
+            len(self._names),
+            self._indices[name],
+        )
+
+    def _hash_value(self) -> Message:
+        raw = struct.pack("<I", self.hash_value())
+        return _param_value(HASH_NAME, raw, _UINT32, len(self._names), _NO_INDEX)
+
+    def _error(self, name: str, index: int, code: int, sender: Sender) -> Outgoing:
+        message = mavlink.MAVLink_param_error_message(
+            target_system=sender.system,
+            target_component=sender.component,
+            param_id=name.encode("ascii", errors="replace")[:16],
+            param_index=index,
+            error=code,
+        )
+        return Outgoing(message, sender.address)
+
+
+def _carried_value(message: Message, *, is_integer: bool) -> float | None:
+    """What a PARAM_SET sets; None when it is of another type than the parameter.
+
+    A whole number as REAL32 sets an INT32 too: MAVProxy sends it so once it has the parameters
+    from the file. The bytes of a small integer under that type are no whole number, unless it is
+    0, which is the same in both.
+    """
+    raw = raw_param_value(message)
+    if is_integer and message.param_type == _INT32:
+        return int.from_bytes(raw, "little", signed=True)
+    if message.param_type != _REAL32:
+        return None
+    (value,) = struct.unpack("<f", raw)
+    if not is_integer:
+        return float(value)
+    return int(value) if value.is_integer() else None
+
+
+def _param_value(name: str, raw: bytes, kind: int, count: int, index: int) -> Message:
+    """PARAM_VALUE whose float field holds four raw bytes."""
+    return ParamValue(
+        param_id=name.encode("ascii"),
+        param_value=raw,
+        param_type=kind,
+        param_count=count,
+        param_index=index,
+    )

@@ -1,0 +1,1 @@
+"""MAVLink 2 signatures: keys, checks, set-up over a link."""

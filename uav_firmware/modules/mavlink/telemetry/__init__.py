@@ -1,0 +1,1 @@
+"""What the vehicle sends by itself: messages, rates, schedules."""

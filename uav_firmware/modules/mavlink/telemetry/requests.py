@@ -1,0 +1,172 @@
+"""Requests about the link: one message now, a message every so often, how often it comes."""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Final, NamedTuple
+
+from uav_firmware.modules.mavlink.commands.commands import Command
+from uav_firmware.modules.mavlink.telemetry.context import Context
+from uav_firmware.modules.mavlink.telemetry.identity import autopilot_version, available_modes
+from uav_firmware.modules.mavlink.telemetry.streams import (
+    BUILDERS,
+    MIN_INTERVAL_US,
+    built,
+    stream_key,
+)
+from uav_firmware.modules.mavlink.wire.addressing import AUTOPILOT_COMPONENT, Sender
+from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
+from uav_firmware.modules.mavlink.wire.dialect_extensions import ProtocolVersion
+from uav_firmware.modules.mavlink.wire.peers import Channel, PeerTable
+
+_ACCEPTED: Final[int] = mavlink.MAV_RESULT_ACCEPTED
+_DENIED: Final[int] = mavlink.MAV_RESULT_DENIED
+_UNSUPPORTED: Final[int] = mavlink.MAV_RESULT_UNSUPPORTED
+_NOT_YET: Final[int] = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+
+_TO_ALL: Final = 2.0
+_TARGETS: Final = frozenset({0.0, 1.0, _TO_ALL})
+_INTERVAL_OFF: Final = -1
+_LONGEST_INTERVAL_US: Final = 2**31 - 1
+"""MESSAGE_INTERVAL tells of intervals in an int32 [us]: what it cannot tell is not taken."""
+
+_SLOWEST_HEARTBEAT_US: Final = 1_000_000
+"""By the protocol a heartbeat is sent once a second, whatever anybody asks [us]."""
+
+
+class Answer(NamedTuple):
+    """The result of a request, and the messages that were asked for."""
+
+    result: int  # MAV_RESULT
+    messages: tuple[Message, ...] = ()
+    to_all: bool = False
+
+
+class RequestServer:
+    """Answers the commands of the message-request and message-interval protocols."""
+
+    def __init__(
+        self,
+        peers: PeerTable,
+        context: Callable[[int], Context],
+        component: int = AUTOPILOT_COMPONENT,
+    ) -> None:
+        """Take the peers whose rates may be set, and a maker of contexts from the time [us].
+
+        `component` is the one whose messages are asked for.
+        """
+        self._component = component
+        self._peers = peers
+        self._context = context
+        self._answers: Mapping[int, Callable[[Command, Sender, int], Answer]] = {
+            mavlink.MAV_CMD_REQUEST_MESSAGE: self._request_message,
+            mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
+            mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: self._get_interval,
+            mavlink.MAV_CMD_GET_HOME_POSITION: self._home,
+            mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: self._version,
+            mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION: self._protocol_version,
+        }
+
+    def answer(self, command: Command, sender: Sender, now_us: int) -> Answer | None:
+        """Answer a request; None when the command is none of these."""
+        handler = self._answers.get(command.number)
+        return None if handler is None else handler(command, sender, now_us)
+
+    def _request_message(self, command: Command, _sender: Sender, now_us: int) -> Answer:
+        message_id, target = whole(command.parameter(1)), _target(command)
+        if message_id is None or target is None:
+            return Answer(_DENIED)
+        to_all = target == _TO_ALL
+        if message_id == mavlink.MAVLINK_MSG_ID_AVAILABLE_MODES:
+            index = whole(command.parameter(2))
+            modes = tuple(available_modes(index)) if index is not None else ()
+            return Answer(_ACCEPTED, modes, to_all) if modes else Answer(_DENIED)
+        if message_id == mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
+            return self._version(command, _sender, now_us)._replace(to_all=to_all)
+        builder = BUILDERS.get(self._key(message_id))
+        if builder is None:
+            return Answer(_UNSUPPORTED)
+        messages = built(builder, self._context(now_us))
+        return Answer(_ACCEPTED, messages, to_all) if messages else Answer(_NOT_YET)
+
+    def _version(self, _command: Command, _sender: Sender, now_us: int) -> Answer:
+        return Answer(_ACCEPTED, (autopilot_version(self._context(now_us).system_id),))
+
+    def _protocol_version(self, command: Command, sender: Sender, now_us: int) -> Answer:
+        return self._one(ProtocolVersion.id, command, sender, now_us)
+
+    def _home(self, command: Command, sender: Sender, now_us: int) -> Answer:
+        return self._one(mavlink.MAVLINK_MSG_ID_HOME_POSITION, command, sender, now_us)
+
+    def _one(self, message_id: int, command: Command, sender: Sender, now_us: int) -> Answer:
+        """Answer an older command for one message as REQUEST_MESSAGE is answered."""
+        asked = (float(message_id), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        return self._request_message(command._replace(parameters=asked), sender, now_us)
+
+    def _set_interval(self, command: Command, sender: Sender, now_us: int) -> Answer:
+        message_id, target = whole(command.parameter(1)), _target(command)
+        interval = command.parameter(2)
+        if message_id is None or target is None or not _is_interval(interval):
+            return Answer(_DENIED)
+        key = self._key(message_id)
+        if key not in BUILDERS:
+            return Answer(_UNSUPPORTED)
+        if message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT and not _keeps_alive(interval):
+            return Answer(_DENIED)
+        for channel in self._channels(sender, to_all=target == _TO_ALL):
+            _apply_interval(channel, key, round(interval), now_us)
+        return Answer(_ACCEPTED)
+
+    def _get_interval(self, command: Command, sender: Sender, _now_us: int) -> Answer:
+        """Answer with MESSAGE_INTERVAL: -1 for a message that is off, 0 for one unknown."""
+        message_id, target = whole(command.parameter(1)), _target(command)
+        if message_id is None or target is None or message_id > 0xFFFF:
+            return Answer(_DENIED)
+        channel, key = self._peers.get(sender.address), self._key(message_id)
+        interval = channel.schedule.interval_us(key) if channel is not None else 0
+        if interval == 0 and key in BUILDERS:
+            interval = _INTERVAL_OFF
+        message = mavlink.MAVLink_message_interval_message(
+            message_id=message_id, interval_us=interval
+        )
+        return Answer(_ACCEPTED, (message,), to_all=target == _TO_ALL)
+
+    def _key(self, message_id: int) -> int:
+        return stream_key(self._component, message_id)
+
+    def _channels(self, sender: Sender, *, to_all: bool) -> list[Channel]:
+        if to_all:
+            return list(self._peers)
+        channel = self._peers.get(sender.address)
+        return [] if channel is None else [channel]
+
+
+def _apply_interval(channel: Channel, key: int, interval_us: int, now_us: int) -> None:
+    """Set an interval as SET_MESSAGE_INTERVAL writes it: 0 default, -1 off, else [us]."""
+    if interval_us == 0:
+        interval_us = channel.schedule.default_interval_us(key)
+    elif interval_us == _INTERVAL_OFF:
+        interval_us = 0
+    else:
+        interval_us = max(interval_us, MIN_INTERVAL_US)
+    channel.schedule.set_interval(key, interval_us, now_us)
+
+
+def whole(value: float) -> int | None:
+    """A message id or an index; None when the number is not a whole one from 0."""
+    if not math.isfinite(value) or value != int(value) or not 0.0 <= value <= 0xFFFFFF:
+        return None
+    return int(value)
+
+
+def _target(command: Command) -> float | None:
+    """Response target: 0 or 1 the requester, 2 everybody; None for anything else."""
+    target = 0.0 if math.isnan(command.parameter(7)) else command.parameter(7)
+    return target if target in _TARGETS else None
+
+
+def _is_interval(interval: float) -> bool:
+    return 0.0 <= interval <= _LONGEST_INTERVAL_US or interval == _INTERVAL_OFF
+
+
+def _keeps_alive(interval: float) -> bool:
+    return 0.0 <= interval <= _SLOWEST_HEARTBEAT_US

@@ -1,0 +1,1 @@
+"""Frames in and out: dialect, peers, reception, transmission."""

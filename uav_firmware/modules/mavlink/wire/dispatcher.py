@@ -1,0 +1,227 @@
+"""Which server takes which message: one table."""
+
+from collections.abc import Callable, Iterable, Mapping
+from itertools import count
+from typing import Final, NamedTuple, TypeAlias
+
+from uav_firmware.cal.files import Card
+from uav_firmware.cal.link import Address
+from uav_firmware.cal.storage import Storage
+from uav_firmware.modules.mavlink.camera.component import CameraComponent, CommandRouter
+from uav_firmware.modules.mavlink.commands.command_server import CommandServer
+from uav_firmware.modules.mavlink.commands.power_commands import PowerAction, PowerCommands
+from uav_firmware.modules.mavlink.commands.storage_commands import StorageCommands
+from uav_firmware.modules.mavlink.files.metadata_files import MetadataFiles
+from uav_firmware.modules.mavlink.files.service import FileService
+from uav_firmware.modules.mavlink.input.follow_target import FollowInput
+from uav_firmware.modules.mavlink.input.gimbal import GimbalInput
+from uav_firmware.modules.mavlink.input.manual_control import ManualInput
+from uav_firmware.modules.mavlink.input.setpoints import SetpointInput
+from uav_firmware.modules.mavlink.log.stream import LogStream
+from uav_firmware.modules.mavlink.missions.mission_server import MissionServer
+from uav_firmware.modules.mavlink.missions.mission_store import Plan, PlanCheck, PlanStore
+from uav_firmware.modules.mavlink.parameters.metadata_request import MetadataRequest
+from uav_firmware.modules.mavlink.parameters.parameter_server import ParameterServer
+from uav_firmware.modules.mavlink.telemetry.context import Context
+from uav_firmware.modules.mavlink.telemetry.requests import RequestServer
+from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
+from uav_firmware.modules.mavlink.telemetry.timesync import answer_ping, answer_timesync
+from uav_firmware.modules.mavlink.topics import MavlinkTopics
+from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender, is_for_us
+from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
+from uav_firmware.modules.mavlink.wire.peers import PeerTable
+from uav_firmware.msg.geofence import Fence, RallyPoints
+from uav_firmware.msg.mission import Mission
+from uav_firmware.msg.status import StatusText
+from uav_firmware.parameters import Registry
+
+Handler: TypeAlias = Callable[[Message, Sender, int], list[Outgoing]]
+"""Takes a message, its sender and the time [us]; gives what is to be sent."""
+
+_COMMANDING_TYPES: Final = frozenset({mavlink.MAV_TYPE_GCS, mavlink.MAV_TYPE_ONBOARD_CONTROLLER})
+
+
+class PlanChecks(NamedTuple):
+    """Who judges the plans that are uploaded."""
+
+    mission: PlanCheck
+    fence: PlanCheck
+    rally_points: PlanCheck
+
+
+def _stores(
+    topics: MavlinkTopics, checks: PlanChecks, storage: Storage | None
+) -> dict[int, PlanStore]:
+    """The plans, by MAV_MISSION_TYPE; the fence first, because the others are judged by it."""
+    kinds: Mapping[int, tuple[PlanCheck, Callable[[Plan], None]]] = {
+        mavlink.MAV_MISSION_TYPE_FENCE: (
+            checks.fence,
+            lambda plan: topics.fence.publish(Fence(*plan)),
+        ),
+        mavlink.MAV_MISSION_TYPE_RALLY: (
+            checks.rally_points,
+            lambda plan: topics.rally_points.publish(RallyPoints(*plan)),
+        ),
+        mavlink.MAV_MISSION_TYPE_MISSION: (
+            checks.mission,
+            lambda plan: topics.mission.publish(Mission(*plan)),
+        ),
+    }
+    return {
+        mission_type: PlanStore(mission_type, check=check, publish=publish, storage=storage)
+        for mission_type, (check, publish) in kinds.items()
+    }
+
+
+class Dispatcher:
+    """Owns the servers; hands each message to the one that takes it."""
+
+    def __init__(
+        self,
+        *,
+        system_id: int,
+        registry: Registry,
+        topics: MavlinkTopics,
+        peers: PeerTable,
+        checks: PlanChecks,
+        storage: Storage | None,
+        context: Callable[[int], Context],
+        save_parameters: Callable[[], None],
+        texts: StatusTexts,
+        card: Card | None,
+        request_power: Callable[[PowerAction], None] | None,
+        set_up_signing: Handler,
+    ) -> None:
+        self._system_id = system_id
+        self._topics = topics
+        self._texts = texts
+        self._missions = MissionServer(
+            system_id=system_id,
+            stores=_stores(topics, checks, storage),
+            current_seq=self._current_seq,
+            texts=texts,
+        )
+        for fault in self._missions.load():
+            topics.status_text.publish(StatusText(0, mavlink.MAV_SEVERITY_WARNING, fault))
+        router, tokens = CommandRouter(topics), count(1)
+        metadata = MetadataFiles(registry)
+        self._log_stream = LogStream(
+            system_id=system_id,
+            request=topics.log_stream_request,
+            chunks=topics.log_stream,
+            texts=texts,
+        )
+        self._commands = CommandServer(
+            system_id=system_id,
+            answerers=(
+                MetadataRequest(lambda: metadata.general_checksum).answer,
+                RequestServer(peers, context).answer,
+                StorageCommands(registry, save_parameters, topics.vehicle_status).answer,
+                PowerCommands(request_power, topics.vehicle_status).answer,
+                self._log_stream.answer,
+            ),
+            commander=router,
+            mission_length=lambda: self._missions.mission_length,
+            cancel=router.cancel,
+            tokens=tokens,
+        )
+        self._camera = CameraComponent(
+            system_id=system_id,
+            topics=topics,
+            peers=peers,
+            context=context,
+            sink=router,
+            cancel=router.cancel,
+            tokens=tokens,
+        )
+        self._parameters = ParameterServer(
+            system_id=system_id, registry=registry, save=save_parameters, texts=texts
+        )
+        self._files = FileService(
+            system_id=system_id,
+            registry=registry,
+            card=card,
+            topics=topics,
+            texts=texts,
+            parameters=self._parameters,
+            metadata=metadata,
+        )
+        manual = ManualInput(system_id, topics.manual_control_setpoint)
+        setpoints = SetpointInput(system_id, topics, texts)
+        gimbal = GimbalInput(system_id, topics.payload_order)
+        self._handlers: Mapping[str, Handler] = {
+            "HEARTBEAT": self._heartbeat,
+            **dict.fromkeys(self._missions.message_types, self._missions.handle),
+            **dict.fromkeys(setpoints.message_types, setpoints.handle),
+            **dict.fromkeys(self._files.message_types, self._files.handle),
+            "LOGGING_ACK": self._log_stream.acknowledged,
+            "MANUAL_CONTROL": manual.handle,
+            **dict.fromkeys(gimbal.message_types, gimbal.handle),
+            "FOLLOW_TARGET": FollowInput(topics.follow_target).handle,
+            "COMMAND_LONG": self._command,
+            "COMMAND_INT": self._command,
+            "COMMAND_CANCEL": self._cancel,
+            "SET_MODE": self._commands.set_mode,
+            "MISSION_SET_CURRENT": self._set_current,
+            "PARAM_REQUEST_LIST": self._parameters.handle,
+            "PARAM_REQUEST_READ": self._parameters.handle,
+            "PARAM_SET": self._parameters.handle,
+            "TIMESYNC": answer_timesync,
+            "PING": answer_ping,
+            "SETUP_SIGNING": set_up_signing,
+        }
+
+    def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
+        """Serve a message; one that nobody takes is ignored."""
+        handler = self._handlers.get(message.get_type())
+        return [] if handler is None else handler(message, sender, now_us)
+
+    def tick(self, now_us: int) -> list[Outgoing]:
+        """Everything that is due without having been asked for just now."""
+        acks = self._topics.command_ack.drain()
+        outgoing = self._commands.answers(acks, now_us)
+        outgoing += self._commands.tick(now_us)
+        outgoing += self._camera.tick(acks, now_us)
+        outgoing += self._missions.tick(now_us)
+        outgoing += self._parameters.tick(now_us)
+        outgoing += self._files.tick(now_us)
+        outgoing += self._log_stream.tick(now_us)
+        return outgoing
+
+    def forget(self, addresses: Iterable[Address]) -> None:
+        """Drop what is kept for peers that are gone."""
+        for address in addresses:
+            self._parameters.forget(address)
+            self._log_stream.forget(address)
+
+    def _command(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
+        """Hand a command to the one component that answers it."""
+        server = self._camera if self._camera.is_meant(message) else self._commands
+        return server.handle(message, sender, now_us)
+
+    def _cancel(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
+        """A command is cancelled wherever it runs."""
+        outgoing = self._commands.cancel(message, sender, now_us)
+        return outgoing + self._camera.cancel(message, sender, now_us)
+
+    def _heartbeat(self, message: Message, _sender: Sender, now_us: int) -> list[Outgoing]:
+        """Note that whoever commands the vehicle (ground station or broker) is there."""
+        if message.type in _COMMANDING_TYPES:
+            self._topics.ground_station_heartbeat.publish(now_us)
+        return []
+
+    def _current_seq(self) -> int:
+        """Item that the navigator flies; 0 until it has taken the mission over."""
+        progress, mission = self._topics.mission_progress.value, self._topics.mission.value
+        if progress is None or mission is None or not progress.is_of(mission):
+            return 0
+        return min(progress.seq_current, len(mission.items) - 1)
+
+    def _set_current(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
+        """MISSION_SET_CURRENT has no acknowledgement: a failure is told in words."""
+        if not is_for_us(message, self._system_id):
+            return []
+        if self._commands.set_current_item(message.seq, sender, now_us):
+            return []
+        text = f"Mission has no item {message.seq}"
+        return self._texts.say(mavlink.MAV_SEVERITY_WARNING, text)

@@ -1,0 +1,1 @@
+"""Missions: feasibility, items, route, progress."""

@@ -1,0 +1,171 @@
+"""Orbit: over to the nearest point of the circle, round it, and hold where the turns end.
+
+APPROACH --at rest on the circle, turned--> CIRCLE --angle flown--> DONE
+"""
+
+import math
+from enum import Enum, auto
+
+from uav_firmware.lib.rotation import wrap_pi
+from uav_firmware.modules.navigator.flight import JERK_PER_SPEED, Flight, Speeds
+from uav_firmware.modules.navigator.modes.orbit_speed import (
+    OrbitSpeed,
+    heading_at,
+    speed_on,
+    turns_with_the_circle,
+)
+from uav_firmware.msg.guidance import OrbitHeading, OrbitStatus, OrbitTarget
+from uav_firmware.msg.vectors import Vector3
+
+_NO_BEARING_M = 0.5  # [m] nearer to the centre than this, the circle is entered straight ahead
+_WARNING = 4
+
+
+class OrbitPhase(Enum):
+    """Where an orbit stands."""
+
+    APPROACH = auto()
+    CIRCLE = auto()
+    DONE = auto()
+
+
+class Circle:
+    """Geometry of an order, without what was left unset."""
+
+    def __init__(self, centre: Vector3, radius: float) -> None:
+        self.centre = centre  # [m, NED]
+        self.radius = radius  # [m] Positive clockwise seen from above
+
+    def entry(self, here: Vector3, ahead: float) -> tuple[Vector3, float]:
+        """Nearest point [m, NED] and its bearing [rad]; that of the centre is `ahead` [rad]."""
+        north, east = here[0] - self.centre[0], here[1] - self.centre[1]
+        bearing = ahead if math.hypot(north, east) < _NO_BEARING_M else math.atan2(east, north)
+        size = abs(self.radius)
+        return (
+            self.centre[0] + size * math.cos(bearing),
+            self.centre[1] + size * math.sin(bearing),
+            self.centre[2],
+        ), bearing
+
+
+def circle_of(target: OrbitTarget, flight: Flight) -> Circle:
+    """Circle of an order; what it leaves open is the present place and the default radius."""
+    radius = flight.params.orbit_radius if math.isnan(target.radius_m) else target.radius_m
+    centre = flight.to_ned(target.latitude_deg, target.longitude_deg, target.altitude_amsl_m)
+    return Circle(centre, radius)
+
+
+class Orbit:
+    """Flies a circle; `heading` None means along it unless there is a region of interest."""
+
+    def __init__(
+        self,
+        flight: Flight,
+        circle: Circle,
+        *,
+        speed: float,
+        angle: float,
+        heading: OrbitHeading | None,
+    ) -> None:
+        self.phase = OrbitPhase.APPROACH
+        self._circle = circle
+        self._angle = angle  # [rad] Infinite: for ever
+        self._heading = heading
+        self._entry, self._bearing = circle.entry(flight.rest_point(), flight.yaw.yaw)
+        self._turned = 0.0  # [rad] Since the order
+        self._turned_before = 0.0  # [rad] Of it, before the present approach
+        self._own_heading = flight.yaw.yaw
+        self._turned_us = flight.now_us  # When the pilot's stick was last obeyed
+        self._speed = self._choose_speed(flight, speed)
+        flight.face(math.nan)
+        flight.fly(flight.stop_at(self._entry))
+        unknown = (math.nan, math.nan, math.nan)
+        self._place = unknown if flight.frame is None else flight.frame.to_geodetic(circle.centre)
+
+    def follow_reset(self, flight: Flight) -> None:
+        """Fly to the circle again, which stays on the earth, and round what is left of it."""
+        if self.phase is OrbitPhase.DONE:
+            return
+        self.phase = OrbitPhase.APPROACH
+        self._angle -= abs(self._turned - self._turned_before)
+        self._turned_before = self._turned
+        self._entry, self._bearing = self._circle.entry(flight.rest_point(), flight.yaw.yaw)
+        flight.fly(flight.stop_at(self._entry))
+
+    def step(self, flight: Flight) -> bool:
+        """Whether all turns are flown."""
+        if self.phase is OrbitPhase.APPROACH and self._at_entry(flight):
+            self.phase = OrbitPhase.CIRCLE
+            flight.path.circle(
+                self._circle.centre, self._circle.radius, self._angle, self._speed.limits
+            )
+        elif self.phase is OrbitPhase.CIRCLE:
+            self._follow_bearing(flight)
+            if flight.path.resting:
+                self.phase = OrbitPhase.DONE
+        self._turn(flight)
+        flight.orbit_status = OrbitStatus(
+            flight.now_us,
+            active=True,
+            radius_m=self._circle.radius,
+            latitude_deg=self._place[0],
+            longitude_deg=self._place[1],
+            altitude_amsl_m=self._place[2],
+            speed_m_s=self._speed.limits.speed,
+            turned=abs(self._turned),
+        )
+        return self.phase is OrbitPhase.DONE
+
+    def _at_entry(self, flight: Flight) -> bool:
+        radius = flight.params.acceptance_radius
+        settled = flight.yaw.settled or flight.landed
+        return flight.path.resting and settled and flight.arrived(self._entry, radius)
+
+    def _choose_speed(self, flight: Flight, speed: float) -> OrbitSpeed:
+        limits = flight.limits()
+        wanted = limits.speed_horizontal if math.isnan(speed) else speed
+        hardest = flight.limits_with(Speeds(horizontal=math.inf))
+        hardest = hardest._replace(jerk=min(hardest.jerk, JERK_PER_SPEED * abs(wanted)))
+        turning = self._heading is None or turns_with_the_circle(self._heading)
+        rate = math.radians(flight.params.yaw_rate_max_deg)
+        chosen = speed_on(
+            self._circle.radius,
+            wanted,
+            hardest,
+            tilt_max=flight.tilt_max,
+            yaw_rate_max=rate if turning else math.inf,
+        )
+        if chosen.clipped_by and not math.isnan(speed):
+            text = f"Orbit speed limited to {chosen.limits.speed:.2f} m/s by {chosen.clipped_by}"
+            flight.say(_WARNING, text)
+        return chosen
+
+    def _follow_bearing(self, flight: Flight) -> None:
+        north, east, _ = flight.path.state.position
+        centre = self._circle.centre
+        bearing = math.atan2(east - centre[1], north - centre[0])
+        self._turned += wrap_pi(bearing - self._bearing)
+        self._bearing = bearing
+
+    def _turn(self, flight: Flight) -> None:
+        if self._heading is None and flight.roi is not None:
+            return
+        heading = OrbitHeading.FORWARDS if self._heading is None else self._heading
+        yaw = heading_at(heading, self._bearing, self._circle.radius)
+        if math.isnan(yaw):
+            flight.aim(self._own_heading, self._obey_pilot(flight))
+            return
+        north, east, _ = flight.path.state.velocity
+        circling = self.phase is OrbitPhase.CIRCLE
+        rate = math.hypot(north, east) / self._circle.radius if circling else 0.0
+        flight.aim(yaw, rate)
+
+    def _obey_pilot(self, flight: Flight) -> float:
+        """Turn the vehicle's own heading by the yaw stick; the rate [rad/s]."""
+        elapsed_s = (flight.now_us - self._turned_us) * 1e-6
+        self._turned_us = flight.now_us
+        if self._heading is not OrbitHeading.PILOT:
+            return 0.0
+        rate = flight.yaw_stick * math.radians(flight.params.yaw_rate_max_deg)
+        self._own_heading = wrap_pi(self._own_heading + rate * elapsed_s)
+        return rate

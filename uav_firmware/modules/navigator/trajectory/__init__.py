@@ -1,0 +1,1 @@
+"""Set-points that move along legs, and the heading."""

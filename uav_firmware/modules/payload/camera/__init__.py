@@ -1,0 +1,1 @@
+"""The camera: orders, states, exposures, video, panoramas."""

@@ -1,0 +1,1 @@
+"""The gimbal: where the camera points, and who says so."""
