@@ -5,8 +5,8 @@ import os
 import sys
 from pathlib import Path
 
-from sim import demo, launcher
-from sim.settings import SettingsError, from_environment
+from sim.launch import demo, launcher
+from sim.launch.settings import SettingsError, from_environment
 
 
 def main() -> int:
@@ -20,7 +20,7 @@ def main() -> int:
         print(error, file=sys.stderr)
         return 2
     if arguments.what == "fly":
-        from sim import fly  # noqa: PLC0415  # needs matplotlib, which only developers have
+        from sim.launch import fly  # noqa: PLC0415  # needs matplotlib, which only developers have
 
         return fly.run(settings, Path(os.environ.get("OUT") or settings.state_dir / "flight"))
     return demo.run(settings) if arguments.what == "demo" else launcher.run(settings)

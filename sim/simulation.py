@@ -7,18 +7,18 @@ how fast.
 from typing import Final
 
 from sim.config import SimulationConfig
-from sim.fault_effects import HEALTHY, FaultEffects
-from sim.faults import LASTING, Fault, FaultSchedule, Kind
-from sim.quadrotor import RATED_VOLTAGE_V, Quadrotor
+from sim.faults.effects import HEALTHY, FaultEffects
+from sim.faults.schedule import LASTING, Fault, FaultSchedule, Kind
+from sim.physics.noise import generators
+from sim.physics.quadrotor import RATED_VOLTAGE_V, Quadrotor
+from sim.physics.truth import Motors, Truth, Vector3
+from sim.physics.truth_log import TruthLog
+from sim.physics.wind import Wind
 from sim.sensors import environment
 from sim.sensors.battery import DRAW_RATE_HZ
 from sim.sensors.environment import EnvironmentSensors
-from sim.sensors.noise import generators
 from sim.sensors.readings import Readings
 from sim.sensors.suite import Schedule, SensorSuite
-from sim.truth import Motors, Truth, Vector3
-from sim.truth_log import TruthLog
-from sim.wind import Wind
 from sim.world.daylight import day_shift_s
 from sim.world.farm import Farm
 from sim.world.plane import Plane
@@ -33,7 +33,7 @@ class Simulation:
     weak pack lowers the ceiling, an empty one stops the motors.
 
     Raises:
-        sim.quadrotor.AirframeError: if JSBSim cannot load the airframe.
+        sim.physics.quadrotor.AirframeError: if JSBSim cannot load the airframe.
         OSError: if the truth log cannot be created.
     """
 
@@ -87,7 +87,7 @@ class Simulation:
         """Let one control step pass with these motor commands, 0 stopped to 1 full.
 
         Raises:
-            sim.quadrotor.MotorCommandError: when a command is no finite number; no time
+            sim.physics.quadrotor.MotorCommandError: when a command is no finite number; no time
                 passes then.
             OSError: if the truth log cannot be written.
         """

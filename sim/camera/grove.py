@@ -17,7 +17,7 @@ from sim.camera.ground import TREES_FROM_EDGE_M, cover_share, quality
 from sim.camera.lens import Lens, Pixels, rotation
 from sim.camera.reflectance import LEAF
 from sim.camera.solids import Hits, Point, Solid
-from sim.truth import Quaternion, Vector3
+from sim.physics.truth import Quaternion, Vector3
 from sim.world.farm import Farm
 from sim.world.geometry import edge_distance_m
 from sim.world.layout import FIELDS, Cover, Field

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.truth import Quaternion, Vector3
+from sim.physics.truth import Quaternion, Vector3
 
 Pixels: TypeAlias = NDArray[np.floating[Any]]
 """A number per pixel, mostly in single precision: good to 0.03 mm over the farm."""

@@ -16,7 +16,7 @@ from PIL.TiffImagePlugin import IFDRational
 
 from sim.camera.lens import Lens, rotation
 from sim.camera.order import Belief
-from sim.truth import Quaternion
+from sim.physics.truth import Quaternion
 
 MAKE: Final = "Farm Flight Bridge"
 MODEL: Final = "Simulated F450 camera"

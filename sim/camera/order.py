@@ -10,7 +10,7 @@ from typing import Final
 
 from sim.camera.lens import Lens, Pose
 from sim.camera.render import Shot
-from sim.truth import Quaternion
+from sim.physics.truth import Quaternion
 from sim.world.farm import Farm
 from sim.world.plane import Plane
 

@@ -21,7 +21,7 @@ from sim.camera.reflectance import Bands
 from sim.camera.scene import solids
 from sim.camera.solids import Solid
 from sim.camera.visible import Box, box_of
-from sim.earth import degrees_per_metre
+from sim.physics.earth import degrees_per_metre
 from sim.world.farm import Farm
 
 _BAND_PX: Final = 65_536  # Pixels that are worked on at once

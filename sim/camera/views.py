@@ -12,7 +12,7 @@ from PIL import Image as PillowImage
 from sim.camera.lens import Lens, Pose
 from sim.camera.render import Shot, render
 from sim.mosaic.contact_sheet import Print, write_contact_sheet
-from sim.truth import quaternion_from_euler
+from sim.physics.truth import quaternion_from_euler
 from sim.world.farm import Farm
 from sim.world.layout import FIELDS
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from sim.camera.lens import Lens, in_camera
 from sim.camera.solids import Solid
-from sim.truth import Quaternion, Vector3
+from sim.physics.truth import Quaternion, Vector3
 
 
 class Box(NamedTuple):

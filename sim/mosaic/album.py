@@ -7,9 +7,9 @@ from typing import Final, NamedTuple
 from sim.mosaic.contact_sheet import Print, write_contact_sheet
 from sim.mosaic.folder import Sheet, pictures_in, write_mosaic
 from sim.mosaic.georeference import Georeference
+from sim.physics.worlds import world
 from sim.world.farm import Farm
 from sim.world.plane import Plane
-from sim.worlds import world
 
 CONTACT_SHEET: Final = "contact_sheet.jpg"
 MOSAIC: Final = "mosaic.jpg"

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
-from sim.earth import degrees_per_metre
+from sim.physics.earth import degrees_per_metre
 
 Array = NDArray[np.float64]
 

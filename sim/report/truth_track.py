@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 
-from sim.earth import degrees_per_metre
+from sim.physics.earth import degrees_per_metre
+from sim.physics.truth_log import COLUMNS
 from sim.report.arrays import Array, ReportError
-from sim.truth_log import COLUMNS
 
 _ROWS_MIN: Final = 2
 

@@ -18,9 +18,9 @@ from typing import Final
 
 import numpy as np
 
-from sim.sensors.noise import GaussMarkov, standard_normals
+from sim.physics.noise import GaussMarkov, standard_normals
+from sim.physics.truth import Truth
 from sim.sensors.readings import BaroReading
-from sim.truth import Truth
 
 RATE_HZ: Final = 50
 WHITE_SIGMA_PA: Final = 1.2

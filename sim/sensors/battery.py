@@ -16,7 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from sim.sensors.noise import standard_normals
+from sim.physics.noise import standard_normals
 from sim.sensors.readings import BatteryReading
 
 RATE_HZ: Final = 10

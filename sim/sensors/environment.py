@@ -16,9 +16,9 @@ from typing import Final
 
 import numpy as np
 
-from sim.sensors.noise import standard_normals
+from sim.physics.noise import standard_normals
+from sim.physics.truth import Truth
 from sim.sensors.readings import EnvironmentReading
-from sim.truth import Truth
 from sim.world.farm import Farm
 
 RATE_HZ: Final = 1

@@ -10,9 +10,9 @@ from typing import Final
 
 import numpy as np
 
-from sim.sensors.noise import standard_normals
+from sim.physics.noise import standard_normals
+from sim.physics.truth import Motors, Truth
 from sim.sensors.readings import EscReading
-from sim.truth import Motors, Truth
 
 RATE_HZ: Final = 125
 SPEED_SIGMA: Final = 0.003

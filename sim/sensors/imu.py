@@ -20,9 +20,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from sim.sensors.noise import GaussMarkov, normal_vector, standard_normals, white_sigma
+from sim.physics.noise import GaussMarkov, normal_vector, standard_normals, white_sigma
+from sim.physics.truth import Truth, Vector3
 from sim.sensors.readings import ImuReading
-from sim.truth import Truth, Vector3
 
 _STANDARD_GRAVITY_M_S2: Final = 9.80665
 _BIAS_RATE_HZ: Final = 10  # Often enough for a bias that takes minutes to change

@@ -14,9 +14,9 @@ from typing import Final
 
 import numpy as np
 
-from sim.sensors.noise import normal_vector, standard_normals
+from sim.physics.noise import normal_vector, standard_normals
+from sim.physics.truth import Truth, Vector3, body_from_ned
 from sim.sensors.readings import MagReading
-from sim.truth import Truth, Vector3, body_from_ned
 
 RATE_HZ: Final = 50
 WHITE_SIGMA_GAUSS: Final = 3e-3

@@ -12,9 +12,9 @@ from typing import Final
 
 import numpy as np
 
-from sim.sensors.noise import standard_normals
+from sim.physics.noise import standard_normals
+from sim.physics.truth import Truth
 from sim.sensors.readings import RangeReading
-from sim.truth import Truth
 
 RATE_HZ: Final = 20
 MINIMUM_M: Final = 0.1

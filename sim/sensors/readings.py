@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from sim.truth import Motors, Vector3
+from sim.physics.truth import Motors, Vector3
 
 
 class ImuReading(NamedTuple):

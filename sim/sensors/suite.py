@@ -4,19 +4,19 @@ from collections.abc import Callable
 from typing import Final
 
 from sim.config import SimulationConfig
-from sim.gnss_receivers import GNSS_RECEIVERS
-from sim.magnetic_field import decimal_year, field_ned_gauss
+from sim.physics.magnetic_field import decimal_year, field_ned_gauss
+from sim.physics.noise import generators
+from sim.physics.truth import Motors, Truth, Vector3
 from sim.sensors import baro, battery, esc, gps, magnetometer, rangefinder
 from sim.sensors.baro import Barometer
 from sim.sensors.battery import Battery
 from sim.sensors.esc import EscTelemetry
+from sim.sensors.gnss_receivers import GNSS_RECEIVERS
 from sim.sensors.gps import Gps
 from sim.sensors.imu import Imu
 from sim.sensors.magnetometer import Magnetometer
-from sim.sensors.noise import generators
 from sim.sensors.rangefinder import RangeFinder
 from sim.sensors.readings import BaroReading, ImuReading, MagReading, Readings
-from sim.truth import Motors, Truth, Vector3
 
 _MICROSECONDS: Final = 1_000_000
 

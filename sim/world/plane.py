@@ -7,7 +7,7 @@ from typing import Final, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.earth import DegreesPerMetre, degrees_per_metre, wrapped_longitude_deg
+from sim.physics.earth import DegreesPerMetre, degrees_per_metre, wrapped_longitude_deg
 
 Array: TypeAlias = NDArray[np.float64]
 """Numbers of any shape; functions of places work on whole pictures at once."""

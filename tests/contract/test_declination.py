@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.magnetic_field import field_ned_gauss
-from sim.worlds import WORLDS
+from sim.physics.magnetic_field import field_ned_gauss
+from sim.physics.worlds import WORLDS
 from uav_firmware.lib.declination import declination
 
 

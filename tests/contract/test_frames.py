@@ -10,8 +10,8 @@ from itertools import pairwise
 import pytest
 
 from sim.config import SimulationConfig
+from sim.physics.truth import Motors, Truth
 from sim.simulation import Simulation
-from sim.truth import Motors, Truth
 from uav_firmware.drivers.jsbsim import JsbsimVehicle
 from uav_firmware.lib import rotation
 from uav_firmware.lib.atmosphere import altitude_from_pressure

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.earth import degrees_per_metre
+from sim.physics.earth import degrees_per_metre
 from tests.support.geodesy import LocalGround
 from uav_firmware.lib.geo import LocalFrame
 

@@ -8,7 +8,7 @@ import pytest
 from pymavlink.dialects.v20 import common
 
 from sim.config import SimulationConfig
-from sim.faults import Fault, Kind
+from sim.faults.schedule import Fault, Kind
 from tests.support.autopilot_tester import AutopilotTester
 from tests.support.stick_pilot import StickPilot, change_mode
 from uav_firmware.lib.rotation import tilt_of

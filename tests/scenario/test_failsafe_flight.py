@@ -10,7 +10,7 @@ import pytest
 from pymavlink.dialects.v20 import common
 
 from sim.config import SimulationConfig
-from sim.faults import ALL_INSTANCES, Fault, Kind
+from sim.faults.schedule import ALL_INSTANCES, Fault, Kind
 from tests.support.autopilot_tester import AutopilotTester
 from tests.support.stick_pilot import order
 from tests.support.toy_vehicle import item

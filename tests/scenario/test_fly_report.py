@@ -18,7 +18,7 @@ from pyulog import ULog  # type: ignore[import-untyped]  # pyulog tells no types
 from sim.camera.lens import Lens, Pose
 from sim.camera.render import Shot, render
 from sim.mosaic.georeference import georeference
-from sim.truth import quaternion_from_euler
+from sim.physics.truth import quaternion_from_euler
 from sim.world.daylight import day_shift_s
 from sim.world.farm import Farm
 from tests.support.system import ROOT, short_plan

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import pytest
 
 from sim.config import SimulationConfig
-from sim.faults import ALL_INSTANCES, Fault, Kind
+from sim.faults.schedule import ALL_INSTANCES, Fault, Kind
 from tests.scenario.test_failsafe_flight import on_mission, said, strike
 from tests.support.autopilot_tester import AutopilotTester
 from uav_firmware.lib.rotation import tilt_of

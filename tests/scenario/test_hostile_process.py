@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
 
-from sim.farm_client import rows
+from sim.launch.farm_client import rows
 from tests.conformance.ground_station import GroundStation, vehicle_process
 from tests.support.hostile_frames import HostileFrames
 from tests.support.system import free_ports, running, short_plan, wait_for

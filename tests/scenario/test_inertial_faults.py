@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from sim.config import SimulationConfig
-from sim.fault_notation import read_order
-from sim.faults import ALL_INSTANCES, Fault, Kind
+from sim.faults.notation import read_order
+from sim.faults.schedule import ALL_INSTANCES, Fault, Kind
 from tests.support.autopilot_tester import AutopilotTester
 from uav_firmware.msg.status import NavigationState
 

@@ -13,7 +13,7 @@ from edge_server.process.preparation import prepare
 from sim.cloud import mqtt_requests
 from sim.cloud.mqtt import MqttDoor
 from sim.cloud.store import Store
-from sim.farm_client import rows
+from sim.launch.farm_client import rows
 from tests.support import fake_cloud
 from tests.support.certificates import Authority
 from tests.support.fake_cloud import Handler, Received

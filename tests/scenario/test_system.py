@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from sim.farm_client import rows
+from sim.launch.farm_client import rows
 from tests.support.system import (
     ROOT,
     FarmSystem,

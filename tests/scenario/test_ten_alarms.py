@@ -7,8 +7,8 @@ import pytest
 
 from afarcloud.enumerations import AlarmCode, Status
 from afarcloud.geodesy import shifted
-from sim.fault_notation import read_order
-from sim.faults import Fault
+from sim.faults.notation import read_order
+from sim.faults.schedule import Fault
 from tests.support.broker_world import go_home, mission, takeoff, waypoint
 from tests.support.flying_world import FlyingWorld
 from tests.support.scripted_vehicle import HOME

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from sim.config import SimulationConfig
-from sim.worlds import WORLDS
+from sim.physics.worlds import WORLDS
 from tests.support.autopilot_tester import AutopilotTester
 
 pytestmark = pytest.mark.scenario

@@ -24,7 +24,7 @@ from typing import Any, Final
 
 import requests
 
-from sim.farm_client import rows
+from sim.launch.farm_client import rows
 from tests.bench.process import resident_mb
 from tests.soak.cutting_proxy import CuttingProxy
 from tests.soak.pilot import Pilots

@@ -11,8 +11,8 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import common
 
 from sim.config import SimulationConfig
+from sim.physics.truth import Truth
 from sim.simulation import Simulation
-from sim.truth import Truth
 from tests.support.geodesy import LocalGround
 from tests.support.ground_station import GroundStation, MemoryLink
 from uav_firmware.cal.log_store import LogStore

@@ -7,8 +7,8 @@ import math
 from collections.abc import Callable
 
 from sim.config import SimulationConfig
+from sim.physics.truth import Truth
 from sim.simulation import Simulation
-from sim.truth import Truth
 from uav_firmware.bus import Queue, Topic
 from uav_firmware.drivers.jsbsim import JsbsimVehicle
 from uav_firmware.lib.rotation import rotate

@@ -15,10 +15,10 @@ from typing import Any, Self
 
 import requests
 
-from sim import signing_keys
-from sim.farm_client import rows
-from sim.processes import programs, uplink
-from sim.settings import Settings, from_environment
+from sim.launch import signing_keys
+from sim.launch.farm_client import rows
+from sim.launch.processes import programs, uplink
+from sim.launch.settings import Settings, from_environment
 from tests.support.process_tree import descendants, gone
 
 ROOT = Path(__file__).parent.parent.parent

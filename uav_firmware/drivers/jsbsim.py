@@ -6,10 +6,10 @@ Frames and units are the same on both sides (NED, FRD, SI); what changes here is
 
 from typing import Final
 
-from sim.fault_console import FaultConsole
-from sim.fault_injection import Failure, Unit, faults_of, kinds_of
-from sim.fault_notation import Clear, read_order
-from sim.faults import FaultError
+from sim.faults.console import FaultConsole
+from sim.faults.injection import Failure, Unit, faults_of, kinds_of
+from sim.faults.notation import Clear, read_order
+from sim.faults.schedule import FaultError
 from sim.sensors import rangefinder
 from sim.sensors.readings import Readings
 from sim.simulation import Simulation

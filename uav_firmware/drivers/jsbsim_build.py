@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from sim.config import SimulationConfig, start_east_m
-from sim.fault_console import FaultConsole
-from sim.fault_notation import read_faults
+from sim.faults.console import FaultConsole
+from sim.faults.notation import read_faults
+from sim.physics.worlds import world as world_named
 from sim.simulation import Simulation
-from sim.worlds import world as world_named
 from uav_firmware.cal.vehicle import Fitted
 from uav_firmware.drivers.file_room import Room
 from uav_firmware.drivers.jsbsim import JsbsimVehicle

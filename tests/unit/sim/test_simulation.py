@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from sim.config import SimulationConfig
-from sim.quadrotor import MotorCommandError
+from sim.physics.quadrotor import MotorCommandError
+from sim.physics.truth import Motors
 from sim.simulation import Simulation
-from sim.truth import Motors
 
 STOPPED: Motors = (0.0, 0.0, 0.0, 0.0)
 CLIMB: Motors = (0.5, 0.5, 0.5, 0.5)

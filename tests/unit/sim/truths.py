@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from sim.truth import Truth, quaternion_from_euler
+from sim.physics.truth import Truth, quaternion_from_euler
 
 
 def truth(

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import pytest
 
 from sim.config import SimulationConfig
+from sim.physics.truth import Truth
 from sim.simulation import Simulation
-from sim.truth import Truth
 from tests.support.ground_station import MemoryLink
 from uav_firmware.bus import Queue
 from uav_firmware.drivers.file_storage import FileStorage

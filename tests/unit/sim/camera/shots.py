@@ -6,7 +6,7 @@ from pathlib import Path
 from sim.camera.develop import develop
 from sim.camera.lens import Lens, Pose
 from sim.camera.order import Belief, Order
-from sim.truth import quaternion_from_euler
+from sim.physics.truth import quaternion_from_euler
 from sim.world.farm import Farm
 
 FARM = Farm(1)

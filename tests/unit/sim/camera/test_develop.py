@@ -13,7 +13,7 @@ from PIL import Image
 from sim.camera.develop import develop
 from sim.camera.metadata import angles
 from sim.camera.order import Belief, OrderError, from_line, to_line
-from sim.truth import quaternion_from_euler
+from sim.physics.truth import quaternion_from_euler
 from tests.unit.sim.camera.shots import order, pose, taken
 from tests.unit.sim.camera.surveyor import read
 

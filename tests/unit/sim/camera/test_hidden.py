@@ -11,7 +11,7 @@ from sim.camera.grove import crowns
 from sim.camera.hidden import share_in_sight
 from sim.camera.lens import Lens, Pose
 from sim.camera.render import Shot, render
-from sim.truth import quaternion_from_euler
+from sim.physics.truth import quaternion_from_euler
 from sim.world.layout import BUILDINGS, TREES
 from sim.world.plane import Place
 from sim.world.subjects import Kind, Subject

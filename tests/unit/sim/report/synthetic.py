@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.earth import degrees_per_metre
+from sim.physics.earth import degrees_per_metre
 from sim.report.arrays import Array
 from sim.report.flight_log import FlightLog, Text
 from sim.report.plan import Planned, planned_for

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sim.physics.truth import quaternion_from_euler
 from sim.report.arrays import (
     Array,
     closest_in_order,
@@ -18,7 +19,6 @@ from sim.report.arrays import (
     tilt_between,
     wrapped,
 )
-from sim.truth import quaternion_from_euler
 
 ANGLE = st.floats(-3.0, 3.0)
 LEAN = st.floats(-1.4, 1.4)

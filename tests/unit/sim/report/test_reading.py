@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sim.physics.truth_log import COLUMNS
 from sim.report.arrays import ReportError
 from sim.report.events import armed_times, events, mode_spans
 from sim.report.flight_log import read_logs
 from sim.report.plan import planned_for
 from sim.report.truth_track import read_truth
-from sim.truth_log import COLUMNS
 from tests.unit.sim.report import synthetic
 from uav_firmware.modules.logger import ulog
 

@@ -6,8 +6,8 @@ import statistics
 import pytest
 
 from sim.config import SimulationConfig
+from sim.physics.noise import generators
 from sim.sensors.baro import OFFSET_SIGMA_PA, SUCTION_SHARE, WHITE_SIGMA_PA, Barometer
-from sim.sensors.noise import generators
 from sim.simulation import Simulation
 from tests.unit.sim.truths import truth
 

@@ -4,13 +4,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sim.physics.noise import generators
 from sim.sensors.battery import (
     INTERNAL_RESISTANCE_OHM,
     Battery,
     current_for_power_a,
     open_circuit_voltage_v,
 )
-from sim.sensors.noise import generators
 
 HOVER_W = 177.0
 

@@ -6,9 +6,9 @@ import statistics
 
 import pytest
 
+from sim.physics.noise import generators, white_sigma
+from sim.physics.truth import Truth
 from sim.sensors.imu import ACCELEROMETER, GYROSCOPE, Imu
-from sim.sensors.noise import generators, white_sigma
-from sim.truth import Truth
 from tests.unit.sim.truths import truth
 
 RATE_HZ = 250

@@ -5,8 +5,8 @@ import statistics
 
 import pytest
 
+from sim.physics.noise import generators
 from sim.sensors.magnetometer import HARD_IRON_SIGMA_GAUSS, WHITE_SIGMA_GAUSS, Magnetometer
-from sim.sensors.noise import generators
 from tests.unit.sim.truths import truth
 
 DECLINATION_DEG = 0.607

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sim.physics.truth import Truth
 from sim.sensors.rangefinder import MAXIMUM_M, RangeFinder, slant_distance_m
-from sim.truth import Truth
 from tests.unit.sim.truths import truth
 
 

@@ -5,8 +5,8 @@ from collections import Counter
 import pytest
 
 from sim.config import SimulationConfig
+from sim.physics.truth import Motors
 from sim.sensors.suite import Schedule, SensorSuite
-from sim.truth import Motors
 from tests.unit.sim.truths import truth
 
 SECONDS = 10

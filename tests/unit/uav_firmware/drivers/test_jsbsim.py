@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from sim.config import SimulationConfig
-from sim.fault_console import FaultConsole
+from sim.faults.console import FaultConsole
 from sim.simulation import Simulation
 from uav_firmware.cal.faults import FaultInjector
 from uav_firmware.drivers.jsbsim import JsbsimVehicle

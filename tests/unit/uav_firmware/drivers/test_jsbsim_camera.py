@@ -9,9 +9,9 @@ import pytest
 from sim.camera.darkroom import Darkroom, Developed
 from sim.camera.order import Frame, Order
 from sim.config import SimulationConfig
-from sim.faults import Fault, Kind
+from sim.faults.schedule import Fault, Kind
+from sim.physics.truth import quaternion_from_euler
 from sim.simulation import Simulation
-from sim.truth import quaternion_from_euler
 from tests.unit.sim.camera.surveyor import read
 from uav_firmware.cal.camera import Exposure, Outcome, SecondPicture
 from uav_firmware.drivers.jsbsim_camera import ERASED_AT_ONCE, MEMORY, STORING_US, JsbsimCamera

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from sim.config import SimulationConfig
-from sim.faults import Fault, Kind
+from sim.faults.schedule import Fault, Kind
 from sim.simulation import Simulation
 from tests.unit.sim.camera.test_motion_jpeg import played
 from uav_firmware.cal.camera import Exposure, FilmGrowth, SecondPicture

@@ -1,0 +1,194 @@
+"""`make sim`: start the whole system, wait until it is healthy, show it, stop it cleanly."""
+
+import math
+import os
+import signal
+import time
+from collections.abc import Container
+from datetime import UTC, datetime
+from types import FrameType
+from typing import Self
+
+from sim.launch import signing_keys
+from sim.launch.console import Screen
+from sim.launch.farm_client import FarmClient, NotReadyError, RefusedError
+from sim.launch.processes import fleet_limits, programs, uplink
+from sim.launch.settings import Settings
+from sim.launch.state_lock import StateLock
+from sim.launch.supervisor import Supervisor, SupervisorError, check_ports
+
+READY_TIMEOUT_S = 120.0
+READY_TIMEOUT_PER_VEHICLE_S = 6.0
+"""How long nothing may have come nearer to being up; a busy machine takes its time."""
+POLL_S = 0.2
+EXAMPLE_PLAN = "examples/plans/first_flight.json"
+
+
+class Stopped(Exception):  # noqa: N818  # not an error: the user asked for it
+    """SIGINT or SIGTERM arrived."""
+
+
+class NotHealthyError(SupervisorError):
+    """The system did not become healthy in time."""
+
+
+def _stop(number: int, _frame: FrameType | None) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    raise Stopped(signal.Signals(number).name)
+
+
+class System:
+    """The running system, as the launcher and the demo drive it."""
+
+    def __init__(self, settings: Settings, screen: Screen) -> None:
+        self.settings = settings
+        self.screen = screen
+        self.client = FarmClient(settings)
+        self._began = datetime.now(UTC)
+        self._programs = programs(settings)
+        environment = {
+            "LOG_FORMAT": "text",  # People read the lines of all programs together
+            **fleet_limits(),
+            **os.environ,
+            "PYTHONUNBUFFERED": "1",
+            "STATE_DIR": str(settings.state_dir),
+            "EDGE_URL": settings.edge_url,
+            "DATABASE_URL": "",  # A file of the state folder, whatever else this machine serves
+            **uplink(settings),
+        }
+        logs = settings.state_dir / "logs"
+        self._supervisor = Supervisor(self._programs, environment, logs, screen.log)
+        self._lock = StateLock(settings.state_dir)
+
+    def __enter__(self) -> Self:
+        """Start everything, or nothing.
+
+        Raises:
+            SupervisorError: if the state folder, a port or the keys cannot be had.
+        """
+        self._lock.take()
+        try:
+            check_ports(self._programs)
+            signing_keys.prepare(self.settings)
+        except OSError as error:
+            self._lock.release()
+            raise SupervisorError(f"keys cannot be written: {error}") from error
+        except SupervisorError:
+            self._lock.release()
+            raise
+        signal.signal(signal.SIGINT, _stop)  # Also where whoever started us ignores it
+        signal.signal(signal.SIGTERM, _stop)
+        self._supervisor.__enter__()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.screen.say("stopping")
+        self._supervisor.stop()
+        self._lock.release()
+        self.screen.say("stopped")
+
+    @property
+    def _shown(self) -> int:
+        return self.settings.vehicles + self.settings.testers
+
+    def step(self) -> None:
+        """Let a moment pass: restart what died, refresh the vehicles' lines."""
+        self._supervisor.step()
+        try:
+            self.screen.vehicles(self._shown, self.client.connected_vehicles())
+        except (NotReadyError, RefusedError):
+            self.screen.vehicles(self._shown, {})
+        time.sleep(POLL_S)
+
+    def wait_until_healthy(self) -> None:
+        """Wait until every program runs, the uplink is open and every vehicle is connected.
+
+        Raises:
+            NotHealthyError: naming what is missing, when nothing has come nearer for too long.
+        """
+        patience = READY_TIMEOUT_S + READY_TIMEOUT_PER_VEHICLE_S * self.settings.vehicles
+        fewest, deadline = math.inf, time.monotonic() + patience
+        while lacks := self._lacks():
+            to_go = len(lacks) + len(self._supervisor.silent())
+            if to_go < fewest:
+                fewest, deadline = to_go, time.monotonic() + patience
+            if time.monotonic() > deadline:
+                raise NotHealthyError(f"no progress for {patience:.0f} s: {'; '.join(lacks)}")
+            self.step()
+
+    def _lacks(self) -> list[str]:
+        """What is not as it should be, a sentence each; nothing when the system is up."""
+        lacks = [f"{name} does not run" for name in self._supervisor.down()]
+        connected: Container[int] = ()
+        try:
+            self.client.cloud("/healthz")
+        except (NotReadyError, RefusedError) as error:
+            lacks.append(str(error))
+        try:
+            uplink = self.client.edge("/readyz")["uplink"]
+            if uplink != "open":
+                lacks.append(f"the edge server's uplink to the cloud is {uplink}")
+            connected = self.client.connected_vehicles(since=self._began)
+        except (NotReadyError, RefusedError) as error:
+            lacks.append(str(error))
+        absent = [number for number in self.settings.started_ids if number not in connected]
+        return lacks + [f"vehicle {number} is not connected" for number in absent]
+
+
+def _by_mqtt(settings: Settings) -> str:
+    return f", records come over {settings.mqtt_url}" if settings.mqtt_url else ""
+
+
+def _seats(settings: Settings) -> list[str]:
+    """Where persons may sit down in a vehicle's stead."""
+    if settings.tester_script is not None:
+        return []
+    port = f"MAVLINK_PORT={settings.mavlink_port} "
+    return [
+        f"  tester        in another terminal: {port}make tester SYSTEM_ID={system_id}"
+        for system_id in settings.tester_ids
+    ]
+
+
+def greeting(settings: Settings) -> str:
+    """Tell where everything is and how to fly the first plan."""
+    key = settings.key_path("operator")
+    return "\n".join(
+        (
+            "The system is up.",
+            f"  edge server   {settings.edge_url}",
+            f"  mock cloud    {settings.cloud_url}" + _by_mqtt(settings),
+            (
+                f"  MAVLink       broker UDP {settings.mavlink_port}, "
+                f"ground station UDP {settings.gcs_port}, "
+                f"vehicle N UDP {settings.vehicle_port_base} + N"
+            ),
+            *_seats(settings),
+            f"  access keys   {key.parent}/ (operator, broker, admin, ...)",
+            f"  logs          {settings.state_dir / 'logs'}/",
+            "Fly the first plan:",
+            (
+                f"  curl -sS -X POST {settings.edge_url}/plans/ "
+                f'-H "Authorization: Bearer $(cat {key})" '
+                f'-H "Content-Type: application/json" -d @{EXAMPLE_PLAN}'
+            ),
+            "Stop with Ctrl-C.",
+        )
+    )
+
+
+def run(settings: Settings) -> int:
+    """Run until the user stops it; 0 then, 1 if the system cannot run."""
+    with Screen() as screen:
+        try:
+            with System(settings, screen) as system:
+                system.wait_until_healthy()
+                screen.say(greeting(settings))
+                while True:
+                    system.step()
+        except Stopped:
+            return 0
+        except SupervisorError as error:
+            screen.say(f"ERROR {error}")
+            return 1

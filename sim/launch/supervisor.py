@@ -1,0 +1,210 @@
+"""Starts programs, keeps them running, stops them so that nothing stays behind.
+
+A program that dies is started again, as a service manager would: that is how a farm runs. One
+that cannot stay up ends the system with its last words.
+"""
+
+import ctypes
+import os
+import signal
+import socket
+import subprocess
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Self
+
+from sim.launch.processes import Program
+from sim.launch.program_log import ProgramLog
+
+RESTART_DELAY_S = 1.0
+EARLY_DEATH_S = 5.0
+EARLY_DEATHS_ALLOWED = 4
+STOP_TIMEOUT_S = 10.0
+LINE_BYTES_MAX = 64 * 1024
+"""A longer line is shown and kept in pieces."""
+_PR_SET_PDEATHSIG = 1
+
+LineSink = Callable[[str, str], None]
+"""Called with a program's name and one line that it printed."""
+
+
+class SupervisorError(Exception):
+    """The system cannot run; the message says why.
+
+    SupervisorError
+      +- PortTakenError     another program holds a port
+      +- ProgramFailedError a program dies again and again
+      +- StateTakenError    another system has the state folder (`sim/launch/state_lock.py`)
+      +- NotHealthyError    the system does not come up (`sim/launch/launcher.py`)
+    """
+
+
+class PortTakenError(SupervisorError):
+    """A port is in use."""
+
+
+class ProgramFailedError(SupervisorError):
+    """A program cannot stay up."""
+
+
+def check_ports(programs: Sequence[Program]) -> None:
+    """Make sure that the programs' ports are free.
+
+    Raises:
+        PortTakenError: naming the program and the port.
+    """
+    for program in programs:
+        for port, kind in (
+            (program.tcp_port, socket.SOCK_STREAM),
+            (program.udp_port, socket.SOCK_DGRAM),
+        ):
+            if port is None:
+                continue
+            with socket.socket(socket.AF_INET, kind) as probe:
+                if kind == socket.SOCK_STREAM:
+                    probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                try:
+                    probe.bind(("127.0.0.1", port))
+                except OSError as error:
+                    raise PortTakenError(
+                        f"{program.name}: port {port} cannot be used: {error.strerror}"
+                    ) from None
+
+
+class _Child:
+    """One running program with its log."""
+
+    def __init__(self, program: Program, environment: Mapping[str, str], log_dir: Path) -> None:
+        self.program = program
+        self._environment = environment
+        self._log = ProgramLog(log_dir / f"{program.name}.log")
+        self._lost_reported = False
+        self.early_deaths = 0
+        self.last_lines: deque[str] = deque(maxlen=20)
+        self.restart_at = 0.0
+        self.has_printed = False
+
+    @property
+    def is_up(self) -> bool:
+        """Whether it runs, and does not wait to be started again."""
+        return self.restart_at == 0.0 and self.process.poll() is None
+
+    def start(self, sink: LineSink) -> None:
+        """Start the program in a session of its own, bound to die with this process."""
+        self.started_at = time.monotonic()
+        self.process = subprocess.Popen(  # noqa: S603  # our own programs
+            self.program.arguments,
+            env=dict(self._environment),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+            preexec_fn=_die_with_parent,  # noqa: PLW1509  # one system call, no locks
+        )
+        threading.Thread(target=self._pump, args=(self.process, sink), daemon=True).start()
+
+    def _pump(self, process: subprocess.Popen[bytes], sink: LineSink) -> None:
+        stream = process.stdout
+        if stream is None:
+            return
+        with stream:
+            while raw := stream.readline(LINE_BYTES_MAX):
+                line = raw.decode("utf-8", "replace").rstrip("\n")
+                self.has_printed = True
+                self.last_lines.append(line)
+                if not self._log.append(raw) and not self._lost_reported:
+                    self._lost_reported = True
+                    sink("sim", f"WARNING the log of {self.program.name} cannot be written")
+                sink(self.program.name, line)
+        self._log.close()
+
+    def died_early(self) -> bool:
+        """Count this death; whether there were too many soon after the start."""
+        early = time.monotonic() - self.started_at < EARLY_DEATH_S
+        self.early_deaths = self.early_deaths + 1 if early else 0
+        return self.early_deaths > EARLY_DEATHS_ALLOWED
+
+    def signal_session(self, number: int) -> None:
+        """Send a signal to the program and all that it has started."""
+        try:
+            os.killpg(self.process.pid, number)
+        except ProcessLookupError:
+            return
+
+
+def _die_with_parent() -> None:
+    """Ask the kernel to end this process when its parent dies, however it dies."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+class Supervisor:
+    """All programs of one system. Use from one thread: children die with that thread."""
+
+    def __init__(
+        self,
+        programs: Sequence[Program],
+        environment: Mapping[str, str],
+        log_dir: Path,
+        sink: LineSink,
+    ) -> None:
+        log_dir.mkdir(parents=True, exist_ok=True)
+        self._sink = sink
+        self._children = [_Child(program, environment, log_dir) for program in programs]
+
+    def __enter__(self) -> Self:
+        for child in self._children:
+            child.start(self._sink)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def step(self) -> None:
+        """Start again what has died.
+
+        Raises:
+            ProgramFailedError: with its last lines, if a program keeps dying.
+        """
+        now = time.monotonic()
+        for child in self._children:
+            code = child.process.poll()
+            if code is None:
+                continue
+            if child.restart_at == 0.0:
+                self._sink("sim", f"WARNING {child.program.name} ended with code {code}")
+                if code == 2 or child.died_early():
+                    last = "\n  ".join(child.last_lines)
+                    raise ProgramFailedError(f"{child.program.name} cannot run:\n  {last}")
+                child.signal_session(signal.SIGKILL)
+                child.restart_at = now + RESTART_DELAY_S
+            elif now >= child.restart_at:
+                child.restart_at = 0.0
+                child.start(self._sink)
+
+    def down(self) -> list[str]:
+        """Names of the programs that do not run now."""
+        return [child.program.name for child in self._children if not child.is_up]
+
+    def silent(self) -> list[str]:
+        """Names of the programs that have printed nothing yet: they still start."""
+        return [child.program.name for child in self._children if not child.has_printed]
+
+    def process_id(self, name: str) -> int:
+        """Give the process id of a program by name."""
+        return next(c.process.pid for c in self._children if c.program.name == name)
+
+    def stop(self) -> None:
+        """End all programs: asked first, killed after a while."""
+        for child in self._children:
+            child.signal_session(signal.SIGTERM)
+        deadline = time.monotonic() + STOP_TIMEOUT_S
+        for child in self._children:
+            try:
+                child.process.wait(max(0.1, deadline - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                self._sink("sim", f"WARNING {child.program.name} did not stop and was killed")
+            child.signal_session(signal.SIGKILL)
+            child.process.wait()

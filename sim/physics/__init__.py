@@ -1,0 +1,1 @@
+"""The vehicle and its surroundings as physics: airframe, rotors, wind, Earth, true state."""

@@ -1,0 +1,166 @@
+"""When the launcher says that the system is up, and when it gives up."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sim.launch import launcher
+from sim.launch.console import Screen
+from sim.launch.farm_client import FarmClient, NotReadyError
+from sim.launch.launcher import NotHealthyError, System
+from sim.launch.settings import from_environment
+
+
+@dataclass
+class World:
+    """A system whose programs, edge server and clock are scripted; a step takes 10 s."""
+
+    now_s: float = 0.0
+    down: list[str] = field(default_factory=list)
+    silent: list[str] = field(default_factory=list)
+    uplink: str = "open"
+    connected: set[int] = field(default_factory=set)
+    cloud_answers: bool = True
+    change: Callable[["World"], None] = lambda _world: None
+
+    def step(self) -> None:
+        self.now_s += 10.0
+        self.change(self)
+
+
+@pytest.fixture
+def world() -> World:
+    return World()
+
+
+def system_of(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, vehicles: int = 1
+) -> System:
+    settings = from_environment({"VEHICLES": str(vehicles), "STATE_DIR": str(tmp_path)})
+    system = System(settings, Screen(plain=True))
+
+    class Programs:
+        def down(self) -> list[str]:
+            return world.down
+
+        def silent(self) -> list[str]:
+            return world.silent
+
+        def step(self) -> None:
+            world.step()
+
+    class Client:
+        def cloud(self, _path: str) -> Any:
+            if not world.cloud_answers:
+                raise NotReadyError("cloud: ConnectionError")
+            return {}
+
+        def edge(self, _path: str) -> Any:
+            return {"status": "ready", "uplink": world.uplink}
+
+        def connected_vehicles(self, since: datetime | None = None) -> dict[int, dict[str, Any]]:
+            assert since is None or since.tzinfo is not None
+            return {number: {} for number in world.connected}
+
+    class Clock:
+        def monotonic(self) -> float:
+            return world.now_s
+
+        def sleep(self, _seconds: float) -> None:
+            pass
+
+    monkeypatch.setattr(system, "_supervisor", Programs())
+    monkeypatch.setattr(system, "client", Client())
+    monkeypatch.setattr(launcher, "time", Clock())
+    return system
+
+
+@pytest.mark.parametrize(
+    ("wrong", "reason"),
+    [
+        ({"down": ["broker"]}, "broker does not run"),
+        ({"uplink": "stopped"}, "uplink to the cloud is stopped"),
+        ({"uplink": "paused"}, "uplink to the cloud is paused"),
+        ({"cloud_answers": False}, "cloud: ConnectionError"),
+        ({"connected": set()}, "vehicle 1 is not connected"),
+    ],
+)
+def test_a_system_that_lacks_a_part_is_not_up(
+    wrong: dict[str, Any],
+    reason: str,
+    world: World,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Each part alone, while all others are there."""
+    world.connected = {1}
+    system_of(world, tmp_path, monkeypatch).wait_until_healthy()
+    for name, value in wrong.items():
+        setattr(world, name, value)
+    with pytest.raises(NotHealthyError, match=reason):
+        system_of(world, tmp_path, monkeypatch).wait_until_healthy()
+
+
+def test_vehicles_that_come_one_by_one_are_waited_for(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Twenty on a busy machine: each takes longer than all of them may take together."""
+
+    def one_more(world: World) -> None:
+        if world.now_s % 200.0 == 0.0:
+            world.connected.add(len(world.connected) + 1)
+
+    world.change = one_more
+    system_of(world, tmp_path, monkeypatch, vehicles=20).wait_until_healthy()
+    assert world.now_s == 20 * 200.0
+
+
+def test_what_comes_and_goes_is_no_progress(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A broker that dies a while after each start: the sentence changes, nothing comes nearer."""
+
+    def dies_now_and_then(world: World) -> None:
+        world.down = ["broker"] if world.now_s % 60.0 == 0.0 else []
+
+    world.change = dies_now_and_then
+    with pytest.raises(NotHealthyError, match="no progress"):
+        system_of(world, tmp_path, monkeypatch).wait_until_healthy()
+    assert world.now_s < 1000.0
+
+
+def test_a_program_that_prints_its_first_line_is_progress(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world.silent = [f"vehicle-{number}" for number in range(1, 9)]
+
+    def one_speaks(world: World) -> None:
+        if world.now_s % 100.0 == 0.0:
+            if world.silent:
+                world.silent = world.silent[1:]
+            else:
+                world.connected = {1}
+
+    world.change = one_speaks
+    system_of(world, tmp_path, monkeypatch).wait_until_healthy()
+    assert world.now_s == 900.0
+
+
+def test_what_a_former_run_has_left_does_not_count_as_connected(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    began = datetime(2026, 3, 1, 12, tzinfo=UTC)
+    listing = [
+        {"vehicle_id": 1, "link_state": "connected", "updated_at": "2026-03-01T11:59:59.000Z"},
+        {"vehicle_id": 2, "link_state": "connected", "updated_at": "2026-03-01T12:00:01.000Z"},
+        {"vehicle_id": 3, "link_state": "lost", "updated_at": "2026-03-01T12:00:01.000Z"},
+    ]
+    client = FarmClient(from_environment({"STATE_DIR": str(tmp_path)}))
+    monkeypatch.setattr(client, "edge", lambda _path: listing)
+    assert set(client.connected_vehicles()) == {1, 2}
+    assert set(client.connected_vehicles(since=began)) == {2}
+    assert set(client.connected_vehicles(since=began + timedelta(hours=1))) == set()

@@ -1,0 +1,115 @@
+"""The supervisor with real, tiny programs."""
+
+import os
+import socket
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from sim.launch.processes import Program
+from sim.launch.supervisor import PortTakenError, ProgramFailedError, Supervisor, check_ports
+
+PATIENCE_S = 30.0
+
+
+def program(code: str, name: str = "worker") -> Program:
+    return Program(name, (sys.executable, "-c", code))
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def alive(process_id: int) -> bool:
+    try:
+        os.kill(process_id, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def step_until_it_fails(supervisor: Supervisor) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while time.monotonic() < deadline:
+        supervisor.step()
+        time.sleep(0.02)
+
+
+class Lines:
+    def __init__(self) -> None:
+        self.all: list[tuple[str, str]] = []
+
+    def __call__(self, name: str, line: str) -> None:
+        self.all.append((name, line))
+
+
+SLEEPER = "import time; print('up', flush=True); time.sleep(600)"
+
+
+def test_output_is_shown_and_logged(tmp_path: Path) -> None:
+    lines = Lines()
+    with Supervisor([program(SLEEPER)], os.environ, tmp_path, lines):
+        wait_for(lambda: ("worker", "up") in lines.all)
+    assert (tmp_path / "worker.log").read_text() == "up\n"
+
+
+def test_a_killed_program_is_started_again(tmp_path: Path) -> None:
+    lines = Lines()
+    with Supervisor([program(SLEEPER)], os.environ, tmp_path, lines) as supervisor:
+        wait_for(lambda: len(lines.all) == 1)
+        first = supervisor.process_id("worker")
+        os.kill(first, 9)
+
+        def restarted() -> bool:
+            supervisor.step()
+            return supervisor.process_id("worker") != first
+
+        wait_for(restarted)
+        wait_for(lambda: [line for _, line in lines.all].count("up") == 2)
+
+
+def test_stopping_leaves_no_process_not_even_a_grandchild(tmp_path: Path) -> None:
+    parent = (
+        "import subprocess, sys, time\n"
+        "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)'])\n"
+        "print(child.pid, flush=True)\n"
+        "time.sleep(600)\n"
+    )
+    lines = Lines()
+    with Supervisor([program(parent)], os.environ, tmp_path, lines) as supervisor:
+        wait_for(lambda: len(lines.all) == 1)
+        processes = [supervisor.process_id("worker"), int(lines.all[0][1])]
+        assert all(map(alive, processes))
+    wait_for(lambda: not any(map(alive, processes)))
+
+
+def test_a_program_that_cannot_run_ends_the_system_with_its_last_words(tmp_path: Path) -> None:
+    broken = program("import sys; print('no such port'); sys.exit(2)")
+    with (
+        Supervisor([broken], os.environ, tmp_path, Lines()) as supervisor,
+        pytest.raises(ProgramFailedError, match="worker cannot run"),
+    ):
+        step_until_it_fails(supervisor)
+
+
+@pytest.mark.parametrize("kind", [socket.SOCK_STREAM, socket.SOCK_DGRAM])
+def test_a_taken_port_is_named(kind: socket.SocketKind) -> None:
+    with socket.socket(socket.AF_INET, kind) as holder:
+        holder.bind(("127.0.0.1", 0))
+        if kind == socket.SOCK_STREAM:
+            holder.listen()
+        port = holder.getsockname()[1]
+        wanted = (
+            Program("edge", (), tcp_port=port)
+            if kind == socket.SOCK_STREAM
+            else Program("edge", (), udp_port=port)
+        )
+        with pytest.raises(PortTakenError, match=f"edge: port {port}"):
+            check_ports([wanted])
+    check_ports([wanted])
