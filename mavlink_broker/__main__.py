@@ -4,9 +4,9 @@ import os
 import sys
 from datetime import UTC, datetime
 
-from mavlink_broker.command_line import dead_letters, fly, run, translate, vehicles
-from mavlink_broker.command_line.program import MISUSED, UsageError
-from mavlink_broker.leads import LeadError
+from mavlink_broker.cli import dead_letters, fly, run, translate, vehicles
+from mavlink_broker.cli.program import MISUSED, UsageError
+from mavlink_broker.live.follow_target_source import LeadError
 
 
 def main() -> int:

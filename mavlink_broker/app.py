@@ -12,25 +12,25 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any, Final
 
-from mavlink_broker.bookkeeping import Bookkeeping
+from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.config import Config
-from mavlink_broker.dialect import Message, source_of
+from mavlink_broker.edge.posts import post_for
+from mavlink_broker.edge.work import EventWork, MissionWork, StateVectorWork, Verdict
+from mavlink_broker.edge.work_parser import Inbox, WorkError
 from mavlink_broker.effects import Acknowledgement, Effects, ForEdge
-from mavlink_broker.faults import Faults
 from mavlink_broker.fleet import Fleet, Peer
 from mavlink_broker.forwarding.verdict import Tenure
-from mavlink_broker.inbox import Inbox, WorkError
-from mavlink_broker.neighbours import Edge, Jobs, Journal, NoJobs
-from mavlink_broker.pictures.desk import HEARD as PICTURED
-from mavlink_broker.posts import post_for
+from mavlink_broker.internal_errors import Faults
+from mavlink_broker.live.tracking import TRACKED_WORDS as TRACKED
+from mavlink_broker.mavlink.dialect import Message, source_of
+from mavlink_broker.mission.states import State
+from mavlink_broker.peers import Edge, Jobs, Journal, NoJobs
+from mavlink_broker.pictures.pictures import HEARD as PICTURED
+from mavlink_broker.routing.routing import Clock, Link, Traffic
 from mavlink_broker.session import Session
-from mavlink_broker.session_states import State
-from mavlink_broker.subject import TRACKED_WORDS as TRACKED
-from mavlink_broker.traffic import Clock, Link, Traffic
-from mavlink_broker.translation.modes import ModeRole
-from mavlink_broker.translation.observables import OBSERVED
-from mavlink_broker.vehicle import Vehicle
-from mavlink_broker.work import EventWork, MissionWork, StateVectorWork, Verdict
+from mavlink_broker.vehicle.measurements import OBSERVED
+from mavlink_broker.vehicle.vehicle import Vehicle
+from mavlink_broker.vehicle_records import Bookkeeping
 
 IDLE_WAIT_S: Final = 0.02
 """Longest sleep: what is overdue is noticed that late. Datagrams and work end it at once."""

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from mavlink_broker import traffic_settings
-from mavlink_broker.address import DEFAULT_MAVLINK_PORT, EVERYBODY, LinkKind, LinkUrl
-from mavlink_broker.traffic_settings import TrafficSettings
+from mavlink_broker import link_settings
+from mavlink_broker.link_settings import TrafficSettings
+from mavlink_broker.links.url import DEFAULT_MAVLINK_PORT, EVERYBODY, LinkKind, LinkUrl
 
 DEFAULT_EDGE_PORT: Final = 8000
 DEFAULT_SYSTEM_ID: Final = 254
@@ -175,7 +175,7 @@ def settings(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Co
         follow_targets=options.follow_targets,
         log_level=options.log_level.upper(),
         log_file=options.log_file,
-        traffic=traffic_settings.read_options(parser, options),
+        traffic=link_settings.read_options(parser, options),
     )
 
 
@@ -210,5 +210,5 @@ def settings_parser(environment: Mapping[str, str], **about: str) -> argparse.Ar
             default=environment.get(name) or default,
             help=f"{text} (environment: {name})",
         )
-    traffic_settings.add_options(parser, environment)
+    link_settings.add_options(parser, environment)
     return parser

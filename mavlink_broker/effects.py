@@ -15,8 +15,8 @@ from afarcloud.state import (
     Pose,
     StateVector,
 )
-from mavlink_broker.dialect import Message
 from mavlink_broker.jobs import Job
+from mavlink_broker.mavlink.dialect import Message
 
 Report: TypeAlias = Pose | Battery | StateVector | MissionReport | Alarm | ObservationList | Image
 

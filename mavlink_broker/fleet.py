@@ -5,15 +5,15 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
-from mavlink_broker.bookkeeping import Bookkeeping
 from mavlink_broker.config import Config
-from mavlink_broker.dialect import Message, Source, source_of
 from mavlink_broker.effects import ForEdge
-from mavlink_broker.leads import read_leads
-from mavlink_broker.protocol.heartbeat import is_elected, is_vehicle
-from mavlink_broker.protocol.route import Route
+from mavlink_broker.live.follow_target_source import read_leads
+from mavlink_broker.mavlink.addressing import Route
+from mavlink_broker.mavlink.dialect import Message, Source, source_of
+from mavlink_broker.microservices.heartbeat import is_elected, is_vehicle
 from mavlink_broker.session import Session
-from mavlink_broker.vehicle import Vehicle
+from mavlink_broker.vehicle.vehicle import Vehicle
+from mavlink_broker.vehicle_records import Bookkeeping
 
 AUTOPILOT: Final = 1
 """MAV_COMP_ID_AUTOPILOT1."""

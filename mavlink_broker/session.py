@@ -11,30 +11,30 @@ from collections.abc import Callable, Collection, Iterable
 from typing import Final
 
 from afarcloud.enumerations import EventType, Status
-from mavlink_broker import hover
-from mavlink_broker.attendance import Attendance
-from mavlink_broker.battery_size import BatterySize
-from mavlink_broker.bulletin import Bulletin
-from mavlink_broker.dialect import Message, mavlink, source_of
-from mavlink_broker.dropped_missions import DroppedMissions
+from mavlink_broker.autopilots.families import MOST_ABLE
+from mavlink_broker.edge.work import EventWork, MissionWork, StateVectorWork, Verdict
 from mavlink_broker.effects import Acknowledgement, Effects, ForEdge
-from mavlink_broker.event_desk import EventDesk, is_abort
-from mavlink_broker.flight import Flight
-from mavlink_broker.giving_back import GivingBack
-from mavlink_broker.interruption import ENDED, REASONS
-from mavlink_broker.journal.memo import Homeward, Memo
-from mavlink_broker.pictures.desk import HEARD as PICTURED
-from mavlink_broker.pictures.desk import PictureDesk
-from mavlink_broker.protocol.streams import StreamRequests
-from mavlink_broker.reporter import Reporter
-from mavlink_broker.session_states import BEFORE_TAKEOFF, State
-from mavlink_broker.translation.alarms import AlarmWatch, Failure, mission_error
-from mavlink_broker.translation.area_check import check_flyable
-from mavlink_broker.translation.authority import is_order
-from mavlink_broker.translation.families import MOST_ABLE
-from mavlink_broker.translation.mission import Home, RefusedError, translate
-from mavlink_broker.vehicle import Vehicle
-from mavlink_broker.work import EventWork, MissionWork, StateVectorWork, Verdict
+from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
+from mavlink_broker.microservices.message_rates import StreamRequests
+from mavlink_broker.mission.dropped_missions import DroppedMissions
+from mavlink_broker.mission.event_execution import ENDED, REASONS
+from mavlink_broker.mission.flight import Flight
+from mavlink_broker.mission.pending_events import EventDesk, is_abort
+from mavlink_broker.mission.restore_vehicle_config import GivingBack
+from mavlink_broker.mission.states import BEFORE_TAKEOFF, State
+from mavlink_broker.pictures.pictures import HEARD as PICTURED
+from mavlink_broker.pictures.pictures import PictureDesk
+from mavlink_broker.planning.geofence_check import check_flyable
+from mavlink_broker.planning.mission import Home, RefusedError, translate
+from mavlink_broker.recovery.record import Homeward, Memo
+from mavlink_broker.vehicle import hover
+from mavlink_broker.vehicle.alarms import AlarmWatch, Failure, mission_error
+from mavlink_broker.vehicle.battery_capacity import BatterySize
+from mavlink_broker.vehicle.control_authority import is_order
+from mavlink_broker.vehicle.gcs_heartbeat import Attendance
+from mavlink_broker.vehicle.reporter import Reporter
+from mavlink_broker.vehicle.telemetry_publisher import Bulletin
+from mavlink_broker.vehicle.vehicle import Vehicle
 
 OUT_OF_REACH_AFTER_S: Final = 5.0
 """Silence of a vehicle [s] after which its next mission begins, and fails if it stays silent.

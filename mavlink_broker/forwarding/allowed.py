@@ -6,7 +6,7 @@ refused while a mission of the broker runs.
 
 from typing import Final
 
-from mavlink_broker.dialect import mavlink
+from mavlink_broker.mavlink.dialect import mavlink
 
 MESSAGES: Final = frozenset(
     {

@@ -8,13 +8,13 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from mavlink_broker.codec import encoded_as
-from mavlink_broker.dialect import Message, Source, mavlink, source_of
 from mavlink_broker.forwarding.numbering import Numbering
 from mavlink_broker.forwarding.policy import answers_as, is_message_id, judge, target_of
 from mavlink_broker.forwarding.refusals import Refusals
 from mavlink_broker.forwarding.verdict import Answer, Later, Pass, Refuse, Tenure
-from mavlink_broker.frames import unsigned
+from mavlink_broker.mavlink.codec import encoded_as
+from mavlink_broker.mavlink.dialect import Message, Source, mavlink, source_of
+from mavlink_broker.mavlink.frames import unsigned
 
 WATCHED_S: Final = 10.0
 """So long after his last word somebody is taken to be watching."""

@@ -5,8 +5,8 @@ look like 255 of them. So numbers are moved by as many as frames were withheld o
 losses between vehicle and broker stay visible.
 """
 
-from mavlink_broker.dialect import Source
-from mavlink_broker.frames import sender, sequence, with_sequence
+from mavlink_broker.mavlink.dialect import Source
+from mavlink_broker.mavlink.frames import sender, sequence, with_sequence
 
 _SEQUENCES = 256
 

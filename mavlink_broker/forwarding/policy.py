@@ -8,7 +8,6 @@ the messages that the broker lives on faster, never slower; all others as it lik
 from collections.abc import Mapping
 from typing import Final
 
-from mavlink_broker.dialect import Message, Source, mavlink, source_of
 from mavlink_broker.forwarding import allowed
 from mavlink_broker.forwarding.verdict import (
     Answer,
@@ -18,6 +17,7 @@ from mavlink_broker.forwarding.verdict import (
     Tenure,
     Verdict,
 )
+from mavlink_broker.mavlink.dialect import Message, Source, mavlink, source_of
 
 SLOWEST_STREAMS_HZ: Final = 2.0
 """Of REQUEST_DATA_STREAM, which sets whole groups of messages: slower ones would starve us."""

@@ -4,7 +4,7 @@ import logging
 from collections import Counter
 from typing import Final
 
-from mavlink_broker.dialect import Message, mavlink
+from mavlink_broker.mavlink.dialect import Message, mavlink
 
 TELL_EVERY_S: Final = 10.0
 """At most one line in so long; a stick refused at 25 Hz is one fact."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import Enum, auto
 from typing import TypeAlias
 
-from mavlink_broker.dialect import Message
+from mavlink_broker.mavlink.dialect import Message
 
 
 class Tenure(Enum):

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from mavlink_broker.frames import checksum_holds, frame_size, next_marker
+from mavlink_broker.mavlink.frames import checksum_holds, frame_size, next_marker
 
 COMPLETE_WITHIN_S: Final = 1.0
 """What has not become a frame by then was none: noise that looked like a frame's first byte.

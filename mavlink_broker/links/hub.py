@@ -16,11 +16,11 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from mavlink_broker.address import Address, LinkKind, LinkUrl
 from mavlink_broker.links.link import Arrival, Link
 from mavlink_broker.links.serial import SerialLink
 from mavlink_broker.links.tcp import TcpClient, TcpListener
 from mavlink_broker.links.udp import UdpLink
+from mavlink_broker.links.url import Address, LinkKind, LinkUrl
 
 TELL_EVERY_S: Final = 30.0
 """At most one line in half a minute about frames that a link did not take."""

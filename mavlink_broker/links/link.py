@@ -7,7 +7,7 @@ LinkError
 import logging
 from typing import Final, Protocol, TypeAlias
 
-from mavlink_broker.address import Address, LinkUrl
+from mavlink_broker.links.url import Address, LinkUrl
 
 FIRST_RETRY_S: Final = 0.5
 LONGEST_RETRY_S: Final = 5.0

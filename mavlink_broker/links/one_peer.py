@@ -2,9 +2,9 @@
 
 from abc import ABC, abstractmethod
 
-from mavlink_broker.address import Address, LinkUrl
 from mavlink_broker.links.link import Arrival, Retry
 from mavlink_broker.links.stream import Stream, StreamEndedError
+from mavlink_broker.links.url import Address, LinkUrl
 
 
 class OnePeerLink(ABC):

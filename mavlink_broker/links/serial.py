@@ -10,11 +10,11 @@ import os
 import termios
 from typing import Final
 
-from mavlink_broker.address import LinkUrl
 from mavlink_broker.links.link import Arrival, LinkError, Retry
 from mavlink_broker.links.one_peer import OnePeerLink
 from mavlink_broker.links.pace import Pace
 from mavlink_broker.links.stream import QUEUE_BYTES, Stream
+from mavlink_broker.links.url import LinkUrl
 
 LOOK_AGAIN_S: Final = 1.0
 _CHARACTERS: Final = 6

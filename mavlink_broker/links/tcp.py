@@ -11,12 +11,12 @@ import socket
 from collections.abc import Callable
 from typing import Final
 
-from mavlink_broker.address import Address, LinkUrl
 from mavlink_broker.links.link import Arrival, Retry
-from mavlink_broker.links.names import HostName
+from mavlink_broker.links.name_lookup import HostName
 from mavlink_broker.links.one_peer import OnePeerLink
 from mavlink_broker.links.stream import Stream, StreamEndedError
 from mavlink_broker.links.udp import bind
+from mavlink_broker.links.url import Address, LinkUrl
 
 CONNECTED_WITHIN_S: Final = 5.0
 UNANSWERED_MS: Final = 10_000

@@ -6,9 +6,9 @@ import socket
 from collections.abc import Callable
 from typing import Any, Final
 
-from mavlink_broker.address import EVERYBODY, Address, LinkKind, LinkUrl
 from mavlink_broker.links.link import Arrival, LinkError, PortBusyError
-from mavlink_broker.links.names import HostName
+from mavlink_broker.links.name_lookup import HostName
+from mavlink_broker.links.url import EVERYBODY, Address, LinkKind, LinkUrl
 
 RECEIVE_BUFFER_BYTES: Final = 1 << 20
 LARGEST_DATAGRAM_BYTES: Final = 4096

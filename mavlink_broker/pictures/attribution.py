@@ -14,7 +14,7 @@ from typing import Final
 
 from afarcloud.commands import CameraImage, CameraPanorama, Command
 from afarcloud.enumerations import PanoramaMode
-from mavlink_broker.translation.ledger import Ledger
+from mavlink_broker.vehicle.mission_ledger import Ledger
 
 EARLY_S: Final = 3.0
 LATE_S: Final = 10.0

@@ -9,11 +9,11 @@ asks back from the newest, as far as pictures may be of its missions.
 from dataclasses import dataclass
 from typing import Final
 
-from mavlink_broker.dialect import Message, mavlink
+from mavlink_broker.mavlink.addressing import Route
+from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.microservices.command import long_command
+from mavlink_broker.microservices.round_trip import RoundTrip
 from mavlink_broker.pictures.capture import Capture
-from mavlink_broker.protocol.command import long_command
-from mavlink_broker.protocol.round_trip import RoundTrip
-from mavlink_broker.protocol.route import Route
 
 WINDOW: Final = 4
 ATTEMPTS: Final = 20

@@ -12,13 +12,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from mavlink_broker.dialect import Message
+from mavlink_broker.ftp.download import NO_ANSWER, FileDownload
+from mavlink_broker.ftp.partial_file import Fetched, PartialFile
 from mavlink_broker.jobs import FetchUrl, Job
+from mavlink_broker.mavlink.addressing import Route
+from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.pictures.attribution import Taker
 from mavlink_broker.pictures.capture import Capture, FilePlace, Place, WebPlace
-from mavlink_broker.protocol.file_download import NO_ANSWER, FileDownload
-from mavlink_broker.protocol.partial_file import Fetched, PartialFile
-from mavlink_broker.protocol.route import Route
 
 LARGEST_FILE: Final = 32 * 1024 * 1024
 """Bytes; a camera of 50 megapixels writes half of it."""

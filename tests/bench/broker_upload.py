@@ -15,23 +15,23 @@ from itertools import count
 from pathlib import Path
 from typing import Any, Final
 
-from mavlink_broker.address import parse_links
 from mavlink_broker.app import App
-from mavlink_broker.codec import Decoder, Encoder
-from mavlink_broker.command_line.program import SystemClock
+from mavlink_broker.autopilots.families import OWN
+from mavlink_broker.cli.program import SystemClock
 from mavlink_broker.config import Config
-from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.links.hub import open_links
-from mavlink_broker.protocol.mission_upload import MissionUpload, Stored
-from mavlink_broker.protocol.mission_verify import MissionVerify, Verified
-from mavlink_broker.protocol.round_trip import RoundTrip
-from mavlink_broker.protocol.route import Route
-from mavlink_broker.session_states import State
-from mavlink_broker.translation.families import OWN
-from mavlink_broker.translation.mission import FlightPlan
-from mavlink_broker.translation.mission_item import waypoint
-from mavlink_broker.translation.read_back import difference
-from mavlink_broker.vehicle import Vehicle
+from mavlink_broker.links.url import parse_links
+from mavlink_broker.mavlink.addressing import Route
+from mavlink_broker.mavlink.codec import Decoder, Encoder
+from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.mavlink.mission_item import waypoint
+from mavlink_broker.microservices.mission_upload import MissionUpload, Stored
+from mavlink_broker.microservices.mission_verify import MissionVerify, Verified
+from mavlink_broker.microservices.round_trip import RoundTrip
+from mavlink_broker.mission.states import State
+from mavlink_broker.planning.mission import FlightPlan
+from mavlink_broker.planning.read_back import difference
+from mavlink_broker.vehicle.vehicle import Vehicle
 from tests.bench.results import Result, at_most, percentile
 from tests.conformance.ground_station import vehicle_process
 from tests.support.fake_edge import FakeEdge

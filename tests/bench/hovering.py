@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Final
 
 from mavlink_broker.config import DEFAULT_SYSTEM_ID
-from mavlink_broker.dialect import mavlink
-from mavlink_broker.protocol.route import Route
-from mavlink_broker.protocol.streams import STREAMS, UNREAD, set_interval
+from mavlink_broker.mavlink.addressing import Route
+from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.microservices.message_rates import STREAMS, UNREAD, set_interval
 from sim.config import SimulationConfig
 from tests.support.autopilot_tester import SYSTEM_ID, AutopilotTester
 from tests.support.ground_station import ADDRESS, MemoryLink

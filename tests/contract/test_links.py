@@ -15,14 +15,14 @@ from typing import Final, Protocol, Self
 
 import pytest
 
-from mavlink_broker.address import LinkUrl
 from mavlink_broker.app import App
-from mavlink_broker.codec import Encoder
 from mavlink_broker.config import Config
-from mavlink_broker.dialect import mavlink
+from mavlink_broker.link_settings import TrafficSettings
 from mavlink_broker.links.framing import FrameScanner
 from mavlink_broker.links.hub import open_links
-from mavlink_broker.traffic_settings import TrafficSettings
+from mavlink_broker.links.url import LinkUrl
+from mavlink_broker.mavlink.codec import Encoder
+from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.broker_world import FINISHED, TICK_S, Clock, first_flight
 from tests.support.fake_edge import FakeEdge
 from tests.support.lines import Cable

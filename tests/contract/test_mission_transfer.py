@@ -9,17 +9,17 @@ from dataclasses import dataclass
 
 import pytest
 
-from mavlink_broker import codec as broker_codec
-from mavlink_broker.dialect import Message
-from mavlink_broker.protocol.mission_download import Downloaded, MissionDownload
-from mavlink_broker.protocol.mission_upload import MissionUpload, NotStored, Stored, Uncertain
-from mavlink_broker.protocol.mission_verify import MissionVerify, Verified
-from mavlink_broker.protocol.round_trip import RoundTrip
-from mavlink_broker.protocol.route import Route
-from mavlink_broker.translation.families import PX4
-from mavlink_broker.translation.mission import FlightPlan
-from mavlink_broker.translation.mission_item import waypoint
-from mavlink_broker.translation.read_back import difference
+from mavlink_broker.autopilots.families import PX4
+from mavlink_broker.mavlink import codec as broker_codec
+from mavlink_broker.mavlink.addressing import Route
+from mavlink_broker.mavlink.dialect import Message
+from mavlink_broker.mavlink.mission_item import waypoint
+from mavlink_broker.microservices.mission_download import Downloaded, MissionDownload
+from mavlink_broker.microservices.mission_upload import MissionUpload, NotStored, Stored, Uncertain
+from mavlink_broker.microservices.mission_verify import MissionVerify, Verified
+from mavlink_broker.microservices.round_trip import RoundTrip
+from mavlink_broker.planning.mission import FlightPlan
+from mavlink_broker.planning.read_back import difference
 from tests.support.lossy_link import GROUND_ADDRESS, VEHICLE_ADDRESS, Conditions, LossyLink
 from uav_firmware.bus import Topic
 from uav_firmware.modules.mavlink.missions.mission_server import MissionServer

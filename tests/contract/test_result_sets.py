@@ -7,16 +7,16 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from PIL import Image as Pictures
 
-from mavlink_broker.codec import Decoder, Encoder
-from mavlink_broker.dialect import Message, mavlink
-from mavlink_broker.edge_client import _KNOWN
+from mavlink_broker.edge.client import _KNOWN
+from mavlink_broker.edge.posts import post_for
 from mavlink_broker.effects import Told
 from mavlink_broker.jobs import Develop, Developed
-from mavlink_broker.posts import post_for
-from mavlink_broker.protocol.route import Route
-from mavlink_broker.reporter import Reporter
-from mavlink_broker.vehicle import Vehicle
-from mavlink_broker.workshop import do
+from mavlink_broker.mavlink.addressing import Route
+from mavlink_broker.mavlink.codec import Decoder, Encoder
+from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.vehicle.reporter import Reporter
+from mavlink_broker.vehicle.vehicle import Vehicle
+from mavlink_broker.worker_pool import do
 from tests.unit.edge_server.conftest import (  # noqa: F401  # fixtures
     Edge,
     config,

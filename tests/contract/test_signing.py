@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import common
 
-from mavlink_broker.codec import Decoder, Encoder
-from mavlink_broker.dialect import mavlink
-from mavlink_broker.guard import Guard, VehicleSigning
-from mavlink_broker.key_ring import KeyRing
+from mavlink_broker.mavlink.codec import Decoder, Encoder
+from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mavlink.key_ring import KeyRing
+from mavlink_broker.mavlink.signature_check import Guard, VehicleSigning
 from uav_firmware.modules.mavlink.signing.signature import Signer, SigningClock
 from uav_firmware.modules.mavlink.wire import dialect
 

@@ -15,11 +15,11 @@ import pytest
 
 from afarcloud.enumerations import OrbitType, TrackMode
 from afarcloud.plan import Mission
-from mavlink_broker.dialect import Message
-from mavlink_broker.protocol.parameter_keeper import Loan
-from mavlink_broker.protocol.route import Route
-from mavlink_broker.translation.families import ARDUPILOT, GENERIC, OWN, PX4, Family
-from mavlink_broker.translation.mission import FlightPlan, Home, LiveCommand, translate
+from mavlink_broker.autopilots.families import ARDUPILOT, GENERIC, OWN, PX4, Family
+from mavlink_broker.mavlink.addressing import Route
+from mavlink_broker.mavlink.dialect import Message
+from mavlink_broker.microservices.borrowed_parameters import Loan
+from mavlink_broker.planning.mission import FlightPlan, Home, LiveCommand, translate
 
 FOLDER = Path(__file__).parent / "translation"
 HOME = Home(40.44340, -3.73820, 650.0)

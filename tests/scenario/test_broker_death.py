@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from mavlink_broker.dialect import mavlink
+from mavlink_broker.mavlink.dialect import mavlink
 from tests.soak.broker_death import (
     Death,
     eleven_commands,

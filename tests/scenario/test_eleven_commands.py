@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from afarcloud.enumerations import Status
-from mavlink_broker.dialect import mavlink
+from mavlink_broker.mavlink.dialect import mavlink
 from tests.soak.broker_death import PATIENCE_S, eleven_commands, judge_reports
 from tests.support.flying_world import FlyingWorld
 

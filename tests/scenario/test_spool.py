@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import common
 
-from mavlink_broker.spool.folder import PICTURES, WORDS
+from mavlink_broker.edge.spool import PICTURES, WORDS
 from tests.conformance.ground_station import GroundStation
 from tests.scenario.test_killed_in_flight import RUNNING, has_landed
 from tests.support.system import FarmSystem, running, short_plan, wait_for

@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 
 from afarcloud.enumerations import EventType, Status
-from mavlink_broker.address import parse_links
 from mavlink_broker.app import App
 from mavlink_broker.config import Config
 from mavlink_broker.links.hub import open_links
+from mavlink_broker.links.url import parse_links
 from tests.support.broker_world import go_home, land, mission, takeoff, waypoint
 from tests.support.fake_edge import FakeEdge
 from tests.support.keyboard_world import Clock

@@ -19,7 +19,7 @@ from random import Random
 from typing import Any, Final
 
 from afarcloud.enumerations import Status
-from mavlink_broker.dialect import mavlink
+from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
 from tests.support.fake_edge import FakeEdge
 from tests.support.flying_world import PERFECT, Conditions, FlyingWorld

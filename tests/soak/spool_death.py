@@ -14,7 +14,7 @@ from pathlib import Path
 from random import Random
 from typing import Final
 
-from mavlink_broker.spool.folder import WORDS
+from mavlink_broker.edge.spool import WORDS
 from tests.soak.spool_teller import KEY_FILE, LANES, SPOOL, client_in
 from tests.support.fake_edge import FakeEdgeServer
 from tests.support.system import ROOT, wait_for

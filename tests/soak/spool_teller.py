@@ -9,9 +9,9 @@ from itertools import count
 from pathlib import Path
 from typing import Final
 
-from mavlink_broker.edge_client import EdgeClient
-from mavlink_broker.send_queue import Post, Urgency
-from mavlink_broker.spool.folder import MIB, Spool
+from mavlink_broker.edge.client import EdgeClient
+from mavlink_broker.edge.outbox import Post, Urgency
+from mavlink_broker.edge.spool import MIB, Spool
 from tests.support.spooled_posts import picture, post
 
 KEY_FILE: Final = "broker.key"

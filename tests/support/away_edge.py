@@ -9,9 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from mavlink_broker.send_queue import Post, SendQueue
-from mavlink_broker.spool.folder import Spool
-from mavlink_broker.spool.keeper import Keeper
+from mavlink_broker.edge.outbox import Post, SendQueue
+from mavlink_broker.edge.spool import Spool
+from mavlink_broker.edge.spool_writer import Keeper
 from tests.support.fake_edge import FakeEdge
 
 

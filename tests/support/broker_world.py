@@ -11,14 +11,14 @@ from typing import Any
 import pytest
 
 from afarcloud.enumerations import Status
-from mavlink_broker.address import Address
 from mavlink_broker.app import App
-from mavlink_broker.codec import Encoder
 from mavlink_broker.config import Config
-from mavlink_broker.dialect import Message, mavlink
 from mavlink_broker.jobs import Job, JobOutcome
-from mavlink_broker.session_states import State
-from mavlink_broker.workshop import do
+from mavlink_broker.links.url import Address
+from mavlink_broker.mavlink.codec import Encoder
+from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.mission.states import State
+from mavlink_broker.worker_pool import do
 from tests.support.fake_edge import FakeEdge
 from tests.support.scripted_camera import ScriptedCamera
 from tests.support.scripted_disk import ScriptedDisk

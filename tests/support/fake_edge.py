@@ -14,8 +14,8 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from afarcloud.enumerations import Status
-from mavlink_broker.send_queue import Post
-from mavlink_broker.work import Verdict
+from mavlink_broker.edge.outbox import Post
+from mavlink_broker.edge.work import Verdict
 
 
 class FakeEdge:

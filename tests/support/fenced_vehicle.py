@@ -7,7 +7,7 @@ travel as their values (C cast), as ArduPilot sends them; PX4's that matter here
 from collections.abc import Mapping
 from dataclasses import replace
 
-from mavlink_broker.dialect import Message, mavlink
+from mavlink_broker.mavlink.dialect import Message, mavlink
 from tests.support.broker_world import World
 from tests.support.scripted_missions import ARDUPILOT, PX4, Script, ScriptedMissions
 from tests.support.scripted_vehicle import ScriptedVehicle

@@ -7,11 +7,11 @@ import random
 from pathlib import Path
 from typing import Final
 
-from mavlink_broker.codec import Decoder, Encoder
-from mavlink_broker.dialect import Message, mavlink
-from mavlink_broker.protocol.file_download import FileDownload
-from mavlink_broker.protocol.partial_file import FetchOutcome
-from mavlink_broker.protocol.route import Route
+from mavlink_broker.ftp.download import FileDownload
+from mavlink_broker.ftp.partial_file import FetchOutcome
+from mavlink_broker.mavlink.addressing import Route
+from mavlink_broker.mavlink.codec import Decoder, Encoder
+from mavlink_broker.mavlink.dialect import Message, mavlink
 from tests.support.lossy_link import VEHICLE_ADDRESS, Conditions, LossyLink
 from tests.unit.uav_firmware.modules.mavlink.harness import SYSTEM, empty_topics, judged_by
 from uav_firmware.cal.files import Card

@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from afarcloud.enumerations import Status
-from mavlink_broker.address import Address
 from mavlink_broker.app import App
-from mavlink_broker.codec import Decoder
 from mavlink_broker.config import Config
-from mavlink_broker.dialect import Message, mavlink
+from mavlink_broker.links.url import Address
+from mavlink_broker.mavlink.codec import Decoder
+from mavlink_broker.mavlink.dialect import Message, mavlink
 from sim.config import SimulationConfig
 from sim.simulation import Simulation
 from tests.support.broker_world import InlineJobs

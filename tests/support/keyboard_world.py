@@ -11,10 +11,10 @@ from itertools import count
 from typing import Any, Final, Self
 
 from afarcloud.enumerations import Status
-from mavlink_broker.address import parse_links
 from mavlink_broker.app import App
 from mavlink_broker.config import Config
 from mavlink_broker.links.hub import open_links
+from mavlink_broker.links.url import parse_links
 from sim.tester.happenings import Happening, MissionReceived
 from sim.tester.screens import Place
 from sim.tester.seat import Seat

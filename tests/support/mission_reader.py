@@ -11,7 +11,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 from afarcloud.enumerations import CommandType, PanoramaMode
-from mavlink_broker.dialect import Message, mavlink
+from mavlink_broker.mavlink.dialect import Message, mavlink
 from tests.support.geodesy import LocalGround
 
 TAKEOFF, LAND, WAYPOINT, RETURN = 22, 21, 16, 20

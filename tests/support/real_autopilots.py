@@ -10,7 +10,7 @@ import math
 from dataclasses import replace
 from typing import Final
 
-from mavlink_broker.dialect import mavlink
+from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.scripted_missions import Script
 from tests.support.stored_items import as_ardupilot_keeps, as_px4_keeps
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
-from mavlink_broker.codec import Decoder, Encoder
-from mavlink_broker.dialect import Message, mavlink
+from mavlink_broker.mavlink.codec import Decoder, Encoder
+from mavlink_broker.mavlink.dialect import Message, mavlink
 from tests.support.file_server import ScriptedFiles
 
 JPEG: Final = b"\xff\xd8\xff" + bytes(range(256)) * 20

@@ -4,9 +4,9 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-from mavlink_broker.journal.diary import Note
-from mavlink_broker.journal.folder import JournalFolder
-from mavlink_broker.journal.memo import NOTHING, Memo, Owner
+from mavlink_broker.recovery.folder import JournalFolder
+from mavlink_broker.recovery.progress import Note
+from mavlink_broker.recovery.record import NOTHING, Memo, Owner
 
 
 class ScriptedDisk:

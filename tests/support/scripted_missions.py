@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from mavlink_broker.dialect import Message, MissionAck, MissionCount, mavlink
+from mavlink_broker.mavlink.dialect import Message, MissionAck, MissionCount, mavlink
 from tests.support.stored_items import Keeping
 
 _REPEAT_REQUEST_S = 0.25

@@ -3,7 +3,7 @@
 import math
 from typing import Final
 
-from mavlink_broker.dialect import Message, mavlink
+from mavlink_broker.mavlink.dialect import Message, mavlink
 
 TELEMETRY_S: Final = 0.2
 IDS: Final = {

@@ -10,8 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from afarcloud.geodesy import distance_m, shifted
-from mavlink_broker.codec import Decoder, Encoder
-from mavlink_broker.dialect import Message, MissionCurrent, mavlink
+from mavlink_broker.mavlink.codec import Decoder, Encoder
+from mavlink_broker.mavlink.dialect import Message, MissionCurrent, mavlink
 from tests.support.scripted_missions import ARDUPILOT, PX4, Script, ScriptedMissions
 from tests.support.scripted_streams import TELEMETRY_S, ScriptedStreams
 

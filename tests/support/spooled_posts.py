@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from mavlink_broker.send_queue import Post, Urgency
+from mavlink_broker.edge.outbox import Post, Urgency
 
 
 def post(lane: str = "mission_report", number: int = 0, **changed: Any) -> Post:

@@ -107,7 +107,7 @@ def test_every_image_has_the_packages_that_its_program_loads_and_no_others(targe
 @pytest.mark.parametrize("stage", ["broker-files", "vehicle-files"])
 def test_the_one_dialect_that_is_kept_is_the_one_that_is_spoken(stage: str) -> None:
     module = {
-        "broker-files": "mavlink_broker.dialect",
+        "broker-files": "mavlink_broker.mavlink.dialect",
         "vehicle-files": "uav_firmware.modules.mavlink.wire.dialect",
     }[stage]
     file = file_of(module)

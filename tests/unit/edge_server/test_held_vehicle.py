@@ -4,9 +4,9 @@ from collections.abc import Callable
 
 import pytest
 
-from mavlink_broker.dialect import mavlink
-from mavlink_broker.send_queue import Post
-from mavlink_broker.work import Verdict
+from mavlink_broker.edge.outbox import Post
+from mavlink_broker.edge.work import Verdict
+from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.broker_world import World, first_flight
 from tests.support.fake_edge import FakeEdge
 from tests.unit.edge_server.conftest import Edge

@@ -5,8 +5,8 @@ import dataclasses
 import pytest
 
 from afarcloud.enumerations import AlarmCode, AlarmType, Status
-from mavlink_broker.dialect import Message, mavlink
-from mavlink_broker.session_states import State
+from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.mission.states import State
 from tests.support.broker_world import (
     World,
     first_flight,

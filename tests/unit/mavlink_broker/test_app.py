@@ -4,11 +4,11 @@ import dataclasses
 
 import pytest
 
-from mavlink_broker.codec import Decoder, Encoder
 from mavlink_broker.config import Config
-from mavlink_broker.dialect import mavlink
 from mavlink_broker.fleet import AUTOPILOT
-from mavlink_broker.session_states import State
+from mavlink_broker.mavlink.codec import Decoder, Encoder
+from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mission.states import State
 from tests.support.broker_world import (
     FINISHED,
     World,

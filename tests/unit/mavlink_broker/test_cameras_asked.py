@@ -1,13 +1,13 @@
 """What is concluded from the states that the cameras of one vehicle tell."""
 
 from afarcloud.commands import CameraImage
-from mavlink_broker.capture_judge import PATIENCE_S, SILENT_AFTER_S, CaptureJudge, Verdict
-from mavlink_broker.codec import Decoder, Encoder
-from mavlink_broker.dialect import Message, mavlink
-from mavlink_broker.protocol.route import Route
-from mavlink_broker.series_watch import PATIENCE_S as SERIES_PATIENCE_S
-from mavlink_broker.series_watch import SeriesWatch
-from mavlink_broker.vehicle import Vehicle
+from mavlink_broker.live.capture_check import PATIENCE_S, SILENT_AFTER_S, CaptureJudge, Verdict
+from mavlink_broker.live.series_monitor import PATIENCE_S as SERIES_PATIENCE_S
+from mavlink_broker.live.series_monitor import SeriesWatch
+from mavlink_broker.mavlink.addressing import Route
+from mavlink_broker.mavlink.codec import Decoder, Encoder
+from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.vehicle.vehicle import Vehicle
 
 CREATE = mavlink.MAV_CMD_PANORAMA_CREATE
 FIRST, SECOND = mavlink.MAV_COMP_ID_CAMERA, mavlink.MAV_COMP_ID_CAMERA2

@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from afarcloud.enumerations import Status
-from mavlink_broker.dialect import mavlink
+from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.broker_world import GENERIC, World, go_home, mission, takeoff, waypoint
 from tests.support.scripted_vehicle import (
     PX4,

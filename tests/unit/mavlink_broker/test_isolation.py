@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 
 from afarcloud.enumerations import Status
-from mavlink_broker.dialect import mavlink
-from mavlink_broker.ending import Ending
+from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mission.abort_executor import Ending
+from mavlink_broker.mission.states import State
+from mavlink_broker.routing.routing import Traffic
 from mavlink_broker.session import Session
-from mavlink_broker.session_states import State
-from mavlink_broker.traffic import Traffic
 from tests.support.broker_world import FINISHED, World, first_flight
 from tests.support.fenced_vehicle import ARDUPILOT_VALUES, PX4_VALUES, FencedVehicle
 from tests.support.scripted_missions import ARDUPILOT, PX4, Script

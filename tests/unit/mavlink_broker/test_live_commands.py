@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from afarcloud.enumerations import Status
-from mavlink_broker.dialect import mavlink
-from mavlink_broker.session_states import State
-from mavlink_broker.translation.families import OWN_PRODUCT
+from mavlink_broker.autopilots.families import OWN_PRODUCT
+from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
 from tests.support.scripted_vehicle import (
     ARDUPILOT,

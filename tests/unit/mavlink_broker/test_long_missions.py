@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from afarcloud.enumerations import Status
-from mavlink_broker.dialect import mavlink
+from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
 from tests.support.scripted_vehicle import ARDUPILOT, PX4, Script
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from afarcloud.enumerations import Status
-from mavlink_broker.spool.folder import Spool
+from mavlink_broker.edge.spool import Spool
 from tests.support.broker_world import first_flight
 from tests.support.fake_edge import FakeEdgeServer
 from tests.support.scripted_vehicle import PX4, ScriptedVehicle

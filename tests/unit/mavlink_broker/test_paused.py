@@ -9,8 +9,8 @@ from collections.abc import Callable
 import pytest
 
 from afarcloud.enumerations import Status
-from mavlink_broker.dialect import mavlink
-from mavlink_broker.session_states import State
+from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, go_home, mission, takeoff
 from tests.support.scripted_vehicle import PX4, PX4_HOLD, PX4_LAND, PX4_MISSION, Script
 from tests.unit.mavlink_broker.test_events import ABORT, SOFT_ABORT, said

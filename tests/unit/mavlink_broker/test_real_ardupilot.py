@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from afarcloud.enumerations import Status
-from mavlink_broker.dialect import mavlink
-from mavlink_broker.session_states import State
+from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mission.states import State
 from tests.support.broker_world import (
     FINISHED,
     World,

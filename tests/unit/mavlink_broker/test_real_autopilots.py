@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from afarcloud.enumerations import Status
-from mavlink_broker.codec import Decoder
-from mavlink_broker.dialect import mavlink
+from mavlink_broker.mavlink.codec import Decoder
+from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.broker_world import (
     FINISHED,
     World,

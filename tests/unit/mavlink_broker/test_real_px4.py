@@ -8,8 +8,8 @@ import dataclasses
 import pytest
 
 from afarcloud.enumerations import Status
-from mavlink_broker.attendance import AWAY_S
-from mavlink_broker.dialect import mavlink
+from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.vehicle.gcs_heartbeat import AWAY_S
 from tests.support.broker_world import (
     FINISHED,
     World,

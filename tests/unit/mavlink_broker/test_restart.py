@@ -5,9 +5,9 @@ import dataclasses
 import pytest
 
 from afarcloud.enumerations import Status
-from mavlink_broker.codec import Decoder
-from mavlink_broker.dialect import mavlink
-from mavlink_broker.session_states import State
+from mavlink_broker.mavlink.codec import Decoder
+from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mission.states import State
 from tests.support.broker_world import (
     World,
     first_flight,

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from afarcloud.enumerations import Status
-from mavlink_broker.dialect import mavlink
-from mavlink_broker.session_states import State
+from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, first_flight, mission, takeoff, waypoint
 from tests.support.scripted_vehicle import PX4, PX4_HOLD, PX4_LAND, PX4_POSITION, PX4_RETURN
 from tests.unit.mavlink_broker.test_events import ABORT, POINT, SOFT_ABORT, SPEED, said, world_at

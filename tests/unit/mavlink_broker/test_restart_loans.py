@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from afarcloud.enumerations import EventType, Status
-from mavlink_broker.session_states import State
+from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, first_flight, go_home, mission, takeoff
 from tests.support.fenced_vehicle import (
     ARDUPILOT_VALUES,
@@ -21,8 +21,8 @@ from tests.support.fenced_vehicle import (
     fenced_vehicle,
 )
 from tests.support.scripted_vehicle import ARDUPILOT, PX4, PX4_FOLLOW, Script
+from tests.unit.mavlink_broker.mission.test_geofence_transfer import POINT, fence, placed, square
 from tests.unit.mavlink_broker.test_borrowing import circle, follow
-from tests.unit.mavlink_broker.test_fencing import POINT, fence, placed, square
 
 DISK_LAG_S = 0.05
 WITH_RATE: dict[str, Any] = ARDUPILOT_VALUES | {"CIRCLE_RATE": 20.0, "CIRCLE_OPTIONS": 1.0}

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from afarcloud.enumerations import EventType, Status
-from mavlink_broker.dialect import mavlink
-from mavlink_broker.session_states import State
+from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mission.states import State
 from tests.support.broker_world import (
     FAMILIES,
     FINISHED,

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from afarcloud.enumerations import EventType, Status
-from mavlink_broker.dialect import mavlink
+from mavlink_broker.mavlink.dialect import mavlink
 from tests.soak.broker_death import Undisturbed, judge_orders, judge_reports, scripted, sorties
 from tests.support.away_edge import AwayEdge
 from tests.support.broker_world import World, first_flight, mission

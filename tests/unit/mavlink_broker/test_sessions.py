@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from afarcloud.enumerations import Status
-from mavlink_broker.codec import Encoder
-from mavlink_broker.dialect import Message, mavlink
+from mavlink_broker.mavlink.codec import Encoder
+from mavlink_broker.mavlink.dialect import Message, mavlink
 from tests.support.broker_world import FINISHED, World, first_flight
 from tests.support.real_autopilots import COPTER_4_6, PX4_1_17
 from tests.support.scripted_vehicle import PX4, Script, ScriptedVehicle

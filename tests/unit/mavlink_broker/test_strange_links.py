@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavlink_broker.codec import SOURCES_KEPT, Decoder, Encoder
-from mavlink_broker.command_line.program import begin_log
+from mavlink_broker.cli.program import begin_log
 from mavlink_broker.config import Config
-from mavlink_broker.dialect import Message, mavlink
-from mavlink_broker.guard import Guard, VehicleSigning
-from mavlink_broker.key_ring import KeyRing
-from mavlink_broker.translation.target_track import LeadTrack
-from mavlink_broker.translation.telemetry import Snapshot
+from mavlink_broker.mavlink.codec import SOURCES_KEPT, Decoder, Encoder
+from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.mavlink.key_ring import KeyRing
+from mavlink_broker.mavlink.signature_check import Guard, VehicleSigning
+from mavlink_broker.planning.target_track import LeadTrack
+from mavlink_broker.vehicle.telemetry import Snapshot
 from tests.support.broker_world import FINISHED, World, first_flight
 from tests.support.scripted_vehicle import PX4
 

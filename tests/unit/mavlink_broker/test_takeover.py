@@ -11,8 +11,8 @@ from typing import Any, Final
 import pytest
 
 from afarcloud.enumerations import Status
-from mavlink_broker.dialect import Message, mavlink
-from mavlink_broker.session_states import State
+from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.mission.states import State
 from tests.support.broker_world import (
     GENERIC,
     World,

@@ -10,8 +10,8 @@ import pytest
 
 from afarcloud.enumerations import Status, TrackMode
 from afarcloud.geodesy import offset, shifted
-from mavlink_broker.codec import Encoder
-from mavlink_broker.dialect import mavlink
+from mavlink_broker.mavlink.codec import Encoder
+from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.broker_world import World, go_home, mission, takeoff
 from tests.support.scripted_vehicle import (
     ARDUPILOT,

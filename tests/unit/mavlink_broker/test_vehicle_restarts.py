@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 
 from afarcloud.enumerations import Status
-from mavlink_broker.codec import Decoder, Encoder
-from mavlink_broker.dialect import mavlink
-from mavlink_broker.protocol.route import Route
-from mavlink_broker.session_states import State
-from mavlink_broker.vehicle import Vehicle
+from mavlink_broker.mavlink.addressing import Route
+from mavlink_broker.mavlink.codec import Decoder, Encoder
+from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mission.states import State
+from mavlink_broker.vehicle.vehicle import Vehicle
 from tests.support.broker_world import World
 from tests.support.scripted_vehicle import (
     ARDUPILOT,

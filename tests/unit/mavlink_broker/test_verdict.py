@@ -4,9 +4,9 @@ import dataclasses
 
 import pytest
 
-from mavlink_broker.dialect import mavlink
-from mavlink_broker.session_states import State
-from mavlink_broker.translation.families import OWN_PRODUCT
+from mavlink_broker.autopilots.families import OWN_PRODUCT
+from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mission.states import State
 from tests.support.broker_world import (
     FINISHED,
     World,

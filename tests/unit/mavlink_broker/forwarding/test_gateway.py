@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavlink_broker.codec import Decoder, Encoder, encoded_as
-from mavlink_broker.dialect import Source, mavlink
 from mavlink_broker.forwarding.gateway import WATCHED_S, Crossing, Gateway
 from mavlink_broker.forwarding.refusals import KINDS_KEPT
 from mavlink_broker.forwarding.verdict import Tenure
-from mavlink_broker.frames import sequence, signed, unsigned
+from mavlink_broker.mavlink.codec import Decoder, Encoder, encoded_as
+from mavlink_broker.mavlink.dialect import Source, mavlink
+from mavlink_broker.mavlink.frames import sequence, signed, unsigned
 
 OWN, GROUND = 254, Source(255, 190)
 HEARTBEAT = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavlink_broker.codec import Decoder, Encoder
-from mavlink_broker.dialect import mavlink
 from mavlink_broker.forwarding import allowed
 from mavlink_broker.forwarding.policy import judge
 from mavlink_broker.forwarding.verdict import Answer, Later, Pass, Refuse, Tenure, Verdict
+from mavlink_broker.mavlink.codec import Decoder, Encoder
+from mavlink_broker.mavlink.dialect import mavlink
 
 MISSION = Tenure.MISSION
 POSITION = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT

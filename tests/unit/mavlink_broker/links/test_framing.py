@@ -3,10 +3,10 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavlink_broker.codec import Encoder
-from mavlink_broker.dialect import mavlink
-from mavlink_broker.frames import LARGEST_FRAME, signed
 from mavlink_broker.links.framing import COMPLETE_WITHIN_S, FrameScanner
+from mavlink_broker.mavlink.codec import Encoder
+from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mavlink.frames import LARGEST_FRAME, signed
 
 HEARTBEAT = mavlink.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3)
 NOISE = st.binary(max_size=60)

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from mavlink_broker.address import Address, LinkUrl
-from mavlink_broker.codec import Encoder
-from mavlink_broker.dialect import mavlink
 from mavlink_broker.links.hub import Hub, open_links
 from mavlink_broker.links.link import LinkError
 from mavlink_broker.links.stream import QUEUE_BYTES
+from mavlink_broker.links.url import Address, LinkUrl
+from mavlink_broker.mavlink.codec import Encoder
+from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.lines import Cable, hear_until
 
 HEARTBEAT = mavlink.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3)

@@ -7,12 +7,12 @@ from contextlib import contextmanager
 
 import pytest
 
-from mavlink_broker.address import Address, LinkUrl
-from mavlink_broker.codec import Encoder
-from mavlink_broker.dialect import mavlink
 from mavlink_broker.links.hub import Hub, open_links
 from mavlink_broker.links.link import PortBusyError
 from mavlink_broker.links.tcp import CLIENTS
+from mavlink_broker.links.url import Address, LinkUrl
+from mavlink_broker.mavlink.codec import Encoder
+from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.lines import PATIENCE_S, hear_until
 
 HOST = "127.0.0.1"

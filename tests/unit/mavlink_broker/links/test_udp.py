@@ -5,9 +5,9 @@ import threading
 
 import pytest
 
-from mavlink_broker.address import Address, LinkUrl
 from mavlink_broker.links.hub import Hub, open_links
 from mavlink_broker.links.link import LinkError, PortBusyError
+from mavlink_broker.links.url import Address, LinkUrl
 from tests.support.lines import hear_until
 
 HOST = "127.0.0.1"

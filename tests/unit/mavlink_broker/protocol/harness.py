@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from typing import Any
 
-from mavlink_broker.codec import Decoder, Encoder
-from mavlink_broker.dialect import Message, mavlink
-from mavlink_broker.protocol.route import Route
+from mavlink_broker.mavlink.addressing import Route
+from mavlink_broker.mavlink.codec import Decoder, Encoder
+from mavlink_broker.mavlink.dialect import Message, mavlink
 
 ROUTE = Route(own_system=254, own_component=191, target_system=1, target_component=1)
 

@@ -4,16 +4,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavlink_broker.dialect import mavlink
-from mavlink_broker.protocol.heartbeat import (
+from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.microservices.heartbeat import (
     NOT_VEHICLES,
     LinkState,
     LinkWatch,
     OwnHeartbeat,
     is_vehicle,
 )
-from mavlink_broker.protocol.reboot import RebootWatch
-from mavlink_broker.protocol.round_trip import (
+from mavlink_broker.microservices.reboot import RebootWatch
+from mavlink_broker.microservices.round_trip import (
     FIRST_TIMEOUT_S,
     LONGEST_TIMEOUT_S,
     SHORTEST_TIMEOUT_S,

@@ -15,12 +15,12 @@ from afarcloud.commands import Command
 from afarcloud.enumerations import CommandType, PanoramaMode, PrecisionLandMode, Profile
 from afarcloud.plan import Mission, Plan
 from afarcloud.vehicle import VehicleLimits
-from mavlink_broker.codec import Decoder, Encoder
-from mavlink_broker.dialect import Message, mavlink
-from mavlink_broker.protocol.route import Route
-from mavlink_broker.translation.families import ARDUPILOT, GENERIC, OWN, PX4, Family
-from mavlink_broker.translation.live import Circled, Face, Order, Series
-from mavlink_broker.translation.mission import (
+from mavlink_broker.autopilots.families import ARDUPILOT, GENERIC, OWN, PX4, Family
+from mavlink_broker.mavlink.addressing import Route
+from mavlink_broker.mavlink.codec import Decoder, Encoder
+from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.planning.live_actions import Circled, Face, Order, Series
+from mavlink_broker.planning.mission import (
     FlightPlan,
     Home,
     Itinerary,
@@ -29,7 +29,7 @@ from mavlink_broker.translation.mission import (
     Segment,
     translate,
 )
-from mavlink_broker.translation.read_back import difference
+from mavlink_broker.planning.read_back import difference
 from tests.support.mission_reader import LIVE_KINDS, MissionReader, ReadCommand
 from tests.support.plan_strategies import missions, plans
 from tests.support.stored_items import as_ardupilot_keeps, as_px4_keeps

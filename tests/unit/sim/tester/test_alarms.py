@@ -5,9 +5,9 @@ import math
 import pytest
 
 from afarcloud.enumerations import AlarmCode
-from mavlink_broker.codec import Decoder, Encoder
-from mavlink_broker.dialect import Message, mavlink
-from mavlink_broker.translation.alarms import AlarmWatch
+from mavlink_broker.mavlink.codec import Decoder, Encoder
+from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.vehicle.alarms import AlarmWatch
 from sim.tester import telemetry
 from sim.tester.actions import SetAlarm
 from sim.tester.alarms import PRESENT, Alarm

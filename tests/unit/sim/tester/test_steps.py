@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 
 from afarcloud.plan import Mission
-from mavlink_broker.translation.families import GENERIC
+from mavlink_broker.autopilots.families import GENERIC
 from sim.tester.steps import Item, steps
-from tests.unit.mavlink_broker.translation.test_mission import missions, over_the_wire, stretches_of
+from tests.unit.mavlink_broker.planning.test_mission import missions, over_the_wire, stretches_of
 
 
 def items_of(messages: list[Any]) -> list[Item]:

@@ -1,0 +1,1 @@
+"""How families of autopilots differ, as tables. Pure."""

@@ -1,0 +1,1 @@
+"""The commands of the program at a terminal: run, fly, translate, vehicles, dead-letters."""

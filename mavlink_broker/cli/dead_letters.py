@@ -1,0 +1,87 @@
+"""`dead-letters`: what the edge server never took, and what is to be done with it.
+
+It reads the state folder and speaks to nobody. What is asked for is carried out by the broker of
+that folder: within a second by one that runs, else by the next one as soon as it starts.
+"""
+
+import argparse
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from mavlink_broker.cli.program import FAILED, SUCCEEDED, UsageError, put
+from mavlink_broker.edge.dead_letters import Kept, order, read_all
+
+_LIST, _RETRY, _DROP = "list", "retry", "drop"
+_SHOWN: Final = 160
+"""Characters of a reason in the table."""
+
+
+def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
+    """List dead letters, or have some sent again or removed; 1 if one of them does not exist.
+
+    Raises:
+        UsageError: if the state folder cannot be used.
+    """
+    parser = _parser(environment)
+    options = parser.parse_args(arguments)
+    folder: Path = options.state_dir / "broker"
+    try:
+        letters = read_all(folder)
+        if options.action == _LIST:
+            _show(letters, as_json=options.json)
+            return SUCCEEDED
+        known = {letter.number for letter in letters}
+        chosen = known if options.all else set(options.numbers)
+        if not chosen and not options.all:
+            parser.error(f"{options.action}: name numbers, or --all")
+        if chosen & known:
+            order(folder, options.action, sorted(chosen & known))
+    except OSError as error:
+        raise UsageError(f"{folder}: {error.strerror}") from error
+    what = "sent again" if options.action == _RETRY else "removed"
+    put(f"{len(chosen & known)} dead letters are {what} by the broker of {folder}")
+    for number in sorted(chosen - known):
+        put(f"there is no dead letter {number}")
+    return FAILED if chosen - known else SUCCEEDED
+
+
+def _show(letters: Sequence[Kept], *, as_json: bool) -> None:
+    if as_json:
+        put(json.dumps({"dead_letters": [_record(*letter) for letter in letters]}, indent=1))
+        return
+    for number, letter in letters:
+        post = letter.post
+        put(f"{number}  vehicle {post.vehicle_id}  POST {post.path}  {letter.reason[:_SHOWN]}")
+    put(f"{len(letters)} dead letters")
+
+
+def _record(number: int, letter: Any) -> dict[str, Any]:
+    post = letter.post
+    return {
+        "number": number,
+        "vehicle_id": post.vehicle_id,
+        "path": post.path,
+        "idempotency_key": post.idempotency_key,
+        "reason": letter.reason,
+        "body": post.body,
+    }
+
+
+def _parser(environment: Mapping[str, str]) -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="mavlink_broker dead-letters",
+        description="Reports that the edge server never took: list them, have them sent again.",
+    )
+    parser.add_argument("action", nargs="?", choices=(_LIST, _RETRY, _DROP), default=_LIST)
+    parser.add_argument("numbers", nargs="*", type=int, help="of the dead letters")
+    parser.add_argument("--all", action="store_true", help="all of them")
+    parser.add_argument("--json", action="store_true", help="as JSON, with bodies")
+    parser.add_argument(
+        "--state-dir",
+        type=Path,
+        default=Path(environment.get("STATE_DIR") or "var"),
+        help="folder of the broker's state: %(default)s (environment: STATE_DIR)",
+    )
+    return parser

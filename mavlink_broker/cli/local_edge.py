@@ -1,0 +1,151 @@
+"""Stands in the edge server's place for one plan: hands its missions out, keeps what comes back."""
+
+import base64
+import logging
+from collections.abc import Callable, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Final
+
+from afarcloud import wire
+from afarcloud.enumerations import EventType, Status
+from afarcloud.numbers import format_time
+from afarcloud.plan import Geofence, Mission, RallyPoint
+from mavlink_broker.edge.outbox import Post
+from mavlink_broker.edge.work import Verdict
+
+_IMAGE: Final = wire.Kind.IMAGE.value
+_REPORT: Final = wire.Kind.MISSION_REPORT.value
+_VEHICLES: Final = "vehicles"
+_LOG = logging.getLogger(__name__)
+_NO_NAMES: Final = frozenset({"", ".", ".."})
+
+
+class LocalEdge:
+    """Work and reports in memory; `told` hears of every report by kind and body.
+
+    A mission is over with its terminal report, or when its work was refused.
+    """
+
+    def __init__(
+        self,
+        missions: Sequence[Mission],
+        told: Callable[[str, dict[str, Any]], None],
+        *,
+        expires_at: datetime | None = None,
+        geofence: Geofence | None = None,
+        rally_points: Sequence[RallyPoint] = (),
+        folder: Path | None = None,
+    ) -> None:
+        self._told = told
+        self._folder = folder
+        self._expires_at = None if expires_at is None else format_time(expires_at)
+        self._rally_points = [wire.write(point) for point in rally_points]
+        self._geofence = None if geofence is None else wire.write(geofence)
+        self._missions = dict(enumerate(missions, 1))
+        self._new: list[dict[str, Any]] = []
+        self._accepted: list[int] = []
+        self._next_id = len(self._missions) + 1
+        self.statuses = {mission.mission_id: Status.NOT_STARTED for mission in missions}
+        self.reasons: dict[int, str] = {}
+
+    @property
+    def is_over(self) -> bool:
+        """Whether every mission has ended."""
+        return all(status.is_terminal for status in self.statuses.values())
+
+    @property
+    def all_finished(self) -> bool:
+        """Whether every mission was flown to its end."""
+        return all(status is Status.FINISHED for status in self.statuses.values())
+
+    def dispatch(self) -> None:
+        """Hand the missions out."""
+        for number, mission in self._missions.items():
+            self._new.append(
+                {
+                    "id": number,
+                    "kind": "mission",
+                    "vehicle_id": mission.vehicle_id,
+                    "plan_id": "local",
+                    "expires_at": self._expires_at,
+                    "geofence": self._geofence,
+                    "rally_points": self._rally_points,
+                    "mission": wire.write(mission),
+                }
+            )
+
+    def abort(self, kind: EventType) -> None:
+        """Interrupt every mission that has not ended."""
+        for mission in self._missions.values():
+            if not self.statuses[mission.mission_id].is_terminal:
+                event = {"vehicle_id": mission.vehicle_id, "event_type_id": int(kind)}
+                work = {"id": self._next_id, "kind": "event", "event": event}
+                self._new.append(work)
+                self._next_id += 1
+
+    def take_work(self) -> list[dict[str, Any]]:
+        """Give what is new."""
+        work, self._new = self._new, []
+        return work
+
+    def take_verdicts(self) -> list[Verdict]:
+        """Let every mission that was accepted be flown."""
+        accepted, self._accepted = self._accepted, []
+        return [Verdict(number, holds=True) for number in accepted]
+
+    @property
+    def waiting_pictures(self) -> int:
+        """None: they are kept at once."""
+        return 0
+
+    def dead_letters_of(self, vehicle_id: int) -> int:
+        """None: everything is taken."""
+        del vehicle_id
+        return 0
+
+    def post(self, post: Post) -> None:
+        """Take what a vehicle's session tells."""
+        first, *more = post.path.strip("/").split("/")
+        if first == "broker":
+            self._acknowledged(int(more[1]), post.body)
+            return
+        if first == _VEHICLES:
+            self._told("vehicle", {"vehicle_id": int(more[0])} | post.body)
+            return
+        if first == _IMAGE:
+            self._save(post.body)
+        if first == _REPORT:
+            self._reported(post.body)
+        self._told(first, post.body)
+
+    def _acknowledged(self, work_id: int, body: dict[str, Any]) -> None:
+        mission = self._missions.get(work_id)
+        if body["status"] == "accepted":
+            self._accepted.append(work_id)
+        if mission is not None and body["status"] == "refused":
+            self._end(mission.mission_id, Status.FAILED, body.get("message"))
+
+    def _reported(self, report: dict[str, Any]) -> None:
+        status = Status(report["mission_status_id"])
+        self._end(report["mission_id"], status, report.get("message"))
+
+    def _end(self, mission_id: int, status: Status, reason: str | None) -> None:
+        if mission_id in self.statuses and not self.statuses[mission_id].is_terminal:
+            self.statuses[mission_id] = status
+        if reason is not None:
+            self.reasons[mission_id] = reason
+
+    def _save(self, image: dict[str, Any]) -> None:
+        """Keep a picture under its own name, which the vocabulary has found harmless."""
+        if self._folder is None:
+            return
+        name = image["name"]
+        if name in _NO_NAMES:
+            name = f"{image['sequence_number']}.{image['format']}"
+        folder = self._folder / f"vehicle-{image['vehicle_id']}"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_bytes(base64.b64decode(image["frame"], validate=True))
+        except OSError as error:
+            _LOG.warning("%s is not kept: %s", folder / name, error.strerror)

@@ -1,0 +1,1 @@
+"""Commands flown live: orbits, tracking, following, panoramas, series of pictures."""

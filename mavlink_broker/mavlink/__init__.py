@@ -1,0 +1,1 @@
+"""MAVLink frames and messages: dialect, framing, codec, signatures, addresses."""

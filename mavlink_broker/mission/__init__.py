@@ -1,0 +1,1 @@
+"""One mission on one vehicle: its states, its progress, who changed it, how it ends."""

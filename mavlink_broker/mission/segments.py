@@ -1,0 +1,167 @@
+"""The stages of one mission on one vehicle: which is flown now, and what it became."""
+
+import math
+from typing import Final
+
+from afarcloud.plan import Mission
+from mavlink_broker.planning.mission import (
+    SPARE_ITEMS,
+    FlightPlan,
+    Itinerary,
+    LiveCommand,
+    Segment,
+    translate,
+)
+from mavlink_broker.planning.situation import Home
+from mavlink_broker.vehicle.vehicle import Vehicle
+
+SHORTEST_ITEMS: Final = 50
+"""A vehicle that has no space for so few items has another reason to refuse them."""
+
+
+class Stages:
+    """An itinerary and a place in it."""
+
+    def __init__(self, mission: Mission, vehicle: Vehicle) -> None:
+        self._mission = mission
+        self._vehicle = vehicle
+        self._itinerary: Itinerary | None = None
+        self._number = 0
+
+    def translate(self) -> None:
+        """Make the itinerary for the vehicle as it is known now; the place in it stays.
+
+        Raises:
+            RefusedError: for the first command that cannot be flown.
+        """
+        vehicle = self._vehicle
+        self._itinerary = translate(
+            self._mission,
+            vehicle.family,
+            vehicle.snapshot.home or Home(0.0, 0.0, 0.0),
+            own_system=vehicle.route.own_system,
+            refused=frozenset(vehicle.refused_items),
+            most_items=vehicle.most_items,
+        )
+
+    @property
+    def itinerary(self) -> Itinerary | None:
+        """The whole of it, once it has been made."""
+        return self._itinerary
+
+    @property
+    def speed_m_s(self) -> float:
+        """At which it is flown."""
+        return self._mission.maximum_speed
+
+    def set_speed(self, speed_m_s: float) -> None:
+        """Fly what is still to come at another speed."""
+        self._mission = self._mission.model_copy(update={"maximum_speed": speed_m_s})
+        if self._itinerary is not None:
+            self.translate()
+
+    def shorten(self) -> bool:
+        """Fly this stretch, which is too long for the vehicle, in two; false if it cannot be."""
+        before = self.plan
+        if len(before.items) <= SHORTEST_ITEMS:
+            return False
+        self._vehicle.most_items = math.ceil(len(before.items) / 2) + SPARE_ITEMS
+        self.translate()
+        self.go_to(before.first_command)
+        return len(self.plan.items) < len(before.items)
+
+    @property
+    def longest(self) -> int:
+        """How many items the longest stretch has."""
+        return max(
+            (len(part.items) for part in self._segments if isinstance(part, FlightPlan)), default=0
+        )
+
+    def do_without(self, item: int) -> bool:
+        """Translate again without the command of an item; whether that changes anything."""
+        before = self.plan
+        self._vehicle.refused_items.add(before.items[item].command)
+        self.translate()
+        return self.plan.items != before.items
+
+    @property
+    def notes(self) -> tuple[tuple[str, ...], ...]:
+        """Per command: what was left out or is done in another way."""
+        return () if self._itinerary is None else self._itinerary.notes
+
+    @property
+    def ends_on_ground(self) -> bool:
+        """Whether the vehicle stands when all stages are over."""
+        return self._itinerary is None or self._itinerary.ends_on_ground
+
+    @property
+    def current(self) -> Segment:
+        """The stage that is flown; before there is one, a stretch of nothing."""
+        return FlightPlan.empty() if self._itinerary is None else self._segments[self._number]
+
+    @property
+    def plan(self) -> FlightPlan:
+        """The stretch of items that is flown; a stretch of nothing in a live command."""
+        current = self.current
+        return current if isinstance(current, FlightPlan) else FlightPlan.empty()
+
+    @property
+    def live(self) -> LiveCommand:
+        """The live command that is flown.
+
+        Raises:
+            TypeError: if items are being flown.
+        """
+        current = self.current
+        if not isinstance(current, LiveCommand):
+            raise TypeError("no live command is being flown")
+        return current
+
+    @property
+    def has_moved(self) -> bool:
+        """Whether this stage or one before it moves the vehicle."""
+        return self._moves(self._number + 1)
+
+    @property
+    def is_on_ground(self) -> bool:
+        """Whether the vehicle stands when this stage is over, if any has moved it."""
+        return Itinerary(self._segments[: self._number + 1]).ends_on_ground
+
+    @property
+    def is_from_ground(self) -> bool:
+        """Whether the vehicle stands before this stage."""
+        before = Itinerary(self._segments[: self._number])
+        return not self._moves(self._number) or before.ends_on_ground
+
+    def _moves(self, count: int) -> bool:
+        """Whether one of the first so many stages moves the vehicle."""
+        return any(
+            isinstance(segment, FlightPlan) or segment.action.moves
+            for segment in self._segments[:count]
+        )
+
+    @property
+    def is_first(self) -> bool:
+        """Whether no stage lies before."""
+        return self._number == 0
+
+    @property
+    def is_last(self) -> bool:
+        """Whether no stage follows."""
+        return self._number + 1 >= len(self._segments)
+
+    def advance(self) -> bool:
+        """Go to the next stage; false if there is none."""
+        if self.is_last:
+            return False
+        self._number += 1
+        return True
+
+    def go_to(self, command: int) -> None:
+        """Go to the stage of a command."""
+        if self._itinerary is not None:
+            self._number = self._itinerary.segment_of(command)
+
+    @property
+    def _segments(self) -> tuple[Segment, ...]:
+        return () if self._itinerary is None else self._itinerary.segments

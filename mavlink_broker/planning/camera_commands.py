@@ -1,0 +1,214 @@
+"""Pictures, video and panoramas: as mission items, or live where the vehicle's place is unknown.
+
+A gimbal's or camera's command that the vehicle has refused as an item is replaced by the older
+one, as ground stations do.
+"""
+
+import math
+import zlib
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+from afarcloud.commands import CameraImage, CameraPanorama, VideoStartCapture, VideoStopCapture
+from afarcloud.enumerations import PanoramaMode
+from mavlink_broker.autopilots.families import Family
+from mavlink_broker.mavlink import mission_item
+from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mavlink.mission_item import MissionItem
+from mavlink_broker.microservices.command import CommandLong, long_command
+from mavlink_broker.planning.live_actions import Face, Lasted, LiveAction, Order, Series, Step
+from mavlink_broker.planning.situation import Items, Refusal, Situation
+
+CAMERA: Final[int] = mavlink.MAV_COMP_ID_CAMERA
+PANORAMA_WITHIN_S: Final = 180.0
+PANORAMA_WORKS_S: Final = 20.0
+"""Eight pictures take this project's camera some six seconds."""
+_STEP_DEG: Final = 45.0
+_SHOTS: Final = {PanoramaMode.FULL_CIRCLE: 8, PanoramaMode.HALF_CIRCLE: 5}
+_SPAN_DEG: Final = {PanoramaMode.FULL_CIRCLE: 360.0, PanoramaMode.HALF_CIRCLE: 180.0}
+_SETTLE_S: Final = 2.0
+TURNED_WITHIN_S: Final = 600.0
+_TURNS_ITSELF: Final = "the vehicle turns from picture to picture: the camera takes no panoramas"
+_NO_GIMBAL: Final = "the vehicle has no gimbal: pitch_angle and yaw_angle were left out"
+_SEQUENCES: Final = 2**23
+"""Numbers that a float carries exactly."""
+_OURSELVES: Final = (-2.0, -2.0)
+"""Who is to be first in control of a gimbal: system and component that say so."""
+_AS_BEFORE: Final = (-1.0, -1.0)
+_EARTH: Final = float(
+    mavlink.GIMBAL_MANAGER_FLAGS_YAW_IN_EARTH_FRAME | mavlink.GIMBAL_MANAGER_FLAGS_YAW_LOCK
+)
+_VEHICLE: Final = float(mavlink.GIMBAL_MANAGER_FLAGS_YAW_IN_VEHICLE_FRAME)
+
+
+def image(command: CameraImage, situation: Situation) -> Items | LiveAction:
+    """Point the camera, take the pictures, wait until they are taken.
+
+    The yaw counts from north; without one the camera looks along the nose.
+    """
+    p = command.parameters
+    duration_s = max(1.0, (p.photo_count - 1) * p.time_interval + 1.0)
+    number = _picture_number(situation.mission_id, command.command_id)
+    shots = (float(p.time_interval), float(p.photo_count))
+    aim = p.pitch_angle, p.yaw_angle
+    slew_s = 0.0 if aim == situation.aim else situation.family.gimbal_slew_s
+    if situation.after_live:
+        return _live_image(situation.family, aim, shots, number, duration_s + slew_s)
+    pointing, notes = _pointing(p.pitch_angle, p.yaw_angle, situation)
+    wholes = situation.family.whole_parameters.get(mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW)
+    if wholes and (p.pitch_angle % 1.0 or (p.yaw_angle or 0.0) % 1.0):
+        notes = (*notes, f"{situation.family.name} points its gimbal in whole degrees")
+    capture, more = _capture(shots, number, situation.refused)
+    items = (*pointing, capture, mission_item.delay(duration_s + (slew_s if pointing else 0.0)))
+    return Items(items, len(items) - 1, (*notes, *more))
+
+
+def video_start(command: VideoStartCapture, situation: Situation) -> Items | LiveAction:
+    """Start recording."""
+    p = command.parameters
+    family = situation.family
+    values = (float(p.video_stream_id), p.freq)
+    part = _video(mavlink.MAV_CMD_VIDEO_START_CAPTURE, values, situation)
+    if p.freq == 0.0 or family.honours_video_frequency:
+        return part
+    return replace(part, notes=(f"freq: {family.name} tells nothing while it records",))
+
+
+def video_stop(command: VideoStopCapture, situation: Situation) -> Items | LiveAction:
+    """Stop recording."""
+    values = (float(command.parameters.video_stream_id), 0.0)
+    return _video(mavlink.MAV_CMD_VIDEO_STOP_CAPTURE, values, situation)
+
+
+def panorama(command: CameraPanorama, situation: Situation) -> Items | LiveAction | Refusal:
+    """Have the camera take it where it can, else turn the vehicle from picture to picture."""
+    mode = command.parameters.panorama_mode
+    if situation.family.takes_panoramas:
+        angles = (_SPAN_DEG[mode], math.nan, math.nan, math.nan)
+        create = long_command(mavlink.MAV_CMD_PANORAMA_CREATE, *angles, component=CAMERA)
+        in_hold = tuple((*way, create) for way in situation.family.holding)
+        begin = (*in_hold, (create,))  # It is refused where the vehicle does not hold its place
+        return LiveAction(
+            begin=begin,
+            end=Lasted(),
+            within_s=PANORAMA_WITHIN_S,
+            works_s=PANORAMA_WORKS_S,
+            moves=False,
+        )
+    if situation.spot is None:
+        return _turned_panorama(command, situation)
+    middle_deg = situation.heading_deg or 0.0
+    first_deg = middle_deg - (90.0 if mode is PanoramaMode.HALF_CIRCLE else 0.0)
+    items: list[MissionItem] = []
+    for shot in range(_SHOTS[mode]):
+        yaw_deg = (first_deg + shot * _STEP_DEG) % 360.0
+        number = _picture_number(situation.mission_id, command.command_id, shot)
+        items += _turn(yaw_deg, situation)
+        items.append(_capture((0.0, 1.0), number, situation.refused)[0])
+    items.append(mission_item.delay(1.0))
+    return Items(tuple(items), len(items) - 1, (_TURNS_ITSELF,))
+
+
+def _turned_panorama(command: CameraPanorama, situation: Situation) -> LiveAction | Refusal:
+    """Turn on the spot, wherever a live command or an earlier mission has left the vehicle."""
+    family, mode = situation.family, command.parameters.panorama_mode
+    if not situation.after_live:
+        return Refusal("command_type_id", "no command before it brings the vehicle to a place")
+    first_deg = -90.0 if mode is PanoramaMode.HALF_CIRCLE else 0.0
+    steps: list[Step] = []
+    for shot in range(_SHOTS[mode]):
+        number = _picture_number(situation.mission_id, command.command_id, shot)
+        take = _to_camera(family, mavlink.MAV_CMD_IMAGE_START_CAPTURE, 0.0, 0.0, 1.0, number)
+        steps += [Face(first_deg + shot * _STEP_DEG, _SETTLE_S), Order(tuple((t,) for t in take))]
+    steps.append(Face(0.0))
+    return LiveAction(
+        begin=family.holding,
+        end=Series(tuple(steps)),
+        within_s=TURNED_WITHIN_S,
+        notes=(_TURNS_ITSELF,),
+    )
+
+
+def _to_camera(family: Family, command: int, *values: float) -> tuple[CommandLong, CommandLong]:
+    """Tell the camera, or the autopilot where that is the camera; the other one in its stead."""
+    camera = long_command(command, *values, component=CAMERA)
+    autopilot = long_command(command, *values)
+    return (autopilot, camera) if family.camera_is_autopilot else (camera, autopilot)
+
+
+def _turn(yaw_deg: float, situation: Situation) -> Sequence[MissionItem]:
+    """Look into a direction from where the vehicle is, and come to rest."""
+    if situation.spot is None:
+        raise ValueError("nobody knows where to turn")
+    by_condition = situation.family.yaw_by_condition
+    stop = mission_item.waypoint(
+        **situation.spot._asdict(), hold_s=_SETTLE_S, yaw_deg=None if by_condition else yaw_deg
+    )
+    return [mission_item.condition_yaw(yaw_deg), stop] if by_condition else [stop]
+
+
+def _pointing(
+    pitch_deg: float, yaw_deg: float | None, situation: Situation
+) -> tuple[tuple[MissionItem, ...], tuple[str, ...]]:
+    """Aim the gimbal by the newest command that has not been refused."""
+    refused = situation.refused
+    if mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW not in refused:
+        flags, yaw = (_VEHICLE, 0.0) if yaw_deg is None else (_EARTH, yaw_deg)
+        rate = situation.family.gimbal_rate_deg_s
+        return (mission_item.point_gimbal(pitch_deg, yaw, flags, no_rate_deg_s=rate),), ()
+    if mavlink.MAV_CMD_DO_MOUNT_CONTROL not in refused:
+        return (mission_item.point_mount(pitch_deg, yaw_deg or 0.0),), ()
+    return (), (_NO_GIMBAL,)
+
+
+def _capture(
+    shots: tuple[float, float], number: float, refused: frozenset[int]
+) -> tuple[MissionItem, tuple[str, ...]]:
+    interval_s, count = shots
+    if mavlink.MAV_CMD_IMAGE_START_CAPTURE not in refused:
+        single = number if count == 1.0 else 0.0
+        return mission_item.take_pictures(interval_s, count, single), ()
+    lost = "" if count == 1.0 else f": one picture instead of {count:.0f}"
+    return mission_item.trigger_camera(), (f"the vehicle knows only a shutter{lost}",)
+
+
+def _live_image(
+    family: Family,
+    aim: tuple[float, float | None],
+    shots: tuple[float, float],
+    number: float,
+    duration_s: float,
+) -> LiveAction:
+    pitch_deg, yaw_deg = aim
+    flags, yaw = (_VEHICLE, 0.0) if yaw_deg is None else (_EARTH, yaw_deg)
+    point = long_command(
+        mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW, pitch_deg, yaw, math.nan, math.nan, flags
+    )
+    control = long_command(mavlink.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE, *_OURSELVES, *_AS_BEFORE)
+    single = number if shots[1] == 1.0 else 0.0
+    takes = _to_camera(family, mavlink.MAV_CMD_IMAGE_START_CAPTURE, 0.0, *shots, single)
+    return LiveAction(
+        begin=((control, point, takes[0]), (point, takes[0]), *((take,) for take in takes)),
+        way_notes=("", "", _NO_GIMBAL, _NO_GIMBAL),
+        end=Lasted(duration_s),
+        within_s=duration_s + PANORAMA_WITHIN_S,
+        moves=False,
+        wants_camera=True,
+    )
+
+
+def _video(command: int, values: tuple[float, float], situation: Situation) -> Items | LiveAction:
+    stream, frequency_hz = values
+    if not situation.after_live and command not in situation.refused:
+        item = MissionItem(command=command, parameters=(stream, frequency_hz, 0.0, 0.0))
+        return Items((item,), 0)
+    ways = tuple((order,) for order in _to_camera(situation.family, command, *values))
+    return LiveAction(
+        begin=ways, end=Lasted(), within_s=PANORAMA_WITHIN_S, moves=False, wants_camera=True
+    )
+
+
+def _picture_number(mission_id: int, command_id: int, shot: int = 0) -> float:
+    """A number that the camera has not seen lately: it ignores a single picture's repetition."""
+    return float(1 + zlib.crc32(f"{mission_id}/{command_id}/{shot}".encode()) % _SEQUENCES)

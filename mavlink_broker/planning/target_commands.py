@@ -1,0 +1,100 @@
+"""Following a target and tracking a subject: both live, both end after a while."""
+
+from typing import Final
+
+from afarcloud.commands import NavFollowTarget, NavTrackSubject
+from afarcloud.enumerations import FollowHeading, TrackMode
+from mavlink_broker.autopilots.families import Following
+from mavlink_broker.autopilots.parameter_settings import BEHIND_DEG, BESIDE_DEG, Loans
+from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.microservices.command import long_command
+from mavlink_broker.microservices.command_sequence import Ways
+from mavlink_broker.planning.live_actions import Lasted, LiveAction, Tracked, reposition
+from mavlink_broker.planning.situation import Situation, Spot
+
+FOLLOWED_FOR_S: Final = 60.0
+"""AFarCloud gives no end; an event may end it earlier."""
+TRACKED_FOR_S: Final = 60.0
+SLACK_S: Final = 120.0
+_ANGLES_DEG: Final = {TrackMode.TRACE: BEHIND_DEG, TrackMode.PROFILE: BESIDE_DEG}
+_FIXED_HEIGHT: Final = 2.0  # Altitude mode of DO_FOLLOW
+
+
+def follow(command: NavFollowTarget, situation: Situation) -> LiveAction:
+    """Follow a target that is told to the vehicle; where that is not known, go to its place."""
+    p, family = command.parameters, situation.family
+    height_m = max(p.altitude, family.lowest_follow_m)
+    spot = Spot(p.latitude, p.longitude, height_m)
+    ways = _following(situation, height_m)
+    lost = ["" for _ in ways]
+    notes = []
+    if height_m > p.altitude:
+        notes.append(f"altitude: {family.name} follows no lower than {height_m:g} m")
+    if p.heading is not FollowHeading.TOWARD_FOLLOW_POSITION:
+        notes.append("heading: nobody steers it by hand, the nose points to the target")
+    return LiveAction(
+        begin=(*ways, (reposition(spot, situation.home),)),
+        way_notes=(*lost, "the vehicle follows nothing: it waits at the target's place"),
+        follow=spot,
+        loans=family.follow_loans(height_m, BEHIND_DEG, situation.own_system),
+        end=Lasted(FOLLOWED_FOR_S),
+        finish=family.holding,
+        within_s=FOLLOWED_FOR_S + SLACK_S,
+        notes=tuple(notes),
+    )
+
+
+def _following(situation: Situation, height_m: float) -> Ways:
+    """How a vehicle is told to follow us at a height above home."""
+    order = long_command(
+        mavlink.MAV_CMD_DO_FOLLOW, situation.own_system, 0.0, 0.0, _FIXED_HEIGHT, height_m
+    )
+    family = situation.family
+    by_command: Ways = ((order,),) if family.following is Following.BY_COMMAND else ()
+    return (*by_command, *family.follow_modes)
+
+
+def track(command: NavTrackSubject, situation: Situation) -> LiveAction:
+    """Have the camera keep to what is inside the rectangle; a point in its middle will do too.
+
+    The mode says what the vehicle does meanwhile: trace follows behind the subject, profile
+    beside it, spotlight turns the nose to it, spotlight pro leaves it to the gimbal, and a quick
+    shot goes round it once.
+    """
+    mode, family = command.parameters.track_mode, situation.family
+    height_m = max(situation.relative_altitude_m, family.lowest_follow_m)
+    moves = mode is not TrackMode.SPOTLIGHT_PRO
+    camera = None if family.camera_is_autopilot else mavlink.MAV_COMP_ID_CAMERA
+    (left, top), (right, bottom) = command.parameters.corners
+    rectangle = long_command(
+        mavlink.MAV_CMD_CAMERA_TRACK_RECTANGLE, left, top, right, bottom, component=camera
+    )
+    middle = ((left + right) / 2.0, (top + bottom) / 2.0)
+    size = min(right - left, bottom - top) / 2.0
+    point = long_command(mavlink.MAV_CMD_CAMERA_TRACK_POINT, *middle, size, component=camera)
+    stop = long_command(mavlink.MAV_CMD_CAMERA_STOP_TRACKING, component=camera)
+    return LiveAction(
+        begin=((rectangle,), (point,)),
+        way_notes=("", "the camera tracks a point instead of a rectangle"),
+        loans=_borrowed(mode, situation, height_m),
+        end=Tracked(
+            mode=mode,
+            duration_s=TRACKED_FOR_S,
+            height_m=height_m,
+            follow=_following(situation, height_m),
+            maximum_speed_m_s=situation.maximum_speed_m_s,
+        ),
+        finish=(*((*way, stop) for way in family.holding), *family.holding)
+        if moves
+        else ((stop,),),
+        within_s=TRACKED_FOR_S + SLACK_S,
+        moves=moves,
+        wants_camera=True,
+    )
+
+
+def _borrowed(mode: TrackMode, situation: Situation, height_m: float) -> Loans:
+    angle_deg = _ANGLES_DEG.get(mode)
+    if angle_deg is None:
+        return ()
+    return situation.family.follow_loans(height_m, angle_deg, situation.own_system)

@@ -1,0 +1,296 @@
+"""Pages as bytes, and bytes as pages: a line with version and checksum, then JSON; pure.
+
+    farm-journal 1 <SHA-256 of the rest, hexadecimal>
+    {"system": 1, "uid": "", "memo": {...}}
+
+Nothing is believed that was not written whole by a program of this version.
+
+PageError  bytes that are no page
+"""
+
+import hashlib
+import math
+from collections.abc import Callable
+from typing import Annotated, Final, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+
+from mavlink_broker.mavlink.mission_item import Four, MissionItem
+from mavlink_broker.microservices.borrowed_config import ExchangedPlan, Items
+from mavlink_broker.microservices.borrowed_parameters import Borrowed
+from mavlink_broker.microservices.plan_kinds import FENCE, RALLY
+from mavlink_broker.recovery.record import AbortNote, Homeward, LiveNote, Memo, Owner, Pose
+
+VERSION: Final = 1
+LARGEST_BYTES: Final = 4_000_000
+MOST_ITEMS: Final = 5_000
+"""Of a fence; vehicles keep some hundreds."""
+_MARK: Final = "farm-journal"
+
+A = TypeVar("A")
+B = TypeVar("B")
+
+_Name = Annotated[str, StringConstraints(pattern=r"^[\x21-\x7e]{1,16}$")]
+_Text = Annotated[str, StringConstraints(max_length=4000)]
+_Degrees = Annotated[float, Field(ge=-214.0, le=214.0, allow_inf_nan=False)]
+"""What an integer of a mission item can say; a vehicle's own items are as they are."""
+_Number = Annotated[float, Field(allow_inf_nan=False)]
+_Single = Annotated[float, Field(ge=-3.5e38, le=3.5e38, allow_inf_nan=False)] | None
+"""A float of a message; None stands for NaN."""
+_Count = Annotated[int, Field(ge=0, lt=2**31)]
+
+
+class PageError(Exception):
+    """Bytes that are no page."""
+
+
+class _Row(BaseModel):
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
+
+
+class _Item(_Row):
+    command: Annotated[int, Field(ge=0, lt=2**16)]
+    frame: Annotated[int, Field(ge=0, lt=2**8)]
+    parameters: tuple[_Single, _Single, _Single, _Single]
+    latitude: _Degrees
+    longitude: _Degrees
+    altitude: _Single
+    fifth: Annotated[int, Field(ge=-(2**31), lt=2**31)] = 0
+
+
+class _Plan(_Row):
+    before: tuple[_Item, ...]
+    placed: tuple[_Item, ...] | None
+
+
+class _Value(_Row):
+    before: _Number
+    placed: Annotated[tuple[_Number, ...], Field(max_length=64)]
+
+
+class _Pose(_Row):
+    latitude: _Degrees
+    longitude: _Degrees
+    altitude: _Number
+    heading: _Number
+
+
+class _Homeward(_Row):
+    mission: _Text
+    reason: _Text
+    noted: _Number | None = None
+
+
+class _Abort(_Row):
+    work: _Count
+    kind: Annotated[int, Field(ge=1, le=2)]
+    point: _Pose | None = None
+    noted: _Number | None = None
+
+
+class _Live(_Row):
+    name: _Text
+    is_agreed: bool
+    began: _Number | None
+    going: _Number | None
+    start: _Pose | None
+    steps: _Count
+
+
+class _Page(_Row):
+    system: Annotated[int, Field(ge=1, le=255)]
+    uid: Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{0,36}$")]
+    fence: _Plan | None = None
+    rally: _Plan | None = None
+    values: dict[_Name, _Value] = {}
+    borrowed: dict[_Name, _Value] = {}
+    hover: _Pose | None = None
+    homeward: _Homeward | None = None
+    abort: _Abort | None = None
+    live: _Live | None = None
+    started: _Text | None = None
+
+
+def encode(owner: Owner, memo: Memo) -> bytes:
+    """Write a page.
+
+    Raises:
+        PageError: if it would not be read again.
+    """
+    try:
+        page = _Page(
+            system=owner.system,
+            uid=owner.uid,
+            fence=_if_any(_plan, memo.plans.get(FENCE)),
+            rally=_if_any(_plan, memo.plans.get(RALLY)),
+            values={name: _value(value) for name, value in memo.values.items()},
+            borrowed={name: _value(value) for name, value in memo.borrowed.items()},
+            hover=_if_any(_pose, memo.hover),
+            homeward=_if_any(_homeward, memo.homeward),
+            abort=_if_any(_abort, memo.abort),
+            live=_if_any(_live, memo.live),
+            started=memo.started,
+        )
+    except ValidationError as error:
+        raise PageError(_first(error)) from error
+    body = page.model_dump_json(exclude_defaults=True).encode()
+    head = f"{_MARK} {VERSION} {hashlib.sha256(body).hexdigest()}\n".encode()
+    if len(head) + len(body) > LARGEST_BYTES:
+        raise PageError(f"it is larger than {LARGEST_BYTES} bytes")
+    return head + body
+
+
+def decode(data: bytes) -> tuple[Owner, Memo]:
+    """Read a page.
+
+    Raises:
+        PageError: if it is none.
+    """
+    head, _, body = data.partition(b"\n")
+    words = head.split(b" ")
+    if len(words) != 3 or words[0] != _MARK.encode():
+        raise PageError("it does not begin like a page of the journal")
+    if words[1] != str(VERSION).encode():
+        raise PageError(f"its version is {words[1][:20]!r}, not {VERSION}")
+    if words[2] != hashlib.sha256(body).hexdigest().encode():
+        raise PageError("its checksum is wrong: it was not written to its end, or was changed")
+    try:
+        page = _Page.model_validate_json(body)
+    except ValidationError as error:
+        raise PageError(_first(error)) from error
+    return Owner(page.system, page.uid), _memo(page)
+
+
+def _memo(page: _Page) -> Memo:
+    rows = {FENCE: page.fence, RALLY: page.rally}
+    return Memo(
+        plans={kind: _read_plan(row) for kind, row in rows.items() if row is not None},
+        values={name: Borrowed(row.before, row.placed) for name, row in page.values.items()},
+        borrowed={name: Borrowed(row.before, row.placed) for name, row in page.borrowed.items()},
+        hover=_if_any(_read_pose, page.hover),
+        homeward=_if_any(_read_homeward, page.homeward),
+        abort=_if_any(_read_abort, page.abort),
+        live=_if_any(_read_live, page.live),
+        started=page.started,
+    )
+
+
+def _if_any(change: Callable[[A], B], value: A | None) -> B | None:
+    return None if value is None else change(value)
+
+
+def _plan(plan: ExchangedPlan) -> _Plan:
+    return _Plan(before=_rows(plan.before), placed=_if_any(_rows, plan.placed))
+
+
+def _read_plan(row: _Plan) -> ExchangedPlan:
+    return ExchangedPlan(_items(row.before), _if_any(_items, row.placed))
+
+
+def _rows(items: Items) -> tuple[_Item, ...]:
+    if len(items) > MOST_ITEMS:
+        raise PageError(f"a fence of {len(items)} items is too large for it")
+    return tuple(map(_item, items))
+
+
+def _item(item: MissionItem) -> _Item:
+    one, two, three, four = map(_finite, item.parameters)
+    return _Item(
+        command=int(item.command),
+        frame=int(item.frame),
+        parameters=(one, two, three, four),
+        latitude=item.latitude_deg,
+        longitude=item.longitude_deg,
+        altitude=_finite(item.altitude_m),
+        fifth=item.fifth,
+    )
+
+
+def _items(rows: tuple[_Item, ...]) -> Items:
+    return tuple(
+        MissionItem(
+            command=row.command,
+            frame=row.frame,
+            parameters=_parameters(row),
+            latitude_deg=row.latitude,
+            longitude_deg=row.longitude,
+            altitude_m=_float(row.altitude),
+            fifth=row.fifth,
+        )
+        for row in rows
+    )
+
+
+def _parameters(row: _Item) -> Four:
+    one, two, three, four = map(_float, row.parameters)
+    return one, two, three, four
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _float(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
+def _value(value: Borrowed) -> _Value:
+    return _Value(before=value.before, placed=value.placed)
+
+
+def _pose(pose: Pose) -> _Pose:
+    latitude, longitude, altitude, heading = pose
+    return _Pose(latitude=latitude, longitude=longitude, altitude=altitude, heading=heading)
+
+
+def _read_pose(row: _Pose) -> Pose:
+    return Pose(row.latitude, row.longitude, row.altitude, row.heading)
+
+
+def _homeward(homeward: Homeward) -> _Homeward:
+    return _Homeward(mission=homeward.mission, reason=homeward.reason, noted=homeward.noted_s)
+
+
+def _read_homeward(row: _Homeward) -> Homeward:
+    return Homeward(mission=row.mission, reason=row.reason, noted_s=row.noted)
+
+
+def _abort(abort: AbortNote) -> _Abort:
+    return _Abort(
+        work=abort.work_id,
+        kind=abort.event_type,
+        point=_if_any(_pose, abort.point),
+        noted=abort.noted_s,
+    )
+
+
+def _read_abort(row: _Abort) -> AbortNote:
+    point = _if_any(_read_pose, row.point)
+    return AbortNote(work_id=row.work, event_type=row.kind, point=point, noted_s=row.noted)
+
+
+def _live(live: LiveNote) -> _Live:
+    return _Live(
+        name=live.name,
+        is_agreed=live.is_agreed,
+        began=live.began_s,
+        going=live.going_s,
+        start=_if_any(_pose, live.start),
+        steps=live.steps,
+    )
+
+
+def _read_live(row: _Live) -> LiveNote:
+    return LiveNote(
+        name=row.name,
+        is_agreed=row.is_agreed,
+        began_s=row.began,
+        going_s=row.going,
+        start=_if_any(_read_pose, row.start),
+        steps=row.steps,
+    )
+
+
+def _first(error: ValidationError) -> str:
+    first = error.errors()[0]
+    return f"{'.'.join(map(str, first['loc'])) or 'JSON'}: {first['msg']}"

@@ -1,0 +1,1 @@
+"""Which frame reaches whom: links of a vehicle, signatures, duplicate system ids."""

@@ -1,0 +1,1 @@
+"""One vehicle as the broker knows it: family, telemetry, mode, health, who is in command."""

@@ -1,0 +1,161 @@
+"""Who is in command of a vehicle, judged from its heartbeat; pure.
+
+The broker is in command while the vehicle is in a mode that an order or a mission of the broker
+leads to, and nobody else has ordered it into that mode: a vehicle acknowledges the order of a
+ground station to everybody, with the number of that system. Any other mode was chosen by the
+vehicle's own failsafe (HEARTBEAT.system_status is MAV_STATE_CRITICAL, which PX4 and ArduPilot set
+while a failsafe acts), or by somebody else: a pilot with a remote control, or another ground
+station. Whoever it is, the broker sends no order from then on (`is_order`).
+"""
+
+from enum import Enum, auto
+from typing import Final, NamedTuple
+
+from mavlink_broker.autopilots.flight_modes import ModeRole
+from mavlink_broker.mavlink.dialect import Message, mavlink
+
+_AUTOMATIC: Final[int] = mavlink.MAV_MODE_FLAG_AUTO_ENABLED | mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
+_MANUAL: Final[int] = mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
+
+ON_THE_WAY: Final = frozenset({ModeRole.MISSION, ModeRole.HOLD, ModeRole.GUIDED})
+"""Modes in which a vehicle in the air waits for the next order, or has not obeyed it yet."""
+COMING_DOWN: Final = ON_THE_WAY | {ModeRole.ENDING}
+"""Modes of a vehicle that has been ordered to land or to return."""
+IN_MISSION: Final = frozenset({ModeRole.MISSION, ModeRole.HOLD})
+"""Modes in which a vehicle flies mission items that it was given, or is paused in them."""
+
+
+_ORDERED: Final = frozenset({ModeRole.HOLD, ModeRole.GUIDED})
+"""Modes in which it shows by its acknowledgement alone that somebody else has given an order."""
+_TAKING: Final = frozenset(
+    {
+        mavlink.MAV_CMD_DO_SET_MODE,
+        mavlink.MAV_CMD_DO_REPOSITION,
+        mavlink.MAV_CMD_DO_PAUSE_CONTINUE,
+        mavlink.MAV_CMD_OVERRIDE_GOTO,
+        mavlink.MAV_CMD_DO_ORBIT,
+        mavlink.MAV_CMD_DO_FOLLOW,
+        mavlink.MAV_CMD_NAV_LOITER_UNLIM,
+    }
+)
+
+
+class InCommand(Enum):
+    """Who decides what a vehicle does."""
+
+    BROKER = auto()
+    FAILSAFE = auto()  # The vehicle itself
+    OTHERS = auto()  # A pilot, or another ground station
+
+
+class Seen(NamedTuple):
+    """What a vehicle's heartbeat says about its mode."""
+
+    mode: str
+    role: ModeRole
+    armed: bool | None  # None: it has not sent a heartbeat yet
+    in_failsafe: bool = False
+    is_manual: bool = False  # By the standard bits, of an autopilot whose modes are not known
+    ordered: "ForeignOrder | None" = None  # What another system has ordered since
+
+
+class ForeignOrder(NamedTuple):
+    """An order that the vehicle has accepted from another system."""
+
+    system: int
+    command: int  # MAV_CMD
+    at: float  # [s] On the broker's clock
+
+
+class Claim(NamedTuple):
+    """The modes in which the broker is in command, in the present phase of a mission."""
+
+    roles: frozenset[ModeRole]
+    mode: str | None = None  # One more, by name: the mode in which the vehicle was armed
+    may_be_armed: bool = True
+    is_exclusive: bool = False  # What another system has ordered in these modes ends it
+
+
+def in_command(seen: Seen, claim: Claim) -> InCommand:
+    """Decide who is in command of a vehicle; nobody else can be while it is disarmed."""
+    if not seen.armed:
+        return InCommand.BROKER
+    is_ours = (seen.role in claim.roles and not seen.is_manual) or seen.mode == claim.mode
+    is_ours &= not (claim.is_exclusive and seen.ordered is not None and seen.role in _ORDERED)
+    if claim.may_be_armed and is_ours:
+        return InCommand.BROKER
+    return InCommand.FAILSAFE if seen.in_failsafe else InCommand.OTHERS
+
+
+def reason(who: InCommand, seen: Seen) -> str:
+    """Say who has taken a vehicle from the broker, for a mission's report."""
+    whose = {
+        InCommand.FAILSAFE: "its own failsafe flies it",
+        InCommand.OTHERS: "another hand flies the vehicle",
+    }.get(who, "the broker flies it")
+    if who is InCommand.OTHERS and seen.ordered is not None and seen.role in _ORDERED:
+        entry = mavlink.enums["MAV_CMD"].get(seen.ordered.command)
+        name = entry.name if entry else f"MAV_CMD {seen.ordered.command}"
+        whose = f"system {seen.ordered.system} has paused or moved it by {name}"
+    return f"the vehicle left the mission: mode {seen.mode}: {whose}"
+
+
+def foreign_order(message: Message, ours: frozenset[int], now: float) -> ForeignOrder | None:
+    """Read a COMMAND_ACK to another system for an order that makes a vehicle hold or go.
+
+    `ours` are the broker and the vehicle itself: PX4 acknowledges what its own modules order too.
+    """
+    if message.get_type() != "COMMAND_ACK" or message.result != mavlink.MAV_RESULT_ACCEPTED:
+        return None
+    system = getattr(message, "target_system", 0)
+    if message.command not in _TAKING or system in {0, *ours}:
+        return None
+    return ForeignOrder(system, message.command, now)
+
+
+def is_manual(base_mode: int) -> bool:
+    """Whether the standard bits of a heartbeat say that a person steers, and nothing else does."""
+    return bool(base_mode & _MANUAL) and not base_mode & _AUTOMATIC
+
+
+def tells_manual(base_mode: int) -> bool:
+    """Whether a heartbeat proves that its vehicle sets these bits by who steers it."""
+    return bool(base_mode & _AUTOMATIC) or not base_mode & _MANUAL
+
+
+_QUESTIONS: Final = frozenset(
+    {
+        "HEARTBEAT",
+        "PING",
+        "TIMESYNC",
+        "REQUEST_DATA_STREAM",
+        "PARAM_REQUEST_READ",
+        "PARAM_REQUEST_LIST",
+        "MISSION_REQUEST_LIST",
+        "MISSION_REQUEST",
+        "MISSION_REQUEST_INT",
+        "MISSION_ACK",
+        "FILE_TRANSFER_PROTOCOL",
+    }
+)
+"""Messages that read from a vehicle, or end a transfer; the broker writes no file."""
+_ASKING_COMMANDS: Final = frozenset(
+    {
+        mavlink.MAV_CMD_REQUEST_MESSAGE,
+        mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
+        mavlink.MAV_CMD_GET_MESSAGE_INTERVAL,
+        mavlink.MAV_CMD_GET_HOME_POSITION,
+        mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES,
+        mavlink.MAV_CMD_REQUEST_CAMERA_INFORMATION,
+        mavlink.MAV_CMD_REQUEST_CAMERA_CAPTURE_STATUS,
+        mavlink.MAV_CMD_REQUEST_CAMERA_IMAGE_CAPTURE,
+    }
+)
+
+
+def is_order(message: Message) -> bool:
+    """Whether a message changes what a vehicle does or keeps, rather than asks for telemetry."""
+    kind = message.get_type()
+    if kind in {"COMMAND_LONG", "COMMAND_INT"}:
+        return message.command not in _ASKING_COMMANDS
+    return kind not in _QUESTIONS

@@ -1,0 +1,290 @@
+"""A vehicle's messages to what the cloud wants to know; what is unknown stays absent.
+
+Angles become degrees, yaw 0 to 360 clockwise from north; positions degrees; altitude metres
+above home, as MAVLink's `relative_alt`; speed is the length of the whole velocity, m/s.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final, NamedTuple, TypedDict
+
+from afarcloud.state import Battery, Pose, StateVector
+from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.planning.situation import Home
+
+_PREARM: Final = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+_NAVIGABLE: Final = mavlink.EKF_POS_HORIZ_ABS | mavlink.EKF_PRED_POS_HORIZ_ABS
+_MAXIMUM_SPEED_M_S: Final = 100.0
+_COUNTER: Final = 1 << 32
+"""Values of `time_boot_ms`."""
+_EARLIEST_UTC_S: Final = 1_420_070_400.0
+"""2015: a clock that shows less has not been set."""
+
+
+class Position(NamedTuple):
+    """Where the vehicle is and how fast it moves."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float  # Above home
+    speed_m_s: float
+
+
+class Attitude(NamedTuple):
+    """How the vehicle lies, degrees."""
+
+    yaw_deg: float  # [0, 360) clockwise from north
+    pitch_deg: float
+    roll_deg: float  # [-180, 180)
+
+
+class _Lies(TypedDict):
+    """What poses and state vectors have in common."""
+
+    latitude: float
+    longitude: float
+    altitude: float
+    yaw: float
+    pitch: float
+    roll: float
+
+
+class MissionNow(NamedTuple):
+    """What MISSION_CURRENT last said."""
+
+    seq: int
+    state: int  # MISSION_STATE, 0 unknown
+    mission_id: int  # 0 where the vehicle gives none
+
+
+@dataclass(slots=True)
+class Snapshot:
+    """The newest of everything that one vehicle has told."""
+
+    armed: bool | None = None
+    base_mode: int = 0
+    custom_mode: int = 0
+    in_failsafe: bool = False  # It does what a failsafe has chosen
+    time_s: float | None = None  # The vehicle's own, since it was switched on
+    booted_at_utc_s: float | None = None  # Since 1970; None: its time of day is not set
+    position: Position | None = None
+    attitude: Attitude | None = None
+    home: Home | None = None
+    home_amsl_m: float | None = None  # By its two altitudes, should it never tell its home
+    battery_fraction: float | None = None
+    battery_capacity_ah: float | None = None
+    landed_state: int = mavlink.MAV_LANDED_STATE_UNDEFINED
+    ready_to_arm: bool | None = None  # None: the vehicle does not say
+    passes_checks: bool = False  # The same, of a vehicle that says no more than that they pass
+    can_navigate: bool | None = None  # By its position estimate; None: it does not say
+    boot_ms: int = 0  # Newest time since boot as it came, which begins at 0 again after 2^32 ms
+    rounds: int = 0  # How often it has
+    has_estimate: bool = True  # Of its place, by ESTIMATOR_STATUS or EKF_STATUS_REPORT
+    has_gps: bool | None = None  # False: its receiver has failed; None: it has not told yet
+    mission: MissionNow | None = None
+
+    @property
+    def is_on_ground(self) -> bool:
+        """Disarmed, and not known to be in the air."""
+        grounded = {mavlink.MAV_LANDED_STATE_UNDEFINED, mavlink.MAV_LANDED_STATE_ON_GROUND}
+        return self.armed is False and self.landed_state in grounded
+
+    @property
+    def lacks_position(self) -> bool:
+        """Whether it cannot find a place: it has no estimate, or only dead reckoning."""
+        return not (self.has_estimate and self.has_gps is not False)
+
+    @property
+    def knows_whether_placed(self) -> bool:
+        """Whether it has told enough to be sent somewhere: its place, and how its sensors are."""
+        return self.position is not None and self.has_gps is not None
+
+    def since_boot_s(self, boot_ms: int) -> float:
+        """Give a time since boot in seconds that go on where the counter ends, after 49.7 days.
+
+        A frame that is late comes from before the end.
+        """
+        rounds = self.rounds
+        if boot_ms - self.boot_ms > _COUNTER // 2:
+            rounds = max(0, rounds - 1)
+        elif self.boot_ms - boot_ms > _COUNTER // 2:
+            rounds += 1
+        return (boot_ms + rounds * _COUNTER) / 1e3
+
+    def clock(self, boot_ms: int) -> float:
+        """Take the newest time since boot; gives it as `since_boot_s` does."""
+        time_s = self.since_boot_s(boot_ms)
+        self.rounds, self.boot_ms = int(time_s * 1e3 + 0.5) // _COUNTER, boot_ms
+        return time_s
+
+    def take(self, message: Message) -> None:
+        """Remember what a message tells; other kinds of message are ignored."""
+        reader = _READERS.get(message.get_type())
+        if reader is not None:
+            reader(self, message)
+
+    def forget(self) -> None:
+        """Drop what a restarted vehicle has to tell anew; the battery's size is a constant."""
+        fresh = Snapshot(battery_capacity_ah=self.battery_capacity_ah)
+        for name in Snapshot.__slots__:
+            setattr(self, name, getattr(fresh, name))
+
+
+def _heartbeat(snapshot: Snapshot, message: Message) -> None:
+    snapshot.armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+    snapshot.base_mode = message.base_mode
+    snapshot.custom_mode = message.custom_mode
+    snapshot.in_failsafe = message.system_status == mavlink.MAV_STATE_CRITICAL
+
+
+def _global_position(snapshot: Snapshot, message: Message) -> None:
+    snapshot.time_s = snapshot.clock(message.time_boot_ms)
+    if not _is_place(message.lat, message.lon):
+        return
+    snapshot.home_amsl_m = (message.alt - message.relative_alt) / 1e3
+    snapshot.position = Position(
+        latitude_deg=message.lat / 1e7,
+        longitude_deg=message.lon / 1e7,
+        altitude_m=message.relative_alt / 1e3,
+        speed_m_s=math.hypot(message.vx, message.vy, message.vz) / 1e2,
+    )
+
+
+def _attitude(snapshot: Snapshot, message: Message) -> None:
+    angles = (message.yaw, message.pitch, message.roll)
+    if all(math.isfinite(angle) for angle in angles):
+        yaw, pitch, roll = (math.degrees(angle) for angle in angles)
+        snapshot.attitude = Attitude(
+            _turn(yaw), max(-90.0, min(90.0, pitch)), _turn(roll + 180.0) - 180.0
+        )
+
+
+def _home(snapshot: Snapshot, message: Message) -> None:
+    if _is_place(message.latitude, message.longitude):
+        snapshot.home = Home(
+            message.latitude / 1e7, message.longitude / 1e7, message.altitude / 1e3
+        )
+
+
+def _battery(snapshot: Snapshot, message: Message) -> None:
+    if message.id == 0:
+        remaining = message.battery_remaining
+        snapshot.battery_fraction = remaining / 100.0 if 0 <= remaining <= 100 else None
+
+
+def _system_time(snapshot: Snapshot, message: Message) -> None:
+    utc_s = message.time_unix_usec / 1e6
+    is_set = utc_s >= _EARLIEST_UTC_S
+    since_boot_s = snapshot.since_boot_s(message.time_boot_ms)
+    snapshot.booted_at_utc_s = utc_s - since_boot_s if is_set else None
+
+
+def _extended_state(snapshot: Snapshot, message: Message) -> None:
+    snapshot.landed_state = message.landed_state
+
+
+def _system_status(snapshot: Snapshot, message: Message) -> None:
+    """A check that is present but switched off (ARMING_CHECK = 0) says nothing."""
+    present = message.onboard_control_sensors_present & message.onboard_control_sensors_enabled
+    healthy = bool(message.onboard_control_sensors_health & _PREARM)
+    snapshot.passes_checks = healthy
+    has_failed = present_and_failed(message, mavlink.MAV_SYS_STATUS_SENSOR_GPS)
+    snapshot.has_gps = not has_failed
+    snapshot.ready_to_arm = healthy if present & _PREARM else None
+
+
+def present_and_failed(message: Message, bits: int) -> bool:
+    """Whether SYS_STATUS says that one of these sensors is there, in use, and not healthy."""
+    watched = message.onboard_control_sensors_present & message.onboard_control_sensors_enabled
+    return bool(watched & ~message.onboard_control_sensors_health & bits)
+
+
+def _estimate(snapshot: Snapshot, message: Message) -> None:
+    """ArduPilot navigates on the ground by a position that it has, or is sure to have."""
+    snapshot.can_navigate = bool(message.flags & _NAVIGABLE)
+    snapshot.has_estimate = snapshot.can_navigate
+
+
+def _estimator(snapshot: Snapshot, message: Message) -> None:
+    """PX4 says the same in another message."""
+    snapshot.has_estimate = bool(message.flags & mavlink.ESTIMATOR_POS_HORIZ_ABS)
+
+
+def _mission_current(snapshot: Snapshot, message: Message) -> None:
+    snapshot.mission = MissionNow(message.seq, message.mission_state, message.mission_id)
+
+
+def _is_place(latitude_e7: int, longitude_e7: int) -> bool:
+    """Refuse what is off the globe, and 0/0, which vehicles send before they have a fix."""
+    on_globe = abs(latitude_e7) <= 900_000_000 and abs(longitude_e7) <= 1_800_000_000
+    return on_globe and (latitude_e7 != 0 or longitude_e7 != 0)
+
+
+def _turn(angle_deg: float) -> float:
+    """Bring an angle to [0, 360); a tiny negative one plus a turn must not give 360."""
+    turned = angle_deg % 360.0
+    return 0.0 if turned >= 360.0 else turned
+
+
+_READERS: Final[Mapping[str, Callable[[Snapshot, Message], None]]] = {
+    "HEARTBEAT": _heartbeat,
+    "GLOBAL_POSITION_INT": _global_position,
+    "ATTITUDE": _attitude,
+    "HOME_POSITION": _home,
+    "BATTERY_STATUS": _battery,
+    "EXTENDED_SYS_STATE": _extended_state,
+    "SYS_STATUS": _system_status,
+    "EKF_STATUS_REPORT": _estimate,
+    "ESTIMATOR_STATUS": _estimator,
+    "SYSTEM_TIME": _system_time,
+    "MISSION_CURRENT": _mission_current,
+}
+
+
+def pose(snapshot: Snapshot, *, vehicle_id: int, sequence_number: int) -> Pose | None:
+    """Pose of the vehicle now; None while position or attitude is unknown."""
+    if snapshot.position is None or snapshot.attitude is None:
+        return None
+    lies = _lies(snapshot.position, snapshot.attitude)
+    return Pose(sequence_number=sequence_number, vehicle_id=vehicle_id, **lies)
+
+
+def _lies(position: Position, attitude: Attitude) -> _Lies:
+    """Where a vehicle is, and how it lies there, under AFarCloud's names."""
+    return _Lies(
+        latitude=position.latitude_deg,
+        longitude=position.longitude_deg,
+        altitude=position.altitude_m,
+        yaw=attitude.yaw_deg,
+        pitch=attitude.pitch_deg,
+        roll=attitude.roll_deg,
+    )
+
+
+def battery(snapshot: Snapshot, *, vehicle_id: int, sequence_number: int) -> Battery | None:
+    """Battery now; None while its charge or size is unknown."""
+    if snapshot.battery_fraction is None or snapshot.battery_capacity_ah is None:
+        return None
+    return Battery(
+        sequence_number=sequence_number,
+        vehicle_id=vehicle_id,
+        capacity=snapshot.battery_capacity_ah,
+        percentage=snapshot.battery_fraction,
+    )
+
+
+def state_vector(
+    snapshot: Snapshot, *, vehicle_id: int, sequence_number: int
+) -> StateVector | None:
+    """State vector now; None while position or attitude is unknown."""
+    if snapshot.position is None or snapshot.attitude is None:
+        return None
+    return StateVector(
+        sequence_number=sequence_number,
+        vehicle_id=vehicle_id,
+        **_lies(snapshot.position, snapshot.attitude),
+        battery_capacity=snapshot.battery_capacity_ah,
+        battery_percentage=snapshot.battery_fraction,
+        linear_speed=min(snapshot.position.speed_m_s, _MAXIMUM_SPEED_M_S),
+    )

@@ -1,0 +1,167 @@
+"""A server that drips, stalls or never ends keeps a thread no longer than the whole deadline."""
+
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from itertools import chain, repeat
+from pathlib import Path
+
+import pytest
+import requests
+
+from mavlink_broker.edge.bounded_http import Answer, BoundedHttp, TooLargeError
+
+DEADLINE_S = 0.4
+PIECES = 100
+"""A dripping answer lasts far longer than the deadline, and is whole and right at its end."""
+PAUSE_S = 0.05
+OK = b"HTTP/1.1 200 OK\r\n"
+LENGTH = b"Content-Length: 100\r\n\r\n"
+
+
+def dripping(before: bytes, drops: bytes, behind: bytes = b"") -> Iterator[bytes]:
+    yield before
+    for drop in drops:
+        time.sleep(PAUSE_S)
+        yield bytes((drop,))
+    yield behind
+
+
+def silence() -> Iterator[bytes]:
+    for _ in range(PIECES):
+        time.sleep(PAUSE_S)
+        yield b""
+    yield OK + LENGTH + b"x" * 100
+
+
+class Script:
+    """What a server sends, and whether it came to its end: nobody has cut the connection."""
+
+    def __init__(self, pieces: Callable[[], Iterator[bytes]]) -> None:
+        self._pieces = pieces
+        self.has_ended = False
+
+    def __call__(self) -> Iterator[bytes]:
+        yield from self._pieces()
+        self.has_ended = True
+
+
+@contextmanager
+def server(pieces: Callable[[], Iterator[bytes]]) -> Iterator[str]:
+    """Answer every connection with these pieces, whatever it asks for."""
+    listener = socket.create_server(("127.0.0.1", 0))
+    stopping = threading.Event()
+
+    def serve() -> None:
+        while not stopping.is_set():
+            try:
+                connection, _ = listener.accept()
+            except OSError:
+                return
+            try:
+                with connection:
+                    connection.recv(65536)
+                    for piece in pieces():
+                        if stopping.is_set():
+                            return
+                        connection.sendall(piece)
+            except OSError:
+                continue
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    try:
+        yield f"http://127.0.0.1:{listener.getsockname()[1]}/"
+    finally:
+        stopping.set()
+        listener.shutdown(socket.SHUT_RDWR)
+        listener.close()
+        thread.join()
+
+
+def ask(url: str, within_s: float = DEADLINE_S, most_bytes: int = 1 << 20) -> Answer:
+    return BoundedHttp().exchange(
+        "GET", url, within_s=within_s, timeouts_s=(20.0, 20.0), most_bytes=most_bytes
+    )
+
+
+@pytest.mark.parametrize(
+    "pieces",
+    [
+        lambda: dripping(OK + LENGTH, b"x" * PIECES),
+        lambda: dripping(OK + b"\r\n", b"x" * PIECES),
+        lambda: dripping(OK + b"X-Slow: ", b"x" * PIECES, b"\r\n" + LENGTH + b"x" * 100),
+        lambda: dripping(b"", OK + b"X: " + b"x" * PIECES, b"\r\n" + LENGTH + b"x" * 100),
+        lambda: chain(
+            (OK + b"Transfer-Encoding: chunked\r\n\r\n",),
+            chain.from_iterable(dripping(b"", b"", b"1\r\nx\r\n") for _ in range(3)),
+            dripping(b"", b"1\r\nx\r\n" * 20, b"0\r\n\r\n"),
+        ),
+        silence,
+    ],
+    ids=["body", "body without length", "header", "status line", "chunks", "silence"],
+)
+def test_an_answer_that_drips_is_given_up_at_the_deadline_of_the_whole(
+    pieces: Callable[[], Iterator[bytes]],
+) -> None:
+    script = Script(pieces)
+    with server(script) as url, pytest.raises(requests.Timeout, match="no whole answer"):
+        ask(url)
+    assert not script.has_ended
+
+
+def test_an_answer_in_time_is_whole() -> None:
+    with server(lambda: iter((OK + LENGTH, b"x" * 60, b"y" * 40))) as url:
+        assert ask(url, 30.0) == Answer(200, b"x" * 60 + b"y" * 40)
+
+
+@pytest.mark.parametrize(
+    "pieces",
+    [
+        (OK + LENGTH, b"x" * 60),
+        (OK + b"Transfer-Encoding: chunked\r\n\r\n", b"5\r\nab"),
+        (OK + b"Transfer-Encoding: chunked\r\n\r\n", b"zz\r\nab\r\n"),
+        (b"nonsense\r\n\r\n",),
+        (b"",),
+    ],
+    ids=["cut off", "cut off in a chunk", "broken chunk", "no HTTP", "nothing"],
+)
+def test_an_answer_that_is_cut_off_or_broken_is_no_answer(pieces: tuple[bytes, ...]) -> None:
+    with server(lambda: iter(pieces)) as url, pytest.raises(requests.RequestException):
+        ask(url, 30.0)
+
+
+def test_an_answer_without_end_is_bounded() -> None:
+    endless = chain((OK + b"\r\n",), repeat(b"x" * 65536))
+    with server(lambda: endless) as url, pytest.raises(TooLargeError):
+        ask(url, 30.0)
+
+
+def test_a_connection_that_was_given_up_is_not_used_again() -> None:
+    answers = iter((dripping(OK + LENGTH, b"x" * PIECES), iter((OK + LENGTH, b"y" * 100))))
+    http = BoundedHttp()
+    how = {"timeouts_s": (20.0, 20.0), "most_bytes": 1000}
+    with server(partial(next, answers)) as url:
+        with pytest.raises(requests.Timeout):
+            http.exchange("GET", url, within_s=DEADLINE_S, **how)  # type: ignore[arg-type]  # named
+        answer = http.exchange("GET", url, within_s=30.0, **how)  # type: ignore[arg-type]  # named
+    assert answer.body == b"y" * 100
+
+
+def test_a_handshake_that_stalls_is_given_up_too() -> None:
+    hello = b"\x16\x03\x03\x40\x00"
+    script = Script(lambda: dripping(hello, b"\x02" * PIECES))
+    with server(script) as url, pytest.raises(requests.Timeout, match="no whole answer"):
+        ask(url.replace("http", "https"))
+    assert not script.has_ended
+
+
+def test_a_file_of_authorities_that_is_missing_is_an_error_of_the_request(tmp_path: Path) -> None:
+    http = BoundedHttp(str(tmp_path / "ca.pem"))
+    with pytest.raises(requests.RequestException, match=r"ca\.pem"):
+        http.exchange(
+            "GET", "https://127.0.0.1:1/", within_s=9.0, timeouts_s=(9.0, 9.0), most_bytes=9
+        )

@@ -1,0 +1,465 @@
+"""The edge server over real HTTP: retried until answered, in order, the key when it is there."""
+
+import logging
+import os
+import ssl
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import pytest
+import requests
+
+from mavlink_broker import supervision
+from mavlink_broker.edge.client import EdgeClient
+from mavlink_broker.edge.dead_letters import order, read_all
+from mavlink_broker.edge.http import Door, is_final
+from mavlink_broker.edge.outbox import Post, Urgency
+from mavlink_broker.edge.posts import post_for
+from mavlink_broker.edge.spool import WORDS, Spool
+from mavlink_broker.edge.work import Verdict
+from mavlink_broker.effects import Acknowledgement
+from tests.support.broker_world import first_flight
+from tests.support.certificates import Authority
+from tests.support.fake_edge import FakeEdgeServer
+
+KEY = "broker-key"
+NOWHERE = "http://127.0.0.1:1"
+
+
+@pytest.fixture
+def server() -> Iterator[FakeEdgeServer]:
+    with FakeEdgeServer(0, KEY).running() as running:
+        yield running
+
+
+class Woken:
+    def __init__(self) -> None:
+        self.event = threading.Event()
+
+    def __call__(self) -> None:
+        self.event.set()
+
+
+def client_of(
+    server: FakeEdgeServer, folder: Path, woken: Woken | None = None, spool: Spool | None = None
+) -> EdgeClient:
+    client = EdgeClient(server.url, folder / "broker.key", woken or Woken(), spool=spool)
+    client.start()
+    return client
+
+
+def spool_in(folder: Path) -> Spool:
+    return Spool(folder / "broker", most_bytes=1 << 20)
+
+
+def report(mission_id: int, status: int) -> Post:
+    body = {
+        "vehicle_id": 1,
+        "mission_id": mission_id,
+        "mission_status_id": status,
+        "command_report_array": [],
+    }
+    return Post(
+        method="POST",
+        path="/mission_report/",
+        body=body,
+        vehicle_id=1,
+        lane="mission_report",
+        urgency=Urgency.REPORT,
+        idempotency_key=f"report-{mission_id}-{status}",
+        needs_registration=False,
+    )
+
+
+def leave(folder: Path, *posts: Post) -> None:
+    """Be a broker that ends with something to say, and nobody to say it to."""
+    (folder / "broker.key").write_text(KEY)
+    client = EdgeClient(NOWHERE, folder / "broker.key", Woken(), spool=spool_in(folder))
+    client.start()
+    for one in posts:
+        client.post(one)
+    client.stop(0.0)
+
+
+def pose(number: int) -> Post:
+    return Post(
+        method="POST",
+        path="/pose/",
+        body={"sequence_number": number},
+        vehicle_id=1,
+        lane="pose",
+        urgency=Urgency.RESULT,
+        idempotency_key=f"key-{number}",
+        needs_registration=False,
+    )
+
+
+def numbers(bodies: list[dict[str, Any]]) -> list[int]:
+    return [body["sequence_number"] for body in bodies]
+
+
+def test_posts_arrive_in_order(server: FakeEdgeServer, tmp_path: Path) -> None:
+    (tmp_path / "broker.key").write_text(KEY + "\n")
+    client = client_of(server, tmp_path)
+    for number in range(20):
+        client.post(pose(number))
+    assert numbers(server.wait_for("/pose/", 20)) == list(range(20))
+    client.stop(1.0)
+    assert client.waiting == 0
+
+
+def test_a_failed_post_is_repeated_with_its_key_and_never_overtaken(
+    server: FakeEdgeServer, tmp_path: Path
+) -> None:
+    (tmp_path / "broker.key").write_text(KEY)
+    server.failures.extend([500, 503, 429])
+    client = client_of(server, tmp_path)
+    client.post(pose(0))
+    client.post(pose(1))
+    assert numbers(server.wait_for("/pose/", 2)) == [0, 1]
+    client.stop(1.0)
+    keys = [key for path, key in server.keys_seen if path == "/pose/"]
+    assert keys == ["key-0"] * 4 + ["key-1"]
+
+
+def test_a_final_refusal_is_not_repeated(server: FakeEdgeServer, tmp_path: Path) -> None:
+    (tmp_path / "broker.key").write_text(KEY)
+    server.failures.append(422)
+    client = client_of(server, tmp_path)
+    client.post(pose(0))
+    client.post(pose(1))
+    assert numbers(server.wait_for("/pose/", 1)) == [1]
+    client.stop(1.0)
+
+
+@pytest.mark.parametrize(
+    ("failures", "holds"),
+    [([], True), ([404], False), ([503, 409], False), ([422], False), ([503], True)],
+)
+def test_what_is_said_to_an_accepted_mission_is_passed_on(
+    server: FakeEdgeServer, tmp_path: Path, failures: list[int], holds: bool
+) -> None:
+    (tmp_path / "broker.key").write_text(KEY)
+    server.plan(first_flight())
+    server.failures.extend(failures)
+    woken = Woken()
+    client = client_of(server, tmp_path, woken)
+    verdicts: list[Verdict] = []
+
+    def tell(status: str) -> None:
+        word = Acknowledgement(1, status)
+        client.post(post_for(word, vehicle_id=1, recorded_at=datetime.now(UTC), key="none"))
+
+    def has_come() -> bool:
+        verdicts.extend(client.take_verdicts())
+        return bool(verdicts)
+
+    tell("accepted")
+    wait_until(has_come)
+    tell("done")
+    client.stop(5.0)
+    told = [*verdicts, *client.take_verdicts()]
+    assert [(verdict.work_id, verdict.holds) for verdict in told] == [(1, holds)]
+    assert woken.event.is_set()
+
+
+def test_the_key_may_come_later_or_change(server: FakeEdgeServer, tmp_path: Path) -> None:
+    client = client_of(server, tmp_path)
+    client.post(pose(0))
+    assert server.wait_for("/pose/", 1, timeout_s=0.3) == []
+    (tmp_path / "broker.key").write_text("of yesterday")
+    (tmp_path / "broker.key").write_text(KEY)
+    assert numbers(server.wait_for("/pose/", 1)) == [0]
+    server.key = "of tomorrow"
+    (tmp_path / "broker.key").write_text("of tomorrow")
+    client.post(pose(1))
+    assert numbers(server.wait_for("/pose/", 2)) == [0, 1]
+    client.stop(1.0)
+
+
+def test_work_wakes_the_loop(server: FakeEdgeServer, tmp_path: Path) -> None:
+    (tmp_path / "broker.key").write_text(KEY)
+    woken = Woken()
+    client = client_of(server, tmp_path, woken)
+    server.plan(first_flight())
+    assert woken.event.wait(10.0)
+    assert client.take_work()[0]["mission"]["mission_id"] == 1201
+    assert client.take_work() == []
+    client.stop(0.1)
+
+
+@pytest.mark.parametrize(
+    ("status", "final"),
+    [
+        (200, True),
+        (201, True),
+        (204, True),
+        (301, False),
+        (400, True),
+        (401, False),
+        (403, False),
+        (404, True),
+        (408, False),
+        (409, True),
+        (422, True),
+        (425, False),
+        (429, False),
+        (500, False),
+        (507, False),
+    ],
+)
+def test_what_counts_as_an_answer(status: int, final: bool) -> None:
+    assert is_final(status) is final
+
+
+def wait_until(true: Callable[[], bool], patience_s: float = 20.0) -> None:
+    deadline = time.monotonic() + patience_s
+    while not true():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def work_of(client: EdgeClient) -> list[dict[str, Any]]:
+    """Wait for work; gives what came first."""
+    work: list[dict[str, Any]] = []
+
+    def has_come() -> bool:
+        work.extend(client.take_work())
+        return bool(work)
+
+    wait_until(has_come)
+    return work
+
+
+@contextmanager
+def https(server: FakeEdgeServer, authority: Authority) -> Iterator[str]:
+    """The same server behind TLS; gives its address."""
+    certificate, _, _ = authority.certify("edge")
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(certificate)
+    server._server.socket = context.wrap_socket(server._server.socket, server_side=True)
+    yield server.url.replace("http://", "https://")
+
+
+def test_an_edge_server_that_the_farms_authority_vouches_for_is_believed(tmp_path: Path) -> None:
+    (tmp_path / "broker.key").write_text(KEY + "\n")
+    authority = Authority(tmp_path / "farm")
+    server = FakeEdgeServer(0, KEY)
+    with https(server, authority) as url, server.running():
+        client = EdgeClient(url, tmp_path / "broker.key", Woken(), ca_file=authority.file)
+        client.start()
+        client.post(pose(1))
+        assert numbers(server.wait_for("/pose/", 1)) == [1]
+        client.stop(within_s=1.0)
+
+
+def test_an_edge_server_of_another_authority_is_told_nothing(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO, "mavlink_broker.edge.client")
+    (tmp_path / "broker.key").write_text(KEY + "\n")
+    server = FakeEdgeServer(0, KEY)
+    with https(server, Authority(tmp_path / "stranger")) as url, server.running():
+        ours = Authority(tmp_path / "farm").file
+        client = EdgeClient(url, tmp_path / "broker.key", Woken(), ca_file=ours)
+        client.start()
+        client.post(pose(1))
+        wait_until(lambda: "certificate verify failed" in caplog.text)
+        client.stop(within_s=0.0)
+        assert server.wait_for("/pose/", 1, timeout_s=0.0) == []
+
+
+def test_while_the_edge_server_is_there_nothing_is_written(
+    server: FakeEdgeServer, tmp_path: Path
+) -> None:
+    (tmp_path / "broker.key").write_text(KEY)
+    spool = spool_in(tmp_path)
+    client = client_of(server, tmp_path, spool=spool)
+    for number in range(50):
+        client.post(pose(number))
+    assert len(server.wait_for("/pose/", 50)) == 50
+    client.stop(5.0)
+    assert spool.writes == 0
+
+
+def test_what_has_failed_is_on_the_disk_before_anybody_ends(tmp_path: Path) -> None:
+    """As a kill -9 would find it."""
+    client = EdgeClient(NOWHERE, tmp_path / "no.key", Woken(), spool=spool_in(tmp_path))
+    client.start()
+    client.post(pose(1))
+    client.post(pose(2))
+    words = tmp_path / "broker" / WORDS
+    wait_until(lambda: words.exists() and words.read_bytes().count(b"\n") == 2)
+    client.stop(0.0)
+
+
+def test_the_next_run_tells_first_what_the_last_one_could_not(
+    server: FakeEdgeServer, tmp_path: Path
+) -> None:
+    leave(tmp_path, pose(0), pose(1))
+    server.failures.extend([503, 401])
+    spool = spool_in(tmp_path)
+    client = client_of(server, tmp_path, spool=spool)
+    client.post(pose(2))
+    assert numbers(server.wait_for("/pose/", 3)) == [0, 1, 2]
+    keys = [key for path, key in server.keys_seen if path == "/pose/"]
+    assert list(dict.fromkeys(keys)) == ["key-0", "key-1", "key-2"]
+    wait_until(lambda: (tmp_path / "broker" / WORDS).read_bytes() == b"")
+    client.stop(1.0)
+
+
+def test_work_is_taken_when_the_edge_server_knows_what_was_known_of_it(
+    server: FakeEdgeServer, tmp_path: Path
+) -> None:
+    """Else a mission that has flown would be taken for one that has not."""
+    leave(tmp_path, report(1201, 2))
+    server.failures.extend([503] * 4)
+    server.plan(first_flight())
+    client = client_of(server, tmp_path, spool=spool_in(tmp_path))
+    work = work_of(client)
+    assert work[0]["report"]["mission_status_id"] == 2
+    client.stop(1.0)
+
+
+def test_a_mission_whose_end_was_left_to_be_told_is_not_taken_again(
+    server: FakeEdgeServer, tmp_path: Path
+) -> None:
+    leave(tmp_path, report(1201, 2), report(1201, 3))
+    server.plan(first_flight(1201))
+    server.failures.extend([500, 500])
+    client = client_of(server, tmp_path, spool=spool_in(tmp_path))
+    server.plan(first_flight(1202))
+    work = work_of(client)
+    assert [one["mission"]["mission_id"] for one in work] == [1202]
+    client.stop(1.0)
+
+
+def test_what_one_vehicle_owes_holds_up_no_other(server: FakeEdgeServer, tmp_path: Path) -> None:
+    leave(tmp_path, report(1201, 2))
+    server.failures.extend([503] * 1000)
+    server.plan(first_flight(1201, vehicle_id=1))
+    server.plan(first_flight(1202, vehicle_id=2))
+    client = client_of(server, tmp_path, spool=spool_in(tmp_path))
+    work = work_of(client)
+    assert {one["mission"]["mission_id"] for one in work} == {1202}
+    client.stop(0.0)
+
+
+@pytest.mark.parametrize("by_earlier_run", [True, False])
+def test_what_the_edge_server_refuses_for_good_is_a_dead_letter_and_can_be_sent_again(
+    server: FakeEdgeServer,
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+    *,
+    by_earlier_run: bool,
+) -> None:
+    leave(tmp_path, *((pose(0), pose(1)) if by_earlier_run else ()))
+    server.failures.append(409)
+    client = client_of(server, tmp_path, spool=spool_in(tmp_path))
+    if not by_earlier_run:
+        client.post(pose(0))
+        client.post(pose(1))
+    assert numbers(server.wait_for("/pose/", 1)) == [1]
+    wait_until(lambda: "is given up: HTTP 409" in caplog.text)
+    wait_until(lambda: len(read_all(tmp_path / "broker")) == 1)
+    ((number, letter),) = read_all(tmp_path / "broker")
+    assert letter.reason.startswith("HTTP 409")
+    assert letter.post.body["sequence_number"] == 0
+    wait_until(lambda: client.dead_letters_of(1) == 1)
+    words = tmp_path / "broker" / WORDS
+    wait_until(lambda: not words.exists() or words.read_bytes() == b"")
+    order(tmp_path / "broker", "retry", [number])
+    assert numbers(server.wait_for("/pose/", 2)) == [1, 0]
+    wait_until(lambda: client.dead_letters_of(1) == 0)
+    client.stop(1.0)
+
+
+def test_what_is_told_anew_or_was_known_or_has_nobody_to_tell_is_no_dead_letter(
+    server: FakeEdgeServer, tmp_path: Path
+) -> None:
+    (tmp_path / "broker.key").write_text(KEY)
+    word = Acknowledgement(1, "accepted")
+    acceptance = post_for(word, vehicle_id=1, recorded_at=datetime.now(UTC), key="none")
+    server.failures.extend([410, 400])
+    client = client_of(server, tmp_path, spool=spool_in(tmp_path))
+    client.post(acceptance)
+    wait_until(lambda: len(client.take_verdicts()) == 1)
+    client.post(replace(pose(0), lane="state_vector", may_be_dropped=True))
+    client.post(replace(pose(1), lane="state_vector", may_be_dropped=True))
+    assert numbers(server.wait_for("/pose/", 1)) == [1]
+    assert client.dropped == 1
+    client.stop(5.0)
+    assert read_all(tmp_path / "broker") == []
+
+
+def test_a_disk_that_hangs_delays_nobody(
+    server: FakeEdgeServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hangs, goes_on = threading.Event(), threading.Event()
+
+    def hang(_descriptor: int) -> None:
+        hangs.set()
+        assert goes_on.wait(60.0)
+
+    monkeypatch.setattr(os, "fdatasync", hang)
+    (tmp_path / "broker.key").write_text(KEY)
+    server.failures.append(503)
+    client = client_of(server, tmp_path, spool=spool_in(tmp_path))
+    client.post(pose(0))
+    assert hangs.wait(60.0)
+    client.post(pose(1))
+    assert numbers(server.wait_for("/pose/", 2)) == [0, 1]
+    goes_on.set()
+    client.stop(1.0)
+    assert (tmp_path / "broker" / WORDS).read_bytes() == b""
+
+
+@pytest.mark.parametrize(
+    "failure",
+    [OSError("no such file"), requests.ConnectionError("gone"), RuntimeError("?"), MemoryError()],
+    ids=lambda failure: type(failure).__name__,
+)
+def test_whatever_goes_wrong_in_a_request_puts_it_off_and_no_thread_ends(
+    server: FakeEdgeServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failure: Exception
+) -> None:
+    (tmp_path / "broker.key").write_text(KEY)
+    genuine = Door.request
+    failed: list[str] = []
+
+    def request(self: Door, method: str, path: str, *args: Any, **named: Any) -> Any:
+        if len(failed) < 4:
+            failed.append(path)
+            raise failure
+        return genuine(self, method, path, *args, **named)
+
+    monkeypatch.setattr(Door, "request", request)
+    monkeypatch.setattr(supervision, "LONGEST_PAUSE_S", 0.01)
+    client = client_of(server, tmp_path)
+    for number in range(5):
+        client.post(pose(number))
+    server.plan(first_flight())
+    assert numbers(server.wait_for("/pose/", 5)) == list(range(5))
+    assert work_of(client)
+    client.stop(1.0)
+
+
+def test_a_file_of_authorities_may_come_later(tmp_path: Path) -> None:
+    (tmp_path / "broker.key").write_text(KEY)
+    authority, later = Authority(tmp_path / "farm"), tmp_path / "authority.pem"
+    server = FakeEdgeServer(0, KEY)
+    with https(server, authority) as url, server.running():
+        client = EdgeClient(url, tmp_path / "broker.key", Woken(), ca_file=later)
+        client.start()
+        client.post(pose(1))
+        server.plan(first_flight())
+        wait_until(lambda: client.failures > 2)
+        authority.file.rename(later)
+        assert numbers(server.wait_for("/pose/", 1)) == [1]
+        assert work_of(client)
+        client.stop(within_s=1.0)

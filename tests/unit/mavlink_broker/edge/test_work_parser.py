@@ -1,0 +1,95 @@
+"""Work is read once, and only when it can be read."""
+
+from contextlib import suppress
+from datetime import UTC, datetime
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mavlink_broker.edge.work import MissionWork, StateVectorWork
+from mavlink_broker.edge.work_parser import Inbox, WorkError
+from tests.support.broker_world import first_flight
+
+UTC_NOW = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
+
+
+def mission_work(**changed: Any) -> dict[str, Any]:
+    work = {
+        "id": 16,
+        "kind": "mission",
+        "vehicle_id": 1,
+        "plan_id": "01PLAN",
+        "expires_at": "2026-11-21T08:01:00Z",
+        "state": "queued",
+        "mission": first_flight(),
+        "report": None,
+    }
+    return work | changed
+
+
+def test_a_mission_is_read_with_its_expiry_on_our_clock() -> None:
+    work = Inbox().read(mission_work(), 500.0, UTC_NOW)
+    assert isinstance(work, MissionWork)
+    assert work.expires_at == 560.0
+    assert not work.was_accepted
+
+
+def test_what_the_edge_server_adds_to_a_report_is_no_obstacle() -> None:
+    report = {
+        "id": 3,
+        "received_at": "2026-11-21T08:00:00Z",
+        "sequence_number": 1,
+        "vehicle_id": 1,
+        "mission_id": 1201,
+        "mission_status_id": 2,
+        "command_report_array": [],
+    }
+    work = Inbox().read(mission_work(state="accepted", report=report), 0.0, UTC_NOW)
+    assert isinstance(work, MissionWork)
+    assert work.was_accepted
+    assert work.report is not None
+    assert work.report.mission_status_id == 2
+
+
+def test_the_same_work_is_given_once() -> None:
+    inbox = Inbox()
+    assert inbox.read(mission_work(), 0.0, UTC_NOW) is not None
+    assert inbox.read(mission_work(state="accepted"), 9.0, UTC_NOW) is None
+
+
+def test_the_same_number_of_a_fresh_edge_server_is_other_work() -> None:
+    inbox = Inbox()
+    inbox.read(mission_work(), 0.0, UTC_NOW)
+    assert inbox.read(mission_work(plan_id="01OTHER"), 0.0, UTC_NOW) is not None
+
+
+def test_a_wish_for_the_state_may_name_no_vehicle() -> None:
+    raw = {"id": 4, "kind": "latest_state_vector", "vehicle_id": None, "sequence_number": 3}
+    assert Inbox().read(raw, 0.0, UTC_NOW) == StateVectorWork(work_id=4, vehicle_id=None)
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [{"kind": "dance"}, {"mission": {}}, {"mission": None}, {"expires_at": "soon"}, {"report": 5}],
+)
+def test_work_that_cannot_be_read_is_refused_by_its_number(changed: dict[str, Any]) -> None:
+    with pytest.raises(WorkError) as caught:
+        Inbox().read(mission_work(**changed), 0.0, UTC_NOW)
+    assert caught.value.work_id == 16
+
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda children: (
+        st.lists(children, max_size=3) | st.dictionaries(st.text(max_size=5), children, max_size=3)
+    ),
+    max_leaves=5,
+)
+
+
+@given(st.sampled_from(sorted(mission_work())), json_values)
+def test_any_fault_in_any_field_is_an_error_of_ours(field: str, value: Any) -> None:
+    with suppress(WorkError):
+        Inbox().read(mission_work(**{field: value}), 0.0, UTC_NOW)

@@ -1,0 +1,116 @@
+"""One command: exactly one final outcome, whatever the link does."""
+
+import pytest
+
+from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.microservices.command import (
+    ATTEMPTS,
+    REJECTIONS,
+    Accepted,
+    CommandInt,
+    CommandLong,
+    CommandTransaction,
+    Refused,
+)
+from mavlink_broker.microservices.round_trip import RoundTrip
+from tests.unit.mavlink_broker.protocol.harness import ROUTE, acknowledgement, tick_until
+
+ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
+
+
+def transaction(round_trip: RoundTrip | None = None) -> CommandTransaction:
+    return CommandTransaction(CommandLong(command=ARM), ROUTE, round_trip or RoundTrip())
+
+
+def test_an_accepted_command_is_over() -> None:
+    command = transaction()
+    command.start(0.0)
+    command.receive(acknowledgement(ARM, ACCEPTED), 0.1)
+    assert command.outcome == Accepted()
+    assert tick_until(command, 0.1, 20.0) == []
+
+
+def test_an_unanswered_command_is_repeated_with_rising_confirmation_then_given_up() -> None:
+    command = transaction()
+    sent = command.start(0.0) + tick_until(command, 0.0, 60.0)
+    assert [message.confirmation for message in sent] == list(range(ATTEMPTS))
+    assert isinstance(command.outcome, Refused)
+    assert "no answer to MAV_CMD_COMPONENT_ARM_DISARM" in command.outcome.reason
+
+
+def test_an_answer_to_a_repetition_counts_but_teaches_no_round_trip() -> None:
+    round_trip = RoundTrip()
+    command = transaction(round_trip)
+    command.start(0.0)
+    tick_until(command, 0.0, 1.5)
+    command.receive(acknowledgement(ARM, ACCEPTED), 1.6)
+    assert command.outcome == Accepted()
+    assert round_trip.timeout_s == RoundTrip().timeout_s
+
+
+def test_progress_extends_the_wait() -> None:
+    command = transaction()
+    command.start(0.0)
+    for second in range(1, 30):
+        command.receive(acknowledgement(ARM, mavlink.MAV_RESULT_IN_PROGRESS), float(second))
+        assert tick_until(command, second, second + 0.9) == []
+    command.receive(acknowledgement(ARM, ACCEPTED), 30.0)
+    assert command.outcome == Accepted()
+
+
+@pytest.mark.parametrize(
+    ("result", "name"),
+    [(2, "DENIED"), (3, "UNSUPPORTED"), (4, "FAILED"), (6, "CANCELLED"), (10, "NOT_IN_CONTROL")],
+)
+def test_a_refusal_is_named(result: int, name: str) -> None:
+    command = transaction()
+    command.start(0.0)
+    command.receive(acknowledgement(ARM, result), 0.1)
+    assert command.outcome == Refused(f"MAV_CMD_COMPONENT_ARM_DISARM refused: MAV_RESULT_{name}")
+
+
+def test_a_temporary_rejection_is_tried_again_after_a_while() -> None:
+    command = transaction()
+    command.start(0.0)
+    command.receive(acknowledgement(ARM, mavlink.MAV_RESULT_TEMPORARILY_REJECTED), 0.1)
+    again = tick_until(command, 0.1, 1.3)
+    assert [message.confirmation for message in again] == [0]
+    command.receive(acknowledgement(ARM, ACCEPTED), 1.4)
+    assert command.outcome == Accepted()
+
+
+def test_temporary_rejections_have_an_end() -> None:
+    command = transaction()
+    command.start(0.0)
+    rejection = acknowledgement(ARM, mavlink.MAV_RESULT_TEMPORARILY_REJECTED)
+    for second in range(REJECTIONS):
+        command.receive(rejection, second + 0.05)
+        tick_until(command, second + 0.05, second + 1.2)
+    assert isinstance(command.outcome, Refused)
+    assert "TEMPORARILY_REJECTED" in command.outcome.reason
+
+
+def test_a_duplicated_rejection_counts_once() -> None:
+    command = transaction()
+    command.start(0.0)
+    rejection = acknowledgement(ARM, mavlink.MAV_RESULT_TEMPORARILY_REJECTED)
+    for _ in range(2 * REJECTIONS):
+        command.receive(rejection, 0.1)
+    assert command.outcome is None
+
+
+def test_answers_to_others_and_to_other_commands_are_not_ours() -> None:
+    command = transaction()
+    command.start(0.0)
+    command.receive(acknowledgement(ARM, ACCEPTED, target_system=255), 0.1)
+    command.receive(acknowledgement(ARM + 1, ACCEPTED), 0.1)
+    assert command.outcome is None
+
+
+def test_a_position_travels_as_integers() -> None:
+    command = CommandInt(
+        command=192, frame=6, latitude_deg=40.4434, longitude_deg=-3.7382, altitude_m=5.0
+    )
+    message = command.message(ROUTE, 3)
+    assert (message.x, message.y, message.z) == (404434000, -37382000, 5.0)

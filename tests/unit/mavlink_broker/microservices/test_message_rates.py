@@ -1,0 +1,291 @@
+"""The messages that the broker lives on keep coming."""
+
+from itertools import cycle, pairwise
+
+from mavlink_broker.mavlink.dialect import Message, MissionCurrent, mavlink
+from mavlink_broker.microservices.message_rates import (
+    ASK_AGAIN_S,
+    STOPS,
+    STREAMS,
+    UNREAD,
+    StreamRequests,
+)
+from mavlink_broker.microservices.parameter_read import ATTEMPTS, ParameterRead
+from mavlink_broker.microservices.round_trip import RoundTrip
+from mavlink_broker.microservices.status_text import StatusTexts
+from tests.unit.mavlink_broker.protocol.harness import (
+    ROUTE,
+    acknowledgement,
+    received,
+    tick_until,
+)
+
+SET = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+
+
+def intervals(messages: list[Message]) -> list[int]:
+    return [int(m.param1) for m in messages if getattr(m, "command", None) == SET]
+
+
+def asked_for_all(requests: StreamRequests) -> list[int]:
+    """Acknowledge every request; gives the message ids in the order asked."""
+    asked = intervals(requests.tick(0.0))
+    for _ in STREAMS:
+        asked += intervals(requests.receive(acknowledgement(SET, 0), 0.01))
+    return asked
+
+
+def test_each_is_asked_for_once_one_at_a_time() -> None:
+    asked = asked_for_all(StreamRequests(ROUTE, RoundTrip()))
+    assert asked == [stream.message_id for stream in STREAMS]
+
+
+def test_a_refusal_does_not_hold_up_the_others() -> None:
+    requests = StreamRequests(ROUTE, RoundTrip())
+    requests.tick(0.0)
+    after = requests.receive(acknowledgement(SET, mavlink.MAV_RESULT_UNSUPPORTED), 0.1)
+    assert intervals(after) == [STREAMS[1].message_id]
+
+
+def test_what_has_fallen_silent_is_asked_for_again() -> None:
+    requests = StreamRequests(ROUTE, RoundTrip())
+    asked_for_all(requests)
+    asked: list[int] = []
+    for tenth in range(1, 300):
+        now = tenth / 10
+        requests.receive(received(MissionCurrent(0)), now)
+        asked += intervals(requests.tick(now))
+        asked += intervals(requests.receive(acknowledgement(SET, 0), now))
+    assert mavlink.MAVLINK_MSG_ID_ATTITUDE in asked
+    assert mavlink.MAVLINK_MSG_ID_MISSION_CURRENT not in asked
+
+
+def test_each_is_overdue_when_three_of_its_periods_are_over() -> None:
+    requests = StreamRequests(ROUTE, RoundTrip())
+    asked_for_all(requests)
+    position = mavlink.MAVLink_global_position_int_message(1, 2, 3, 4, 5, 6, 7, 8, 9)
+    requests.receive(received(MissionCurrent(0)), 1.0)
+    requests.receive(received(position), 1.0)
+    assert requests.overdue(1.1) == ()
+    assert "GLOBAL_POSITION_INT" not in requests.overdue(2.5)
+    assert "MISSION_CURRENT" not in requests.overdue(3.4)
+    assert {"GLOBAL_POSITION_INT", "MISSION_CURRENT"} <= set(requests.overdue(3.6))
+
+
+def test_what_a_vehicle_does_not_have_is_asked_for_ever_more_rarely() -> None:
+    requests = StreamRequests(ROUTE, RoundTrip())
+    asked_for_all(requests)
+    battery = mavlink.MAVLINK_MSG_ID_BATTERY_STATUS
+    asked_at: list[float] = []
+    for tenth in range(3000):
+        now = tenth / 10
+        sent = requests.tick(now) + requests.receive(acknowledgement(SET, 0), now)
+        asked_at += [now] * intervals(sent).count(battery)
+    pauses = [round(later - before) for before, later in pairwise(asked_at)]
+    assert pauses == sorted(pauses)
+    assert pauses[-1] == 60
+
+
+def groups(messages: list[Message]) -> list[int]:
+    return [m.req_stream_id for m in messages if m.get_type() == "REQUEST_DATA_STREAM"]
+
+
+def refuse_all(requests: StreamRequests, result: int, seconds: int = 30) -> list[Message]:
+    """Answer every request alike for some time; gives what was sent."""
+    sent: list[Message] = []
+    for tenth in range(seconds * 10):
+        sent += requests.tick(tenth / 10)
+        sent += requests.receive(acknowledgement(SET, result), tenth / 10)
+    return sent
+
+
+def test_an_autopilot_that_knows_no_intervals_is_asked_by_groups() -> None:
+    sent = refuse_all(StreamRequests(ROUTE, RoundTrip()), mavlink.MAV_RESULT_UNSUPPORTED)
+    assert set(groups(sent)) == {2, 6, 10, 12}
+    assert len(groups(sent)) == 3 * 4, "every ten seconds, as long as nothing comes"
+    assert len(intervals(sent)) <= len(STREAMS)
+
+
+def test_an_autopilot_that_does_not_answer_is_asked_by_groups_too() -> None:
+    assert groups(tick_until(StreamRequests(ROUTE, RoundTrip()), 0.0, 30.0))
+
+
+def test_one_refusal_is_no_reason_to_ask_by_groups() -> None:
+    """PX4 tells MISSION_CURRENT by itself, and refuses to tell it more often."""
+    requests = StreamRequests(ROUTE, RoundTrip())
+    requests.tick(0.0)
+    requests.receive(acknowledgement(SET, mavlink.MAV_RESULT_DENIED), 0.1)
+    assert groups(refuse_all(requests, mavlink.MAV_RESULT_ACCEPTED)) == []
+
+
+def test_nothing_is_turned_off_where_others_listen() -> None:
+    requests = StreamRequests(ROUTE, RoundTrip(), turns_off=False)
+    asked_for_all(requests)
+    hear_often(requests, 1.0, 0.02)
+    assert intervals(requests.tick(1.0)) == []
+
+
+def test_a_restart_of_the_vehicle_renews_everything() -> None:
+    requests = StreamRequests(ROUTE, RoundTrip())
+    asked_for_all(requests)
+    requests.renew()
+    assert asked_for_all(requests) == [stream.message_id for stream in STREAMS]
+
+
+def hear_often(requests: StreamRequests, now: float, *apart_s: float) -> None:
+    """A vehicle's inertial data, which nobody here reads; at such distances, over and over."""
+    imu = received(mavlink.MAVLink_highres_imu_message(1, *[0.0] * 13, 0))
+    heard_at = now
+    times = [now]
+    for _, pause_s in zip(range(80), cycle(apart_s), strict=False):
+        heard_at -= pause_s
+        times.append(heard_at)
+    for time in reversed(times):
+        requests.receive(imu, time)
+
+
+def test_what_nobody_reads_is_turned_off_when_it_comes() -> None:
+    requests = StreamRequests(ROUTE, RoundTrip())
+    asked_for_all(requests)
+    hear_often(requests, 1.0, 0.02)
+    stop = [m for m in requests.tick(1.0) if m.command == SET]
+    assert [(m.param1, m.param2) for m in stop] == [(105, -1)]
+    requests.receive(acknowledgement(SET, 0), 1.1)
+    hear_often(requests, 1.2, 0.02)
+    assert intervals(requests.tick(1.2)) == [], "one more may have been on its way"
+    later_s = 1.0 + ASK_AGAIN_S + 0.1
+    hear_often(requests, later_s, 0.02)
+    assert mavlink.MAVLINK_MSG_ID_HIGHRES_IMU in tick_until_all(requests, later_s)
+
+
+def test_what_comes_rarely_is_let_be_for_a_ground_station_on_the_same_radio() -> None:
+    """MAVProxy asks for everything four times a second, and would ask again."""
+    requests = StreamRequests(ROUTE, RoundTrip())
+    asked_for_all(requests)
+    hear_often(requests, 1.0, 0.15, 0.35)
+    assert mavlink.MAVLINK_MSG_ID_HIGHRES_IMU not in tick_until_all(requests, 1.0)
+
+
+def test_what_comes_back_every_time_is_let_be_for_whoever_asks_for_it() -> None:
+    """MAVProxy with a stream rate of ten has its instruments, and no gap in them every 15 s."""
+    requests = StreamRequests(ROUTE, RoundTrip())
+    asked_for_all(requests)
+    stopped = []
+    for minute in range(1, 6):
+        hear_often(requests, 60.0 * minute, 0.1)
+        stopped += tick_until_all(requests, 60.0 * minute)
+    assert stopped.count(mavlink.MAVLINK_MSG_ID_HIGHRES_IMU) == STOPS
+
+
+def test_what_a_vehicle_says_it_lacks_is_not_asked_for_again() -> None:
+    """ArduPilot tells its ground station in words of every message that it does not know."""
+    requests = StreamRequests(ROUTE, RoundTrip())
+    asked = intervals(requests.tick(0.0))
+    refused = {mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS, mavlink.MAVLINK_MSG_ID_WIND_COV}
+    for second in range(2000):
+        result = mavlink.MAV_RESULT_FAILED if asked[-1] in refused else 0
+        asked += intervals(requests.receive(acknowledgement(SET, result), second))
+        asked += intervals(requests.tick(second))
+    assert {number: asked.count(number) for number in refused} == dict.fromkeys(refused, 1)
+    assert asked.count(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME) > 1
+
+
+def tick_until_all(requests: StreamRequests, now: float) -> list[int]:
+    """Acknowledge whatever is asked; gives the message ids asked for."""
+    asked = intervals(requests.tick(now))
+    for _ in range(len(STREAMS) + len(UNREAD)):
+        asked += intervals(requests.receive(acknowledgement(SET, 0), now))
+    return asked
+
+
+def test_what_is_read_is_never_turned_off() -> None:
+    assert not {stream.name for stream in STREAMS} & set(UNREAD)
+
+
+def test_home_is_asked_for_until_it_is_told() -> None:
+    def wishes(messages: list[Message]) -> int:
+        return sum(
+            m.command == mavlink.MAV_CMD_REQUEST_MESSAGE
+            and m.param1 == mavlink.MAVLINK_MSG_ID_HOME_POSITION
+            for m in messages
+        )
+
+    requests = StreamRequests(ROUTE, RoundTrip())
+    assert wishes(tick_until(requests, 0.0, 3.0)) == 3
+    home = mavlink.MAVLink_home_position_message(1, 2, 3, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)
+    requests.receive(received(home), 3.0)
+    assert wishes(tick_until(requests, 3.0, 9.0)) == 0
+
+
+def test_the_version_is_asked_for_a_few_times() -> None:
+    def wishes(messages: list[Message]) -> int:
+        version = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
+        return sum(getattr(m, "param1", None) == version for m in messages)
+
+    requests = StreamRequests(ROUTE, RoundTrip())
+    assert wishes(tick_until(requests, 0.0, 3.0)) == 6
+    assert not requests.is_version_settled
+    assert wishes(tick_until(requests, 3.0, 20.0)) == 2
+    assert requests.is_version_settled
+
+
+def value(name: bytes, kind: int, number: float) -> Message:
+    return received(mavlink.MAVLink_param_value_message(name, number, kind, 1, 0))
+
+
+def test_a_parameter_is_asked_for_until_it_is_told() -> None:
+    read = ParameterRead("BAT1_CAPACITY", ROUTE, RoundTrip())
+    assert len(tick_until(read, 0.0, 2.5)) == 3
+    read.receive(value(b"OTHER", 9, 1.0))
+    read.receive(value(b"BAT1_CAPACITY", 6, 1.0))
+    assert not read.is_over
+    read.receive(value(b"BAT1_CAPACITY", 9, 5000.0))
+    assert read.value == 5000.0
+    assert tick_until(read, 2.5, 9.0) == []
+
+
+def test_a_vehicle_without_the_parameter_is_not_asked_for_ever() -> None:
+    read = ParameterRead("BAT1_CAPACITY", ROUTE, RoundTrip())
+    assert len(tick_until(read, 0.0, 60.0)) == ATTEMPTS
+    assert read.is_over
+
+
+def text(words: bytes, identifier: int = 0, chunk: int = 0, severity: int = 2) -> Message:
+    return received(mavlink.MAVLink_statustext_message(severity, words, identifier, chunk))
+
+
+def test_complaints_count_and_chatter_does_not() -> None:
+    texts = StatusTexts()
+    texts.receive(text(b"first"), 1.0)
+    texts.receive(text(b"second"), 2.0)
+    texts.receive(text(b"all is well", severity=6), 3.0)
+    assert texts.since(0.0) == ["first", "second"]
+    assert texts.since(2.5) == []
+
+
+def test_a_long_complaint_is_put_together_whatever_the_order() -> None:
+    texts = StatusTexts()
+    texts.receive(text(b"not arrive", 7, 1), 1.0)
+    texts.receive(text(b"x" * 50, 7, 0), 1.1)
+    assert texts.since(0.0) == ["x" * 50 + "not arrive"]
+
+
+def test_a_lost_part_of_a_complaint_shows_as_a_gap() -> None:
+    texts = StatusTexts()
+    texts.receive(text(b"PreArm: compass", 7, 0), 1.0)
+    texts.receive(text(b" degrees off", 7, 2), 1.1)
+    assert texts.since(0.0) == ["PreArm: compass... degrees off"]
+
+
+def test_a_complaint_that_is_repeated_is_told_once_and_only_the_last_three_are() -> None:
+    texts = StatusTexts()
+    for second, words in enumerate((b"a", b"b\t", b"b", b"c", b"d", b"d")):
+        texts.receive(text(words), float(second))
+    assert texts.since(0.0) == ["b", "c", "d"]
+
+
+def test_an_id_that_is_used_again_later_means_another_complaint() -> None:
+    texts = StatusTexts()
+    texts.receive(text(b"first", 7), 1.0)
+    texts.receive(text(b"second", 7), 60.0)
+    assert texts.since(0.0) == ["first", "second"]

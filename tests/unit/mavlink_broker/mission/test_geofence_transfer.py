@@ -1,0 +1,546 @@
+"""A plan's geofence: onto the vehicle before it may fly, off it again after the mission."""
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from afarcloud.enumerations import Status
+from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mission.states import State
+from tests.support.broker_world import (
+    FINISHED,
+    World,
+    first_flight,
+    go_home,
+    mission,
+    takeoff,
+    waypoint,
+)
+from tests.support.fenced_vehicle import (
+    ABLE,
+    ARDUPILOT_VALUES,
+    FENCE,
+    GENERIC,
+    PX4_VALUES,
+    RALLY,
+    FencedVehicle,
+    fenced_vehicle,
+)
+from tests.support.scripted_missions import ARDUPILOT, PX4, Script
+from tests.support.scripted_vehicle import HOME, PX4_LAND, PX4_RETURN
+
+INCLUSION, EXCLUSION = 5001, 5002
+POINT = {"latitude": HOME[0] + 1e-4, "longitude": HOME[1], "altitude": 12.5}
+BOTH = pytest.mark.parametrize("script", [PX4, ARDUPILOT], ids=["px4", "ardupilot"])
+
+
+def square(north_m: float = 0.0, half_m: float = 40.0) -> list[list[float]]:
+    """A field round home, corners counter-clockwise."""
+    half, middle = half_m * 9e-6, HOME[0] + north_m * 9e-6
+    corners = [(-1, -1), (-1, 1), (1, 1), (1, -1)]
+    return [[middle + n * half, HOME[1] + e * half * 1.3] for n, e in corners]
+
+
+def fence(**more: Any) -> dict[str, Any]:
+    return {"inclusion": [square()]} | more
+
+
+def flown(world: World, geofence: dict[str, Any] | None, mission_id: int = 1201) -> None:
+    world.edge.plan(first_flight(mission_id), geofence=geofence)
+    world.run_until_over(mission_id)
+
+
+def message_of(world: World, mission_id: int = 1201) -> str:
+    return str(world.edge.reports(mission_id)[-1]["message"])
+
+
+class TestPlacing:
+    @BOTH
+    def test_the_fence_is_stored_before_the_mission_and_the_mission_before_the_arming(
+        self, script: Script
+    ) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world, script)
+        flown(world, fence(exclusion=[square(200.0)]))
+        assert world.edge.statuses(1201) == FINISHED
+        order = [entry for entry in vehicle.log if entry in {"stored 1", "stored 0", "told to arm"}]
+        assert order[:3] == ["stored 1", "stored 0", "told to arm"]
+
+    def test_its_corners_are_those_of_the_plan_each_with_their_number(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        world.edge.plan(first_flight(), geofence=fence(exclusion=[square(200.0)[:3]]))
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        corners = [*square(), *square(200.0)[:3]]
+        assert [place[1:] for place in vehicle.fence] == [
+            pytest.approx(corner, abs=1e-7) for corner in corners
+        ]
+        commands = [(item.command, item.param1) for item in vehicle.plans[FENCE].items]
+        assert commands == [(INCLUSION, 4.0)] * 4 + [(EXCLUSION, 3.0)] * 3
+
+    @BOTH
+    @pytest.mark.parametrize("seed", range(2))
+    def test_a_fifth_lost_each_way_changes_nothing(self, script: Script, seed: int) -> None:
+        world = World(loss=0.2, seed=seed)
+        vehicle = fenced_vehicle(world, script)
+        world.edge.plan(first_flight(), geofence=fence(max_altitude=60.0))
+        world.run_until(lambda: (world.edge.status(1201) or 0) >= Status.RUNNING, within_s=200.0)
+        assert world.edge.status(1201) == Status.RUNNING
+        assert len(vehicle.fence) == 4
+
+    def test_a_plan_of_two_stretches_places_it_once(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        hotpoint = {
+            "command_id": 2,
+            "command_type_id": 7,
+            "parameters": {
+                "latitude": HOME[0],
+                "longitude": HOME[1],
+                "orbit_altitude": 10,
+                "radius": 10,
+            },
+        }
+        world.edge.plan(mission(takeoff(), hotpoint, waypoint(3), go_home(4)), geofence=fence())
+        world.run_until_over(1201)
+        assert vehicle.log.count("stored 0") == 2
+        assert vehicle.log.count("stored 1") == 1
+
+    def test_a_vehicle_that_cannot_keep_one_flies_checked_by_the_broker_alone(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world, capabilities=0)
+        flown(world, fence(max_altitude=60.0))
+        assert world.edge.statuses(1201) == FINISHED
+        assert vehicle.fence == []
+        assert vehicle.set == []
+        assert "keeps no geofence: the broker alone has checked" in message_of(world)
+
+    def test_a_fence_that_the_vehicle_refuses_fails_the_mission_before_take_off(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        vehicle.plans[FENCE].script = replace(PX4, refused_item=2)
+        flown(world, fence())
+        assert world.edge.status(1201) == Status.FAILED
+        assert "geofence refused: MAV_MISSION_INVALID_PARAM3 at item 2" in message_of(world)
+        assert "told to arm" not in vehicle.log
+        assert "stored 0" not in vehicle.log
+
+    def test_a_fence_that_comes_back_otherwise_fails_the_mission_before_take_off(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world, replace(ARDUPILOT, gives_ids=False))
+        vehicle.plans[FENCE].script = replace(
+            ARDUPILOT, home_is_item_0=False, keeps=_moved_by_a_metre
+        )
+        flown(world, fence())
+        assert world.edge.status(1201) == Status.FAILED
+        assert "geofence: item 0 on the vehicle differs in latitude" in message_of(world)
+        assert "told to arm" not in vehicle.log
+
+    def test_without_a_geofence_nothing_is_asked_of_the_vehicle(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        flown(world, None)
+        assert world.edge.statuses(1201) == FINISHED
+        assert vehicle.log[0] == "stored 0"
+        assert vehicle.set == []
+
+
+def _moved_by_a_metre(item: Any) -> Any:
+    item.x += 100
+    return item
+
+
+def placed(vehicle: FencedVehicle, corners: list[list[float]]) -> None:
+    """An operator puts a fence there."""
+    vehicle.plans[FENCE].items = [
+        mavlink.MAVLink_mission_item_int_message(
+            0,
+            0,
+            seq,
+            0,
+            INCLUSION,
+            0,
+            1,
+            float(len(corners)),
+            0.0,
+            0.0,
+            0.0,
+            round(latitude * 1e7),
+            round(longitude * 1e7),
+            0.0,
+            FENCE,
+        )
+        for seq, (latitude, longitude) in enumerate(corners)
+    ]
+
+
+class TestInterruptions:
+    """Before the mission, with the fence half way onto the vehicle."""
+
+    def halfway(self) -> tuple[World, FencedVehicle]:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        vehicle.plans[FENCE].script = replace(PX4, lost_acknowledgements=10**6)
+        vehicle.plans[FENCE].busy_until = world.clock.now + 60.0
+        world.run_until(lambda: 1 in world.app.sessions)
+        world.edge.plan(first_flight(), geofence=fence())
+        world.run_until(lambda: world.app.sessions[1].state is State.FENCING)
+        world.run(2.0)
+        return world, vehicle
+
+    def test_an_abort_ends_the_mission_on_the_ground(self) -> None:
+        world, vehicle = self.halfway()
+        event = world.edge.event(1)
+        world.run(2.0)
+        assert world.edge.status(1201) == Status.ABORTED
+        assert world.edge.acknowledgements(event)[-1]["status"] == "done"
+        assert "told to arm" not in vehicle.log
+
+    def test_a_vehicle_that_restarts_is_begun_with_again(self) -> None:
+        world, vehicle = self.halfway()
+        vehicle.reboot(world.clock.now)
+        vehicle.plans[FENCE].drop_transfer()
+        vehicle.plans[FENCE].busy_until = 0.0
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+        assert vehicle.log.count("stored 1") == 1
+
+    def test_a_vehicle_that_vanishes_fails_the_mission_in_the_end(self) -> None:
+        world, vehicle = self.halfway()
+        vehicle.silent = True
+        world.run_until_over(1201)
+        assert world.edge.status(1201) == Status.FAILED
+
+
+class TestGivingBack:
+    @BOTH
+    def test_a_vehicle_without_a_fence_has_none_afterwards(self, script: Script) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world, script)
+        flown(world, fence(max_altitude=60.0))
+        world.run(20.0)
+        assert vehicle.fence == []
+        assert vehicle.values == (PX4_VALUES if script is PX4 else ARDUPILOT_VALUES)
+
+    @BOTH
+    def test_an_operators_fence_comes_back(self, script: Script) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world, script)
+        placed(vehicle, square(half_m=90.0))
+        operators = vehicle.fence
+        world.edge.plan(first_flight(), geofence=fence())
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        assert vehicle.fence != operators
+        assert "vehicle's own geofence come" in message_of(world)
+        world.run_until_over(1201)
+        world.run(20.0)
+        assert vehicle.fence == operators
+
+    def test_a_plan_without_one_leaves_an_operators_fence_alone(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        placed(vehicle, square(half_m=90.0))
+        operators = vehicle.fence
+        flown(world, None)
+        world.run(20.0)
+        assert vehicle.fence == operators
+
+    @BOTH
+    @pytest.mark.parametrize("seed", range(3))
+    def test_nothing_is_kept_over_a_link_that_loses_a_fifth_each_way(
+        self, script: Script, seed: int
+    ) -> None:
+        world = World(loss=0.2, seed=seed)
+        vehicle = fenced_vehicle(world, script)
+        low = mission(takeoff(), go_home(2))
+        world.edge.plan(low, geofence=fence(max_altitude=60.0), rally_points=[POINT])
+        world.run_until_over(1201)
+        assert world.edge.status(1201) == Status.FINISHED
+        world.run_until(lambda: not world.app.sessions[1].vehicle.loan.is_open)
+        assert vehicle.fence == vehicle.plans[RALLY].items == []
+        assert vehicle.values == (PX4_VALUES if script is PX4 else ARDUPILOT_VALUES)
+
+    def test_a_geofence_that_forbids_nothing_changes_nothing(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world, ARDUPILOT)
+        flown(world, {"inclusion": [], "exclusion": []})
+        assert world.edge.statuses(1201) == FINISHED
+        assert vehicle.set == []
+
+    def test_a_value_that_somebody_set_meanwhile_stays(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        world.edge.plan(first_flight(), geofence={"max_altitude": 40.0})
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        vehicle.values["GF_MAX_VER_DIST"] = 25.0
+        world.run_until_over(1201)
+        world.run(20.0)
+        assert vehicle.values == PX4_VALUES | {"GF_MAX_VER_DIST": 25.0}
+
+    def test_the_next_plan_does_not_fly_under_the_fence_of_the_one_before(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        world.edge.plan(first_flight(), geofence=fence())
+        world.edge.plan(first_flight(1202))
+        world.run_until_over(1202)
+        stored, removed = vehicle.log.index("stored 1"), vehicle.log.index("cleared 1")
+        missions = [i for i, entry in enumerate(vehicle.log) if entry == "stored 0"]
+        assert stored < missions[0] < removed < missions[1]
+
+    def test_the_next_plans_fence_takes_its_place_and_the_operators_still_comes_back(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        placed(vehicle, square(half_m=90.0))
+        operators = vehicle.fence
+        world.edge.plan(first_flight(), geofence=fence())
+        world.edge.plan(first_flight(1202), geofence={"inclusion": [square(half_m=50.0)]})
+        world.run_until(lambda: world.edge.status(1202) == Status.RUNNING, within_s=300.0)
+        assert vehicle.fence[0][1] == pytest.approx(square(half_m=50.0)[0][0], abs=1e-7)
+        world.run_until_over(1202)
+        world.run(20.0)
+        assert vehicle.fence == operators
+
+    def test_a_fence_that_somebody_put_there_meanwhile_stays(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        world.edge.plan(first_flight(), geofence=fence())
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        placed(vehicle, square(half_m=70.0))
+        theirs = vehicle.fence
+        world.run_until_over(1201)
+        world.run(20.0)
+        assert vehicle.fence == theirs
+
+    def test_a_restarted_broker_removes_the_fence_of_the_mission_that_it_follows(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        world.edge.plan(first_flight(), geofence=fence())
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        world.restart_broker()
+        world.run_until_over(1201)
+        world.run(20.0)
+        assert world.edge.statuses(1201) == FINISHED
+        assert vehicle.log.count("stored 1") == 1
+        assert vehicle.fence == []
+
+    def test_whoever_would_leave_can_see_that_something_is_still_to_be_given_back(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        flown(world, fence(max_altitude=40.0))
+        session = world.app.sessions[1]
+        world.run_until(lambda: session.state is State.IDLE)
+        assert session.is_giving_back
+        world.run_until(lambda: not session.is_giving_back, within_s=20.0)
+        assert vehicle.fence == []
+        assert vehicle.values == PX4_VALUES
+
+    def test_a_vehicle_that_refuses_to_take_it_back_is_not_waited_for(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        world.edge.plan(first_flight(), geofence={"max_altitude": 40.0})
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        vehicle.refused_values.add("GF_MAX_VER_DIST")
+        world.run_until_over(1201)
+        session = world.app.sessions[1]
+        world.run_until(lambda: not session.is_giving_back, within_s=60.0)
+        assert vehicle.values["GF_MAX_VER_DIST"] == 40.0
+        vehicle.refused_values.clear()
+        world.run(40.0)
+        assert vehicle.values == PX4_VALUES
+
+    def test_a_vehicle_that_was_off_gets_it_back_when_it_is_heard_again(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        world.edge.plan(first_flight(), geofence=fence())
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        world.run_until(lambda: not vehicle.armed)
+        vehicle.silent = True
+        world.run(10.0)
+        assert len(vehicle.fence) == 4
+        vehicle.silent = False
+        world.run(40.0)
+        assert vehicle.fence == []
+
+
+class TestHeights:
+    def test_px4_guards_the_height_and_returns_below_it(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        world.edge.plan(first_flight(), geofence={"max_altitude": 40.0})
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        assert vehicle.values["GF_MAX_VER_DIST"] == 40.0
+        assert vehicle.values["RTL_RETURN_ALT"] == 40.0
+
+    def test_ardupilot_guards_areas_and_height(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world, ARDUPILOT)
+        two = {"inclusion": [square(), square(70.0)], "max_altitude": 40.0}
+        world.edge.plan(first_flight(), geofence=two)
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        assert vehicle.values == ARDUPILOT_VALUES | {
+            "FENCE_ENABLE": 1,
+            "FENCE_TYPE": 5,  # Areas and height, not the circle that nobody switched on
+            "FENCE_ALT_MAX": 40.0,
+            "FENCE_OPTIONS": 3,  # One inclusion area is enough
+        }
+        assert vehicle.set[-1][0] == "FENCE_ENABLE"
+
+    def test_a_vehicles_own_lower_limit_stays_and_holds(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world, values=PX4_VALUES | {"GF_MAX_VER_DIST": 20.0})
+        high = mission(takeoff(altitude=30.0), waypoint(), go_home())
+        world.edge.plan(high, geofence={"max_altitude": 60.0})
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == [Status.FAILED, Status.ABORTED, Status.ABORTED]
+        assert "altitude: 30 m is above the vehicle's own limit, 20 m" in message_of(world)
+        assert vehicle.values["GF_MAX_VER_DIST"] == 20.0
+        assert "told to arm" not in vehicle.log
+
+    def test_a_mission_at_the_limit_gets_room_to_hold_its_height(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        at_limit = mission(takeoff(altitude=40.0), waypoint(), go_home())
+        world.edge.plan(at_limit, geofence={"max_altitude": 40.0})
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        assert vehicle.values["GF_MAX_VER_DIST"] == 42.0
+
+    def test_a_parameter_that_the_vehicle_refuses_fails_the_mission(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        vehicle.refused_values.add("GF_MAX_VER_DIST")
+        flown(world, {"max_altitude": 40.0})
+        assert world.edge.status(1201) == Status.FAILED
+        assert "parameter GF_MAX_VER_DIST" in message_of(world)
+        assert "told to arm" not in vehicle.log
+
+    def test_an_unknown_kind_of_vehicle_says_that_it_keeps_no_height(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world, GENERIC, capabilities=ABLE)
+        flown(world, fence(max_altitude=60.0))
+        assert world.edge.statuses(1201) == FINISHED
+        assert "stored 1" in vehicle.log
+        assert "max_altitude: the vehicle keeps none" in message_of(world)
+
+
+class TestRefusing:
+    """What leads out is refused, as early as it can be known."""
+
+    def test_a_leg_through_an_exclusion_before_the_work_is_accepted(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        world.run(5.0)
+        beyond = mission(takeoff(), waypoint(north_m=30.0), go_home())
+        work = world.edge.plan(beyond, geofence={"exclusion": [square(15.0, half_m=5.0)]})
+        world.run(2.0)
+        (answer,) = world.edge.acknowledgements(work)
+        why = "latitude, longitude: the way there enters geofence.exclusion.0"
+        assert answer == {"status": "refused", "message": f"command 2: {why}"}
+        assert world.edge.statuses(1201) == [Status.ABORTED, Status.FAILED, Status.ABORTED]
+        assert world.edge.reports(1201)[-1]["command_report_array"][1]["message"] == why
+        assert vehicle.log == []
+
+    def test_a_vehicle_that_stands_outside(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        vehicle.place = HOME[0] - 60.0 * 9e-6, HOME[1]
+        flown(world, fence())
+        assert world.edge.statuses(1201) == [Status.FAILED, Status.ABORTED, Status.ABORTED]
+        assert "the vehicle lies 2" in message_of(world)
+        assert "m outside geofence.inclusion" in message_of(world)
+        assert vehicle.log == []
+
+    def test_the_way_home_over_what_is_forbidden(self) -> None:
+        """Round it on the way out, straight over it on the way back."""
+        world = World()
+        vehicle = fenced_vehicle(world)
+        east = {"longitude": HOME[1] + 60.0 * 1.2e-5}
+        round_it = mission(
+            takeoff(),
+            waypoint(2, north_m=0.0, **east),
+            waypoint(3, north_m=60.0, **east),
+            waypoint(4, north_m=60.0),
+            go_home(5),
+        )
+        world.edge.plan(round_it, geofence={"exclusion": [square(30.0, half_m=10.0)]})
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201)[-1] == Status.FAILED
+        why = "landing: the way there enters geofence.exclusion.0"
+        assert world.edge.reports(1201)[-1]["command_report_array"][-1]["message"] == why
+        assert vehicle.log == []
+
+
+class TestEvents:
+    """An emergency is never refused for the fence, and never leads out of it."""
+
+    @pytest.mark.parametrize(
+        ("kind", "mode", "instead"),
+        [(1, PX4_LAND, "it lands where it is"), (2, PX4_RETURN, "it returns and lands")],
+    )
+    def test_a_place_outside_is_left_out_and_said_so(
+        self, kind: int, mode: int, instead: str
+    ) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        world.edge.plan(first_flight(), geofence=fence())
+        world.run_until(lambda: vehicle.airborne)
+        world.run(1.0)
+        outside = {"latitude": HOME[0] + 9e-4, "longitude": HOME[1], "altitude": 5.0}
+        event = world.edge.event(kind, abort=outside)
+        world.run_until(lambda: not vehicle.armed)
+        assert vehicle.custom_mode == mode
+        assert mavlink.MAV_CMD_DO_REPOSITION not in vehicle.commands
+        done = world.edge.acknowledgements(event)[-1]
+        assert done["status"] == "done"
+        assert "m outside geofence.inclusion" in done["message"]
+        assert done["message"].endswith(instead)
+
+    def test_a_place_inside_is_flown_to(self) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world)
+        world.edge.plan(first_flight(), geofence=fence())
+        world.run_until(lambda: vehicle.airborne)
+        world.run(1.0)
+        inside = {"latitude": HOME[0] + 1e-4, "longitude": HOME[1], "altitude": 5.0}
+        event = world.edge.event(1, abort=inside)
+        world.run_until(lambda: not vehicle.armed)
+        assert mavlink.MAV_CMD_DO_REPOSITION in vehicle.commands
+        assert "message" not in world.edge.acknowledgements(event)[-1]
+
+
+class TestRallyPoints:
+    @BOTH
+    def test_they_are_stored_before_the_mission_and_removed_after_it(self, script: Script) -> None:
+        world = World()
+        vehicle = fenced_vehicle(world, script)
+        world.edge.plan(first_flight(), geofence=fence(), rally_points=[POINT])
+        world.run_until(lambda: world.edge.status(1201) == Status.RUNNING)
+        (point,) = vehicle.plans[RALLY].items
+        assert (point.command, point.z) == (5100, 12.5 if script is PX4 else 12.0)
+        assert point.x == round(POINT["latitude"] * 1e7)
+        assert vehicle.log.index("stored 2") < vehicle.log.index("stored 0")
+        world.run_until_over(1201)
+        world.run(20.0)
+        assert vehicle.plans[RALLY].items == []
+        assert vehicle.fence == []
+
+    def test_a_vehicle_that_keeps_none_flies_without_and_says_so(self) -> None:
+        world = World()
+        fenced_vehicle(world, capabilities=mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE)
+        world.edge.plan(first_flight(), rally_points=[POINT])
+        world.run_until_over(1201)
+        assert world.edge.statuses(1201) == FINISHED
+        assert message_of(world) == "the vehicle keeps no rally points: they were left out"
+
+    def test_a_return_to_one_over_what_is_forbidden_is_refused(self) -> None:
+        world = World()
+        fenced_vehicle(world)
+        beyond = POINT | {"latitude": HOME[0] + 40 * 9e-6}
+        world.edge.plan(
+            first_flight(),
+            geofence={"exclusion": [square(25.0, half_m=5.0)]},
+            rally_points=[beyond],
+        )
+        world.run_until_over(1201)
+        why = "landing: the way there enters geofence.exclusion.0"
+        assert world.edge.reports(1201)[-1]["command_report_array"][2]["message"] == why

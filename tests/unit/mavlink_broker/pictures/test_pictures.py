@@ -1,0 +1,344 @@
+"""Pictures of a flight, from their announcement to the edge server, between scripted ends."""
+
+import base64
+import dataclasses
+import math
+from typing import Any
+
+import pytest
+
+from afarcloud.enumerations import Status
+from afarcloud.state import Image
+from mavlink_broker.mavlink.dialect import mavlink
+from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
+from tests.support.file_server import ScriptedFiles
+from tests.support.scripted_camera import JPEG, ScriptedCamera
+from tests.support.scripted_vehicle import PX4, ScriptedVehicle
+
+SLOW = dataclasses.replace(PX4, item_time_s=6.0)
+MISSION = 1201
+
+
+def image(command_id: int = 3, count: int = 1) -> dict[str, Any]:
+    parameters = {
+        "yaw_angle": 0,
+        "pitch_angle": -90,
+        "photo_count": count,
+        "time_interval": int(count > 1),
+    }
+    return {"command_id": command_id, "command_type_id": 4, "parameters": parameters}
+
+
+class Flight:
+    """A vehicle with a camera on a mission that takes pictures at its third command."""
+
+    def __init__(self, *, count: int = 1, loss: float = 0.0, seed: int = 1, **camera: Any) -> None:
+        self.world = World(loss=loss, seed=seed)
+        self.vehicle: ScriptedVehicle = self.world.add_vehicle(script=SLOW)
+        self.camera: ScriptedCamera = self.world.add_camera(self.vehicle, **camera)
+        self.count = count
+
+    def until_pictures(self) -> None:
+        """Fly until the vehicle is at the item that takes the pictures."""
+        world = self.world
+        world.edge.plan(
+            mission(takeoff(), waypoint(), image(3, self.count), waypoint(4, 20.0), go_home(5))
+        )
+        world.run_until(lambda: self.item == mavlink.MAV_CMD_IMAGE_START_CAPTURE)
+        world.run(1.0)
+
+    @property
+    def item(self) -> int:
+        """The command of the item that is flown."""
+        flies = self.vehicle.armed and self.vehicle.items
+        return int(self.vehicle.items[self.vehicle.current].command) if flies else 0
+
+    def land(self) -> None:
+        """Fly to the end."""
+        self.world.run_until_over(MISSION)
+        self.world.run(15.0)
+
+    @property
+    def images(self) -> list[dict[str, Any]]:
+        return self.world.edge.bodies("/image/")
+
+    @property
+    def names(self) -> list[str]:
+        return [body["name"] for body in self.images]
+
+    def message(self, command: int = 2) -> str | None:
+        reports = self.world.edge.reports(MISSION)
+        text: str | None = reports[-1]["command_report_array"][command].get("message")
+        return text
+
+
+def test_a_picture_comes_as_the_vehicle_has_it() -> None:
+    flight = Flight()
+    flight.until_pictures()
+    index = flight.camera.shoot()
+    flight.land()
+    (body,) = flight.images
+    told = Image.model_validate(body)
+    assert base64.b64decode(told.frame) == JPEG + bytes([index])
+    assert told.image_size == len(JPEG) + 1
+    assert told.name == "m1201_c3_0000.jpeg"
+    assert flight.world.edge.status(MISSION) == Status.FINISHED
+    assert flight.message() is None
+
+
+def test_a_burst_of_pictures_keeps_its_order() -> None:
+    flight = Flight(count=3)
+    flight.until_pictures()
+    for _ in range(3):
+        flight.camera.shoot()
+        flight.world.run(1.0)
+    flight.land()
+    assert flight.names == [f"m1201_c3_000{number}.jpeg" for number in range(3)]
+
+
+def test_a_picture_between_waypoints_is_the_waypoints() -> None:
+    flight = Flight()
+    flight.world.edge.plan(mission(takeoff(), waypoint(), go_home()))
+    flight.world.run_until(lambda: flight.item == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
+    flight.world.run(2.0)
+    flight.camera.shoot()
+    flight.land()
+    assert flight.names == ["m1201_c3_0000.jpeg"]
+
+
+@pytest.mark.parametrize("lost", [(0,), (1,), (2,), (0, 1, 2)])
+def test_lost_announcements_are_asked_for_again(lost: tuple[int, ...]) -> None:
+    flight = Flight(count=3, first_index=40)
+    flight.until_pictures()
+    for number in range(3):
+        flight.camera.shoot(announced=number not in lost)
+        flight.world.run(0.5)
+    flight.land()
+    assert sorted(flight.names) == [f"m1201_c3_00{number}.jpeg" for number in (40, 41, 42)]
+    assert flight.message() is None
+
+
+def test_what_was_there_before_the_mission_is_not_its() -> None:
+    flight = Flight(first_index=7)
+    flight.until_pictures()
+    flight.camera.shoot()
+    flight.land()
+    assert flight.names == ["m1201_c3_0007.jpeg"]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_bad_link_loses_no_picture(seed: int) -> None:
+    flight = Flight(count=3, loss=0.2, seed=seed)
+    flight.until_pictures()
+    for _ in range(3):
+        flight.camera.shoot()
+        flight.world.run(1.0)
+    flight.land()
+    flight.world.run_until(lambda: len(flight.images) >= 3, within_s=300.0)
+    assert sorted(flight.names) == [f"m1201_c3_000{number}.jpeg" for number in range(3)]
+
+
+def test_a_picture_that_failed_is_told() -> None:
+    flight = Flight()
+    flight.until_pictures()
+    flight.camera.shoot(succeeded=False)
+    flight.land()
+    assert flight.images == []
+    assert flight.message() == "the camera could not take picture 0"
+
+
+def test_a_picture_that_cannot_be_fetched_is_told() -> None:
+    flight = Flight(url="mftp:///elsewhere/{index}.jpg")
+    flight.until_pictures()
+    flight.camera.shoot()
+    flight.vehicle.script = dataclasses.replace(SLOW, item_time_s=60.0)
+    flight.world.run_until(lambda: flight.message() is not None)
+    reason = "the vehicle answers: file not found"
+    assert flight.message() == f"picture 0 cannot be had in flight: {reason}"
+
+
+def test_what_is_not_given_in_flight_is_asked_for_after_the_landing() -> None:
+    flight = Flight(files=ScriptedFiles(unknown=frozenset({4})))
+    flight.until_pictures()
+    flight.camera.shoot()
+    flight.vehicle.script = dataclasses.replace(SLOW, item_time_s=60.0)
+    flight.world.run_until(lambda: flight.message() is not None)
+    flight.world.run_until(lambda: not flight.vehicle.armed, within_s=300.0)
+    flight.camera.files.unknown = frozenset()
+    flight.world.run_until(lambda: flight.images)
+    assert flight.names == ["m1201_c3_0000.jpeg"]
+
+
+@pytest.mark.parametrize(
+    ("url", "reason"),
+    [("", "it is told nowhere"), ("gopher://x/1.jpg", "'gopher://x/1.jpg' is no place")],
+)
+def test_a_place_that_is_none_is_told(url: str, reason: str) -> None:
+    flight = Flight(url=url)
+    flight.until_pictures()
+    flight.camera.shoot()
+    flight.land()
+    assert flight.message() == f"picture 0 cannot be fetched: {reason}"
+
+
+def test_pictures_that_never_come_are_told() -> None:
+    flight = Flight(count=2)
+    flight.until_pictures()
+    flight.camera.shoot()
+    flight.vehicle.script = dataclasses.replace(SLOW, item_time_s=60.0)
+    flight.land()
+    assert flight.message() == "1 of 2 pictures were not announced"
+
+
+def test_a_mission_does_not_wait_for_its_pictures() -> None:
+    flight = Flight(files=ScriptedFiles(silent=frozenset({4})))
+    flight.until_pictures()
+    flight.camera.shoot()
+    flight.world.run_until_over(MISSION)
+    assert flight.world.edge.status(MISSION) == Status.FINISHED
+    assert flight.images == []
+    flight.camera.files.silent = frozenset()
+    flight.world.run_until(lambda: flight.images, within_s=200.0)
+    assert flight.names == ["m1201_c3_0000.jpeg"]
+
+
+def test_the_autopilot_is_asked_for_what_the_camera_does_not_serve() -> None:
+    flight = Flight(url="/fs/microsd/{index}.jpg")
+    autopilot = ScriptedCamera(1, flight.camera.put, lambda: 0, component=1)
+    autopilot.files.files = {"/fs/microsd/0.jpg": JPEG}
+    receive = flight.camera.receive
+
+    def both(frame: bytes) -> None:
+        receive(frame)
+        autopilot.receive(frame)
+
+    flight.camera.receive = both  # type: ignore[method-assign]  # the autopilot hears it too
+    flight.until_pictures()
+    flight.camera.shoot()
+    flight.land()
+    (body,) = flight.images
+    assert base64.b64decode(body["frame"]) == JPEG
+
+
+def test_a_restarted_broker_tells_the_same_picture_under_the_same_key() -> None:
+    flight = Flight()
+    flight.until_pictures()
+    flight.camera.shoot()
+    flight.world.run_until(lambda: flight.images)
+    flight.world.restart_broker()
+    flight.land()
+    keys = {p.idempotency_key for p in flight.world.edge.posts if p.path == "/image/"}
+    assert len(flight.images) == 2
+    assert len(keys) == 1
+
+
+def test_a_restarted_broker_fetches_what_was_taken_while_it_was_away() -> None:
+    flight = Flight(count=3)
+    flight.until_pictures()
+    flight.world.kill_broker()
+    for _ in range(3):
+        flight.camera.shoot()
+        flight.world.run(0.5)
+    flight.world.restart_broker()
+    flight.land()
+    sizes = [body["image_size"] for body in flight.images]
+    assert len(sizes) == 3
+    assert flight.message() is None
+
+
+def test_old_pictures_are_left_alone_by_a_new_broker() -> None:
+    flight = Flight()
+    flight.world.is_broker_there = False
+    flight.world.run(1.0)
+    for _ in range(5):
+        flight.camera.shoot(announced=False)
+    flight.world.clock.now += 1200.0
+    flight.world.restart_broker()
+    flight.world.run(10.0)
+    assert flight.images == []
+    assert [number for wanted, number in flight.camera.asked if wanted == 263] == [4]
+
+
+def test_a_camera_with_a_clock_of_its_own_is_understood() -> None:
+    flight = Flight()
+    boot_ms = flight.camera.boot_ms
+    flight.camera.boot_ms = lambda: boot_ms() + 5_000_000
+    flight.until_pictures()
+    flight.camera.shoot()
+    flight.land()
+    assert flight.names == ["m1201_c3_0000.jpeg"]
+
+
+def test_a_camera_that_announces_late_is_no_camera_with_another_clock() -> None:
+    flight = Flight(count=2)
+    flight.until_pictures()
+    for _ in range(2):
+        flight.camera.shoot(announced=False)
+    flight.world.run_until(lambda: flight.item == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
+    flight.camera.taken, late = [], flight.camera.taken
+    flight.world.run(15.0)
+    flight.camera.taken = late
+    for message in late:
+        flight.world.hear(flight.vehicle, message, mavlink.MAV_COMP_ID_CAMERA)
+    flight.land()
+    assert sorted(flight.names) == ["m1201_c3_0000.jpeg", "m1201_c3_0001.jpeg"]
+
+
+def test_no_picture_is_fetched_while_the_edge_server_takes_none() -> None:
+    flight = Flight()
+    flight.world.edge.waiting_pictures = 8
+    flight.until_pictures()
+    flight.camera.shoot()
+    flight.land()
+    assert flight.camera.files.asked == []
+    flight.world.edge.waiting_pictures = 0
+    flight.world.run_until(lambda: flight.images)
+
+
+def test_a_restarted_vehicle_still_has_its_pictures() -> None:
+    flight = Flight(files=ScriptedFiles(silent=frozenset({4})))
+    flight.until_pictures()
+    flight.camera.shoot()
+    flight.land()
+    flight.vehicle.reboot(flight.world.clock.now)
+    flight.camera.files.restart()
+    flight.camera.files.silent = frozenset()
+    flight.world.run_until(lambda: flight.images, within_s=200.0)
+    assert flight.names == ["m1201_c3_0000.jpeg"]
+
+
+def test_a_picture_of_nobodys_command_is_not_told() -> None:
+    flight = Flight()
+    flight.world.run(10.0)
+    flight.camera.shoot()
+    flight.world.run(20.0)
+    assert flight.images == []
+
+
+@pytest.mark.parametrize("index", [-1, 2**31 - 2])
+def test_strange_numbers_do_no_harm(index: int) -> None:
+    flight = Flight()
+    flight.camera.first_index = index
+    flight.until_pictures()
+    flight.camera.shoot()
+    flight.land()
+    assert flight.world.edge.status(MISSION) == Status.FINISHED
+    assert math.isfinite(flight.world.clock.now)
+
+
+def test_announcements_of_the_past_are_no_restart_of_the_vehicle() -> None:
+    flight = Flight(count=4, component=1)
+    flight.camera.heartbeat = lambda: None  # type: ignore[method-assign]  # the autopilot has its own
+    flight.world.run(40.0)
+    flight.until_pictures()
+    flight.vehicle.script = dataclasses.replace(SLOW, item_time_s=120.0)
+    flight.world.kill_broker()
+    for _ in range(4):
+        flight.camera.shoot()
+        flight.world.run(0.3)
+    flight.world.restart_broker()
+    flight.world.run(40.0)
+    flight.camera.shoot()
+    flight.world.run(20.0)
+    assert len(flight.images) == 5
+    assert flight.world.edge.status(MISSION) == Status.RUNNING

@@ -1,0 +1,51 @@
+"""Two vehicles with one number are told from one vehicle with two ways."""
+
+from mavlink_broker.links.url import Address
+from mavlink_broker.mavlink.codec import Decoder, Encoder
+from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.routing.duplicate_system_ids import Twins
+
+THERE = Address("192.0.2.9", 14581)
+
+
+def attitude(boot_s: float) -> Message:
+    message = mavlink.MAVLink_attitude_message(int(boot_s * 1e3), 0, 0, 0, 0, 0, 0)
+    (decoded,) = Decoder().decode(Encoder(1, 1).encode(message))
+    return decoded
+
+
+def heard(behind_s: float, seconds: int = 10) -> tuple[Twins, list[bool]]:
+    """Two ways, on the second of which the clock is behind by so much."""
+    twins, told = Twins(), []
+    for second in range(seconds):
+        twins.here(attitude(100.0 + second), float(second))
+        told.append(twins.elsewhere(attitude(100.1 + second - behind_s), THERE, second + 0.1))
+    return twins, told
+
+
+def test_the_same_clock_on_both_ways_is_one_vehicle() -> None:
+    for behind_s in (0.0, 1.5, 5.0):
+        twins, told = heard(behind_s)
+        assert not any(told)
+        assert twins.warning(1, 10.0) is None
+
+
+def test_another_clock_is_another_vehicle_and_told_once() -> None:
+    twins, told = heard(40.0)
+    assert told.count(True) == 1
+    assert twins.warning(1, 10.0) == (
+        "another vehicle at 192.0.2.9:14581 has the same system id, 1"
+    )
+    assert twins.warning(2, 10.0) is None
+
+
+def test_a_warning_ends_when_the_other_falls_silent() -> None:
+    twins, _ = heard(40.0)
+    assert twins.warning(1, 60.0) is None
+
+
+def test_a_forgotten_system_begins_anew() -> None:
+    twins, _ = heard(40.0)
+    twins.forget(1)
+    assert twins.warning(1, 10.0) is None
+    assert not twins.elsewhere(attitude(3.0), THERE, 10.0)
