@@ -1,1 +1,1 @@
-"""Where the vehicle may be: fence, rally points, ways round."""
+"""Where the vehicle may be: fence, rally points, detours."""

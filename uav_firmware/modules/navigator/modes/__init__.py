@@ -1,1 +1,1 @@
-"""One file per flight mode of the navigator, each with the same four hooks."""
+"""The modes of the navigator but for missions, and the manoeuvres that they consist of."""

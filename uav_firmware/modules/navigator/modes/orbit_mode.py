@@ -1,4 +1,4 @@
-"""ORBIT."""
+"""ORBIT: the mode that flies a circle, by an order or about the place where it is."""
 
 import math
 

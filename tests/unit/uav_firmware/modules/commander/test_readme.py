@@ -45,7 +45,7 @@ def test_the_order_of_the_actions() -> None:
 
 def test_the_diagram_of_the_failsafe_machine() -> None:
     diagram = [line for line in section("Failsafes").splitlines() if re.match(r" {4}\w.*-->", line)]
-    code = (FOLDER / "failsafe.py").read_text(encoding="utf-8").splitlines()
+    code = (FOLDER / "failsafe" / "machine.py").read_text(encoding="utf-8").splitlines()
     assert diagram == [line for line in code if re.match(r" {4}\w.*-->", line)]
     assert len(diagram) == 8
 
