@@ -1,1 +1,1 @@
-"""The commands of the program at a terminal: keys, audit, dead-letters, backup."""
+"""The commands of the program at a terminal: keys, audit, dead-letters."""

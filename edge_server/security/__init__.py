@@ -1,1 +1,1 @@
-"""Secrets, certificates and who a caller is."""
+"""Files with secrets, TLS, and what must not be in a log."""

@@ -1,1 +1,1 @@
-"""Further ways to the cloud beside HTTP; each gives the relay the answers that HTTP would give."""
+"""The uplinks to the cloud, HTTP and MQTT 5; each gives the relay the answers of HTTP."""
