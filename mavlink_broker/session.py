@@ -248,7 +248,7 @@ class Session:
             return True
         is_idle = self._flight is None and not self._waiting
         if is_abort(work) and is_idle and not is_open:
-            return True  # The journal may tell of an older one that the vehicle obeys
+            return True  # The journal may hold an older one that the vehicle obeys
         if is_unknown:
             return resumed or (is_abort(work) and self._events.is_before(work.work_id))
         aborts_now = work.event.event_type_id is EventType.ABORT_MISSION
@@ -268,7 +268,7 @@ class Session:
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", NO_MISSION))
 
     def _abort(self, work: EventWork, now: float, effects: Effects) -> None:
-        """End what is flown, and what waits behind it; an older abort gives way."""
+        """End what is flown, and what waits behind it; it replaces an older abort."""
         self.vehicle.abort = None  # Noted again where there is still something to be ordered
         replaces = self._events.replace(work, effects)
         concerned = [flight for flight in self._waiting if self._concerns(work, flight)]
@@ -356,9 +356,9 @@ class Session:
             return [message for message in messages if stands or not leads(message)]
         return messages
 
-    def due(self, told: list[ForEdge]) -> list[ForEdge]:
+    def due(self, messages: list[ForEdge]) -> list[ForEdge]:
         """Hold back the answer to an abort until all that it ended is known to be over."""
-        return self._dropped.sift(told)
+        return self._dropped.sift(messages)
 
     def watch(self, asked_elsewhere: Collection[int] | None) -> None:
         """Learn that ground stations watch, and which messages they have asked for."""

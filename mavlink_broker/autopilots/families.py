@@ -133,7 +133,7 @@ class Family:
     def leads_to_a_place(self, message: Message) -> bool:
         """Whether an order takes the vehicle to a place or round one, so that it needs a position.
 
-        Modes count as they are ordered in this family's ways of returning, following, starting.
+        Modes count as this family's orders to return, follow and start set them.
         """
         if message.get_type() not in {"COMMAND_LONG", "COMMAND_INT"}:
             return False

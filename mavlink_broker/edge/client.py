@@ -1,12 +1,12 @@
 """Speaks to the edge server over HTTP, on threads of its own, so that the vehicles never wait.
 
-One thread asks for work by long poll, two tell what the vehicles have to say. Every request is
+One thread asks for work by long poll, two send what the vehicles report. Every request is
 tried until it has a final answer: a success, or a refusal that would be the same tomorrow. With a
-spool, what has failed once is put onto the disk meanwhile, and told by the next run; what is
+spool, what has failed once is put onto the disk meanwhile, and sent by the next run; what is
 refused becomes a dead letter there.
 
 A vehicle's work is not taken while reports of an earlier run about it wait: what the edge server
-says of a mission is true only when it has heard of it everything that was said.
+states of a mission is true only when it has received every report about it.
 """
 
 import logging
@@ -320,7 +320,7 @@ class EdgeClient:
 def _says_nothing_new(post: Post, status: int, text: str) -> bool:
     """Whether nothing is lost by an answer: a success, or a refusal of what it knows or has ended.
 
-    An acknowledgement of work that the edge server has withdrawn or closed has nobody to tell.
+    An acknowledgement of work that the edge server has withdrawn or closed is of no use to anybody.
     """
     if status < HTTPStatus.BAD_REQUEST or _was_told_before(post, status, text):
         return True

@@ -1,15 +1,15 @@
-"""What waits to be told to the edge server, and whose turn it is. Pure: no thread, no network.
+"""What waits to be sent to the edge server, and whose turn it is. Pure: no thread, no network.
 
 Order is kept per lane: one lane per vehicle and kind, one for a mission's reports together with
 the acknowledgements of its work. A lane whose head failed waits out its own back-off. A vehicle's
 reports wait until the edge server has answered its registration.
 
 When the edge server is away for long, the oldest state vectors are dropped and counted, and a
-newer description of a vehicle replaces the one that waits. Everything else is kept, and told to
+newer description of a vehicle replaces the one that waits. Everything else is kept, and given to
 whoever puts it onto the disk: what has failed once, and what waits behind it.
 
 A post that is refused for good, or fails again and again, is given up, so that what waits behind
-it is told; it becomes a dead letter. The latter takes 20 failures. A failure counts only if the
+it is sent; it becomes a dead letter. The latter takes 20 failures. A failure counts only if the
 edge server has given a final answer to something else since the failure before: while it is away,
 or fails for everybody, nothing is given up. What it refuses for now on purpose (`waits` in
 `failed`) does not count either.
@@ -182,7 +182,7 @@ class SendQueue:
     def refused(self, post: Post, reason: str) -> bool:
         """Settle a post that would be refused again; whether it is a dead letter from now on.
 
-        What the next run can tell anew is none.
+        What the next run can report anew is none.
         """
         if not post.is_worth_keeping:
             self.dropped += 1

@@ -1,6 +1,6 @@
-"""The edge server's door as paths and bodies, in one direction: what the broker tells.
+"""The edge server's interface as paths and bodies, in one direction: what the broker sends.
 
-Together with `edge_client` the only place that knows the edge server's URLs.
+Together with `client` the only place that knows the edge server's URLs.
 """
 
 import hashlib
@@ -51,7 +51,7 @@ def post_for(word: ForEdge, *, vehicle_id: int, recorded_at: datetime, key: str)
 
 
 def is_acknowledgement(post: Post) -> bool:
-    """Whether a post answers work, rather than tells of a vehicle."""
+    """Whether a post answers work, rather than reports on a vehicle."""
     return post.path.startswith(_WORK)
 
 

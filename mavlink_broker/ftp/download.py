@@ -6,7 +6,7 @@
 Bursts bring the wide gaps, at first the whole file; one is outstanding at a time, and the next one
 waits for a quarter of the time that the last one took, so that telemetry passes on a slow radio.
 What bursts have lost is read piece by piece meanwhile, as many at once as the link takes
-(`file_window`); a server that knows no bursts is read so from the beginning. A vehicle that was
+(`window`); a server that knows no bursts is read so from the beginning. A vehicle that was
 restarted has forgotten the session, not the file: it is opened again and the transfer goes on; so
 does a later transfer that is given what an earlier one has brought. In the end the server's CRC32
 must be that of what has come, where the server computes one.

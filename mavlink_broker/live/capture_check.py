@@ -1,6 +1,6 @@
 """Whether a camera has done what it was ordered to, where its last answer was lost.
 
-A camera that works on an order says so (IN_PROGRESS) and takes pictures. When it falls silent, its
+A camera that works on an order answers IN_PROGRESS and takes pictures. When it falls silent, its
 final answer may be lost, and an order that is given again would be carried out again: a vehicle
 keeps its answers for some seconds only. So the camera is asked for its state, and what it has
 captured decides: idle with new pictures, it has done the order; idle without, it has not, and may
@@ -20,7 +20,7 @@ SILENT_AFTER_S: Final = 3.0
 """Several times as long as a camera at work is silent."""
 ASK_EVERY_S: Final = 1.0
 PATIENCE_S: Final = 20.0
-"""With a camera that does not answer; as long as `series_watch` has beyond what pictures take."""
+"""With a camera that does not answer; what `series_monitor` adds to the time of a series."""
 _STATUS: Final[int] = mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS
 _IDLE: Final = 0
 
@@ -44,7 +44,7 @@ class CaptureJudge:
         self._began_s = vehicle.snapshot.time_s
         self._signs_at: float | None = None  # The newest sign of work
         self._asked_at: float | None = None
-        self._asked_since: float | None = None  # Without a sign, and with the vehicle heard
+        self._asked_since: float | None = None  # Without a sign, while the vehicle sends
         self._idle: set[int] = set()  # Components that have answered so since the newest sign
         self._answered_at: dict[int, float] = {}
         self._given_up: set[int] = set()  # Silent ones that have shown no sign of work
@@ -94,7 +94,7 @@ class CaptureJudge:
     def fault(self, now: float) -> str | None:
         """Why it will never be known how the order ended; None while it may be, or is.
 
-        To be asked while the vehicle is heard; a link that was away has `rest` called.
+        To be called while messages of the vehicle arrive; a link that was away has `rest` called.
         """
         silent = self._silent(now)
         if not silent:
@@ -104,7 +104,7 @@ class CaptureJudge:
             self._given_up = silent
             return None
         names = ", ".join(str(component) for component in sorted(silent))
-        return f"camera {names} has not told for {PATIENCE_S:.0f} s whether it has ended"
+        return f"camera {names} has not reported for {PATIENCE_S:.0f} s whether it has ended"
 
     def rest(self) -> None:
         """Blame no camera for a link that is away."""
@@ -115,8 +115,8 @@ class CaptureJudge:
         since = self._asked_since
         if since is None or now - since < PATIENCE_S:
             return set()
-        heard = {c for c, at in self._answered_at.items() if now - at < PATIENCE_S}
-        return self._cameras - heard
+        answered = {c for c, at in self._answered_at.items() if now - at < PATIENCE_S}
+        return self._cameras - answered
 
     def _works(self, message: Message, now: float) -> None:
         self._signs_at = now

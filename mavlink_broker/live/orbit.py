@@ -33,7 +33,7 @@ class TurnRunner:
         self.start: Pose | None = None  # Where it came onto the circle
         self._was_guided = resumed
         self._was_circling = False  # Round and round, until it is told otherwise
-        self._is_counted = not resumed  # Its positions have told all of the turn
+        self._is_counted = not resumed  # Its positions show all of the turn
         self._placed_s: float | None = None
 
     def resume(self, note: LiveNote) -> None:

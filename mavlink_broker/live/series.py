@@ -70,7 +70,7 @@ class SeriesRunner:
     def __init__(
         self, steps: Sequence[Step], vehicle: Vehicle, *, speed_m_s: float = AS_IT_IS
     ) -> None:
-        """Take the steps, and how fast its ways are flown."""
+        """Take the steps, and how fast it flies between places."""
         self._steps = list(steps)
         self._speed_m_s = speed_m_s
         self.steps = 0  # That have been taken

@@ -69,19 +69,18 @@ class DroppedMissions:
         if work_id in self._answered:
             self._answered.remove(work_id)
 
-    def sift(self, told: Sequence[ForEdge]) -> list[ForEdge]:
-        """Give what may be told by now, what was held back before behind the rest.
+    def sift(self, messages: Sequence[ForEdge]) -> list[ForEdge]:
+        """Give what may be sent by now; what was held back before comes behind the rest.
 
         The first final answer counts: whatever ends work behind an error answers it once more.
         """
         due: list[ForEdge] = []
-        for word in told:
-            is_final = isinstance(word, Acknowledgement) and word.status != "accepted"
-            if not isinstance(word, Acknowledgement) or not is_final:
-                due.append(word)
-            elif word.work_id not in self._answered:
-                self._answered.append(word.work_id)
-                (self._held if word.work_id in self._owed else due).append(word)
-        due += [word for word in self._held if word.work_id not in self._owed]
-        self._held = [word for word in self._held if word.work_id in self._owed]
+        for message in messages:
+            if not isinstance(message, Acknowledgement) or message.status == "accepted":
+                due.append(message)
+            elif message.work_id not in self._answered:
+                self._answered.append(message.work_id)
+                (self._held if message.work_id in self._owed else due).append(message)
+        due += [answer for answer in self._held if answer.work_id not in self._owed]
+        self._held = [answer for answer in self._held if answer.work_id in self._owed]
         return due

@@ -106,7 +106,7 @@ class SpeedOrders:
         self._order(None, speed_m_s, now, effects)
 
     def give_up(self, reason: str, effects: Effects) -> None:
-        """Tell no speed any more; an event that waits to be done is refused."""
+        """Order no speed any more; an event that waits to be done is refused."""
         work = None if self._running is None else self._running[0]
         self._running = None
         if work is not None:

@@ -332,7 +332,7 @@ class Flight(FlightProgress):
         self._leave(work.event, work.work_id, now, effects)
 
     def _acknowledge_ending(self, effects: Effects, instead: str | None = None) -> None:
-        """Say that an event has been carried out, once; or what comes in its stead."""
+        """Acknowledge once that an event has been carried out, or what comes in its stead."""
         if self._ending is not None and self._ending_work is not None:
             taken = self._ending.taken
             status = "done" if taken is None else "refused"

@@ -1,6 +1,6 @@
 """What all phases of one mission on one vehicle share: its state, its stages, its ledger.
 
-Drives the table of `session_states`: every state has at most one protocol running, whose outcome
+Drives the table of `states`: every state has at most one protocol running, whose outcome
 is the event that leads on. Knows neither clock nor network.
 """
 

@@ -22,8 +22,8 @@ from mavlink_broker.planning.situation import Spot
 from mavlink_broker.vehicle import hover, prearm
 
 FLYING_WITHIN_S: Final = 5.0
-TOLD_AFTER_S: Final = 3.0
-"""How long a mission waits before its upload until the log says what for."""
+LOGGED_AFTER_S: Final = 3.0
+"""How long a mission waits before its upload until the log names what for."""
 START_AGAIN_AFTER_S: Final = 1.0
 ARM_AGAIN_AFTER_S: Final = 2.0
 MODE_EVERY_S: Final = 2.0
@@ -227,7 +227,7 @@ class FlightPreparation(FlightCore):
 
     def _tell_obstacle(self, obstacle: str | None, waited_s: float) -> None:
         """Log what a mission waits for, once it has waited, and whenever that changes."""
-        if obstacle == self._obstacle or (obstacle is not None and waited_s < TOLD_AFTER_S):
+        if obstacle == self._obstacle or (obstacle is not None and waited_s < LOGGED_AFTER_S):
             return
         number, vehicle_id = self.work.mission.mission_id, self._vehicle.vehicle_id
         if obstacle is None:

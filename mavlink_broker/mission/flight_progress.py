@@ -95,7 +95,7 @@ class FlightProgress(FlightAttachment, ABC):
         """Report that somebody else holds the vehicle: the broker orders no hold of a mission.
 
         It stays where it is for as long as that lasts; whoever paused it resumes it. PX4 holds at
-        the end of a mission too, mostly before it has told of that.
+        the end of a mission too, mostly before its last report of progress.
         """
         vehicle = self._vehicle
         holds = vehicle.mode_role in {ModeRole.HOLD, ModeRole.PAUSED} and vehicle.family.knows_modes
@@ -111,7 +111,7 @@ class FlightProgress(FlightAttachment, ABC):
 
     @property
     def _pause(self) -> str:
-        """Say who has paused the vehicle, as far as that is known."""
+        """Name who has paused the vehicle, as far as that is known."""
         order = self._vehicle.ordered
         who = "somebody else" if order is None else f"system {order.system}"
         return f"{who} paused the vehicle: mode {self._vehicle.mode}"

@@ -2,9 +2,9 @@
 
 Vehicles that give ids to their missions show it at once
 (`mavlink_broker.mission.progress_monitor`). Of the others only signs are seen: another count of
-items, the acknowledgement of somebody's upload, the vehicle's own words, an item number that goes
+items, the acknowledgement of somebody's upload, the vehicle's STATUSTEXT, an item number that goes
 back. None of them proves anything, so the mission is read back and compared. The same mission with
-an earlier item current was set back by another ground station: it flies on, and its report says so.
+an earlier item current was set back by another ground station: it flies on, its report notes it.
 """
 
 from typing import Final

@@ -102,9 +102,9 @@ class EventDesk:
         return due
 
     def _awaits_news(self, work: EventWork, now: float) -> bool:
-        """Whether an abort of an earlier run needs what a new broker has yet to hear.
+        """Whether an abort of an earlier run needs what a new broker has yet to receive.
 
-        The vehicle's clock tells whether it was restarted. Without a home no place can be ordered,
+        The vehicle's clock shows whether it was restarted. Without a home no place can be ordered,
         and without a position the vehicle lands.
         """
         of_earlier_run = work.was_accepted or self.is_before(work.work_id)
@@ -140,7 +140,7 @@ class EventDesk:
     def see_through(
         self, work: EventWork, now: float, effects: Effects, *, is_newer: bool = False
     ) -> None:
-        """Send the vehicle where an abort said, unless it is on its way down or another has it.
+        """Send the vehicle where an abort leads, unless it descends already or another has it.
 
         `is_newer`: it replaces what the vehicle is doing, so that it has not been obeyed yet.
         """

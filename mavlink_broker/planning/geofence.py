@@ -1,7 +1,8 @@
 """A plan's geofence and rally points as mission items. Pure.
 
 Areas are items of mission type FENCE, rally points of type RALLY. A polygon's corners each carry
-their number, in the order of the outline. Heights are no items: see `guarding`.
+their number, in the order of the outline. Heights are no items: see
+`mavlink_broker.autopilots.geofence_parameters`.
 """
 
 from collections.abc import Sequence

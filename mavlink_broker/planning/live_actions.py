@@ -124,7 +124,7 @@ def speed_order(speed_m_s: float) -> CommandLong:
 
 
 def approach_ways(spot: Spot, home: Home, speed_m_s: float | None, *, by_order: bool) -> Ways:
-    """Go to a place no faster than told; None: as fast as the vehicle does by itself.
+    """Go to a place no faster than `speed_m_s`; None: as fast as the vehicle does by itself.
 
     `by_order`: the order to go there sets the vehicle's own speed, so that another comes behind.
     """

@@ -59,7 +59,7 @@ class Situation(NamedTuple):
 
     @property
     def approach_speed_m_s(self) -> float | None:
-        """Speed of a way that is flown live, the mission's; None where that has none."""
+        """Speed to a place that is flown to live, the mission's; None where that has none."""
         return self.maximum_speed_m_s or None
 
 

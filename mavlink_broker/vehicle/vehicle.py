@@ -185,12 +185,12 @@ class Vehicle:
 
     @property
     def _is_clock_judged(self) -> bool:
-        """Whether it tells times, and has since its link was last back."""
+        """Whether it sends its time since boot, and has since its link was last back."""
         since = -math.inf if self._back_at is None else self._back_at
         return self._reboots.judged_at > -math.inf and self._reboots.judged_at >= since
 
     def may_be_restarted(self, now: float) -> bool:
-        """Whether it may have been switched off while its link was away: its clock has to tell."""
+        """Whether it may have been switched off while its link was away: its clock shows that."""
         if self._back_at is None or now - self._back_at >= JUDGED_WITHIN_S:
             return False
         return self._reboots.judged_at < self._back_at

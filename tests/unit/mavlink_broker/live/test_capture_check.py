@@ -122,4 +122,4 @@ def test_a_second_camera_that_is_silent_does_not_hold_it_up_for_ever(
     assert len(vehicle.begun) == 1
     if ends is Status.FAILED:
         told = world.edge.reports(1201)[-1]["message"]
-        assert "camera 101 has not told for 20 s whether it has ended" in told
+        assert "camera 101 has not reported for 20 s whether it has ended" in told
