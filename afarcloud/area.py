@@ -29,7 +29,7 @@ _CORNERS_PER_STRIP: Final = 4
 _MOST_STRIPS: Final = 256
 
 MOST_COMPARISONS: Final = 2_000_000
-"""Of ways with sides of polygons, until the caller begins anew: some seconds of a small computer,
+"""Of legs with sides of polygons, until the caller begins anew: some seconds of a small computer,
 and several times as many as the largest plans of farms need."""
 
 Point: TypeAlias = tuple[float, float]
@@ -261,30 +261,30 @@ class Area:
     def _polygon(self, outline: Sequence[Vertex]) -> Polygon:
         return Polygon([self.plane.point(*vertex) for vertex in outline])
 
-    def _fault(self, way: Edge) -> int | None:
-        """Give the number of the exclusion that a way enters, -1 if it leaves the inclusion."""
+    def _fault(self, leg: Edge) -> int | None:
+        """Give the number of the exclusion that a leg enters, -1 if it leaves the inclusion."""
         self._spend(len(self.exclusion) + len(self.inclusion))
         for number, polygon in enumerate(self.exclusion):
-            if self._enters(way, polygon):
+            if self._enters(leg, polygon):
                 return number
-        return -1 if self.inclusion and self._leaves(way, self.inclusion) else None
+        return -1 if self.inclusion and self._leaves(leg, self.inclusion) else None
 
-    def _enters(self, way: Edge, polygon: Polygon) -> bool:
-        if polygon.is_beside(way):
+    def _enters(self, leg: Edge, polygon: Polygon) -> bool:
+        if polygon.is_beside(leg):
             return False
-        near = polygon.edges_near(way)
+        near = polygon.edges_near(leg)
         self._spend(1 + len(near))
-        for piece in _pieces(way, near):
+        for piece in _pieces(leg, near):
             self._spend(1 + len(near))
             if polygon.contains(_middle(piece)) and not _keeps_to_one(piece, near):
                 return True
         return False
 
-    def _leaves(self, way: Edge, inclusion: Sequence[Polygon]) -> bool:
-        polygons = [polygon for polygon in inclusion if not polygon.is_beside(way)]
-        near = [edge for polygon in polygons for edge in polygon.edges_near(way)]
+    def _leaves(self, leg: Edge, inclusion: Sequence[Polygon]) -> bool:
+        polygons = [polygon for polygon in inclusion if not polygon.is_beside(leg)]
+        near = [edge for polygon in polygons for edge in polygon.edges_near(leg)]
         self._spend(1 + len(near))
-        for piece in _pieces(way, near):
+        for piece in _pieces(leg, near):
             self._spend(len(polygons) + len(near))
             middle = _middle(piece)
             inside = any(polygon.contains(middle) for polygon in polygons)

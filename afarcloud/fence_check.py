@@ -5,7 +5,7 @@ with where the vehicle stands, and where home is. Both get the same answer as fa
 same. Vehicles themselves judge too little and too late: some look at places alone, and let a leg
 or a circle cross what is forbidden.
 
-A way that is flown again is judged once, and what may be compared is bounded by
+A leg or circle that is flown again is judged once, and what may be compared is bounded by
 `area.MOST_COMPARISONS` until `renew`: TooMuchWorkError beyond it.
 """
 
@@ -26,7 +26,7 @@ SMALLEST_M2: Final = TOLERANCE_M**2
 PLACE: Final = "latitude, longitude"
 _MOST_KNOWN: Final = 50_000
 Flown: TypeAlias = tuple[Vertex | None, Vertex, float]
-"""A way over ground: from where, to where, 0; or nothing, a circle's centre, and its radius."""
+"""A leg over ground: from where, to where, 0; or nothing, a circle's centre, and its radius."""
 _ALTITUDE_NAMES: Final = {
     CommandType.NAV_LAND: "landing_altitude",
     CommandType.NAV_HOTPOINT: "orbit_altitude",
@@ -62,11 +62,11 @@ class FenceCheck:
 
     @property
     def too_much_work(self) -> OutlineFault:
-        """What to say of the geofence after a TooMuchWorkError."""
+        """The fault of the geofence after a TooMuchWorkError."""
         fence = self._geofence
         inclusion, exclusion = (sum(map(len, one)) for one in (fence.inclusion, fence.exclusion))
         text = (
-            f"takes more than {MOST_COMPARISONS} comparisons to judge all ways of the plan: give "
+            f"takes more than {MOST_COMPARISONS} comparisons to judge all legs of the plan: give "
             "it fewer corners and polygons, or the plan fewer commands"
         )
         return OutlineFault("inclusion" if inclusion > exclusion else "exclusion", text)
@@ -152,7 +152,7 @@ class FenceCheck:
             yield FenceFault(0, "altitude", text, is_height=True)
 
     def _fault_of(self, part: Part) -> str | None:
-        """Judge a part, or remember what was said of the same way over ground."""
+        """Judge a part, or remember the result for the same leg or circle over ground."""
         if isinstance(part, Leg):
             flown: Flown = (part.start and part.start[:2], part.end[:2], 0.0)
         else:

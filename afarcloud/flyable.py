@@ -4,8 +4,8 @@ Vehicles say so when they are to take off, minutes or hours after the plan was t
 those of multirotors that take missions by MAVLink: a take-off item comes before all other places
 or behind a landing (PX4 `mission_feasibility_checker`, ArduPilot's `AP_Mission`).
 
-How far a mission reaches is a limit of a fleet, told by `VehicleLimits`; the first place stands for
-home, which nobody knows when a plan is posted.
+How far a mission reaches is a limit of a fleet, given by `VehicleLimits`; the first place stands
+for home, which nobody knows when a plan is posted.
 """
 
 from collections.abc import Iterator
@@ -96,7 +96,7 @@ def _limits(mission: Mission) -> Iterator[Unflyable]:
 
 
 def speed_fault(speed_m_s: float, limits: VehicleLimits | None = None) -> str | None:
-    """Say why a speed over ground cannot be flown, or None; without limits by any vehicle."""
+    """Give why a speed over ground cannot be flown, or None; without limits by any vehicle."""
     if speed_m_s < SLOWEST_M_S:
         return f"must be at least {SLOWEST_M_S:g} m/s: no vehicle flies slower"
     if limits is not None and speed_m_s > limits.maximum_speed_m_s:

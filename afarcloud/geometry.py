@@ -49,7 +49,7 @@ def area_m2(ring: Sequence[Point]) -> float:
 
 
 def ring_fault(ring: Sequence[Point], smallest_m2: float) -> str | None:
-    """Say why a ring encloses nothing that could be meant, or None."""
+    """Give why a ring encloses nothing that could be meant, or None."""
     if (pair := _crossing(_on_plane(ring))) is not None:
         first, second = sorted(pair)
         return f"crosses itself: side {first} and side {second}, counted from 0"
@@ -83,5 +83,5 @@ def _cross(a: Point, b: Point, c: Point, d: Point) -> bool:
 
 
 def _turn(a: Point, b: Point, c: Point) -> float:
-    """Positive where c lies to the left of the way from a to b."""
+    """Positive where c lies to the left of the line from a to b."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

@@ -21,7 +21,7 @@ class Vanished(float):
     """What is left of a number whose text is not 0 and whose nearest double is."""
 
 
-_TOO_SMALL: Final = "is closer to 0 than a double can tell: write 0"
+_TOO_SMALL: Final = "is closer to 0 than a double can represent: write 0"
 _NOT_ZERO: Final = re.compile(r"-?[0.]*[1-9]")
 _RFC3339: Final = re.compile(r"\d{4}-\d\d-\d\d[Tt ]\d\d:\d\d.*", re.ASCII)
 

@@ -36,7 +36,7 @@ START_BEARINGS_DEG: Final = {
 """Of a circle's start points, seen from its centre, clockwise from north."""
 _EVERY_BEARING_DEG: Final = range(0, 360, 10)
 _FOLLOWED_UP: Final = 3
-"""Of so many ways from a circle's centre to its line, one is followed beyond the circle."""
+"""Of so many legs from a circle's centre to its line, one is followed beyond the circle."""
 _THERE_M: Final = 0.01
 
 
@@ -179,9 +179,9 @@ class _Walk:
         centre = Spot(p.latitude, p.longitude, p.orbit_altitude)
         entries: dict[Spot, None] = {}
         for spot in self._here:
-            ways = list(_entries(spot, centre, p.radius))
-            entries |= dict.fromkeys(ways[::_FOLLOWED_UP])
-            yield from (Leg(command, spot, entry) for entry in ways)
+            reached = list(_entries(spot, centre, p.radius))
+            entries |= dict.fromkeys(reached[::_FOLLOWED_UP])
+            yield from (Leg(command, spot, entry) for entry in reached)
         yield Circle(command, centre, p.radius)
         self._here = tuple(entries)
         self._altitude_m = p.orbit_altitude

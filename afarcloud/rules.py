@@ -120,7 +120,7 @@ def _plan_faults(plan: Plan, now: datetime) -> Iterator[Fault]:
 
 def _limit_faults(mission: Mission, path: str, limits: VehicleLimits) -> Iterator[Fault]:
     text = flyable.speed_fault(mission.maximum_speed, limits)
-    if text is not None and mission.maximum_speed >= flyable.SLOWEST_M_S:  # That is told anyway
+    if text is not None and mission.maximum_speed >= flyable.SLOWEST_M_S:  # Slower: unflyable
         yield Fault(f"{path}.maximum_speed", text)
     for where, command in _commands(mission, path):
         place = spot_of(command)

@@ -82,7 +82,7 @@ class Taken(NamedTuple):
     raw: bytes
     is_whole: bool
     refusal: int | None = None
-    why: str | None = None  # Where the status alone does not say it
+    why: str | None = None  # Where the status alone does not show it
 
 
 class _RefusedError(Exception):

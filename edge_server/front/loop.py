@@ -52,7 +52,7 @@ class Options(NamedTuple):
     refusal: Callable[[int], bytes]
     """Gives the answer for a status."""
     is_known: Callable[[str], bool]
-    """Whether an access key is one of ours, as far as can be said without waiting."""
+    """Whether an access key is one of ours, as far as is known without waiting."""
 
 
 class _Served(NamedTuple):

@@ -1,7 +1,7 @@
-"""The way to the cloud as the relay sees it: parcels out, one reply each.
+"""The uplink to the cloud as the relay sees it: parcels out, one reply each.
 
-`HttpUplink` (`edge_server/uplinks/cloud_http.py`) is one; the replies of every other are said in
-the same words, a status of HTTP or the reason why there was no answer.
+`HttpUplink` (`edge_server/uplinks/cloud_http.py`) is one; every other one gives its
+replies in the same form, a status of HTTP or the reason why there was no answer.
 
 UplinkEndedError  this uplink sends nothing any more; the relay should start again
 """

@@ -110,7 +110,7 @@ class StateFolderLock:
             return self.is_held
 
     def close(self) -> None:
-        """Let go of it."""
+        """Release it."""
         with self._guard:
             self._is_closed = True
             if self._descriptor is not None:

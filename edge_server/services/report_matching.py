@@ -1,10 +1,10 @@
-"""Which mission a report is about, and whether it may still be said of it. Pure.
+"""Which mission a report is about, and whether that mission may still take it. Pure.
 
 A `mission_id` may be flown again, so the number alone does not say which flight is meant. A report
 names its piece of work (`work_id`, `plan_id`), and every number that it gives has to fit that one.
 Without these it is about the mission that the broker has accepted. What is known here to be
 cancelled, replaced, not accepted or another vehicle's is reported on by nobody; of a mission that
-only waits in the queue a broker may say, by its `work_id`, that it refuses it.
+only waits in the queue a broker may report, by its `work_id`, that it refuses it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -67,12 +67,12 @@ def find(known: Known, report: MissionReport) -> Work | None:
 
 
 def _of_work(item: Work, report: MissionReport) -> Work:
-    said = {
+    given_and_known = {
         "vehicle_id": (report.vehicle_id, item.vehicle_id),
         "mission_id": (report.mission_id, item.mission_id),
         "plan_id": (report.plan_id or item.plan_id, item.plan_id),
     }
-    wrong = [name for name, (given, known) in said.items() if given != known]
+    wrong = [name for name, (given, known) in given_and_known.items() if given != known]
     if item.kind != MISSION:
         raise _conflict(f"work {item.id} is no mission", "work_id", "is not that of a mission")
     if wrong:

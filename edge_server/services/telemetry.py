@@ -59,10 +59,10 @@ def ingest(context: Context, kind: Kind, report: Report, caller: Caller) -> dict
     Raises:
         KeyReusedError: if the idempotency key belongs to another request.
         FullError: if there is no room for it.
-        InvalidError, ConflictError: if it must not be said of its mission (`progress.apply`).
+        InvalidError, ConflictError: if its mission cannot take it (`progress.apply`).
     """
-    said: dict[str, Any] = write(report)
-    body_sha256, body = once.hash_body(said), _for_cloud(said)
+    document: dict[str, Any] = write(report)
+    body_sha256, body = once.hash_body(document), _for_cloud(document)
     context.space.admit(kind.value, _picture_bytes(report))
     now = context.clock()
     flights = effects.new_flights(context, [report], now)
@@ -144,7 +144,7 @@ def _apply_all(
     now: float,
     flights: Collection[int],
 ) -> _Judged:
-    """Do what follows from the reports that are new, and say what becomes of each."""
+    """Do what follows from the reports that are new; gives what becomes of each."""
     keys = [one.idempotency_key for one in arrivals if one.idempotency_key]
     known = set(idempotency.find_all(connection, keys, owner))
     repeated: dict[str, int] = {}  # Places, by their keys
@@ -205,9 +205,9 @@ def _answer_repeats(
 
 
 def _entry(arrival: Arrival) -> Entry:
-    said: dict[str, Any] = write(arrival.report)
-    sha256 = once.hash_body(said)
-    return Entry(arrival.kind.value, _for_cloud(said), arrival.idempotency_key, sha256)
+    document: dict[str, Any] = write(arrival.report)
+    sha256 = once.hash_body(document)
+    return Entry(arrival.kind.value, _for_cloud(document), arrival.idempotency_key, sha256)
 
 
 def _told(answer: Answered | KeyReusedError) -> dict[str, Any] | KeyReusedError:
@@ -231,9 +231,9 @@ def _picture_bytes(report: Report) -> int:
     return len(report.frame) if isinstance(report, Image) else 0
 
 
-def _for_cloud(said: dict[str, Any]) -> dict[str, Any]:
+def _for_cloud(document: dict[str, Any]) -> dict[str, Any]:
     """A report as the cloud gets it: the number of our own piece of work is nothing to it."""
-    return {name: value for name, value in said.items() if name != "work_id"}
+    return {name: value for name, value in document.items() if name != "work_id"}
 
 
 def _keep(  # a record, who sent it and when
@@ -328,7 +328,7 @@ def replace(
         NotFoundError: if it is not here, or the cloud has it by now.
         ChangedError: if the precondition says so.
         InvalidError, ConflictError: if it is about another vehicle, mission or plan than it was,
-            or says what must not be said of its mission.
+            or its mission cannot take it.
     """
     with context.database.write(*locks_to_correct(report)) as connection:
         record = _find(connection, kind, record_id, to_change=True)
@@ -382,8 +382,8 @@ def _apply_correction(
     """Do what follows from other statuses than a report had, as from a new report.
 
     Raises:
-        InvalidError, ConflictError: if they must not be said of the mission, or a later report has
-            been taken, or another one has told its end.
+        InvalidError, ConflictError: if the mission cannot take them, a later report has been taken,
+            or another one has reported its end.
     """
     work.note_new_end(connection, report.vehicle_id, report.mission_id, old.id, new.message_id)
     before, after = old.body(), new.body()
@@ -399,15 +399,15 @@ def _apply_correction(
         is_allowed = _is_last(connection, old, report.mission_id)
     if not is_allowed:
         raise ConflictError(
-            f"of mission {report.mission_id} something else has been told since",
-            (Fault("mission_status_id", "contradicts what was told since"),),
+            f"of mission {report.mission_id} something else has been reported since",
+            (Fault("mission_status_id", "contradicts what was reported since"),),
         )
     if change is not None and change.ended:
         work.note_end(connection, change.mission.id, new.id, new.message_id)
 
 
 def _is_last(connection: Connection, record: Record, mission_id: int) -> bool:
-    """Whether nothing else that waits for the cloud was told of a mission behind a report."""
+    """Whether no later report that waits for the cloud is about a mission."""
     behind = telemetry.page(
         connection,
         record.kind,

@@ -188,7 +188,7 @@ def _place(connection: Connection, mission: Work, reason: str, now: float) -> No
 
 
 def _forget_faults(connection: Connection, vehicle_id: int) -> None:
-    """Let the next fault of a mission that is still under way hold its vehicle again."""
+    """Forget known faults, so that the next one of a mission under way holds its vehicle again."""
     for item in work.unfinished(connection, vehicle_id=vehicle_id):
         if item.kind == work.MISSION and item.fault is not None:
             work.change(connection, item.id, fault=None)

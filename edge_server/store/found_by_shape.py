@@ -1,7 +1,7 @@
 """Which table a row belongs to that was found in a page without anything above it. Pure.
 
 Rows in pages do not name their table. Of the tables that hold what people and brokers have made, no
-two have rows of the same shape: number of columns, kind of each value, and what its JSON says.
+two have rows of the same shape: number of columns, kind of each value, and what its JSON contains.
 
 Left out are access keys, for a copy from before its revocation would open again; the audit log,
 whose chain shows what is missing; and what is made anew or only saves work: idempotency, streams.

@@ -2,10 +2,10 @@
 
 A damaged page makes every statement fail that meets it, so each table is read by rowid up to the
 damage and on from the first row behind it. Then the rows are added that stand in pages to which no
-way leads any more, of records and of whatever people have made. A mission that is found so is held
+link leads any more, of records and of whatever people have made. A mission that is found so is held
 until an operator dispatches it: nobody knows how far it was.
 
-A file whose first page is lost, which says where everything is, gets the first page of the new
+A file whose first page is lost, which states where everything is, gets the first page of the new
 database for the reading: one that the same version has made has its tables in the same places. What
 does not look like a row of ours is left out.
 
@@ -151,7 +151,7 @@ def _copy_all(source: sqlite3.Connection, target: sqlite3.Connection, broken: Pa
 
 
 def _salvage(broken: Path, target: sqlite3.Connection) -> int:
-    """Add the records that stand in pages to which no way leads any more."""
+    """Add the records that stand in pages to which no link leads any more."""
     columns = _columns(target, "telemetry")
     log = broken.with_name(broken.name + "-wal")
     with _mapped(broken) as file:
@@ -171,7 +171,7 @@ def _columns(target: sqlite3.Connection, table: str) -> list[str]:
 def _salvage_by_shape(
     broken: Path, target: sqlite3.Connection, damaged: Sequence[Table]
 ) -> dict[str, int]:
-    """Add the rows of other tables that stand in pages to which no way leads any more."""
+    """Add the rows of other tables that stand in pages to which no link leads any more."""
     added = dict.fromkeys((table.name for table in damaged), 0)
     if not damaged:
         return added

@@ -81,7 +81,7 @@ def test_a_number_that_would_become_0_is_refused_by_its_field(edge: Edge, number
     assert answer.status_code == 422
     ((path, told),) = (answer.json or {})["detail"]["json"].items()
     assert path == "missions.0.command_array.0.parameters.altitude"
-    assert "closer to 0 than a double can tell" in str(told)
+    assert "closer to 0 than a double can represent" in str(told)
 
 
 @pytest.mark.parametrize("zero", ["0.0", "-0.0", "0e-400", "0.000E5"])
