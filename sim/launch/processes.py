@@ -42,7 +42,7 @@ def programs(settings: Settings) -> list[Program]:
 
 
 def fleet_limits() -> dict[str, str]:
-    """Environment that says how far our vehicles fly: what their missions' check refuses."""
+    """Environment that sets how far our vehicles fly: what their missions' check refuses."""
     return {"FARTHEST_M": "10000", "LONGEST_LEG_M": "900"}
 
 

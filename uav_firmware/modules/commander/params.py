@@ -61,7 +61,7 @@ class CommanderParams:
     )  # fmt: skip
     momentum_drag: float = param(
         "EKF2_MCOEF", 0.295, unit="1/s", minimum=0.0, maximum=1.0,
-        short="Momentum drag of the rotors per airspeed, at sea level; 0: no wind is told",
+        short="Momentum drag of the rotors per airspeed, at sea level; 0: no wind is estimated",
     )  # fmt: skip
 
     @property

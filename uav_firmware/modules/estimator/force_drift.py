@@ -1,9 +1,9 @@
 """Detects an accelerometer that drifts along x or y: slowly, so that nothing ever steps.
 
 To a vehicle that hovers a lateral bias a looks like a tilt of a / g, and one that grows like a
-gyroscope bias of its growth over g: GPS cannot tell them apart, and a filter that has learnt its
-gyroscope to hundredths of a degree a second still has nothing else to give way. What tells them
-apart is the force itself (P. Martin and E. Salaun, ICRA 2010, as in `lateral_force`):
+gyroscope bias of its growth over g: GPS cannot separate them, and a filter that has learnt its
+gyroscope to hundredths of a degree a second still has nothing else to correct. What separates
+them is the force itself (P. Martin and E. Salaun, ICRA 2010, as in `lateral_force`):
 
     cause                    the filter turns the attitude     the lateral force, drag taken off
     gyroscope drifts         by c, against the gyroscope       stays

@@ -45,7 +45,7 @@ class FrozenDetector:
 
     def __init__(self) -> None:
         self.frozen = False  # At the last sample
-        self.repeated = False  # The last sample says what the one before said
+        self.repeated = False  # The last sample equals the one before
         self._value = math.nan
         self._since_us = 0
 

@@ -14,7 +14,7 @@ FORGIVEN_SHARE: Final = 0.25
 One that comes and goes is stopped too, if it is wrong for more than a fifth of the time.
 """
 
-_LONGEST_STEP_S: Final = 1.0  # A silence says nothing
+_LONGEST_STEP_S: Final = 1.0  # A silence proves nothing
 
 RESUME_AFTER_S: Final = 2.0
 """A stopped source is used again after agreeing for so long without a break."""

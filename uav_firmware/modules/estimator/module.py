@@ -30,7 +30,7 @@ _STATUS_EVERY_US: Final = 200_000
 
 
 def drag_of(registry: Registry) -> DragModel | None:
-    """Drag of the airframe; None where its coefficients are not declared, or tell no airspeed."""
+    """Drag of the airframe; None where its coefficients are not declared, or give no airspeed."""
     if not set(_DRAG_PARAMETERS) <= set(registry.names()):
         return None
     ballistic, momentum = (float(registry.get(name)) for name in _DRAG_PARAMETERS)

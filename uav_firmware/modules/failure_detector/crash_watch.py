@@ -13,7 +13,7 @@ wrong for a while. Three more hold without rest:
     adrift      the thrust axis is ERROR_MAX beside its set-point, and the vehicle does not
                 accelerate, for ADRIFT_TIME_S: ArduCopter's crash check
     silent      neither gyroscope nor accelerometer delivers a number, for SILENT_TIME_S
-    stands      the thrust is far below what has carried the vehicle, and the pressure says that it
+    stands      the thrust is far below what has carried the vehicle, and the pressure shows that it
                 does not fall, for STANDS_TIME_S: something else carries it. Asks neither inertial
                 sensor nor estimate, of which one may be the reason why it was not seen to land
 
@@ -133,7 +133,7 @@ class CrashWatch:
 
 
 class BlowWatch:
-    """Tells a blow by the inertial sensor: a change that neither rotors nor air can make."""
+    """Detects a blow by the inertial sensor: a change that neither rotors nor air can make."""
 
     __slots__ = ("_force", "_left_s", "_rate")
 

@@ -67,7 +67,7 @@ class MotorWatch:
     def update(self, command: Motors, speed_rpm: Motors, dt: float, *, struck: bool = False) -> int:
         """Motors that have failed, as bits, after `dt` seconds with these commands.
 
-        `struck` says that the vehicle has just received a blow.
+        `struck`: the vehicle has just received a blow.
         """
         limits, bounds, slow = self.limits, self._bounds, 0
         for motor in range(4):

@@ -26,7 +26,7 @@ class OrbitMode(NavigatorMode):
             circle = Circle(here, flight.params.orbit_radius)
         else:
             circle = circle_of(order, flight)
-            flight.speeds = Speeds(horizontal=order.speed_m_s)  # The way there is no faster
+            flight.speeds = Speeds(horizontal=order.speed_m_s)  # No faster on the approach
         self._orbit = Orbit(
             flight,
             circle,
