@@ -81,6 +81,7 @@ class Vehicle:
     started: str | None = None  # First command of the items that it was ordered to fly last
     is_taken: bool = False  # Somebody else has taken it from a mission; until it is disarmed
     ordered: ForeignOrder | None = None  # By another system, in the mode that it is in
+    _waits: bool = False  # By its newest heartbeat, in a mode in which it waits or is led
     _tells_manual: bool = False  # Its heartbeats tell by standard bits who steers it
     _heard_at: dict[str, float] = field(default_factory=dict)
     _reboots: RebootWatch = field(default_factory=RebootWatch)
@@ -126,15 +127,21 @@ class Vehicle:
         return rebooted
 
     def _see_orders(self, message: Message, now: float) -> None:
-        """Learn of another system's order, until the vehicle leaves the mode that it led to."""
+        """Learn of another system's order, until the vehicle leaves the mode that it led to.
+
+        One that waited and waits no more has left it at once: the order has resumed the mission.
+        """
         ours = frozenset({self.route.own_system, self.route.target_system})
         order = control_authority.foreign_order(message, ours, now)
         self.ordered = order or self.ordered
-        if message.get_type() != "HEARTBEAT" or self.ordered is None:
+        if message.get_type() != "HEARTBEAT":
             return
-        is_shown = now - self.ordered.at > SHOWN_WITHIN_S
-        waits = self.mode_role in {ModeRole.HOLD, ModeRole.GUIDED, ModeRole.PAUSED}
-        if not self.snapshot.armed or (is_shown and not waits):
+        waited = self._waits
+        self._waits = self.mode_role in {ModeRole.HOLD, ModeRole.GUIDED, ModeRole.PAUSED}
+        if self.ordered is None:
+            return
+        is_shown = waited or now - self.ordered.at > SHOWN_WITHIN_S
+        if not self.snapshot.armed or (is_shown and not self._waits):
             self.ordered = None
 
     @property

@@ -4,6 +4,7 @@ PX4 pauses in the mode in which the broker has it wait (AUTO.LOITER): there the 
 acknowledgement tells whose order it was, or that the mode of a live command was left.
 """
 
+import dataclasses
 from collections.abc import Callable
 
 import pytest
@@ -11,13 +12,23 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
-from tests.support.broker_world import World, go_home, mission, takeoff
-from tests.support.scripted_vehicle import PX4, PX4_HOLD, PX4_LAND, PX4_MISSION, Script
+from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
+from tests.support.scripted_vehicle import (
+    ARDUPILOT,
+    COPTER_AUTO,
+    PX4,
+    PX4_HOLD,
+    PX4_LAND,
+    PX4_MISSION,
+    Script,
+)
 from tests.unit.mavlink_broker.test_events import ABORT, SOFT_ABORT, said
-from tests.unit.mavlink_broker.test_live_commands import OWN, hotpoint
+from tests.unit.mavlink_broker.test_live_commands import OWN, follow, hotpoint
 from tests.unit.mavlink_broker.test_takeover import PHASES, in_mission, live, orders, slow, state
 
 STATION = 255
+COPTER_BRAKE = 17
+SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
 REPOSITION = mavlink.MAV_CMD_DO_REPOSITION
 BOTH = pytest.mark.parametrize("script", [PX4, OWN], ids=["px4", "own"])
 
@@ -67,6 +78,31 @@ def test_items_that_are_paused_go_on_when_they_are_resumed(
     world.only_vehicle.set_mode(PX4_MISSION)
     world.run_until_over(1201)
     assert world.edge.status(1201) == Status.FINISHED
+
+
+@pytest.mark.parametrize(
+    ("script", "modes"),
+    [(PX4, (PX4_HOLD, PX4_MISSION)), (ARDUPILOT, (COPTER_BRAKE, COPTER_AUTO))],
+    ids=["px4", "ardupilot"],
+)
+def test_a_mission_that_is_resumed_just_before_a_live_command_goes_on(
+    script: Script, modes: tuple[int, int]
+) -> None:
+    """The order that resumes it is no pause of what the broker orders a second later."""
+    world = World()
+    vehicle = world.add_vehicle(script=slow(script))
+    world.edge.plan(mission(takeoff(1), waypoint(2), follow(3), go_home(4)))
+    world.run_until(lambda: vehicle.airborne and state(world) is State.RUNNING)
+    world.run_until(lambda: vehicle.items[vehicle.current].command == mavlink.MAV_CMD_NAV_WAYPOINT)
+    for mode in modes:
+        acknowledged = mavlink.MAVLink_command_ack_message(SET_MODE, 0, 0, 0, STATION, 190)
+        vehicle.send(acknowledged)
+        vehicle.set_mode(mode)
+        world.run(8.0 if mode == modes[0] else 0.1)
+    vehicle.script = dataclasses.replace(vehicle.script, item_time_s=0.2)
+    world.run_until(lambda: state(world) is not State.RUNNING, 2.0)
+    world.run(8.0)
+    assert state(world) is State.PERFORMING, world.edge.reports(1201)[-1]
 
 
 def test_an_order_of_the_vehicle_to_itself_is_no_pause() -> None:
