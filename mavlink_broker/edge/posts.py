@@ -35,6 +35,8 @@ _MISSION_LANE: Final = wire.Kind.MISSION_REPORT.value
 _WORK: Final = "/broker/commands/"
 _MARK_LENGTH: Final = 48
 """Of a key's 64 characters; the kind's name and a dash stand before it."""
+_MOST_MESSAGE: Final = 1000
+"""Characters that the edge server takes of an acknowledgement's message."""
 
 
 def post_for(word: ForEdge, *, vehicle_id: int, recorded_at: datetime, key: str) -> Post:
@@ -99,7 +101,7 @@ def _stamped(report: Report, recorded_at: datetime) -> Report:
 def _acknowledgement(word: Acknowledgement, vehicle_id: int) -> Post:
     body = {"status": word.status}
     if word.message is not None:
-        body["message"] = word.message
+        body["message"] = word.message[:_MOST_MESSAGE]
     return Post(
         method="POST",
         path=f"{_WORK}{word.work_id}/ack",

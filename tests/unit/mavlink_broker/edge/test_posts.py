@@ -31,6 +31,13 @@ def test_an_acceptance_goes_in_the_lane_of_the_reports_so_that_order_is_kept() -
     assert post.lane == "mission_report"
 
 
+def test_an_acknowledgement_is_no_longer_than_the_edge_server_takes() -> None:
+    """A refused one would leave its work open for ever: nobody answers it again."""
+    post = told(Acknowledgement(16, "refused", "an internal error: " + "x" * 2000))
+    assert post.body["message"].startswith("an internal error: x")
+    assert len(post.body["message"]) == 1000
+
+
 def test_a_vehicle_is_registered_before_anything_else() -> None:
     post = told(VehicleUpdate(7, {"link_state": "connected"}))
     assert (post.method, post.path) == ("PUT", "/vehicles/7")
