@@ -117,8 +117,8 @@ def _known(connection: Connection, report: MissionReport) -> Known:
         for field, value in names.items()
         if value is not None and work.is_withdrawn(connection, report.vehicle_id, field, value)
     )
-    others = work.taken_mission_ids(connection, report.mission_id, report.mission_id)
-    return Known(withdrawn=next(withdrawn, None), is_of_others=bool(others))
+    is_of_others = work.has_number(connection, report.mission_id)
+    return Known(withdrawn=next(withdrawn, None), is_of_others=is_of_others)
 
 
 def _check_free(connection: Connection, mission: Work, report: MissionReport) -> None:

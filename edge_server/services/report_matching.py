@@ -34,7 +34,7 @@ class Known(NamedTuple):
     withdrawn: str | None = None
     """Field by which it names a mission that was cancelled or replaced, and no other."""
     is_of_others: bool = False
-    """Whether other vehicles have a mission of its `mission_id`."""
+    """Whether other vehicles have, or had, a mission of its `mission_id`."""
 
 
 def find(known: Known, report: MissionReport) -> Work | None:

@@ -297,6 +297,14 @@ def taken_mission_ids(connection: Connection, first: int, last: int) -> set[int]
     return set(connection.execute(query).scalars())
 
 
+def has_number(connection: Connection, mission_id: int) -> bool:
+    """Whether a mission of this number is here or was withdrawn, whatever its vehicle."""
+    if taken_mission_ids(connection, mission_id, mission_id):
+        return True
+    query = select(withdrawn.c.work_id).where(withdrawn.c.mission_id == mission_id)
+    return connection.execute(query.limit(1)).first() is not None
+
+
 def of_plan(connection: Connection, plan_row: int) -> list[Work]:
     """List the missions of a plan in the plan's order."""
     query = _QUERY.where(work.c.plan == plan_row)

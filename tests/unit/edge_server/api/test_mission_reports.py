@@ -273,6 +273,17 @@ def test_nobody_reports_on_a_plan_that_is_gone(edge: Edge) -> None:
         assert refusal(edge, plan_id=ELSEWHERE) == ["mission_id"]
 
 
+def test_nobody_reports_on_a_mission_of_another_vehicle_that_is_gone(edge: Edge) -> None:
+    accepted(edge)
+    last = mission_report(3, 3, 3, 3)
+    assert edge.report("mission_report", last).status_code == 201
+    assert edge.ask("DELETE", "/plans/1", "operator").status_code == 204
+    assert refusal(edge, vehicle_id=2) == ["vehicle_id"]
+    unknown = last | {"vehicle_id": 2, "plan_id": ELSEWHERE}
+    assert edge.report("mission_report", unknown).status_code == 201
+    assert told(edge) == [3, 3]
+
+
 def test_a_replacement_is_not_ended_by_what_it_replaces(edge: Edge) -> None:
     stored = edge.post_plan(plan()).json or {}
     (item,) = edge.work()
