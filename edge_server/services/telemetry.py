@@ -13,7 +13,7 @@ from afarcloud.state import Image, MissionReport, Report
 from afarcloud.wire import Kind, write
 from edge_server.outbox import queue
 from edge_server.outbox.queue import Stream
-from edge_server.services import effects, intake, listing, once
+from edge_server.services import effects, intake, listing, once, progress
 from edge_server.services.attempts import repeatable
 from edge_server.services.context import (
     Caller,
@@ -349,8 +349,11 @@ def correct(connection: Connection, old: Record, report: Report, now: float) -> 
     Raises:
         InvalidError, ConflictError: as `replace`.
     """
+    before = old.body()
+    if isinstance(report, MissionReport) and report.plan_id is None:
+        report = report.model_copy(update={"plan_id": before.get("plan_id")})
     body = _for_cloud(write(report))
-    _check_about_the_same(old.body(), body)
+    _check_about_the_same(before, body)
     message_id = str(ULID())
     new = old._replace(message_id=message_id, payload=to_json({**body, "message_id": message_id}))
     telemetry.replace(connection, old.id, message_id=message_id, payload=new.payload)
@@ -388,6 +391,8 @@ def _apply_correction(
     work.note_new_end(connection, report.vehicle_id, report.mission_id, old.id, new.message_id)
     before, after = old.body(), new.body()
     if all(before[name] == after[name] for name in ("mission_status_id", _COMMANDS)):
+        if report.work_id is not None or before.get("plan_id") != report.plan_id:
+            progress.find(connection, report)  # It names more than it did: that has to fit
         return
     change = effects.apply(connection, report, now, ())
     was = Status(before["mission_status_id"])

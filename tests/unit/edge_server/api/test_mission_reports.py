@@ -387,6 +387,28 @@ def test_a_correction_that_ends_a_mission_ends_it_here_too(edge: Edge) -> None:
     assert told(edge) == [4]
 
 
+def test_a_correction_names_no_other_flight(edge: Edge) -> None:
+    item = accepted(edge)
+    edge.report("mission_report", mission_report(2, 2, plan_id=item["plan_id"]))
+    edge.report("mission_report", mission_report(2, 2))
+    named, unnamed = (record["id"] for record in edge.get("/mission_report/"))
+    last = mission_report(3, 3, 3, 3, work_id=item["id"])
+    batch = edge.post("/telemetry/", {"records": [{"mission_report": last}]}, "broker")
+    assert batch.status_code == 200
+    again = accepted(edge)
+    for record in (named, unnamed):
+        assert correct(edge, record, mission_report(2, 2, plan_id=ELSEWHERE)) == (409, ["plan_id"])
+        assert correct(edge, record, mission_report(2, 2, work_id=500)) == (409, ["work_id"])
+    other = mission_report(2, 2, message="windy", work_id=again["id"])
+    assert correct(edge, named, other) == (409, ["plan_id"])
+    assert correct(edge, named, mission_report(2, 2, message="windy")) == (200, [])
+    for record in edge.get("/mission_report/")[1:]:
+        edge.ask("DELETE", f"/mission_report/{record['id']}", "admin")
+    assert correct(edge, named, mission_report(3, 3, 3, 3)) == (409, ["mission_status_id"])
+    assert edge.get("/mission_report/")[0]["plan_id"] == item["plan_id"]
+    assert status_of(edge, 2) == "NOT_STARTED"
+
+
 def test_an_end_is_not_told_ahead_of_what_was_told_before_it(edge: Edge) -> None:
     accepted(edge)
     edge.report("mission_report", mission_report(2, 2))
