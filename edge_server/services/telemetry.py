@@ -38,6 +38,8 @@ from edge_server.store.locks import WORK, Lock
 from edge_server.store.telemetry import Record
 
 _COMMANDS: Final = "command_report_array"
+_FAULT: Final = ("mission_id", "alarm_type_id", "alarm_code_id")
+"""By which an alarm is another fault; one that is worded otherwise is the same."""
 _MOST_BEHIND: Final = 100_000
 
 Refusal = KeyReusedError | FullError | ConflictError | InvalidError
@@ -360,7 +362,7 @@ def correct(connection: Connection, old: Record, report: Report, now: float) -> 
     queue.requeue(connection, old.id)
     if isinstance(report, MissionReport):
         _apply_correction(connection, old, new, report, now)
-    else:
+    elif any(before.get(name) != body.get(name) for name in _FAULT):
         effects.apply(connection, report, now, ())
     return new
 

@@ -357,3 +357,17 @@ def test_a_flight_is_seen_though_the_vehicle_was_in_the_air_just_before(edge: Ed
     accept(edge)
     tell(edge, at_height(20.0), said(4, 4, 5, 5))
     assert is_held(edge)
+
+
+def test_an_alarm_that_is_worded_otherwise_is_no_new_fault(edge: Edge) -> None:
+    accept(edge)
+    tell(edge, said(2, 2), ALARM)
+    assert release(edge).status_code == 200
+    (record,) = edge.get("/alarm/")
+    body = ALARM[1] | {"message": "GPS lost over the barn"}
+    path = f"/alarm/{record['id']}"
+    assert edge.ask("PUT", path, "admin", json=body).status_code == 200
+    assert not is_held(edge)
+    other = body | {"alarm_code_id": 1}
+    assert edge.ask("PUT", path, "admin", json=other).status_code == 200
+    assert edge.get("/vehicles/1")["held"]["reason"] == "alarm 1/1: GPS lost over the barn"
