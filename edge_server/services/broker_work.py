@@ -9,6 +9,7 @@ from sqlalchemy import Connection
 
 from afarcloud.annex import in_seconds
 from afarcloud.enumerations import Profile, Status
+from afarcloud.numbers import INT32_MAX
 from afarcloud.plan import LatestStateVector, Mission
 from afarcloud.wire import Kind, write
 from edge_server.services import event_states, progress, telemetry, vehicle_holds
@@ -311,7 +312,7 @@ def end(connection: Connection, item: Work, status: Status, message: str, now: f
     last = item.report or {}
     commands = work.commands(connection, item.id)
     body = {
-        "sequence_number": last.get("sequence_number", -1) + 1,
+        "sequence_number": min(last.get("sequence_number", -1) + 1, INT32_MAX),
         "vehicle_id": item.vehicle_id,
         "recorded_at": show_time(now),
         "mission_id": item.mission_id,

@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 
+from afarcloud.numbers import INT32_MAX
 from edge_server.api.surveys import EXAMPLE
 from tests.support.databases import BOTH_ENGINES
 from tests.unit.edge_server.api.test_plan_files import FILE
@@ -65,6 +66,16 @@ def test_a_mission_of_a_broker_that_does_not_come_back_is_closed(edge: Edge) -> 
     assert edge.work() == []
     late = edge.report("mission_report", mission_report(3, 3, 3, 3, mission_id=1))
     assert late.status_code == 409
+
+
+def test_the_end_behind_the_largest_sequence_number_is_one_that_the_cloud_takes(edge: Edge) -> None:
+    identifier = flying(edge, mission(1))
+    last = mission_report(2, 2, mission_id=1, sequence_number=INT32_MAX)
+    assert edge.report("mission_report", last).status_code == 201
+    edge.clock.pass_s(300.0)
+    assert close(edge, identifier).status_code == 200
+    (_, told) = edge.get("/mission_report/")
+    assert (told["mission_status_id"], told["sequence_number"]) == (5, INT32_MAX)
 
 
 def test_a_broker_that_speaks_keeps_its_mission(edge: Edge) -> None:
