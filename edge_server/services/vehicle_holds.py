@@ -183,7 +183,8 @@ def _place(connection: Connection, mission: Work, reason: str, now: float) -> No
     vehicle_holds.place(connection, hold)
     for item in work.unfinished(connection, vehicle_id=mission.vehicle_id):
         is_behind = item.kind == work.MISSION and item.id > mission.id
-        if is_behind and item.state == work.ACCEPTED and item.report is None:
+        has_begun = item.report is not None or item.flown
+        if is_behind and item.state == work.ACCEPTED and not has_begun:
             work.change(connection, item.id, state=work.QUEUED, accepted_at=None)
 
 

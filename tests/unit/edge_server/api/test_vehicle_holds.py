@@ -359,6 +359,20 @@ def test_a_flight_is_seen_though_the_vehicle_was_in_the_air_just_before(edge: Ed
     assert is_held(edge)
 
 
+def test_a_mission_in_the_air_does_not_wait_again_for_a_late_alarm(edge: Edge) -> None:
+    accept(edge)
+    tell(edge, said(2, 2), said(3, 3, 3, 3))
+    edge.post_plan(plan(mission(2)))
+    edge.accept()
+    tell(edge, at_height(20.0), ALARM)
+    assert is_held(edge)
+    (item,) = edge.work()
+    assert (item["mission"]["mission_id"], item["state"]) == (2, "accepted")
+    tell(edge, ("mission_report", mission_report(3, 3, 3, 3, mission_id=2)))
+    assert release(edge).status_code == 200
+    assert edge.work() == []
+
+
 def test_an_alarm_that_is_worded_otherwise_is_no_new_fault(edge: Edge) -> None:
     accept(edge)
     tell(edge, said(2, 2), ALARM)
