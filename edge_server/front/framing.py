@@ -173,7 +173,9 @@ class RequestFraming:
             self._give_up(BAD_REQUEST, f"the field {twice.decode().title()} stands there twice")
             return
         codings, lengths = fields.get(b"transfer-encoding"), fields.get(b"content-length")
-        self.wants_continue = [v.lower() for v in fields.get(b"expect", [])] == [b"100-continue"]
+        expected = [value.lower() for value in fields.get(b"expect", [])]
+        # HTTP/1.0 knows no interim answer (RFC 9110 section 10.1.1)
+        self.wants_continue = expected == [b"100-continue"] and version != b"HTTP/1.0"
         if codings is not None:
             if lengths is not None or [one.lower() for one in codings] != [b"chunked"]:
                 self._give_up(_refusal_of_codings(codings))

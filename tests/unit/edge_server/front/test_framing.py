@@ -224,10 +224,11 @@ def test_a_body_without_end_is_not_kept() -> None:
     assert not framing.take().is_whole
 
 
-def test_who_asks_before_sending_a_body_is_seen() -> None:
+@pytest.mark.parametrize(("version", "wants"), [(b"HTTP/1.1", True), (b"HTTP/1.0", False)])
+def test_who_asks_before_sending_a_body_is_seen(version: bytes, *, wants: bool) -> None:
     framing = RequestFraming()
-    framing.feed(b"POST / HTTP/1.1\r\nContent-Length: 5\r\nExpect: 100-Continue\r\n\r\n")
-    assert framing.wants_continue
+    framing.feed(b"POST / %b\r\nContent-Length: 5\r\nExpect: 100-Continue\r\n\r\n" % version)
+    assert framing.wants_continue == wants
 
 
 @pytest.mark.parametrize(
