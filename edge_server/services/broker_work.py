@@ -111,6 +111,7 @@ def _look(context: Context, after_id: int, vehicle_ids: frozenset[int] | None) -
             for item in (*events, *found)
             if vehicle_ids is None or item.vehicle_id is None or item.vehicle_id in vehicle_ids
         ]
+    context.note_handed_out(max((one["id"] for one in commands), default=0))
     # Of a full page the rest is still to come; an event behind it will be given once more.
     seen = found if len(found) == PAGE else [*events, *found]
     return {"cursor": max((item.id for item in seen), default=cursor), "commands": commands}

@@ -125,6 +125,11 @@ class Context:
         if self.high_water is not None:
             self.high_water.raise_to(record_id)
 
+    def note_handed_out(self, work_id: int) -> None:
+        """Remember apart from the database which work there is; call before it is given."""
+        if self.high_water is not None:
+            self.high_water.raise_work_to(work_id)
+
     def hear(self, topic: str) -> None:
         """Take in what another server on the same database tells."""
         if topic == Topic.WORK:

@@ -127,21 +127,29 @@ def _absence_of(path: Path) -> str | None:
 
 def _tell_of_lost(path: Path) -> None:
     """Say which records were acknowledged and are unknown to the database; use no id twice."""
-    mark = high_water.read(high_water.path_of(path))
+    marks = high_water.read(high_water.path_of(path))
     with closing(sqlite3.connect(path, isolation_level=None)) as connection:
-        row = connection.execute(
-            "SELECT seq FROM sqlite_sequence WHERE name = 'telemetry'"
-        ).fetchone()
-        newest = int(row[0]) if row else 0
-        if newest >= mark:
-            return
-        connection.execute("DELETE FROM sqlite_sequence WHERE name = 'telemetry'")
-        connection.execute("INSERT INTO sqlite_sequence VALUES ('telemetry', ?)", (mark,))
+        (withdrawn,) = connection.execute("SELECT max(work_id) FROM withdrawn").fetchone()
+        _count_from(connection, "work", max(marks.work, withdrawn or 0))
+        newest = _count_from(connection, "telemetry", marks.record)
+    if newest >= marks.record:
+        return
     LOG.critical(
         "the database %s knows no record after %d, and records up to %d were acknowledged:"
         " those from %d to %d are lost, except for what the cloud has confirmed of them",
-        *(path, newest, mark, newest + 1, mark),
+        *(path, newest, marks.record, newest + 1, marks.record),
     )
+
+
+def _count_from(connection: sqlite3.Connection, table: str, used: int) -> int:
+    """Give a table's next row an id beyond `used`; returns the largest that the database knew."""
+    query = "SELECT seq FROM sqlite_sequence WHERE name = ?"
+    row = connection.execute(query, (table,)).fetchone()
+    newest = int(row[0]) if row else 0
+    if newest < used:
+        connection.execute("DELETE FROM sqlite_sequence WHERE name = ?", (table,))
+        connection.execute("INSERT INTO sqlite_sequence VALUES (?, ?)", (table, used))
+    return newest
 
 
 def _bring_up(path: Path) -> None:

@@ -1,0 +1,85 @@
+"""After the loss of a database, or of a part, work is not taken for other work of the same id."""
+
+import sqlite3
+import struct
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from edge_server.app import context_of, create_app
+from edge_server.process.preparation import prepare
+from edge_server.store import high_water
+from edge_server.store.tally import Tally
+from tests.unit.edge_server.conftest import Edge
+from tests.unit.edge_server.documents import mission, mission_report, plan
+
+PAGE = 4096
+
+
+def anew(edge: Edge, spoil: Callable[[Path], None]) -> Edge:
+    """Stop the edge server, spoil its database, and start it again."""
+    edge.context.database.close()
+    spoil(edge.config.database_path)
+    prepare(edge.config)
+    app = create_app(edge.config, clock=edge.clock)
+    started = Edge(app.test_client(), context_of(app), edge.clock)
+    started.register(1, 2)
+    return started
+
+
+def overwrite(table: str) -> Callable[[Path], None]:
+    """Make a change of a file that loses the only page of a table."""
+
+    def spoil(path: Path) -> None:
+        with closing(sqlite3.connect(path)) as connection:
+            connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+            query = "SELECT rootpage FROM sqlite_master WHERE name = ?"
+            (page,) = connection.execute(query, (table,)).fetchone()
+        content = bytearray(path.read_bytes())
+        content[(page - 1) * PAGE : page * PAGE] = b"\xa5" * PAGE
+        path.write_bytes(content)
+
+    return spoil
+
+
+def test_a_new_database_gives_no_work_the_id_of_old_work(edge: Edge) -> None:
+    edge.post_plan(plan(mission(1)))
+    (old,) = edge.work()
+    started = anew(edge, Path.unlink)
+    started.post_plan(plan(mission(1)))
+    (item,) = started.work(after=old["id"])
+    assert item["id"] > old["id"]
+    started.accept()
+    names = {"work_id": old["id"], "plan_id": old["plan_id"]}
+    last = mission_report(3, 3, 3, 3, mission_id=2, **names)
+    assert started.report("mission_report", last).status_code == 201
+    wrong = mission_report(3, 3, 3, 3, mission_id=1, work_id=old["id"])
+    assert started.report("mission_report", wrong).status_code == 409
+    assert started.get("/plans/1")["plan_status_name"] == "NOT_STARTED"
+    started.context.database.close()
+
+
+def test_lost_counts_of_ids_keep_no_plan_from_being_deleted(edge: Edge) -> None:
+    edge.post_plan(plan(mission(1)))
+    assert edge.ask("DELETE", "/plans/1", "operator").status_code == 204
+    started = anew(edge, overwrite("sqlite_sequence"))
+    stored = started.post_plan(plan(mission(1))).json or {}
+    assert started.work()[0]["id"] > 1
+    assert started.ask("DELETE", f"/plans/{stored['id']}", "operator").status_code == 204
+    started.context.database.close()
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -1.0, 2.0**60])
+def test_marks_that_cannot_be_are_none(edge: Edge, value: float) -> None:
+    path = high_water.path_of(edge.config.database_path)
+    tally = Tally(path)
+    for name in ("newest_record", "newest_work"):
+        tally.put(name, value=value)
+    tally.close()
+    assert struct.pack("=d", value) in path.read_bytes()
+    started = anew(edge, lambda _path: None)
+    started.post_plan(plan(mission(1)))
+    assert [item["id"] for item in started.work()] == [1]
+    started.context.database.close()
