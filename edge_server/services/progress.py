@@ -102,8 +102,9 @@ def _known(connection: Connection, report: MissionReport) -> Known:
         if named is not None:
             return Known(work=named)
     plan = None if report.plan_id is None else plans.find(connection, report.plan_id)
-    if plan is not None:
-        return Known(of_plan=work.of_plan(connection, plan.id))
+    of_plan = [] if plan is None else work.of_plan(connection, plan.id)
+    if of_plan:  # Else the missions of the plan are lost
+        return Known(of_plan=of_plan)
     missions = work.missions_of(connection, report.vehicle_id, report.mission_id)
     if missions:
         return Known(missions)

@@ -145,6 +145,8 @@ def _copy_all(source: sqlite3.Connection, target: sqlite3.Connection, broken: Pa
         rows[name] += number
     _leave_out_delivered(target)
     _drop_orphans(target)
+    if damaged_from.keys() & {"plan", "work"}:
+        _keep_only_ids_withdrawn(target)
     _go_on_counting(source, target)
     found = {name: number for name, number in rows.items() if number}
     return Recovered(found, whole, damaged_from)
@@ -344,6 +346,11 @@ def _drop_orphans(target: sqlite3.Connection) -> None:
     while orphans := target.execute("PRAGMA foreign_key_check").fetchall():
         for table, rowid, *_ in orphans:
             target.execute(f'DELETE FROM "{table}" WHERE rowid = ?', (rowid,))  # noqa: S608  # our own names
+
+
+def _keep_only_ids_withdrawn(target: sqlite3.Connection) -> None:
+    """Know work that was withdrawn by its id alone: its plan may have gone on with lost work."""
+    target.execute("UPDATE withdrawn SET plan_id = '', vehicle_id = 0, mission_id = -1")
 
 
 def _go_on_counting(source: sqlite3.Connection, target: sqlite3.Connection) -> None:

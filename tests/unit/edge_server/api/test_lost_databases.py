@@ -71,6 +71,21 @@ def test_lost_counts_of_ids_keep_no_plan_from_being_deleted(edge: Edge) -> None:
     started.context.database.close()
 
 
+@pytest.mark.parametrize("table", ["plan", "work"])
+def test_the_end_of_a_mission_that_is_lost_is_forwarded(edge: Edge, table: str) -> None:
+    edge.post_plan(plan(mission(1), dispatch=False))
+    draft = 1
+    assert edge.post("/plans/1/dispatch", {}, "operator").status_code == 200
+    (item,) = edge.work()
+    edge.accept()
+    started = anew(edge, overwrite(table))
+    names = {"work_id": item["id"], "plan_id": item["plan_id"]}
+    last = mission_report(3, 3, 3, 3, mission_id=1, **names)
+    assert started.report("mission_report", last | {"work_id": draft}).status_code == 409
+    assert started.report("mission_report", last).status_code == 201
+    started.context.database.close()
+
+
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -1.0, 2.0**60])
 def test_marks_that_cannot_be_are_none(edge: Edge, value: float) -> None:
     path = high_water.path_of(edge.config.database_path)
