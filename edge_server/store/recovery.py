@@ -28,7 +28,7 @@ from urllib.parse import quote
 from sqlalchemy import Table
 
 from edge_server.store import found_by_shape, salvage
-from edge_server.store.tables import METADATA, outbox, telemetry
+from edge_server.store.tables import METADATA, audit_chain, outbox, telemetry
 
 LOG = logging.getLogger(__name__)
 _CHUNK: Final = 1000
@@ -134,7 +134,10 @@ def _copy_all(source: sqlite3.Connection, target: sqlite3.Connection, broken: Pa
         if table is telemetry:
             kept = (row for row in kept if _is_record(row))
         columns = [column.name for column in outbox.columns] if table is outbox else reader.columns
-        rows[table.name] = _insert(target, table.name, columns, kept)
+        if table is audit_chain:
+            rows[table.name] = _take_over_ends(target, columns, kept)
+        else:
+            rows[table.name] = _insert(target, table.name, columns, kept)
         if not reader.whole:
             damaged_from[table.name] = reader.damaged_from or 1
         if table is telemetry and not reader.whole:
@@ -145,6 +148,7 @@ def _copy_all(source: sqlite3.Connection, target: sqlite3.Connection, broken: Pa
         rows[name] += number
     _leave_out_delivered(target)
     _drop_orphans(target)
+    _append_behind_the_newest(target)
     if damaged_from.keys() & {"plan", "work"}:
         _keep_only_ids_withdrawn(target)
     _go_on_counting(source, target)
@@ -339,6 +343,24 @@ def _insert_chunk(
     names = ", ".join(f'"{name}"' for name in columns)
     values = ", ".join(f":{name}" for name in columns)
     target.executemany(f'INSERT OR IGNORE INTO "{table}" ({names}) VALUES ({values})', rows)  # noqa: S608  # our own names
+
+
+def _take_over_ends(
+    target: sqlite3.Connection, columns: Sequence[str], rows: Iterable[dict[str, Any]]
+) -> int:
+    """Put the ends of the audit log in the place of those that a new database begins with."""
+    values = ", ".join(f'"{name}" = :{name}' for name in columns)
+    query = f"UPDATE OR IGNORE audit_chain SET {values}"  # noqa: S608  # our own names
+    return sum(target.execute(query, row).rowcount for row in rows)
+
+
+def _append_behind_the_newest(target: sqlite3.Connection) -> None:
+    """Let the audit log go on behind its newest row, where its ends are lost."""
+    target.execute(
+        "UPDATE audit_chain SET last_id = newest.id, last_hash = newest.hash "
+        "FROM (SELECT id, hash FROM audit ORDER BY id DESC LIMIT 1) AS newest "
+        "WHERE last_id < newest.id"
+    )
 
 
 def _drop_orphans(target: sqlite3.Connection) -> None:

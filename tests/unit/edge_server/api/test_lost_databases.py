@@ -1,5 +1,6 @@
 """After the loss of a database, or of a part, work is not taken for other work of the same id."""
 
+import json
 import sqlite3
 import struct
 from collections.abc import Callable
@@ -10,10 +11,11 @@ import pytest
 
 from edge_server.app import context_of, create_app
 from edge_server.process.preparation import prepare
+from edge_server.services import audit
 from edge_server.store import high_water
 from edge_server.store.tally import Tally
 from tests.unit.edge_server.conftest import Edge
-from tests.unit.edge_server.documents import mission, mission_report, plan
+from tests.unit.edge_server.documents import event, mission, mission_report, plan
 
 PAGE = 4096
 
@@ -42,6 +44,18 @@ def overwrite(table: str) -> Callable[[Path], None]:
         path.write_bytes(content)
 
     return spoil
+
+
+@pytest.mark.parametrize("table", ["plan", "audit_chain", "sqlite_sequence"])
+def test_after_a_damage_plans_and_aborts_are_taken_and_audited(edge: Edge, table: str) -> None:
+    edge.post_plan(plan(mission(1)))
+    started = anew(edge, overwrite(table))
+    assert started.post_plan(plan(mission(2))).status_code == 201
+    assert started.post("/events/", event(1), "operator").status_code == 201
+    lines = started.ask("GET", "/audit/", "admin").text.splitlines()
+    assert [json.loads(line)["id"] for line in lines] == [1, 2, 3]
+    assert audit.verify(started.context.database).fault is None
+    started.context.database.close()
 
 
 def test_a_new_database_gives_no_work_the_id_of_old_work(edge: Edge) -> None:
