@@ -170,6 +170,8 @@ class FlightCore:
                 claim = _WAITING_IN_THE_AIR if self._saw_others else _COMING_DOWN
             case State.ARMING | State.STARTING if not self._hovering:
                 claim = Claim(ON_THE_WAY, mode=self._armed_in, is_exclusive=True)
+            case State.STARTING if self._plan.comes_down_at_once:
+                claim = Claim(control_authority.COMING_DOWN, is_exclusive=True)
             case State.FAILING if self._stops_propellers:
                 claim = Claim(ON_THE_WAY, mode=self._armed_in)
             case state if state in BEFORE_TAKEOFF | {State.WAITING}:

@@ -290,13 +290,17 @@ class FlightPreparation(FlightCore):
     def _step_starting(self, now: float, effects: Effects) -> None:
         """Believe that it flies when it says so: armed, and in a mission mode.
 
-        A mode that it has taken since it was told to start tells as much as its answer.
+        A mode that it has taken since it was told to start tells as much as its answer. PX4 leaves
+        the mission mode for an item that returns before a heartbeat has shown it.
         """
         if self._activity is None:
             self._start_when_noted(now, effects)
             return
         vehicle, accepted_at = self._vehicle, self._accepted_at
-        flies = bool(vehicle.snapshot.armed) and vehicle.mode_role is ModeRole.MISSION
+        roles = {ModeRole.MISSION}
+        if self._hovering and self._plan.comes_down_at_once:
+            roles.add(ModeRole.ENDING)
+        flies = bool(vehicle.snapshot.armed) and vehicle.mode_role in roles
         if flies and (accepted_at is not None or not self._was_in_mission_mode):
             self._move(Event.FLYING, now, effects)
         elif accepted_at is None:

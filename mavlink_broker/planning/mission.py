@@ -63,6 +63,16 @@ class FlightPlan:
         return next(legs, self.first_item)
 
     @property
+    def comes_down_at_once(self) -> bool:
+        """Whether its only leg is a landing or a return, so that it may end in the mode of one."""
+        legs = [
+            item
+            for item in self.items[self.first_leg :]
+            if item.command <= mavlink.MAV_CMD_NAV_LAST
+        ]
+        return self.ends_on_ground and len(legs) == 1
+
+    @property
     def commands(self) -> range:
         """The commands that it flies."""
         return range(self.first_command, self.first_command + len(self.done_item))

@@ -153,3 +153,17 @@ class TestAVehicleThatIsNotReady:
         assert fault in world.edge.reports(1201)[-1]["message"]
         asked = vehicle.commands.count(mavlink.MAV_CMD_RUN_PREARM_CHECKS)
         assert 1 < asked < 6
+
+
+def test_a_return_that_begins_before_a_heartbeat_shows_the_mission_mode_is_flown() -> None:
+    """Between two heartbeats PX4 starts the mission and leaves it for AUTO.RTL."""
+    world = World()
+    quick = {"item_time_s": 0.1, "heartbeats_at_once": False, "return_changes_mode": True}
+    vehicle = world.add_vehicle(script=dataclasses.replace(PX4_1_17, **quick))  # type: ignore[arg-type]  # by name
+    world.edge.plan(mission(takeoff(1), waypoint(2)))
+    world.run_until_over(1201)
+    world.edge.plan(mission(go_home(1), mission_id=1202))
+    world.run_until_over(1202)
+    assert "message" not in world.edge.reports(1202)[-1]
+    assert world.edge.statuses(1202) == [Status.FINISHED]
+    assert not vehicle.armed
