@@ -173,6 +173,8 @@ def _offered_key() -> str:
         scheme, _, token = shown.partition(" ")
         if scheme.lower() == "bearer":
             return token.strip()
-        basic = request.authorization
-        return (basic.password or "") if basic is not None and basic.type == "basic" else ""
+        # The parser raises ValueError for what is not ASCII
+        is_basic = scheme.lower() == "basic" and token.isascii()
+        basic = request.authorization if is_basic else None
+        return (basic.password or "") if basic is not None else ""
     return request.headers.get("X-API-Key", "").strip()
