@@ -95,11 +95,10 @@ def ingest_all(
     """
     flights = effects.new_flights(context, [one.report for one in arrivals], context.clock())
     wanted = {lock for one in arrivals for lock in effects.locks_of(one.report, one.kind, flights)}
+    without_room = _without_room(context, arrivals)  # Makes room by transactions of its own
     with context.database.write(*wanted) as connection:
         now = context.clock()
-        judged = _apply_all(
-            connection, arrivals, _without_room(context, arrivals), owner, now, flights
-        )
+        judged = _apply_all(connection, arrivals, without_room, owner, now, flights)
         admitted = [
             number
             for number in range(len(arrivals))
