@@ -215,3 +215,16 @@ def test_without_any_gyroscope_the_flight_is_terminated_and_says_why(
     for other in ("Motor", "Crash", "has jumped", "beyond its limit"):
         assert not hover.said(other)
     assert not tester.status.preflight_checks_pass
+
+
+@pytest.mark.parametrize("imus", [1, 3])
+def test_a_gap_of_every_gyroscope_does_not_end_the_flight(tmp_path: Path, imus: int) -> None:
+    """A bus that resets: three times 0.08 s without a body rate are felt by nobody."""
+    hover = Hover(tmp_path, imus=imus)
+    for _ in range(3):
+        hover.break_now("gyro_loss instance=all duration_s=0.08")
+        hover.tester.run_for(1.5)
+    assert hover.tester.status.armed
+    assert not hover.said("Gyroscope")
+    assert hover.farthest_m < 0.5
+    assert hover.largest_height_error_m < 0.5

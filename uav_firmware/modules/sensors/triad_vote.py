@@ -8,7 +8,8 @@ per unit), which needs resets and lets the failure in until it is detected.
 
 What has failed is found at leisure, over windows of a fifth of a second:
 
-    no number     not finite in more than two samples of a window
+    no number     not finite in more than two samples of a window; where that leaves none, in
+                  every sample of it
     stuck         every sample of the window the same, while another sensor of the vehicle changes
     biased        its mean is off the median's for several windows, by more than noise and scale do
 
@@ -107,7 +108,10 @@ class TriadVote:
         whole = np.isfinite(window)
         if not whole.all():
             missing = np.count_nonzero(~whole.all(axis=2), axis=0)
-            news = [Failed(i, "no data") for i in self.good if missing[i] > _FORGIVEN]
+            silent = [i for i in self.good if missing[i] > _FORGIVEN]
+            if len(silent) == len(self.good):  # A bus that resets; nothing is left to use instead
+                silent = [i for i in silent if missing[i] == len(window)]
+            news = [Failed(i, "no data") for i in silent]
         changes = (window != window[0]).any(axis=(0, 2))
         stuck = [i for i in self.good if not changes[i]]
         if others_change or len(stuck) < len(self.good):

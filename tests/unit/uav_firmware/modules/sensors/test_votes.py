@@ -135,6 +135,23 @@ def test_a_glitch_of_the_bus_fails_nothing() -> None:
     assert flown.failed == []
 
 
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_a_gap_of_all_instances_fails_them_only_when_it_lasts(count: int) -> None:
+    """A bus that resets takes a twentieth of a second; there is nothing to use instead."""
+    flown = Flown(count)
+
+    def gap(window: Array) -> Array:
+        window[-8:] = NAN
+        return window
+
+    flown.spoil = gap
+    flown.fly(1.0)
+    assert flown.failed == []
+    flown.spoil = lambda window: np.full_like(window, NAN)
+    flown.fly(WINDOW_S)
+    assert flown.failed == [(number, "no data") for number in range(count)]
+
+
 @pytest.mark.parametrize("wrong", [0, 1])
 def test_of_two_the_one_whose_side_the_estimators_bias_takes_is_wrong(wrong: int) -> None:
     flown = Flown(2)
