@@ -69,3 +69,11 @@ def accel_jump_covariance(
         effect[POSITION] = -(tau**2) / 2.0 * rotation
         total += effect @ effect.T
     return total * (sigma * sigma / _MOMENTS)
+
+
+def velocity_jump_covariance(sigma: float, since_s: float) -> Array:
+    """Covariance of a change of velocity of `sigma` [m/s] on each axis, unseen, some time ago."""
+    effect = np.zeros((SIZE, 3))
+    effect[VELOCITY] = np.eye(3)
+    effect[POSITION] = since_s * np.eye(3)
+    return sigma * sigma * (effect @ effect.T)

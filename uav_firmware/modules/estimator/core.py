@@ -9,10 +9,11 @@ from uav_firmware.lib.declination import declination
 from uav_firmware.lib.geo import STANDARD_GRAVITY_M_S2, LocalFrame, gravity_m_s2
 from uav_firmware.lib.rotation import multiply, normalise
 from uav_firmware.modules.estimator.alignment import TiltAlignment
+from uav_firmware.modules.estimator.bias_jump import velocity_jump_covariance
 from uav_firmware.modules.estimator.delay import InertialHistory, Past
 from uav_firmware.modules.estimator.ekf import Array, ErrorStateEkf, Noise
 from uav_firmware.modules.estimator.fuse_rest import RestDetector
-from uav_firmware.modules.estimator.impact import Impact
+from uav_firmware.modules.estimator.impact import UNSEEN_M_S, Impact
 from uav_firmware.modules.estimator.jump_proof import JumpProof
 from uav_firmware.modules.estimator.lateral_force import LateralForce
 from uav_firmware.modules.estimator.params import EstimatorParams, HeightReference
@@ -129,6 +130,12 @@ class Core:
         self.ekf.forget(ATTITUDE.start, _TURNED_BACK_SIGMA_RAD)
         self.ekf.forget(ATTITUDE.start + 1, _TURNED_BACK_SIGMA_RAD)
         self.ekf.forget(GYRO_BIAS, _TURNED_BACK_SIGMA_RAD_S)
+
+    def doubt_blow(self, fix_us: int) -> None:
+        """Let a fix of `fix_us` say what a blow beyond the accelerometer's range has changed."""
+        since_s = self.impact.unseen_s(fix_us, self.time_us)
+        if since_s is not None:
+            self.ekf.covariance += velocity_jump_covariance(UNSEEN_M_S, since_s)
 
     def _set_noise(self) -> None:
         noise = _noise(self.params, self._gps_height_sigma)

@@ -111,6 +111,7 @@ class GpsAiding:
         height_failed = self.height_failed(core, baro)
         # A vertical velocity that is reset holds no height; then the barometer does, or nothing
         without_baro = baro.age_s(core.time_us) > _HELPS_S
+        core.doubt_blow(gps.time_us)
         if not self._is_stale(core):
             self._fuse_velocity(core, gps)
             self._fuse_position(core, gps)

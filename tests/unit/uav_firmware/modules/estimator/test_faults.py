@@ -154,6 +154,36 @@ def test_a_gps_outlier_is_gated() -> None:
     assert_sound(rig, last)
 
 
+def test_a_blow_beyond_the_range_of_the_accelerometer_is_found_by_the_next_fixes() -> None:
+    """A push of 3 m/s within one sample that reads 16 g: not 5 s of rejected fixes."""
+    blow_s, gained_m_s = 20.0, 3.0
+    struck: list[SensorImu] = []
+
+    def blown(readings: Readings) -> Readings:
+        imu, gps = readings.imu, readings.gps
+        if not struck:
+            struck.append(imu)
+            _, y, z = imu.specific_force_frd
+            readings = readings._replace(imu=imu._replace(specific_force_frd=(157.0, y, z)))
+        since_s = 0.0 if gps is None else gps.time_us * 1e-6 - blow_s
+        if gps is None or since_s < 0.0:
+            return readings
+        north, east, down = gps.velocity_ned
+        moved = gps._replace(
+            latitude_deg=gps.latitude_deg + gained_m_s * since_s / 111_000.0,
+            velocity_ned=(north + gained_m_s, east, down),
+        )
+        return readings._replace(gps=moved)
+
+    rig = Rig()
+    last = fly(rig, 20.6, blown, between_s=(blow_s, INF))
+    assert StatusFlag.GPS_GLITCH not in flags(rig)
+    north_m_s, east_m_s, _ = rig.velocity_error(last.truth)
+    assert abs(north_m_s) == pytest.approx(gained_m_s, abs=0.4)
+    assert abs(east_m_s) < 0.4
+    assert abs(rig.position_error(last.truth)[0]) == pytest.approx(gained_m_s * 0.6, abs=0.8)
+
+
 def test_a_receiver_that_repeats_itself_is_not_believed() -> None:
     held: list[SensorGps] = []
 
