@@ -27,6 +27,7 @@ from urllib.parse import quote
 
 from sqlalchemy import Table
 
+from afarcloud.enumerations import Status
 from edge_server.store import found_by_shape, salvage
 from edge_server.store.tables import METADATA, audit_chain, outbox, telemetry
 
@@ -149,6 +150,8 @@ def _copy_all(source: sqlite3.Connection, target: sqlite3.Connection, broken: Pa
     _leave_out_delivered(target)
     _drop_orphans(target)
     _append_behind_the_newest(target)
+    if "command" in damaged_from:
+        _add_lost_commands(target)
     if damaged_from.keys() & {"plan", "work"}:
         _keep_only_ids_withdrawn(target)
     _go_on_counting(source, target)
@@ -361,6 +364,28 @@ def _append_behind_the_newest(target: sqlite3.Connection) -> None:
         "FROM (SELECT id, hash FROM audit ORDER BY id DESC LIMIT 1) AS newest "
         "WHERE last_id < newest.id"
     )
+
+
+def _add_lost_commands(target: sqlite3.Connection) -> None:
+    """Give the commands of missions that are lost the status that the last report has told.
+
+    Those that it does not name, which only a report of a long mission leaves out, have not started,
+    or have ended with their mission.
+    """
+    query = "SELECT id, body, report, status_id FROM work WHERE kind = 'mission'"
+    for work_id, body, report, status in target.execute(query).fetchall():
+        listed = json.loads(report)["command_report_array"] if report else []
+        told = {one["command_id"]: one["command_status_id"] for one in listed}
+        has_ended = Status(status).is_terminal
+        rest = Status.FINISHED if status == Status.FINISHED else Status.ABORTED
+        for entry in json.loads(body).get("command_array", []):
+            known = told.get(entry["command_id"], Status.NOT_STARTED)
+            if has_ended and not Status(known).is_terminal:
+                known = rest
+            target.execute(
+                "INSERT OR IGNORE INTO command (work, command_id, status_id) VALUES (?, ?, ?)",
+                (work_id, entry["command_id"], int(known)),
+            )
 
 
 def _drop_orphans(target: sqlite3.Connection) -> None:
