@@ -107,11 +107,13 @@ def cut(connection: Connection, before_s: float) -> int:
     old = _ends(connection, lock=True)
     youngest = select(func.min(audit.c.id)).where(audit.c.at >= before_s)
     stays = connection.execute(youngest).scalar_one()
-    first_id = old.last_id if stays is None else stays - 1
-    if first_id <= old.first_id:
-        return 0
-    last_removed = select(audit.c.hash).where(audit.c.id == first_id)
-    first_hash = connection.execute(last_removed).scalar_one()
+    removed = select(audit.c.id, audit.c.hash).order_by(audit.c.id.desc()).limit(1)
+    if stays is not None:
+        removed = removed.where(audit.c.id < stays)
+    last_removed = connection.execute(removed).one_or_none()
+    if last_removed is None or last_removed.id <= old.first_id:
+        return 0  # Of rows that are missing nobody knows the age
+    first_id, first_hash = last_removed
     connection.execute(update(audit_chain).values(first_id=first_id, first_hash=first_hash))
     return connection.execute(delete(audit).where(audit.c.id <= first_id)).rowcount
 

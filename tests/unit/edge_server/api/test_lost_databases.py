@@ -11,7 +11,7 @@ import pytest
 
 from edge_server.app import context_of, create_app
 from edge_server.process.preparation import prepare
-from edge_server.services import audit
+from edge_server.services import audit, retention
 from edge_server.store import high_water
 from edge_server.store.tally import Tally
 from tests.unit.edge_server.conftest import Edge
@@ -55,6 +55,34 @@ def test_after_a_damage_plans_and_aborts_are_taken_and_audited(edge: Edge, table
     lines = started.ask("GET", "/audit/", "admin").text.splitlines()
     assert [json.loads(line)["id"] for line in lines] == [1, 2, 3]
     assert audit.verify(started.context.database).fault is None
+    started.context.database.close()
+
+
+def test_after_lost_rows_of_the_audit_log_other_things_are_still_forgotten(edge: Edge) -> None:
+    edge.post_plan(plan(mission(1)))
+    started = anew(edge, overwrite("audit"))
+    assert started.post_plan(plan(mission(2))).status_code == 201
+    retention.keep(started.context)
+    assert audit.verify(started.context.database).fault == "row 1 is missing"
+    started.clock.pass_s(2.0 * edge.config.retain_audit_days * 86_400.0)
+    retention.keep(started.context)
+    assert audit.verify(started.context.database).fault is None
+    started.context.database.close()
+
+
+def test_lost_commands_have_the_status_that_was_reported(edge: Edge) -> None:
+    edge.post_plan(plan(mission(1), mission(2, 2)))
+    edge.accept()
+    edge.report("mission_report", mission_report(2, 3, 2, mission_id=1))
+    edge.report("mission_report", mission_report(4, 3, 4, mission_id=2, vehicle_id=2))
+    started = anew(edge, overwrite("command"))
+    (shown,) = started.get("/plans/")
+    statuses = [
+        [one["command_status_id"] for one in each["command_array"]] for each in shown["missions"]
+    ]
+    assert statuses == [[3, 2, 1], [3, 4, 5]]
+    last = mission_report(3, 3, 3, 3, mission_id=1)
+    assert started.report("mission_report", last).status_code == 201
     started.context.database.close()
 
 
