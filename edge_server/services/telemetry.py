@@ -132,8 +132,8 @@ class _Judged(NamedTuple):
         if change is None or not (change.ended or change.is_repetition):
             return
         mission = change.mission
-        is_told = mission.end_record is not None or mission.id in self.ends.values()
-        part = self.repeats if change.is_repetition and is_told else self.ends
+        is_reported = mission.end_record is not None or mission.id in self.ends.values()
+        part = self.repeats if change.is_repetition and is_reported else self.ends
         part[number] = mission.id
 
 

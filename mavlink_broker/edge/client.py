@@ -257,7 +257,7 @@ class EdgeClient:
                     waits=status is not None and waits_on_purpose(status),
                     reason=reason,
                 )
-            elif _says_nothing_new(post, status, text):
+            elif _loses_nothing(post, status, text):
                 self._posts.answered(post)
             else:
                 is_dead = self._posts.refused(post, reason)
@@ -292,7 +292,7 @@ class EdgeClient:
 
     def _tell_refusal(self, post: Post, status: int, text: str) -> None:
         """Log what the edge server does not take: its words name field and reason."""
-        if _was_told_before(post, status, text):
+        if _was_sent_before(post, status, text):
             _LOG.info("%s was told before", post.path)
         elif post.is_inherited:
             _LOG.warning("%s of an earlier run is refused: HTTP %d %s", post.path, status, text)
@@ -317,17 +317,17 @@ class EdgeClient:
             _LOG.warning("the edge server does not answer: %s", why)
 
 
-def _says_nothing_new(post: Post, status: int, text: str) -> bool:
+def _loses_nothing(post: Post, status: int, text: str) -> bool:
     """Whether nothing is lost by an answer: a success, or a refusal of what it knows or has ended.
 
     An acknowledgement of work that the edge server has withdrawn or closed is of no use to anybody.
     """
-    if status < HTTPStatus.BAD_REQUEST or _was_told_before(post, status, text):
+    if status < HTTPStatus.BAD_REQUEST or _was_sent_before(post, status, text):
         return True
     return is_acknowledgement(post) and status in _WITHDRAWN
 
 
-def _was_told_before(post: Post, status: int, text: str) -> bool:
+def _was_sent_before(post: Post, status: int, text: str) -> bool:
     return post.may_be_known and status == HTTPStatus.UNPROCESSABLE_ENTITY and _KNOWN in text
 
 

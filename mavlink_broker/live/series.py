@@ -168,8 +168,8 @@ class SeriesRunner:
                 order = way_order(vehicle, spot, heading_deg, speed_m_s=speed_m_s)
                 if order is None:
                     return ()
-                is_told = vehicle.family.speed_by_order and speed_m_s > 0.0
-                return ((order, speed_order(speed_m_s)) if is_told else (order,),)
+                sets_speed = vehicle.family.speed_by_order and speed_m_s > 0.0
+                return ((order, speed_order(speed_m_s)) if sets_speed else (order,),)
 
     def _spot(self, step: Shift) -> Spot | None:
         if self._first is None:

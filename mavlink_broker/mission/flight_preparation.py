@@ -213,7 +213,7 @@ class FlightPreparation(FlightCore):
         waited_s = now - self._entered_at
         self._hovering |= self._vehicle.hovers  # It may not have been heard when this began
         obstacle = prearm.obstacle(self._vehicle, now, hovering=self._hovering, waited_s=waited_s)
-        self._tell_obstacle(obstacle, waited_s)
+        self._log_obstacle(obstacle, waited_s)
         if obstacle is None:
             if self.is_confirmed or not self._acts_at_once:
                 self._set_out(now, effects)
@@ -225,7 +225,7 @@ class FlightPreparation(FlightCore):
         if waited_s >= prearm.WITHIN_S:
             self._fail(f"not ready after {prearm.WITHIN_S:.0f} s: {obstacle}", now, effects)
 
-    def _tell_obstacle(self, obstacle: str | None, waited_s: float) -> None:
+    def _log_obstacle(self, obstacle: str | None, waited_s: float) -> None:
         """Log what a mission waits for, once it has waited, and whenever that changes."""
         if obstacle == self._obstacle or (obstacle is not None and waited_s < LOGGED_AFTER_S):
             return

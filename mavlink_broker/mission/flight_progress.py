@@ -25,7 +25,7 @@ class FlightProgress(FlightAttachment, ABC):
     _foreign: ForeignWatch  # There whenever a follower is
     _skips: SkipWatch
     _paused_at: float | None = None  # When items that fly were first seen to be held
-    _is_pause_told = False
+    _is_pause_reported = False
     _series: tuple[int, SeriesWatch] | None = None  # Behind the command of that index
 
     @abstractmethod
@@ -48,7 +48,7 @@ class FlightProgress(FlightAttachment, ABC):
         self._move(self._event_of_stage(), now, effects)
 
     def _enter_running(self, now: float, effects: Effects) -> None:
-        self._paused_at, self._is_pause_told = None, False
+        self._paused_at, self._is_pause_reported = None, False
         self._foreign = ForeignWatch(self._plan, self._vehicle)
         self._skips = SkipWatch(self._plan, self._vehicle)
         self._follower = Follower(
@@ -100,11 +100,11 @@ class FlightProgress(FlightAttachment, ABC):
         vehicle = self._vehicle
         holds = vehicle.mode_role in {ModeRole.HOLD, ModeRole.PAUSED} and vehicle.family.knows_modes
         if not holds or not vehicle.snapshot.armed or vehicle.is_held_by_failsafe:
-            self._paused_at, self._is_pause_told = None, False
+            self._paused_at, self._is_pause_reported = None, False
             return
         self._paused_at = self._paused_at or now
-        if now - self._paused_at >= GRACE_S and not self._is_pause_told:
-            self._is_pause_told = True
+        if now - self._paused_at >= GRACE_S and not self._is_pause_reported:
+            self._is_pause_reported = True
             last = len(self.ledger.commands) - 1
             self.ledger.add_note(min(self.ledger.finished, last), self._pause)
             effects.for_edge.append(self._reporter.mission(self.ledger))

@@ -82,7 +82,7 @@ def test_a_wreck_stops_its_motors_and_is_reported(
 def test_a_wreck_blames_no_motor_for_what_the_ground_has_done(
     tmp_path: Path, faults: Sequence[tuple[Kind, dict[str, float]]]
 ) -> None:
-    """Rotors stop at the ground: that is the crash, told at once, and no failure of motors."""
+    """Rotors stop at the ground: that is the crash, reported at once, and no failure of motors."""
     tester = hovering(tmp_path, imus=1)
     for kind, values in faults:
         strike(tester, kind, **values)

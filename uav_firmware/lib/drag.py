@@ -27,7 +27,7 @@ class DragModel(NamedTuple):
     momentum_per_s: float  # [1/s] EKF2_MCOEF, at sea level's density; 0: none
 
     @property
-    def tells_airspeed(self) -> bool:
+    def gives_airspeed(self) -> bool:
         """Whether the airspeed may be taken from it.
 
         Every rotor has momentum drag: without that coefficient, the tilt of a slight breeze would

@@ -111,7 +111,7 @@ def test_a_mission_is_fast_enough_to_arrive(speed_m_s: float, is_taken: bool) ->
 
 
 def going(*north_m: float | None) -> Mission:
-    """A mission to places so far north of its first one; None is an end of a known way."""
+    """A mission to places so far north of its first one; None: a follow, which ends anywhere."""
     whole = mission("takeoff", *("follow" if one is None else "go" for one in north_m))
     north = iter([0.0, *north_m])
     commands = []

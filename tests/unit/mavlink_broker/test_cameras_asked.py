@@ -49,7 +49,7 @@ def test_an_idle_camera_says_nothing_of_another_one_at_work() -> None:
 
 
 def captured(component: int) -> Message:
-    """A picture, told by a camera."""
+    """A picture, announced by a camera."""
     message = mavlink.MAVLink_camera_image_captured_message(
         0, 0, 0, 0, 0, 0, 0, [1.0, 0.0, 0.0, 0.0], 0, 1, b""
     )

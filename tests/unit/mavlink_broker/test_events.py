@@ -438,5 +438,5 @@ class TestEveryEventHasOneFinalAnswer:
 
 
 def answers(world: World, event: int) -> list[tuple[str, str | None]]:
-    """What was said about an event, and why."""
+    """What was acknowledged of an event, and why."""
     return [(a["status"], a.get("message")) for a in world.edge.acknowledgements(event)]

@@ -359,7 +359,7 @@ def modes_since(world: World, since: int) -> set[int]:
 
 
 def test_a_restarted_broker_hears_the_home_before_it_gives_a_place_up() -> None:
-    """What is ordered relative to home must not become a landing because home is not told yet."""
+    """What is ordered relative to home must not become a landing because home is not known yet."""
     world = world_at(1)
     vehicle = world.only_vehicle
     vehicle.script = dataclasses.replace(vehicle.script, goes_to_places=False)

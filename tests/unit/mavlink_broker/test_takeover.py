@@ -253,7 +253,7 @@ def test_a_return_that_a_pilot_chooses_after_a_restart_is_his(
     world.run(seen_s)
     vehicle.is_manual = False
     vehicle.set_mode(home)
-    event = world.edge.event(ABORT)  # Before anything else tells whose the return is
+    event = world.edge.event(ABORT)  # Before anything else shows whose the return is
     world.run(5.0)
     assert orders(vehicle, since) == []
     assert vehicle.custom_mode == home

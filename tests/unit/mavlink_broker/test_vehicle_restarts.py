@@ -97,7 +97,7 @@ def test_it_ends_a_return_after_an_alarm_and_is_told_as_one(tmp_path: Path) -> N
 
 @pytest.mark.parametrize("kind", ["abort", "alarm"])
 def test_it_ends_what_an_earlier_run_of_the_broker_has_ordered(kind: str, tmp_path: Path) -> None:
-    """The restart shows by the time that was noted, and is told."""
+    """The restart shows by the time that was noted, and is reported."""
     if kind == "alarm":
         world = alarmed_world(tmp_path)
     else:

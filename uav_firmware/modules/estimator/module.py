@@ -35,7 +35,7 @@ def drag_of(registry: Registry) -> DragModel | None:
         return None
     ballistic, momentum = (float(registry.get(name)) for name in _DRAG_PARAMETERS)
     drag = DragModel(ballistic, momentum)
-    return drag if drag.tells_airspeed else None
+    return drag if drag.gives_airspeed else None
 
 
 class EstimatorModule:

@@ -231,7 +231,7 @@ def at_height(altitude: float, **fields: Any) -> Statement:
 
 ALARM: Statement = ("alarm", telemetry("alarm") | {"mission_id": 1})
 IN_FLIGHT: tuple[Statement, ...] = (said(2, 2), at_height(20.0))
-"""What says that a vehicle has left the ground, each by itself."""
+"""What shows that a vehicle has left the ground, each by itself."""
 ENDED_BY_FAULT: tuple[tuple[Statement, ...], ...] = (
     (said(2, 2), said(2, 4), said(4, 4, 5, 5)),  # The running take-off failed
     (said(4, 2, 1, 1),),

@@ -85,7 +85,7 @@ class WindEstimator:
 
     def wind(self, model: DragModel, density: float) -> tuple[float, float] | None:
         """Wind [m/s, north and east]; None until the filter has settled, or of an unknown drag."""
-        if not model.tells_airspeed or self._age_s < _SETTLED * TIME_CONSTANT_S:
+        if not model.gives_airspeed or self._age_s < _SETTLED * TIME_CONSTANT_S:
             return None
         north, east, thrust_ratio, v_north, v_east = self._mean
         return wind_of(Push((north, east), thrust_ratio), (v_north, v_east), model, density)

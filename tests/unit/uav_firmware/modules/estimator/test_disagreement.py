@@ -141,7 +141,7 @@ def test_gps_mode_0_believes_a_position_that_has_jumped_for_long() -> None:
 
 
 def rough(readings: Readings) -> Readings:
-    """Fixes that say of themselves that they are not good enough."""
+    """Fixes that report themselves as not good enough."""
     return on_gps(lambda gps: gps._replace(horizontal_accuracy_m=4.0, satellites_used=5))(readings)
 
 

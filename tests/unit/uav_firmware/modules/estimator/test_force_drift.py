@@ -1,4 +1,4 @@
-"""Which of gyroscope, accelerometer and wind has drifted, told by force and attitude together."""
+"""Which of gyroscope, accelerometer and wind has drifted, found by force and attitude together."""
 
 import math
 
@@ -19,7 +19,7 @@ GRAVITY = 9.80665
 
 
 class Hover:
-    """A filter in hover, that is turned, and whose accelerometer reads, as a test says."""
+    """A filter in hover, that is turned, and whose accelerometer reads, as a test sets it."""
 
     def __init__(self, yaw: float = 0.0) -> None:
         self.core = Core(TiltAlignment(IDENTITY, (0.0, 0.0, 0.0), 1e-3), 0, EstimatorParams())
