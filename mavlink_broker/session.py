@@ -18,7 +18,7 @@ from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
 from mavlink_broker.microservices.message_rates import StreamRequests
 from mavlink_broker.mission.dropped_missions import DroppedMissions
 from mavlink_broker.mission.event_execution import ENDED, REASONS
-from mavlink_broker.mission.flight import Flight
+from mavlink_broker.mission.flight import RETURN_ENDED, Flight
 from mavlink_broker.mission.pending_events import EventDesk, is_abort
 from mavlink_broker.mission.restore_vehicle_config import GivingBack
 from mavlink_broker.mission.states import BEFORE_TAKEOFF, State
@@ -407,7 +407,7 @@ class Session:
     def _see_events_through(self, now: float, effects: Effects) -> None:
         self._carry_out_events(now, effects)
         if self._events.take_broken_return():
-            failure = mission_error("the vehicle was restarted on its way home")
+            failure = mission_error(RETURN_ENDED)
             effects.for_edge.append(self._reporter.alarm(failure, None))
         was_leaving = self._events.is_leaving
         self._events.step(now, effects)

@@ -42,6 +42,7 @@ _ENDING: Final = frozenset({State.LEAVING, State.FAILING, State.IDLE})
 """States behind which nothing of the mission is flown any more."""
 _ARMED_BY_US: Final = frozenset({State.ARMING, State.STARTING})
 RESTARTED: Final = "the vehicle was restarted"
+RETURN_ENDED: Final = f"{RESTARTED} on its way home"
 ON_GROUND: Final[int] = mavlink.MAV_LANDED_STATE_ON_GROUND
 
 _LOG = logging.getLogger(__name__)
@@ -380,7 +381,7 @@ class Flight(FlightProgress):
     def _end_restarted(self, now: float, effects: Effects) -> None:
         """Give no further order of an abort, or of a return that an alarm has ordered."""
         if self._ending_work is None:
-            failure = mission_error(f"{RESTARTED} on its way home")
+            failure = mission_error(RETURN_ENDED)
             effects.for_edge.append(self._reporter.alarm(failure, self.work.mission.mission_id))
         self.refuse_ending(RESTARTED, effects)
         self._ending, self._hovering = None, False
