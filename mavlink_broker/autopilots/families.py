@@ -121,10 +121,9 @@ class Family:
     link_loss_parameter: str | None = None  # Above 0 it wants a ground station to attend to it
     link_patience_parameter: str | None = None  # For how long it may be without one, s
     talks_to_stations_only: bool = False  # STATUSTEXT goes to who says that he is one
-    guard: geofence_parameters.Guard = (
-        geofence_parameters.guard_nothing
-    )  # Keeps a vehicle within its fence
-    guard_parameters: tuple[str, ...] = ()  # Which that has to know
+    # What keeps a vehicle within its fence, and the parameters that this has to know
+    guard: geofence_parameters.Guard = geofence_parameters.guard_nothing
+    guard_parameters: tuple[str, ...] = ()
     rally_altitude_step_m: float = 0.0  # To which a rally point's altitude is cut in storage
     parameter_encoding: ParameterEncoding = ParameterEncoding.C_CAST  # Of one that tells none
     mode_name: Callable[[int, int], str] = flight_modes.generic_name
