@@ -18,7 +18,7 @@ from edge_server.store.tally import Tally
 _RECORD: Final = "newest_record"
 _WORK: Final = "newest_work"
 _MOST: Final = 2**53
-"""Up to here a double tells two integers apart."""
+"""Up to here a double separates two integers."""
 
 
 class Marks(NamedTuple):
@@ -67,5 +67,5 @@ def read(path: Path) -> Marks:
 
 
 def _id(value: float) -> int:
-    """Give a mark as an id; a file that is damaged may say anything, NaN too."""
+    """Give a mark as an id; a file that is damaged may hold anything, NaN too."""
     return int(value) if 0 <= value < _MOST else 0

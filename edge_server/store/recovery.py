@@ -367,7 +367,7 @@ def _append_behind_the_newest(target: sqlite3.Connection) -> None:
 
 
 def _add_lost_commands(target: sqlite3.Connection) -> None:
-    """Give the commands of missions that are lost the status that the last report has told.
+    """Give the commands of missions that are lost the status that the last report gives.
 
     Those that it does not name, which only a report of a long mission leaves out, have not started,
     or have ended with their mission.
@@ -375,11 +375,11 @@ def _add_lost_commands(target: sqlite3.Connection) -> None:
     query = "SELECT id, body, report, status_id FROM work WHERE kind = 'mission'"
     for work_id, body, report, status in target.execute(query).fetchall():
         listed = json.loads(report)["command_report_array"] if report else []
-        told = {one["command_id"]: one["command_status_id"] for one in listed}
+        reported = {one["command_id"]: one["command_status_id"] for one in listed}
         has_ended = Status(status).is_terminal
         rest = Status.FINISHED if status == Status.FINISHED else Status.ABORTED
         for entry in json.loads(body).get("command_array", []):
-            known = told.get(entry["command_id"], Status.NOT_STARTED)
+            known = reported.get(entry["command_id"], Status.NOT_STARTED)
             if has_ended and not Status(known).is_terminal:
                 known = rest
             target.execute(

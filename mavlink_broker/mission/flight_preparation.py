@@ -288,9 +288,9 @@ class FlightPreparation(FlightCore):
             self._enter_arming(now, effects)
 
     def _step_starting(self, now: float, effects: Effects) -> None:
-        """Believe that it flies when it says so: armed, and in a mission mode.
+        """Take it to fly when its heartbeat shows that: armed, and in a mission mode.
 
-        A mode that it has taken since it was told to start tells as much as its answer. PX4 leaves
+        A mode that it has taken since the order to start proves as much as its answer. PX4 leaves
         the mission mode for an item that returns before a heartbeat has shown it.
         """
         if self._activity is None:

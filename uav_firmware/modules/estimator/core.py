@@ -132,7 +132,7 @@ class Core:
         self.ekf.forget(GYRO_BIAS, _TURNED_BACK_SIGMA_RAD_S)
 
     def doubt_blow(self, fix_us: int) -> None:
-        """Let a fix of `fix_us` say what a blow beyond the accelerometer's range has changed."""
+        """Let a fix of `fix_us` find what a blow beyond the accelerometer's range has changed."""
         since_s = self.impact.unseen_s(fix_us, self.time_us)
         if since_s is not None:
             self.ekf.covariance += velocity_jump_covariance(UNSEEN_M_S, since_s)

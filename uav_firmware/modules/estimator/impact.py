@@ -4,8 +4,8 @@ A blow lasts a few milliseconds, less than a sample, and may exceed the accelero
 velocity afterwards is wrong by metres per second, and no sensor is broken for that. Only the
 beginning counts, so that an accelerometer which reads a large force for long hides nothing.
 
-Where the range was exceeded, what the vehicle has gained in velocity is not known: the first fix
-that was taken after the blow is told so, else it would be rejected for seconds.
+Where the range was exceeded, what the vehicle has gained in velocity is not known: for the
+first fix that was taken after the blow that doubt counts, else it would be rejected for seconds.
 """
 
 from typing import Final
@@ -29,7 +29,7 @@ class Impact:
     def __init__(self) -> None:
         self._beyond = False
         self._struck_us: int | None = None
-        self._clipped_us: int | None = None  # Until a fix has been told
+        self._clipped_us: int | None = None  # Until a fix of after it has come
 
     def update(self, force_frd: Vector3, time_us: int) -> None:
         """Take a sample [m/s^2]."""
