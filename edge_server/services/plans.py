@@ -127,6 +127,8 @@ def _with_free_ids(connection: Connection, documents: Sequence[Plan]) -> list[Pl
     free = first
     while collisions := taken.intersection(range(free, free + count)):
         free = max(collisions) + 1
+    if free + count - 1 > INT32_MAX:
+        raise ConflictError(f"no {count} mission_ids from {first} up are free")
     return [_moved(plan, free - first) for plan in documents]
 
 

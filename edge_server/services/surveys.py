@@ -59,6 +59,10 @@ def _planned(context: Context, order: SurveyOrder, field: Field | None) -> Surve
         is_outline = field is not None and error.field in {"boundary", "holes"}
         path = "field_id" if is_outline else error.field
         raise InvalidError((Fault(path, str(error)),)) from None
+    number = sum(len(plan["missions"]) for plan in planned.plans)
+    if first + number - 1 > INT32_MAX:
+        text = f"is at most {INT32_MAX - number + 1}: the survey has {number} missions"
+        raise InvalidError((Fault("first_mission_id", text),))
     if field is not None:
         for plan in planned.plans:
             plan["field_id"] = order.field_id

@@ -4,8 +4,10 @@ from typing import Any
 
 import pytest
 
+from afarcloud.numbers import INT32_MAX
 from edge_server.api.surveys import EXAMPLE
 from tests.unit.edge_server.conftest import Edge
+from tests.unit.edge_server.documents import mission, plan
 
 
 def ask(edge: Edge, query: str = "", role: str = "operator", **changes: Any) -> Any:
@@ -39,6 +41,21 @@ def test_all_plans_or_none(edge: Edge) -> None:
     answer = ask(edge, dispatch=True, most_commands=12, endurance=3600)
     assert answer.status_code == 409  # More flights than a vehicle's queue takes
     assert edge.get("/plans/") == []
+
+
+@pytest.mark.parametrize("query", ["", "?preview=true"])
+def test_a_survey_has_no_mission_id_beyond_the_largest(edge: Edge, query: str) -> None:
+    answer = ask(edge, query, first_mission_id=INT32_MAX)
+    assert answer.status_code == 422
+    assert list(answer.json["detail"]["json"]) == ["first_mission_id"]
+    assert ask(edge, query, first_mission_id=INT32_MAX - 1).status_code in {200, 201}
+
+
+def test_a_survey_that_finds_no_free_mission_ids_is_refused(edge: Edge) -> None:
+    edge.clock.now = float(INT32_MAX - 1)
+    edge.post_plan(plan(mission(INT32_MAX)))
+    assert ask(edge).status_code == 409
+    assert len(edge.get("/plans/")) == 1
 
 
 def test_a_repeated_survey_is_the_same_survey(edge: Edge) -> None:
