@@ -52,6 +52,29 @@ class _Job(Generic[_T]):
         self.alone = False  # Its group has failed
 
 
+class _OneWriter:
+    """The one writer's place of a SQLite file; who has it and asks for it again is refused.
+
+    A transaction within a transaction would wait for itself for ever.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._holder: int | None = None
+
+    def __enter__(self) -> None:
+        """Wait for the place; raises RuntimeError where this thread has it already."""
+        if self._holder == threading.get_ident():
+            raise RuntimeError("a transaction that writes was begun within another one")
+        self._lock.acquire()
+        self._holder = threading.get_ident()
+
+    def __exit__(self, *_: object) -> None:
+        """Leave the place to the next one."""
+        self._holder = None
+        self._lock.release()
+
+
 class Database:
     """Transactions on one engine; safe to share between threads."""
 
@@ -62,7 +85,7 @@ class Database:
         self._writer = engine.execution_options(**WRITING)
         self._reader = engine.execution_options(**READING) if self.is_shared else engine
         # SQLite's own wait for the writer sleeps in steps of up to 100 ms; ours does not.
-        self._one_writer = None if self.is_shared else threading.Lock()
+        self._one_writer = None if self.is_shared else _OneWriter()
         self._jobs: deque[_Job[Any]] = deque()
         self._sender_lock = threading.Lock()
         self._sender: Any = None

@@ -60,6 +60,18 @@ def test_a_reader_sees_one_state(database: Database) -> None:
             reading.execute(text("DELETE FROM vehicle"))
 
 
+@ON_SQLITE
+def test_a_writer_within_a_writer_is_an_error_and_waits_for_nobody(database: Database) -> None:
+    with (
+        database.write(),
+        pytest.raises(RuntimeError, match="within another"),
+        database.write(),
+    ):
+        pytest.fail("two writers at once")
+    with database.write() as connection:
+        connection.execute(text("CREATE TABLE afterwards (id INTEGER)"))
+
+
 @BOTH_ENGINES
 def test_a_failed_transaction_leaves_nothing(database: Database) -> None:
     def register_twice() -> None:
