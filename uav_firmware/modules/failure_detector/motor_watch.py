@@ -11,7 +11,11 @@ Rotors also stand because the vehicle lies on them: those that slow down just af
 blocked first, and as failed only if the vehicle has not been found crashed meanwhile.
 
 At lower commands, above all while the motors idle before a take-off, a rotor is given longer and
-has to reach a smaller share: what stands then has failed.
+has to reach a smaller share: what stands then has failed. Each moment that a rotor is too slow uses
+up its share of the time that is allowed at that command.
+
+A rotor that stands has to break loose before it follows: its bound waits for START_TIME_S. On three
+rotors the one opposite to the lost one stands most of the time and starts several times a second.
 """
 
 from typing import Final, NamedTuple
@@ -25,7 +29,12 @@ _SQUARE: Final = 0.23
 _IDLE_COMMAND: Final = 0.03  # [-] Below it a motor may stand
 _IDLE_SHARE: Final = 0.5  # [-] Of the speed expected
 _IDLE_TIME_S: Final = 0.3
+_USED_UP: Final = 1.0 - 1e-9  # [-] Three thirds of it are all of it
+_STANDS_SHARE: Final = 0.04  # [-] Of full speed: a bound below it is that of a rotor at a stand
 _BLOCKED_TIME_S: Final = 0.1  # A crash is found sooner, a rotor lost to a branch not much later
+
+START_TIME_S: Final = 0.1
+"""[s] From the command to a rotor that stands until its speed is judged."""
 
 
 class MotorLimits(NamedTuple):
@@ -48,7 +57,8 @@ class MotorWatch:
         self.blocked = 0  # [-] Bits too; slow since a blow
         self.weak = False  # All together turn slower than they are told to
         self._bounds = [0.0, 0.0, 0.0, 0.0]
-        self._slow_s = [0.0, 0.0, 0.0, 0.0]
+        self._slow = [0.0, 0.0, 0.0, 0.0]  # [-] Share of the time allowed that is used up
+        self._start_s = [START_TIME_S] * 4  # [s] Left to a rotor that begins to turn
         self._weak_s = 0.0
         self._blocked_s = 0.0
 
@@ -60,7 +70,8 @@ class MotorWatch:
         """The motors stand: forget their speeds, and that all were weak."""
         self.weak = False
         self._bounds = [0.0, 0.0, 0.0, 0.0]
-        self._slow_s = [0.0, 0.0, 0.0, 0.0]
+        self._slow = [0.0, 0.0, 0.0, 0.0]
+        self._start_s = [START_TIME_S] * 4
         self._weak_s = 0.0
         self.blocked, self._blocked_s = 0, 0.0
 
@@ -73,19 +84,24 @@ class MotorWatch:
         for motor in range(4):
             wanted = command[motor]
             steady = limits.full_speed_rpm * wanted * (_LINEAR - _SQUARE * wanted)
+            if wanted < _IDLE_COMMAND and bounds[motor] < _STANDS_SHARE * limits.full_speed_rpm:
+                self._start_s[motor] = START_TIME_S
+            else:
+                self._start_s[motor] -= dt
             time_s = _RISE_TIME_S if steady > bounds[motor] else _FALL_TIME_S
-            bounds[motor] += (steady - bounds[motor]) * dt / (dt + time_s)
+            if steady < bounds[motor] or self._start_s[motor] <= 0.0:
+                bounds[motor] += (steady - bounds[motor]) * dt / (dt + time_s)
             # A report that is no number compares false and judges nothing
             driven = wanted >= limits.least_command
             share, patience_s = (
                 (limits.least_share, limits.time_s) if driven else (_IDLE_SHARE, _IDLE_TIME_S)
             )
             if speed_rpm[motor] < share * bounds[motor] and wanted >= _IDLE_COMMAND:
-                self._slow_s[motor] += dt
-                if self._slow_s[motor] >= patience_s:
+                self._slow[motor] += dt / patience_s
+                if self._slow[motor] >= _USED_UP:
                     slow |= 1 << motor
             else:
-                self._slow_s[motor] = 0.0
+                self._slow[motor] = 0.0
         self._judge_slow(slow & ~self.failed, dt, struck=struck)
         self._judge_all(command, speed_rpm, dt)
         return self.failed

@@ -95,6 +95,25 @@ def test_no_commands_make_a_healthy_motor_fail(commands: list[Motors], lag_s: fl
 IDLE: Motors = (0.055, 0.055, 0.055, 0.055)
 
 
+def start(watch: MotorWatch, stands_s: float) -> int:
+    """Rotor 4 stood on three rotors and is ordered to 0.5; it breaks loose after a time."""
+    full = steady_rpm(0.5)
+    for _ in range(125):
+        watch.update((0.5, 0.5, 0.5, 0.0), (full, full, full, 0.0), DT)
+    speed, failed = 0.0, 0
+    for number in range(60):
+        command = min(0.5, 0.05 * (number + 1))
+        if number * DT >= stands_s:
+            speed += (steady_rpm(command) - speed) * (1.0 - math.exp(-DT / 0.056))
+        failed = watch.update((0.5, 0.5, 0.5, command), (full, full, full, speed), DT)
+    return failed
+
+
+def test_a_rotor_that_stood_has_time_to_break_loose_and_a_dead_one_is_found() -> None:
+    assert start(MotorWatch(LIMITS), 0.06) == 0
+    assert start(MotorWatch(LIMITS), math.inf) == 8
+
+
 def test_a_motor_that_is_to_stand_is_not_judged() -> None:
     rotors = Rotors()
     rotors.dead.add(2)
