@@ -27,7 +27,7 @@ from edge_server.store.tables import (
 )
 
 TABLES: Final = (plan, work, command, event, field, vehicle, vehicle_hold, withdrawn, tombstone)
-_JSON: Final[Mapping[str, Mapping[str, type]]] = {
+JSON_COLUMNS: Final[Mapping[str, Mapping[str, type]]] = {
     "plan": {"body": dict, "warnings": list},
     "work": {"body": dict, "report": dict},
     "field": {"body": dict},
@@ -59,7 +59,7 @@ def row_of(table: Table, names: Sequence[str], found: Row) -> dict[str, Any] | N
             row[column.name] = value
         else:
             return None
-    if not _says_what_it_should(table.name, row):
+    if not says_what_it_should(table.name, row):
         return None
     if table is work and row["kind"] == _MISSION and row["state"] == _QUEUED:
         row["held"] = 1
@@ -87,13 +87,14 @@ def _fits(column: Column[Any], value: Value) -> bool:
     return isinstance(kind, Integer) and isinstance(value, int)
 
 
-def _says_what_it_should(table: str, row: Mapping[str, Any]) -> bool:
-    for name, kind in _JSON.get(table, {}).items():
-        if row[name] is None:
+def says_what_it_should(table: str, row: Mapping[str, Any]) -> bool:
+    """Whether the JSON in a row of a table can be read and is what that table keeps."""
+    for name, kind in JSON_COLUMNS.get(table, {}).items():
+        if row.get(name) is None:
             continue
         try:
             document = json.loads(row[name])
-        except (ValueError, RecursionError):
+        except (ValueError, TypeError, RecursionError):
             return False
         is_field = isinstance(document, dict) and _BOUNDARY in document
         if table in {"field", "vehicle"} and is_field != (table == "field"):

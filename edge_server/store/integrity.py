@@ -17,6 +17,8 @@ from typing import Final
 
 from sqlalchemy.exc import DBAPIError
 
+from edge_server.store.found_by_shape import JSON_COLUMNS, says_what_it_should
+
 LOG = logging.getLogger(__name__)
 PATIENCE_S: Final = 0.5
 _BROKEN: Final = frozenset({sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT})
@@ -43,6 +45,8 @@ def fault_of(path: Path, patience_s: float = threading.TIMEOUT_MAX) -> str | Non
         watch.start()
         try:
             (found,) = connection.execute("PRAGMA quick_check(1)").fetchone()
+            if found == "ok":
+                found = _unreadable(connection) or found
         except sqlite3.DatabaseError as error:
             if error.sqlite_errorcode == sqlite3.SQLITE_INTERRUPT:
                 raise TakesTooLongError(path) from None
@@ -53,6 +57,27 @@ def fault_of(path: Path, patience_s: float = threading.TIMEOUT_MAX) -> str | Non
             watch.cancel()
             watch.join()
     return None if found == "ok" else str(found)
+
+
+def _unreadable(connection: sqlite3.Connection) -> str | None:
+    """Name the first row of what people and brokers have made whose JSON cannot be read.
+
+    A bit that has flipped inside a row is no fault to SQLite. One row of work that cannot be read
+    keeps all other work from every broker.
+    """
+    connection.text_factory = bytes  # json.loads sees to the encoding too
+    for table, columns in JSON_COLUMNS.items():
+        names = ", ".join(columns)
+        try:
+            for rowid, *values in connection.execute(f"SELECT rowid, {names} FROM {table}"):  # noqa: S608  # our own names
+                row = dict(zip(columns, values, strict=True))
+                if not says_what_it_should(table, row):
+                    return f"row {rowid} of {table} cannot be read"
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode != sqlite3.SQLITE_ERROR:
+                raise
+            LOG.debug("a database of an older version: %s", error)
+    return None
 
 
 def is_broken(error: DBAPIError) -> bool:

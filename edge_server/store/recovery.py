@@ -134,6 +134,8 @@ def _copy_all(source: sqlite3.Connection, target: sqlite3.Connection, broken: Pa
         kept = _outbox_rows(reader, target) if table is outbox else iter(reader)
         if table is telemetry:
             kept = (row for row in kept if _is_record(row))
+        elif table.name in found_by_shape.JSON_COLUMNS:
+            kept = reader.legible(table.name)
         columns = [column.name for column in outbox.columns] if table is outbox else reader.columns
         if table is audit_chain:
             rows[table.name] = _take_over_ends(target, columns, kept)
@@ -252,6 +254,16 @@ class _Reader:
                 start = self._behind_the_damage(max(after, 1))
             else:
                 start = None
+
+    def legible(self, table: str) -> Iterator[dict[str, Any]]:
+        """Give the rows whose JSON can be read; the others are damaged."""
+        for row in self:
+            if found_by_shape.says_what_it_should(table, row):
+                yield row
+                continue
+            self.whole = False
+            if self.damaged_from is None:
+                self.damaged_from = int(row[self.columns[0]])
 
     def _behind_the_damage(self, bad: int) -> int | None:
         """The first rowid after a bad one from which reading goes on; None when there is none."""

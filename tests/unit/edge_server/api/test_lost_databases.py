@@ -86,6 +86,30 @@ def test_lost_commands_have_the_status_that_was_reported(edge: Edge) -> None:
     started.context.database.close()
 
 
+@pytest.mark.parametrize("junk", [b"\x01", b"\xff"])
+def test_one_row_that_cannot_be_read_keeps_no_other_work_from_the_broker(
+    edge: Edge, junk: bytes
+) -> None:
+    for number in (1, 2):
+        edge.post_plan(plan(mission(number), name=f"field number {number}"))
+
+    def spoil(path: Path) -> None:
+        with closing(sqlite3.connect(path)) as connection:
+            connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        content = path.read_bytes()
+        for text in (b'{"sequence_number":0,"mission_id":1,', b'"name":"field number 1"'):
+            assert content.count(text) == 1
+            content = content.replace(text, text[:9] + junk + text[10:])
+        path.write_bytes(content)
+
+    started = anew(edge, spoil)
+    assert started.post("/events/", event(3, maximum_speed=2.0), "operator").status_code == 201
+    found = [(item["kind"], item.get("mission", {}).get("mission_id")) for item in started.work()]
+    assert found == [("event", None), ("mission", 2)]
+    assert [one["name"] for one in started.get("/plans/")] == ["field number 2"]
+    started.context.database.close()
+
+
 def test_a_new_database_gives_no_work_the_id_of_old_work(edge: Edge) -> None:
     edge.post_plan(plan(mission(1)))
     (old,) = edge.work()
