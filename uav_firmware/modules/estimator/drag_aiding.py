@@ -92,8 +92,14 @@ class DragAiding:
         self._x = self._y = 0.0
         self._count = 0
 
-    def take(self, core: Core, force_frd: Vector3, params: EstimatorParams) -> None:
-        """Take a sample of the accelerometer [m/s^2]."""
+    def take(
+        self, core: Core, force_frd: Vector3, turned_rad: float, params: EstimatorParams
+    ) -> None:
+        """Take a sample of the accelerometer [m/s^2], after a turn about the rotors' axis.
+
+        What was summed up before turns the other way about the body, so that the mean is one in
+        its present axes: on three rotors it spins by 80 degrees meanwhile.
+        """
         if self.drag is None or not params.drag_control or core.origin is None:
             return
         if core.on_ground is not False:
@@ -102,8 +108,9 @@ class DragAiding:
         if self.carried:
             self._restart()
             return
-        self._x += force_frd[0]
-        self._y += force_frd[1]
+        x, y = self._x, self._y
+        self._x = x + turned_rad * y + force_frd[0]
+        self._y = y - turned_rad * x + force_frd[1]
         self._count += 1
         if self._count < _SAMPLES:
             return

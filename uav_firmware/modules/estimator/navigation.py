@@ -95,7 +95,7 @@ class Navigation:
             force = self.drag.model(core, force)
         core.step(imu.time_us, rate, force, dt)
         if not core.force_modelled:
-            self.drag.take(core, force, self._params)
+            self.drag.take(core, force, rate[2] * dt, self._params)
         bias = core.state.gyro_bias_frd
         self.rate_frd = (rate[0] - bias[0], rate[1] - bias[1], rate[2] - bias[2])
         return True
