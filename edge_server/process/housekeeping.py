@@ -19,9 +19,13 @@ DAY_S: Final = 86_400.0
 
 
 def run(context: Context, stopping: threading.Event) -> None:
-    """Keep house until told to stop; a busy or full database is tried again."""
+    """Keep house until told to stop; a busy or full database is tried again.
+
+    The first turn is at once: a disk may be full a moment after the start, and the room that the
+    relay needs then has to be held before.
+    """
     turn = 0
-    while not stopping.wait(EXPIRY_S):
+    while not stopping.is_set():
         try:
             broker_work.expire_if_due(context)
             context.space.keep(time.monotonic())
@@ -33,6 +37,7 @@ def run(context: Context, stopping: threading.Event) -> None:
         except (SQLAlchemyError, OSError) as error:  # The database, or the disk under the ballast
             LOG.warning("housekeeping has to wait: %s", error)
         turn += 1
+        stopping.wait(EXPIRY_S)
 
 
 def forget(context: Context) -> None:

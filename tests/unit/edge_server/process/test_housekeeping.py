@@ -63,6 +63,17 @@ def test_a_mission_expires_though_nobody_asks(edge: Edge) -> None:
     assert status == 5
 
 
+def test_room_is_held_from_the_start(edge: Edge, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(housekeeping, "EXPIRY_S", 3600.0)
+    stopping = threading.Event()
+    thread = threading.Thread(target=housekeeping.run, args=(edge.context, stopping))
+    thread.start()
+    while not edge.config.ballast_path.exists():
+        assert thread.is_alive()
+    stopping.set()
+    thread.join()
+
+
 def no_disk(_database: Database) -> None:
     raise OSError(errno.EIO, "the disk does not answer")
 
