@@ -279,7 +279,7 @@ class Flight(FlightProgress):
         self._abort_softly(self._soft_abort, now, effects)
 
     def _give_up_soft_abort(self, effects: Effects, instead: str) -> None:
-        """Take one that waits as done: what replaces it has ended the mission in its stead."""
+        """Take one that waits as done: what replaces it has ended the mission."""
         if self._soft_abort is not None:
             work_id, self._soft_abort = self._soft_abort.work.work_id, None
             effects.for_edge.append(Acknowledgement(work_id, "done", instead))
@@ -333,7 +333,7 @@ class Flight(FlightProgress):
         self._leave(work.event, work.work_id, now, effects)
 
     def _acknowledge_ending(self, effects: Effects, instead: str | None = None) -> None:
-        """Acknowledge once that an event has been carried out, or what comes in its stead."""
+        """Acknowledge once that an event has been carried out, or what replaces it."""
         if self._ending is not None and self._ending_work is not None:
             taken = self._ending.taken
             status = "done" if taken is None else "refused"

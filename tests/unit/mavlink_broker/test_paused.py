@@ -1,7 +1,7 @@
 """A ground station or a pilot pauses the vehicle: the broker lets it stay, and reports it.
 
 PX4 pauses in the mode in which the broker has it wait (AUTO.LOITER): there the vehicle's
-acknowledgement tells whose order it was, or that the mode of a live command was left.
+acknowledgement shows whose order it was, or that the mode of a live command was left.
 """
 
 import dataclasses
