@@ -26,6 +26,7 @@ TRUTH ?= 0
 PLAN ?=
 FRAMES ?= 1000000
 OUT ?=
+PARALLEL := -n 3 --dist worksteal
 export VEHICLES TESTERS TESTER_SCRIPT SPEED WIND GPS SEED EDGE_PORT CLOUD_PORT MAVLINK_PORT GCS_PORT VEHICLE_PORT_BASE MQTT_PORT STATE_DIR TRUTH PLAN OUT
 
 RUNTIME := $(VENV)/.runtime
@@ -57,7 +58,7 @@ install: $(DEV) ## create the virtual environment with everything
 .PHONY: lock
 lock: $(DEV) ## resolve pyproject.toml again into the two lock files
 	$(VENV)/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-annotate --no-header pyproject.toml -o requirements.lock
-	$(VENV)/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-annotate --no-header --extra dev pyproject.toml -o requirements-dev.lock
+	$(VENV)/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-annotate --no-header --extra dev --extra docs pyproject.toml -o requirements-dev.lock
 
 .PHONY: sim
 sim: $(if $(TESTER_SCRIPT),$(DEV),$(RUNTIME)) ## run the whole system: edge server, relay, broker, vehicles, mock cloud; TESTERS=1 leaves a seat
@@ -93,9 +94,23 @@ cloud: $(RUNTIME) ## run the mock cloud alone
 	@exec $(RUN) -m sim.cloud
 
 .PHONY: test
-test: $(DEV) ## run all tests
+test: $(DEV) ## run the units, contracts, golden records and one scenario per promise
 	@.ci/servers
-	$(RUN) -m pytest -n 3 --dist worksteal
+	$(RUN) -m pytest $(PARALLEL) -m "not thorough"
+
+.PHONY: test-thorough
+test-thorough: $(DEV) ## run what `make test` leaves out, then short forms of the soaks
+	@.ci/servers
+	$(RUN) -m pytest $(PARALLEL) -m thorough
+	CYCLES=5 BURST_S=60 SOAK=kill,outage,spool $(RUN) -m tests.soak
+	MINUTES=2 VEHICLES=2 SOAK=hostile $(RUN) -m tests.soak
+
+.PHONY: test-all
+test-all: test test-thorough ## run every test and short forms of the soaks
+
+.PHONY: mutants
+mutants: $(DEV) ## break forty laws one at a time; 0 if the tests notice each
+	@exec $(RUN) -m tests.bench.mutations
 
 .PHONY: golden
 golden: $(DEV) ## write the golden records anew; read the difference before you commit it
@@ -108,6 +123,14 @@ check: $(DEV) ## format, lint, types, import contracts
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/mypy
 	$(VENV)/bin/lint-imports
+
+.PHONY: docs
+docs: $(DEV) ## build the documentation into STATE_DIR/docs; a warning is an error
+	@NO_MKDOCS_2_WARNING=1 $(RUN) -m mkdocs build --quiet --strict --site-dir $(abspath $(STATE_DIR))/docs
+
+.PHONY: reference
+reference: $(DEV) ## write the reference pages that come from code
+	@exec $(RUN) -m docs.tools.reference
 
 .PHONY: format
 format: $(DEV) ## format and fix what a tool can fix

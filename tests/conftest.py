@@ -8,7 +8,7 @@ import pytest
 from hypothesis import settings
 
 from edge_server.store import migrate
-from edge_server.store.engines import sqlite_url
+from edge_server.store.connection.engines import sqlite_url
 from tests.support.databases import ENGINES, PostgresServer, running_server
 
 # No example is judged by the wall clock: these machines are shared. Where CI is set, the same
@@ -19,6 +19,18 @@ settings.load_profile("ci" if os.environ.get("CI") else "default")
 
 # The programs that tests start shall use the databases of the tests
 os.environ.pop("DATABASE_URL", None)
+
+
+_THOROUGH_FOLDERS = tuple(Path(__file__).parent / name for name in ("scenario", "conformance"))
+"""Of their tests `make test` runs those that are marked as promises."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what only `make test-all` runs: scenarios and conformance beyond one per promise."""
+    for item in items:
+        is_in_folder = any(folder in item.path.parents for folder in _THOROUGH_FOLDERS)
+        if is_in_folder and item.get_closest_marker("promise") is None:
+            item.add_marker(pytest.mark.thorough)
 
 
 @pytest.fixture(scope="session")
