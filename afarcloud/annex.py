@@ -1,6 +1,6 @@
 """The narrow ranges of the information model's own annex, as a table.
 
-A plan that says `"profile": "annex"` is held to these as well. Its `hold_time` counts tens of
+A plan with `"profile": "annex"` has to meet these as well. Its `hold_time` counts tens of
 seconds; `in_seconds` brings a mission to the unit of the `field` profile.
 """
 

@@ -1,7 +1,7 @@
 """Where a plan may be flown: ways and circles against polygons on a plane. Pure.
 
-Straight ways are judged exactly: they are cut wherever they cross an outline, and each piece
-lies on one side of it. Circles are judged as polygons that deviate from them by 2 cm: chord by
+Straight legs are checked exactly: they are cut wherever they cross an outline, and each piece
+lies on one side of it. Circles are checked as polygons that deviate from them by 2 cm: chord by
 chord where an outline comes near, and by one chord for each run of others. The plane keeps north,
 east and straight lines of latitude and longitude, as the fences of autopilots do, and has its
 origin in the fence: over a farm it is exact to centimetres, also at high latitude and across the
@@ -21,10 +21,10 @@ from afarcloud.geodesy import metres_per_degree
 from afarcloud.plan import Geofence
 
 TOLERANCE_M: Final = 0.1
-"""Some ten times the last digit of MAVLink's positions; far below what any receiver can tell."""
+"""Some ten times the last digit of MAVLink's positions; far below the accuracy of any receiver."""
 _SAGITTA_M: Final = 0.02
 _BAND_M: Final = 2.0 * (TOLERANCE_M + _SAGITTA_M)
-"""Of a circle's line: an edge farther away has no part in judging it."""
+"""Of a circle's line: an edge farther away is irrelevant for it."""
 _CORNERS_PER_STRIP: Final = 4
 _MOST_STRIPS: Final = 256
 
@@ -219,7 +219,7 @@ class Area:
         self.inclusion = [self._polygon(outline) for outline in geofence.inclusion]
         self.exclusion = [self._polygon(outline) for outline in geofence.exclusion]
         self.comparisons = 0
-        """So far, since whoever asks has set it to 0."""
+        """So far, since the caller has set it to 0."""
 
     def fault_at(self, place: Vertex) -> str | None:
         """Say what forbids a place, or None."""

@@ -1,4 +1,4 @@
-"""The eleven commands, told apart by `command_type_id`.
+"""The eleven commands, identified by `command_type_id`.
 
 Angles are degrees, altitudes metres above home, speeds m/s, times seconds. A yaw of null
 leaves the heading to the autopilot. Ranges are those of the `field` profile; the narrower
@@ -39,7 +39,7 @@ TAG_PREFIX = "command:"
 
 
 class NavTakeoffParameters(Model):
-    """Climb to `altitude`, then to the position if the vehicle stands elsewhere."""
+    """Climb to `altitude`, then fly to the position if the vehicle is elsewhere."""
 
     minimum_pitch: Annotated[float, Field(ge=0, le=45), BeforeValidator(json_number)] = 0.0
     yaw_angle: Yaw | None = None

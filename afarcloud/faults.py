@@ -28,7 +28,7 @@ class AFarCloudError(Exception):
 class DocumentError(AFarCloudError):
     """A document that cannot be used.
 
-    It carries the first `MOST_FAULTS` faults and, if there are more, one that says how many;
+    It carries the first `MOST_FAULTS` faults and, if there are more, one that states how many;
     `uncounted` is how many there are that were not even made.
     """
 

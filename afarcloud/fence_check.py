@@ -1,11 +1,11 @@
-"""The one judge of geofences: a mission against inclusion, exclusion and height. Pure.
+"""The one check of geofences: a mission against inclusion, exclusion and height; pure.
 
-Whoever takes a plan in asks it with what the plan says; whoever is about to fly it asks it again
-with where the vehicle stands, and where home is. Both get the same answer as far as they know the
-same. Vehicles themselves judge too little and too late: some look at places alone, and let a leg
-or a circle cross what is forbidden.
+The program that receives a plan checks it with the plan alone; the program that flies it checks it
+again with the vehicle's position and home. Both get the same result as far as they have the same
+data. Vehicles themselves check too little and too late: some check only places, and let a leg or a
+circle cross a forbidden area.
 
-A leg or circle that is flown again is judged once, and what may be compared is bounded by
+A leg or circle that is flown again is checked once, and the number of comparisons is limited to
 `area.MOST_COMPARISONS` until `renew`: TooMuchWorkError beyond it.
 """
 
@@ -94,9 +94,9 @@ class FenceCheck:
         rally: Sequence[Spot] = (),
         own_limit_m: float | None = None,
     ) -> Iterator[FenceFault]:
-        """Follow a vehicle through its mission from where it stands.
+        """Follow a vehicle through its mission from where it is.
 
-        What is not known yet (`start`, `home`) is not judged. `own_limit_m` is a height that the
+        What is not known yet (`start`, `home`) is not checked. `own_limit_m` is a height that the
         vehicle keeps below by itself.
 
         Raises:
@@ -187,12 +187,12 @@ def _own_fault(height_m: float, own_limit_m: float | None) -> str | None:
 
 
 def _place_name(command: Command) -> str:
-    """Name the parameters that say where a command goes."""
+    """Name the parameters of a command's position."""
     return _PLACE_NAMES.get(command.command_type_id, PLACE)
 
 
 def altitude_name(command: Command) -> str:
-    """Name the parameter that says how high a command goes."""
+    """Name the parameter of a command's height."""
     return _ALTITUDE_NAMES.get(command.command_type_id, "altitude")
 
 

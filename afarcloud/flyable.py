@@ -1,11 +1,11 @@
-"""What every vehicle refuses, whatever it is and wherever it stands. Pure.
+"""What every vehicle refuses, whatever it is and wherever it is; pure.
 
-Vehicles say so when they are to take off, minutes or hours after the plan was taken. Limits are
+Vehicles refuse it only at take-off, minutes or hours after the plan was taken. Limits are
 those of multirotors that take missions by MAVLink: a take-off item comes before all other places
 or behind a landing (PX4 `mission_feasibility_checker`, ArduPilot's `AP_Mission`).
 
-How far a mission reaches is a limit of a fleet, given by `VehicleLimits`; the first place stands
-for home, which nobody knows when a plan is posted.
+How far a mission reaches is a limit of a fleet, given by `VehicleLimits`; the first place is
+used for home, which is unknown when a plan is posted.
 """
 
 from collections.abc import Iterator
@@ -33,7 +33,7 @@ SLOWEST_M_S: Final = 0.1
 """What ArduCopter raises slower orders to (`WP_SPD`); there positioning noise is as fast as the
 flight, and a leg of 100 m takes longer than a battery lasts."""
 SLOWEST_TURN_DEG_S: Final = 360.0 / 86_400.0
-"""One turn a day: what is slower stands still, and vehicles refuse it in flight."""
+"""One turn a day: a slower one does not move, and vehicles refuse it in flight."""
 
 
 class Unflyable(NamedTuple):
@@ -45,7 +45,7 @@ class Unflyable(NamedTuple):
 
 
 def faults(mission: Mission, path: str) -> Iterator[Fault]:
-    """Name each command of a mission that no vehicle flies where it stands."""
+    """Name each command of a mission that no vehicle flies at its place in the mission."""
     for command, field, text in unflyable(mission):
         where = path if command is None else f"{path}.command_array.{command}"
         yield Fault(f"{where}.{field}", text)

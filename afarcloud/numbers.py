@@ -76,7 +76,7 @@ def _json_time(value: Any) -> Any:
 
 
 def _time_in_utc(value: datetime) -> datetime:
-    """Refuse what UTC cannot say: an offset may lead beyond the first and the last year.
+    """Refuse what UTC cannot express: an offset may lead beyond the first and the last year.
 
     The last year itself is left out: a time in seconds, rounded, may end up behind it.
     """
@@ -90,7 +90,7 @@ def _time_in_utc(value: datetime) -> datetime:
 
 
 def _compass(degrees: float) -> float:
-    """Bring an angle to [0, 360); adding a turn to a tiny negative must not give 360."""
+    """Bring an angle to [0, 360); adding a turn to a tiny negative must not result in 360."""
     turned = degrees % 360.0
     return 0.0 if turned >= 360.0 else turned
 

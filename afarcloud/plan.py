@@ -29,7 +29,7 @@ DEFAULT_SPEED_M_S = 5.0
 MOST_POLYGONS: Final = 64
 MOST_CORNERS: Final = 2000
 """Limits of a geofence, inclusions and exclusions together: a farm needs tens of each, and a plan
-is judged against all of them."""
+is checked against all of them."""
 
 
 class Geofence(Model):

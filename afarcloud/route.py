@@ -1,6 +1,6 @@
 """Where a vehicle will be, from the commands of its mission: legs, circles and heights. Pure.
 
-A take-off climbs where the vehicle stands and then goes to its place; a circle is entered at its
+A take-off climbs where the vehicle is and then flies to its place; a circle is entered at its
 start point, or else at the nearest point, and left there after one turn. Where a vehicle is after
 it has tracked a subject is not known, nor where it stands before it was heard: a leg that begins
 there is known by its end alone.
@@ -26,7 +26,7 @@ from afarcloud.enumerations import StartPoint, TrackMode
 from afarcloud.geodesy import offset, shifted
 
 DEFAULT_ALTITUDE_M: Final = 10.0
-"""Height above home at which a vehicle goes home that no command has given a height yet."""
+"""Height above home at which a vehicle flies home before any command has set a height."""
 START_BEARINGS_DEG: Final = {
     StartPoint.NORTH: 0.0,
     StartPoint.EAST: 90.0,
@@ -50,7 +50,7 @@ class Spot(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """A straight flight to a place; `start` None: from where nobody knows."""
+    """A straight flight to a place; `start` None: from an unknown place."""
 
     command: int  # Its place in the mission
     start: Spot | None

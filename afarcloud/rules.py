@@ -26,7 +26,7 @@ from afarcloud.vehicle import VehicleLimits
 
 
 class Verdict(NamedTuple):
-    """What the rules say of a plan."""
+    """Result of checking a plan against the rules."""
 
     faults: tuple[Fault, ...]
     warnings: tuple[Fault, ...]
@@ -34,9 +34,9 @@ class Verdict(NamedTuple):
 
 
 class FenceVerdict(NamedTuple):
-    """What the geofence of a plan says of it: the expensive part, which the plan alone decides."""
+    """Result of checking a plan against its geofence: expensive, and independent of vehicles."""
 
-    outlines: tuple[Fault, ...]  # Of the geofence itself; with any of them nothing else is judged
+    outlines: tuple[Fault, ...]  # Of the geofence itself; with any of them nothing else is checked
     rally_points: tuple[Fault, ...]
     missions: tuple[tuple[Fault, ...], ...]  # In the plan's order
 
@@ -73,7 +73,7 @@ def check(
 ) -> Verdict:
     """Hold a plan against the registered vehicles and the time of day.
 
-    `fence` is what `check_fence` says of this plan, where the caller has asked it already.
+    `fence` is the result of `check_fence` for this plan, if the caller has it already.
     """
     fence = check_fence(plan) if fence is None else fence
     faults = [*_plan_faults(plan, now), *fence.outlines, *fence.rally_points]

@@ -89,11 +89,11 @@ def unique_members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 def parse_json(raw: bytes) -> Any:
     """Parse bytes as JSON; NaN, Infinity and what underflows fail later with their path.
 
-    A name that stands twice in an object is refused: who reads the first one and who reads the
+    A name that occurs twice in an object is refused: who reads the first one and who reads the
     last one would fly to different places (RFC 8259, section 4; RFC 7493, section 2.3).
 
     Raises:
-        SyntaxFaultError: if the bytes are not UTF-8 or not JSON, nest too deep or say a name twice.
+        SyntaxFaultError: if the bytes are not UTF-8 or not JSON, nest too deep or repeat a name.
     """
     try:
         return json.loads(
@@ -118,7 +118,8 @@ def read(kind: Kind, document: Any) -> Model:
     """
     body = _without_envelope(kind, document)
     if not isinstance(body, dict):
-        raise InvalidError((Fault("", f"must be a JSON object with a {kind.value}"),))
+        article = "an" if kind.value[0] in "aeio" else "a"
+        raise InvalidError((Fault("", f"must be a JSON object with {article} {kind.value}"),))
     prefix = ""
     if kind is Kind.PLAN and _is_mission(body):
         body, prefix = {"missions": [body]}, "missions.0."
@@ -143,7 +144,7 @@ def read_as(model: type[_Model], body: Any) -> _Model:
 
 
 def _typed(model: type[_Model], imported: Imported, prefix: str) -> _Model:
-    """Let the type judge an imported document; faults name the place as it was sent."""
+    """Validate an imported document by its type; faults name the place as it was sent."""
     faults, uncounted = list(imported.faults), 0
     try:
         typed = model.model_validate(imported.document)
@@ -234,7 +235,7 @@ def _without_envelope(kind: Kind, document: Any) -> Any:
 def _faults(errors: Sequence[ErrorDetails]) -> Iterable[Fault]:
     for error in errors:
         if error["type"] == "too_short" and _has_deeper(errors, error["loc"]):
-            continue  # A list counts only its good entries; the bad one is told by itself.
+            continue  # A list counts only its valid entries; the invalid one has its own fault.
         steps = [str(s) for s in error["loc"] if not str(s).startswith(TAG_PREFIX)]
         context = error.get("ctx", {})
         if error["type"] == FIELD_RULE:

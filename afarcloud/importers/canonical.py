@@ -1,4 +1,4 @@
-"""Brings a parsed document to the canonical spelling; the types then judge it."""
+"""Brings a parsed document to the canonical spelling; the types then validate it."""
 
 from typing import Any, Final
 

@@ -26,11 +26,11 @@ class Imported:
             self._unread.append(unread)
 
     def is_unread(self, path: str) -> bool:
-        """Whether a canonical path is missing because of a fault already told."""
+        """Whether a canonical path is missing because of a fault that is reported already."""
         return path in self._unread
 
     def rename(self, path: str, sent_path: str) -> None:
-        """Note that what now stands at `path` stood at `sent_path`."""
+        """Note that the value at `path` was sent at `sent_path`."""
         self._sent[path] = self.sent_path(sent_path)
 
     def sent_path(self, path: str) -> str:

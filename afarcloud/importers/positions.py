@@ -1,7 +1,7 @@
 """Parameters given by place instead of by name: `p1` to `p11`, and `param_array`.
 
 AFarCloud's planner writes longitude first, its information model latitude first, so an array
-with a position in it must say which: `"param_order": "lat_lon"` or `"lon_lat"`.
+with a position in it must state which: `"param_order": "lat_lon"` or `"lon_lat"`.
 """
 
 from collections.abc import Iterator, Sequence
@@ -69,7 +69,7 @@ def import_command(command: dict[str, Any], path: str, imported: Imported) -> No
     """Give a command its `parameters` by name; faults and new names go to `imported`."""
     kind = _type_of(command, "command_type_id", CommandType)
     if kind is None:
-        return  # The model says what is wrong with the type
+        return  # The model reports the fault of the type
     own = f"p{kind.value}"
     for slot in _SLOTS:
         if slot in command and slot != own and command.pop(slot) is not None:
@@ -125,7 +125,7 @@ def _ordered(names: Sequence[str], order: str | None) -> Iterator[str]:
 
 
 def is_unset(value: Any) -> bool:
-    """Whether a number of an array stands for "not given"."""
+    """Whether a number of an array means "not given"."""
     if value is None:
         return True
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
@@ -174,7 +174,7 @@ def _import_event_array(event: dict[str, Any], imported: Imported, *, wants_spee
 
 
 def _is_nowhere(point: Any) -> bool:
-    """Whether a point is the (0, 0, 0) that stands for none."""
+    """Whether a point is the (0, 0, 0) that means none."""
     return isinstance(point, dict) and all(point.get(name) in (0, None) for name in _ABORT)
 
 

@@ -1,13 +1,10 @@
 """Every range of the `annex` profile: both bounds in, just outside refused."""
 
-from typing import Any
-
-import pytest
-
 from afarcloud import annex, wire
 from afarcloud.enumerations import CommandType
 from afarcloud.faults import InvalidError
 from afarcloud.plan import Plan
+from tests.support.cases import failures
 from tests.unit.afarcloud import documents
 
 STEP = 1e-6
@@ -25,9 +22,9 @@ def is_refused(kind: int, name: str, value: float) -> bool:
     return any(fault.path.endswith(name) for fault in annex.annex_faults(plan))
 
 
-def cases() -> list[Any]:
+def cases() -> list[tuple[CommandType, str, float, bool]]:
     return [
-        pytest.param(kind, name, value, refused, id=f"{kind.name}.{name}={value}")
+        (kind, name, value, refused)
         for kind, ranges in annex.RANGES.items()
         for name, (low, high) in ranges.items()
         for value, refused in (
@@ -39,6 +36,9 @@ def cases() -> list[Any]:
     ]
 
 
-@pytest.mark.parametrize(("kind", "name", "value", "refused"), cases())
-def test_range(kind: CommandType, name: str, value: float, refused: bool) -> None:
+def check_range(kind: CommandType, name: str, value: float, refused: bool) -> None:
     assert is_refused(kind.value, name, value) is refused
+
+
+def test_both_bounds_are_accepted_and_values_just_outside_are_refused() -> None:
+    assert failures(check_range, cases()) == []
