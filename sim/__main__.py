@@ -1,5 +1,10 @@
 """`python -m sim`: run the whole system; `demo`: fly an example plan in it; `fly`: and report."""
 
+import signal
+
+if __name__ == "__main__":  # Ctrl-C while the rest is loaded ends the program without a traceback
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
 import argparse
 import os
 import sys
@@ -11,6 +16,14 @@ from sim.launch.settings import SettingsError, from_environment
 
 def main() -> int:
     """Run; 2 when a setting does not fit."""
+    launcher.stop_on_signals()
+    try:
+        return _run()
+    except launcher.Stopped:  # Before anything was started
+        return 0
+
+
+def _run() -> int:
     parser = argparse.ArgumentParser(prog="sim", description=__doc__)
     parser.add_argument("what", nargs="?", choices=("run", "demo", "fly"), default="run")
     arguments = parser.parse_args()

@@ -5,8 +5,8 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Final
 
-from sim.faults.schedule import MOST_INSTANCES, Fault
-from sim.sensors.gnss_receivers import GNSS_RECEIVERS
+from sim.fault_schedule import MOST_INSTANCES, Fault
+from sim.gnss_receivers import GNSS_RECEIVERS
 
 VEHICLE_SPACING_M: Final = 3.0
 """Distance [m] to the east between one vehicle's place and the next one's."""

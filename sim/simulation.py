@@ -7,8 +7,8 @@ how fast.
 from typing import Final
 
 from sim.config import SimulationConfig
+from sim.fault_schedule import LASTING, Fault, FaultSchedule, Kind
 from sim.faults.effects import HEALTHY, FaultEffects
-from sim.faults.schedule import LASTING, Fault, FaultSchedule, Kind
 from sim.physics.noise import generators
 from sim.physics.quadrotor import RATED_VOLTAGE_V, Quadrotor
 from sim.physics.truth import Motors, Truth, Vector3

@@ -1,8 +1,12 @@
 """Starts one vehicle: `python -m uav_firmware --system-id N`."""
 
+import signal
+
+if __name__ == "__main__":  # Ctrl-C while the rest is loaded ends the program without a traceback
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
 import gc
 import os
-import signal
 import sys
 import time
 from collections.abc import Callable
@@ -13,7 +17,7 @@ from uav_firmware.config import ConfigError, VehicleConfig, read_config
 from uav_firmware.drivers.jammed_link import JammedLink
 from uav_firmware.drivers.line_writer import LineWriter
 from uav_firmware.drivers.udp_link import UdpLink
-from uav_firmware.modules.mavlink.commands.power_commands import PowerAction
+from uav_firmware.modules.mavlink.commands.preflight_commands import PowerAction
 from uav_firmware.modules.mavlink.signing.signing_setup import SetupTrust
 from uav_firmware.modules.mavlink.signing.signing_store import SigningStoreError
 from uav_firmware.modules.mavlink.wire.peers import Peer, Profile
@@ -44,7 +48,7 @@ class Stop:
 
 
 def main() -> int:
-    """Run until told to stop; gives the exit code."""
+    """Run until a signal stops the process; gives the exit code."""
     stop = Stop()
     try:
         config = read_config(sys.argv[1:], os.environ)
@@ -131,7 +135,7 @@ def _run(
         clock=time.monotonic,
         wait=_link_server(hardware.link, autopilot.serve_link),
         batch_us=autopilot.batch_us,
-        is_asked=autopilot.is_asked,
+        is_command_pending=autopilot.is_command_pending,
     )
     speed = "as fast as it goes" if config.speed == 0.0 else f"at {config.speed:g} times real time"
     host, port = hardware.link.address
@@ -141,7 +145,7 @@ def _run(
         step()
         pacer.pace(vehicle.time_us)
         if pacer.steps == late.due:
-            late.tell(vehicle.time_us)
+            late.report(vehicle.time_us)
     autopilot.logger.close()
     fault = autopilot.parameter_storage.finish()
     if fault:

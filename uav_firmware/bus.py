@@ -1,4 +1,4 @@
-"""Typed topics: how modules meet. Single-threaded, no copies, no callbacks."""
+"""Typed topics by which modules exchange messages. Single-threaded, no copies, no callbacks."""
 
 from collections import deque
 from typing import Generic, TypeVar
@@ -7,7 +7,7 @@ T = TypeVar("T")
 
 
 class Topic(Generic[T]):
-    """The newest value of one kind of message, and how many have been published.
+    """The newest message of one type, and how many have been published.
 
     A reader keeps the last `count` it acted on and compares: a new value has a new count.
     """
@@ -25,10 +25,10 @@ class Topic(Generic[T]):
 
 
 class Queue(Generic[T]):
-    """Messages of which none may be missed, for one reader: commands, answers, texts.
+    """Messages of which one reader receives each: commands, acknowledgements, texts.
 
-    Bounded: when full, the oldest is dropped and counted, so that a reader that died cannot
-    eat the memory.
+    Bounded: when full, the oldest is dropped and counted, so that a reader that has stopped
+    does not fill the memory.
     """
 
     __slots__ = ("_items", "dropped")
@@ -47,8 +47,12 @@ class Queue(Generic[T]):
         """How many items wait."""
         return len(self._items)
 
+    def pop(self) -> T | None:
+        """Remove the oldest item and return it; None when nothing waits."""
+        return self._items.popleft() if self._items else None
+
     def drain(self) -> list[T]:
-        """Return all waiting items, oldest first, and forget them."""
+        """Remove all waiting items and return them, oldest first."""
         items = list(self._items)
         self._items.clear()
         return items

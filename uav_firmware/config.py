@@ -41,7 +41,7 @@ class Endpoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleConfig:
-    """Everything that tells one vehicle from another."""
+    """Everything in which one vehicle differs from another."""
 
     system_id: int  # [-] MAVLink system id, 1 to 250
     driver: str  # Name of the driver of the component abstraction layer

@@ -1,8 +1,8 @@
 """The fixed-step loop: which rate group runs in which step, and how steps meet the wall clock.
 
 Everything runs in one thread, in the order of declaration, by simulated (or sampled) time; the
-wall clock only decides how long to wait between two steps. That keeps a flight deterministic
-and lets it run at any speed.
+wall clock only determines the wait between two steps. That keeps a flight deterministic at any
+speed.
 
 ScheduleError(ValueError) is raised for a rate that the step cannot keep.
 """
@@ -12,10 +12,12 @@ from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
 _MAX_SLOTS: Final = 10_000  # a longer pattern means that the periods do not fit together
-LONGEST_BATCH_US: Final = 80_000  # [us] Vehicle time that nobody looks at too closely
+LONGEST_BATCH_US: Final = 80_000  # [us] Of vehicle time, when telemetry is slow
 _BATCH_S: Final = (0.02, 0.08)  # [s] Shortest and longest batch by the wall clock
-_LARGEST_LEAD_S: Final = 0.2  # [s] Steps that somebody waits for run ahead by no more
-_CATCH_UP_S: Final = 0.1  # [s] Lateness that is made up; what exceeds it is given up
+_LARGEST_LEAD_S: Final = (
+    0.2  # [s] By which the steps that carry out a pending command run ahead at most
+)
+_CATCH_UP_S: Final = 0.1  # [s] Lateness that is made up; more of it is dropped
 
 
 class ScheduleError(ValueError):
@@ -77,17 +79,17 @@ def _divider(group: RateGroup, step_us: int) -> int:
 class Pacer:
     """Keeps simulated time at `speed` times the wall clock.
 
-    Steps run in batches, ahead of the clock, because the first step after a wait costs five
-    times as much as the tenth: the processor's caches have gone cold. How long a batch may be
-    is asked anew for each, in vehicle time; it takes 20 to 80 ms of the wall clock. A batch
-    begins one batch ahead of the clock and ends two ahead, so that a slow first step is not a
-    late one, nor one that has to queue for a processor. When somebody waits for an answer that
-    only the next steps can give, they run at once, up to 200 ms ahead.
+    Steps run in batches, ahead of the clock, because the first step after a wait takes five
+    times as long as the tenth: the processor's caches are cold. The length of each batch is read
+    before it begins, in vehicle time; it takes 20 to 80 ms of the wall clock. A batch begins one
+    batch ahead of the clock and ends two ahead, so that neither a slow first step nor one that
+    waits for a processor is late. While a command is pending, its steps run at once, up to
+    200 ms ahead.
 
     A step is due when the wall clock reaches the simulated time at its end; one that ends later
     has missed its deadline and is an overrun. Lateness up to a tenth of a second is made up by
-    steps without a wait; what exceeds it is given up (the flight falls behind the clock), so
-    that a suspended machine is not followed by a burst.
+    steps without a wait; more is dropped (the flight falls behind the clock), so that a machine
+    that was suspended does not run a burst of steps.
     """
 
     def __init__(
@@ -97,16 +99,16 @@ class Pacer:
         clock: Callable[[], float],
         wait: Callable[[float], None],
         batch_us: Callable[[], int] = lambda: LONGEST_BATCH_US,
-        is_asked: Callable[[], bool] = lambda: False,
+        is_command_pending: Callable[[], bool] = lambda: False,
     ) -> None:
         """Begin with the first step that is paced.
 
         Args:
             speed: Simulated time per wall-clock time; 0 means unpaced.
-            clock: Wall clock [s], which never goes back.
-            wait: Lets as many seconds pass, or fewer when something has happened meanwhile.
-            batch_us: Vehicle time [us] that may pass in one go from now on.
-            is_asked: Whether somebody waits for what the next steps do.
+            clock: Wall clock [s], which never decreases.
+            wait: Waits for so many seconds, or fewer when a datagram arrives.
+            batch_us: Longest batch [us] of vehicle time from now on.
+            is_command_pending: Whether a peer waits for the next steps.
         """
         if not (math.isfinite(speed) and speed >= 0.0):
             raise ScheduleError(f"speed: {speed} is not a finite number of 0 or more")
@@ -117,7 +119,7 @@ class Pacer:
         self._clock = clock
         self._wait = wait
         self._batch_us = batch_us
-        self._is_asked = is_asked
+        self._is_command_pending = is_command_pending
         self._batch_ends_s = 0.0  # [s] Lead at which the batch in hand is over
         self._origin_s: float | None = None
 
@@ -147,13 +149,13 @@ class Pacer:
         self._batch_ends_s = 2.0 * batch_s
         begin_s = due_s - batch_s
         while (left_s := begin_s - self._clock()) > 0.0:
-            if left_s + batch_s < _LARGEST_LEAD_S and self._is_asked():
+            if left_s + batch_s < _LARGEST_LEAD_S and self._is_command_pending():
                 return
             self._wait(left_s)
 
 
 class LateSteps:
-    """Says every so often how many of the latest steps missed their deadline, if any did."""
+    """Reports every 2500 steps how many of them missed their deadline, if any did."""
 
     EVERY_STEPS: Final = 2500  # Ten seconds of vehicle time
 
@@ -161,11 +163,11 @@ class LateSteps:
         self.due = self.EVERY_STEPS
         self._pacer = pacer
         self._write = write
-        self._told = 0
+        self._reported = 0
 
-    def tell(self, time_us: int) -> None:
-        """Write the line, and be due again after as many steps."""
+    def report(self, time_us: int) -> None:
+        """Write the line, and set the step of the next one."""
         self.due += self.EVERY_STEPS
-        late, self._told = self._pacer.overruns - self._told, self._pacer.overruns
+        late, self._reported = self._pacer.overruns - self._reported, self._pacer.overruns
         if late > 0:
             self._write(time_us, f"{late} of the last {self.EVERY_STEPS} steps late")

@@ -27,19 +27,16 @@ from uav_firmware.modules.logger.module import LoggerModule
 from uav_firmware.modules.logger.params import LoggerParams
 from uav_firmware.modules.manual_control.module import ManualControlModule
 from uav_firmware.modules.manual_control.params import ManualControlParams
-from uav_firmware.modules.mavlink.commands.power_commands import PowerAction
-from uav_firmware.modules.mavlink.files.roots import IMAGES_URL
-from uav_firmware.modules.mavlink.missions.mission_store import PlanCheck
+from uav_firmware.modules.mavlink.commands.preflight_commands import PowerAction
+from uav_firmware.modules.mavlink.files.service import IMAGES_URL
 from uav_firmware.modules.mavlink.module import MavlinkModule
-from uav_firmware.modules.mavlink.parameters.vehicle_facts import VehicleFacts
-from uav_firmware.modules.mavlink.signing.signing_params import SigningParams
+from uav_firmware.modules.mavlink.parameters.parameter_server import VehicleFacts
+from uav_firmware.modules.mavlink.signing.link_security import SigningParams
 from uav_firmware.modules.mavlink.signing.signing_setup import SetupTrust
-from uav_firmware.modules.mavlink.telemetry.identity import FLIGHT_SW_VERSION
-from uav_firmware.modules.mavlink.wire.dispatcher import PlanChecks
-from uav_firmware.modules.mavlink.wire.link_params import LinkParams
+from uav_firmware.modules.mavlink.telemetry.link import FLIGHT_SW_VERSION
+from uav_firmware.modules.mavlink.telemetry.streams import LinkParams
 from uav_firmware.modules.mavlink.wire.peers import Peer
 from uav_firmware.modules.mavlink.wire.reception import SigningOptions
-from uav_firmware.modules.navigator.geofence import fence_items
 from uav_firmware.modules.navigator.module import NavigatorModule
 from uav_firmware.modules.offboard.module import OffboardModule
 from uav_firmware.modules.parameter_storage.module import ParameterStorageModule
@@ -55,19 +52,18 @@ from uav_firmware.modules.vehicle_io.module import VehicleIoModule
 from uav_firmware.msg.control_mode import ControlSource
 from uav_firmware.parameters import Registry
 from uav_firmware.scheduler import RateGroup, Scheduler
-from uav_firmware.topic_bundles import commander_topics, logger_topics, mavlink_topics
 from uav_firmware.topics import Topics
 
 _POSITION_PERIOD_US: Final = 16_000  # 62.5 Hz: navigator and position control
 _SLOW_PERIOD_US: Final = 20_000  # 50 Hz: commander, land detector
-_LINK_PERIOD_US: Final = 8_000  # 125 Hz; datagrams are also answered while a paced vehicle waits
+_LINK_PERIOD_US: Final = 8_000  # 125 Hz; a paced vehicle also answers datagrams while it waits
 _FAILURE_PERIOD_US: Final = 8_000  # 125 Hz, as often as the speed controllers report
 _BATTERY_PERIOD_US: Final = 100_000  # 10 Hz, as often as the power monitor measures
 _CONSOLE_PERIOD_US: Final = 100_000  # 10 Hz
 _STORAGE_PERIOD_US: Final = 1_000_000  # 1 Hz
 
-_LED_BATCH_US: Final = 20_000
-_WATCHED_BATCH_US: Final = 40_000  # However fast the telemetry that was asked for
+_PILOTED_BATCH_US: Final = 20_000  # Under sticks or streamed set-points
+_TELEMETRY_BATCH_US: Final = 40_000  # However fast the requested telemetry
 
 _PARAMETER_GROUPS: Final = (
     EstimatorParams,
@@ -85,7 +81,7 @@ _PARAMETER_GROUPS: Final = (
 
 
 class Autopilot:
-    """The whole flight stack on one vehicle; `scheduler.step` lets one control step pass."""
+    """The whole flight stack on one vehicle; `scheduler.step` runs one control step."""
 
     def __init__(
         self,
@@ -156,35 +152,11 @@ class Autopilot:
             torque_thrust=topics.vehicle_torque_thrust_setpoint,
             registry=registry,
         )
-        self.navigator = NavigatorModule(
-            registry,
-            vehicle_local_position=topics.vehicle_local_position,
-            vehicle_status=topics.vehicle_status,
-            land_detected=topics.land_detected,
-            home_position=topics.home_position,
-            mission=topics.mission,
-            navigator_request=topics.navigator_request,
-            trajectory_setpoint=topics.trajectory_setpoint,
-            mission_progress=topics.mission_progress,
-            vehicle_control_mode=topics.vehicle_control_mode,
-            navigator_status=topics.navigator_status,
-            follow_target=topics.follow_target,
-            orbit_status=topics.orbit_status,
-            fence=topics.fence,
-            rally_points=topics.rally_points,
-            geofence_status=topics.geofence_status,
-            vehicle_command=topics.vehicle_command,
-            failure_detector_status=topics.failure_detector_status,
-            manual_control_setpoint=topics.manual_control_setpoint,
-            status_text=topics.status_text,
-            payload_order=topics.payload_order,
-            region_of_interest=topics.region_of_interest,
-        )
+        self.navigator = NavigatorModule(registry, topics)
         self.commander = CommanderModule(
             registry,
-            commander_topics(topics),
+            topics,
             inject=_injection_of(vehicle),
-            refusal_of=self.navigator.refusal_of,
         )
         self.manual_control = ManualControlModule(
             registry,
@@ -289,14 +261,7 @@ class Autopilot:
             link=link,
             system_id=system_id,
             registry=registry,
-            topics=mavlink_topics(topics),
-            checks=PlanChecks(
-                mission=PlanCheck(self.navigator.check_item, self.navigator.review_mission),
-                fence=PlanCheck(fence_items.check_fence_item, fence_items.review_fence),
-                rally_points=PlanCheck(
-                    fence_items.check_rally_point, self.navigator.review_rally_points
-                ),
-            ),
+            topics=topics,
             storage=storage,
             peers=peers,
             boot_time_utc_us=boot_time_utc_us,
@@ -343,46 +308,56 @@ class Autopilot:
         )
         self.logger = LoggerModule(
             log_store,
-            topics=logger_topics(topics),
-            texts=topics.status_text.third,
-            status_text=topics.status_text,
-            stream_request=topics.log_stream_request,
-            stream=topics.log_stream,
+            topics=topics,
             registry=registry,
             identity=Identity(system_id, FLIGHT_SW_VERSION),
             boot_time_utc_us=boot_time_utc_us,
             step_us=vehicle.step_us,
             time_us=self._time_us,
-            storage_status=topics.storage_status,
         )
         self.scheduler = Scheduler(vehicle.step_us, self._rate_groups(vehicle.step_us))
 
     def serve_link(self) -> None:
         """Answer what has arrived on the link, between two steps."""
         self.mavlink.serve(self.vehicle.time_us)
+        self.navigator.check_plans()
+        self.mavlink.resume_uploads(self.vehicle.time_us)
 
-    def is_asked(self) -> bool:
-        """Whether a peer waits for what the next steps do with its command."""
+    def is_command_pending(self) -> bool:
+        """Whether a command of a peer waits for the next steps."""
         topics = self.topics
         queues = (topics.vehicle_command, topics.payload_order, topics.vehicle_command_ack)
         return any(len(queue) > 0 for queue in queues)
 
     def batch_us(self) -> int:
-        """How much time [us] may pass in one go without a wait for the wall clock.
+        """Longest vehicle time [us] that may run without a wait for the wall clock.
 
-        Whoever leads the vehicle by sticks or set-points wants them to act at once; who watches
-        it wants each message in its time.
+        Sticks and streamed set-points take effect at once; otherwise the telemetry with the
+        shortest interval is sent in time.
         """
         mode = self.topics.vehicle_control_mode.value
         if mode is not None and mode.source is not ControlSource.NAVIGATOR:
-            return _LED_BATCH_US
-        return max(self.mavlink.shortest_interval_us(self._time_us()), _WATCHED_BATCH_US)
+            return _PILOTED_BATCH_US
+        return max(self.mavlink.shortest_interval_us(self._time_us()), _TELEMETRY_BATCH_US)
 
     def _time_us(self) -> int:
         return self.vehicle.time_us
 
+    def _run_commander(self) -> None:
+        """Answer commands, with the geofence's check of their targets, within one step."""
+        self.commander.update(self.vehicle.time_us)
+        while self.topics.target_check_request:
+            self.navigator.check_targets()
+            self.commander.resume()
+        self.commander.finish()
+
+    def _run_mavlink(self) -> None:
+        """Acknowledge a short plan in the step in which its last item has arrived."""
+        self.serve_link()
+        self.mavlink.update(self.vehicle.time_us)
+
     def _rate_groups(self, step_us: int) -> tuple[RateGroup, ...]:
-        """What runs how often; within a step in this order, sensors to motors."""
+        """Modules and their rates; within a step they run in this order, sensors to motors."""
         vehicle = self.vehicle
         return (
             RateGroup("vehicle_io", step_us, self.vehicle_io.update),
@@ -391,7 +366,7 @@ class Autopilot:
             RateGroup("estimator", step_us, self.estimator.update),
             RateGroup("battery", _BATTERY_PERIOD_US, self.battery.update, 2),
             RateGroup("land_detector", _SLOW_PERIOD_US, self.land_detector.update, 1),
-            RateGroup("commander", _SLOW_PERIOD_US, lambda: self.commander.update(vehicle.time_us)),
+            RateGroup("commander", _SLOW_PERIOD_US, self._run_commander),
             RateGroup(
                 "navigator", _POSITION_PERIOD_US, lambda: self.navigator.update(vehicle.time_us)
             ),
@@ -411,7 +386,7 @@ class Autopilot:
                 step_us,
                 lambda: self.control_allocator.update(vehicle.time_us),
             ),
-            RateGroup("mavlink", _LINK_PERIOD_US, lambda: self.mavlink.update(vehicle.time_us), 1),
+            RateGroup("mavlink", _LINK_PERIOD_US, self._run_mavlink, 1),
             RateGroup(
                 "payload",
                 PAYLOAD_PERIOD_US,
@@ -425,7 +400,7 @@ class Autopilot:
 
 
 def _injection_of(vehicle: Vehicle) -> Callable[[int, int, int], bool]:
-    """Breaks parts of a vehicle that can be broken; of another one, none."""
+    """Failure injection of the vehicle; refuses all failures where it has none."""
     if isinstance(vehicle, FaultInjector):
         return vehicle.inject
     return lambda _unit, _failure_type, _instance: False

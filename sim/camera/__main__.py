@@ -1,37 +1,40 @@
-"""`python -m sim.camera`: the darkroom's process. A line with an order in, a line with its end out.
+"""`python -m sim.camera` makes pictures and video: an order per line in, a result per line out.
 
-It gives way to the flight, which runs in real time, and ends with its standard input.
+It runs at lower priority than the flight, and ends with its standard input.
 """
+
+import signal
+
+if __name__ == "__main__":  # The vehicle decides when it ends, also while the rest is loaded
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 import json
 import os
-import signal
 import sys
 from typing import Final
 
-from sim.camera.develop import Stored, develop
-from sim.camera.order import Frame, from_line
-from sim.camera.studio import Studio
+from sim.camera.film.orders import Frame, from_line
+from sim.camera.film.picture_file import Stored, write_picture
+from sim.camera.film.video_files import VideoFiles
 
 _NICENESS: Final = 5
 
 
 def main() -> int:
     """Develop until there are no more orders."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # The vehicle decides when it ends
     os.nice(_NICENESS)
-    studio = Studio()
+    videos = VideoFiles()
     for line in sys.stdin:
         order = from_line(line)
         stored, reason = Stored(0, 0), ""
         try:
-            stored = studio.take(order) if isinstance(order, Frame) else develop(order)
+            stored = videos.take(order) if isinstance(order, Frame) else write_picture(order)
         except OSError as error:
             reason = error.strerror or str(error)
         answer = {"number": order.number, **stored._asdict(), "error": reason}
         if not _told(json.dumps(answer)):
             break
-    studio.close()
+    videos.close()
     return 0
 
 

@@ -9,8 +9,8 @@ from typing import Final, NamedTuple
 
 from PIL import Image as PillowImage
 
-from sim.camera.lens import Lens, Pose
-from sim.camera.render import Shot, render
+from sim.camera.render.picture import Shot, render
+from sim.camera.scene.lens import Lens, Pose
 from sim.mosaic.contact_sheet import Print, write_contact_sheet
 from sim.physics.truth import quaternion_from_euler
 from sim.world.farm import Farm

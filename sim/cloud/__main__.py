@@ -1,9 +1,13 @@
 """`python -m sim.cloud`: run the mock cloud alone."""
 
+import signal
+
+if __name__ == "__main__":  # Ctrl-C while the rest is loaded ends the program without a traceback
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
 import argparse
 import logging
 import os
-import signal
 import sys
 import threading
 from pathlib import Path

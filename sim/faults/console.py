@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
-from sim.faults.schedule import Fault
+from sim.fault_schedule import Fault
 
 ORDERS_NAME: Final = "faults.txt"
 LOG_NAME: Final = "faults.log"

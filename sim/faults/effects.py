@@ -5,13 +5,15 @@ plain attributes, and a healthy vehicle does not call it at all.
 
 A motor of efficiency e gives e times the thrust that its command would give: the command is
 lowered accordingly, so that rotor speed, torque and current fall with it, as with a motor that
-lost its grip. The thrust curve is that of the README's table, T/T_full = 0.76 u^2 + 0.24 u.
+lost its grip. The thrust curve is T/T_full = 0.76 u^2 + 0.24 u, from the table in
+docs/explanation/simulated-vehicle.md.
 """
 
 import math
 from collections.abc import Sequence
 from typing import Final
 
+from sim.fault_schedule import MOST_INSTANCES, Fault, Kind
 from sim.faults.instruments import (
     BARO_KINDS,
     IMU_KINDS,
@@ -20,7 +22,6 @@ from sim.faults.instruments import (
     FaultyImu,
     FaultyMag,
 )
-from sim.faults.schedule import MOST_INSTANCES, Fault, Kind
 from sim.physics.earth import degrees_per_metre, wrapped_longitude_deg
 from sim.physics.truth import Motors, Vector3
 from sim.sensors.gps import without_fix

@@ -8,7 +8,7 @@ from enum import IntEnum
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from sim.faults.schedule import ALL_INSTANCES, FIELDS, MOST_INSTANCES, Fault, Kind
+from sim.fault_schedule import ALL_INSTANCES, FIELDS, MOST_INSTANCES, Fault, Kind
 
 _MOTORS: Final = (1, 2, 3, 4)
 

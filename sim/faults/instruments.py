@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from sim.faults.schedule import ALL_INSTANCES, Fault, Kind
+from sim.fault_schedule import ALL_INSTANCES, Fault, Kind
 from sim.physics.truth import Vector3
 from sim.sensors.readings import BaroReading, ImuReading, MagReading
 

@@ -1,4 +1,4 @@
-"""How faults are written down: a TOML or JSON file, or one line per order.
+"""Notation of faults: a TOML or JSON file, or one line per command.
 
 A file holds a list of faults under `fault`:
 
@@ -6,7 +6,7 @@ A file holds a list of faults under `fault`:
     kind = "motor_loss"
     motor = 2
     start_s = 20.0     # simulated time; 0 when missing
-    end_s = 25.0       # or duration_s; neither: it stays
+    end_s = 25.0       # or duration_s; neither: it lasts to the end
 
 A line says the same in one go, `motor_loss motor=2 duration_s=5`, and begins now unless it
 has a `start_s`. `clear` ends every fault, `clear gps_loss` those of a kind,
@@ -21,7 +21,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from sim.faults.schedule import ALL_INSTANCES, FIELDS, NEVER_US, Fault, FaultError, Kind
+from sim.fault_schedule import ALL_INSTANCES, FIELDS, NEVER_US, Fault, FaultError, Kind
 
 _CLEAR: Final = "clear"
 _TIMES: Final = ("start_s", "end_s", "duration_s")
@@ -31,7 +31,7 @@ _LONGEST_S: Final = 1e9
 
 
 class Clear(NamedTuple):
-    """Order to end faults; None means every one."""
+    """Command to end faults; None means every one."""
 
     kind: Kind | None
     motor: int | None
@@ -64,7 +64,7 @@ def faults_of(document: object, source: str) -> tuple[Fault, ...]:
     """
     entries = document.get("fault") if isinstance(document, Mapping) else None
     if not isinstance(entries, list) or not isinstance(document, Mapping) or len(document) != 1:
-        raise FaultError(f"{source}: there must be one list named fault, and nothing else")
+        raise FaultError(f"{source}: a file holds one list named fault, and nothing else")
     faults = []
     for number, entry in enumerate(entries, start=1):
         try:
@@ -75,14 +75,14 @@ def faults_of(document: object, source: str) -> tuple[Fault, ...]:
 
 
 def read_order(line: str, now_us: int) -> Fault | Clear:
-    """Read a line that is to act on a vehicle now.
+    """Read a command that acts on a vehicle now.
 
     Raises:
         FaultError: saying what is wrong with it.
     """
     words = line.split()
     if not words:
-        raise FaultError("an empty line is no order")
+        raise FaultError("an empty line is no command")
     if words[0] == _CLEAR:
         return _clear_of(words[1:])
     entry: dict[str, Any] = {"kind": words[0], **_assignments(words[1:])}
@@ -109,7 +109,7 @@ def _assignments(words: list[str]) -> dict[str, float]:
     for word in words:
         name, equals, text = word.partition("=")
         if not equals or name in numbers:
-            raise FaultError(f"{word!r} is no name=number, or said twice")
+            raise FaultError(f"{word!r} is no name=number, or stands twice")
         if (name, text) == _ALL:
             numbers[name] = ALL_INSTANCES
             continue

@@ -1,4 +1,4 @@
-"""What a person sees: one live line per vehicle on a terminal, plain log lines otherwise."""
+"""The output of `make sim`: one live line per vehicle on a terminal, plain log lines otherwise."""
 
 import threading
 from collections.abc import Mapping, Sequence
@@ -14,9 +14,9 @@ TERMINAL = 3
 
 
 def status_line(vehicle_id: int, vehicle: Mapping[str, Any] | None) -> str:
-    """Say in one line how a vehicle is."""
+    """Describe a vehicle in one line."""
     if vehicle is None:
-        return f"vehicle {vehicle_id}  not heard"
+        return f"vehicle {vehicle_id}  not connected"
     parts = [f"vehicle {vehicle_id}", str(vehicle.get("link_state", "unknown"))]
     parts.append("armed" if vehicle.get("armed") else "disarmed")
     if vehicle.get("mode"):
@@ -72,7 +72,7 @@ class Screen:
             self._console.print(Text(text))
 
     def log(self, program: str, line: str) -> None:
-        """Show a program's log line; on a terminal only what asks for attention."""
+        """Show a program's log line; on a terminal only warnings and errors."""
         if self.plain or program == "sim" or " WARNING " in line or " ERROR " in line:
             self.say(f"[{program}] {line}")
 

@@ -1,4 +1,4 @@
-"""`make demo`: fly an example plan and wait until the cloud holds all that came of it."""
+"""`make demo`: fly an example plan and wait until the cloud holds all its results."""
 
 import json
 import os
@@ -18,7 +18,7 @@ from sim.physics.worlds import DEFAULT
 
 FLIGHT_TIMEOUT_S = 900.0
 DELIVERY_TIMEOUT_S = 60.0
-"""Without anything new from a flight that is over; a camera may still make its pictures."""
+"""Without a new record after the flight has ended; the camera may still write pictures."""
 CAMERA_IMAGE, CAMERA_PANORAMA = 4, 10
 PANORAMA_PICTURES = {0: 8, 1: 5}
 """Of a full and of half a circle."""
@@ -28,7 +28,7 @@ KEPT_UNTIL_DELIVERED = ("pose", "battery", "image", "observation", "mission_repo
 
 
 class DemoError(SupervisorError):
-    """The demo did not end as it should; the message says what is missing."""
+    """The demo failed; the message names what is missing."""
 
 
 def run(settings: Settings) -> int:
@@ -66,7 +66,7 @@ def _image_folder(settings: Settings, vehicle_id: int) -> Path:
 def show_pictures(
     settings: Settings, former: Mapping[int, frozenset[str]], say: Callable[[str], None]
 ) -> None:
-    """Lay what the flight has photographed on sheets, and say where they are.
+    """Put the pictures of the flight on sheets, and show their paths.
 
     Args:
         settings: of the system that has flown.
@@ -140,17 +140,17 @@ def _await_delivery(system: System, missions: list[dict[str, Any]], arrived: int
 
 
 class Answering(Protocol):
-    """Edge server and cloud, as far as they are asked what they hold."""
+    """Reads records from edge server and cloud."""
 
     def edge(self, path: str, /) -> Any:
-        """Give what the edge server answers."""
+        """GET from the edge server."""
 
     def cloud(self, path: str, /) -> Any:
-        """Give what the cloud answers."""
+        """GET from the cloud."""
 
 
 def undelivered(client: Answering, missions: list[dict[str, Any]], arrived: int) -> str | None:
-    """Say what the cloud lacks of the missions, or what the edge server still keeps.
+    """Describe what the cloud lacks of the missions, or what the edge server still keeps.
 
     Args:
         client: to ask with.
@@ -169,7 +169,7 @@ def undelivered(client: Answering, missions: list[dict[str, Any]], arrived: int)
 
 
 def _lack_of(mission: dict[str, Any], records: list[dict[str, Any]]) -> str | None:
-    """Say what the cloud lacks of one mission: its last report, results, pictures."""
+    """Describe what the cloud lacks of one mission: its last report, results, pictures."""
     mine = [r for r in records if r["body"].get("vehicle_id") == mission["vehicle_id"]]
     reports = [
         r["body"]

@@ -19,7 +19,7 @@ from sim.launch.supervisor import Supervisor, SupervisorError, check_ports
 
 READY_TIMEOUT_S = 120.0
 READY_TIMEOUT_PER_VEHICLE_S = 6.0
-"""How long nothing may have come nearer to being up; a busy machine takes its time."""
+"""The longest time without progress while the system starts; a busy machine starts slowly."""
 POLL_S = 0.2
 EXAMPLE_PLAN = "examples/plans/first_flight.json"
 
@@ -30,6 +30,12 @@ class Stopped(Exception):  # noqa: N818  # not an error: the user asked for it
 
 class NotHealthyError(SupervisorError):
     """The system did not become healthy in time."""
+
+
+def stop_on_signals() -> None:
+    """Raise Stopped at the first SIGINT or SIGTERM, and ignore further ones."""
+    for number in (signal.SIGINT, signal.SIGTERM):  # Also if the parent process ignores them
+        signal.signal(number, _stop)
 
 
 def _stop(number: int, _frame: FrameType | None) -> None:
@@ -77,8 +83,6 @@ class System:
         except SupervisorError:
             self._lock.release()
             raise
-        signal.signal(signal.SIGINT, _stop)  # Also where whoever started us ignores it
-        signal.signal(signal.SIGTERM, _stop)
         self._supervisor.__enter__()
         return self
 
@@ -93,7 +97,7 @@ class System:
         return self.settings.vehicles + self.settings.testers
 
     def step(self) -> None:
-        """Let a moment pass: restart what died, refresh the vehicles' lines."""
+        """Wait a moment, restart programs that ended, refresh the vehicles' lines."""
         self._supervisor.step()
         try:
             self.screen.vehicles(self._shown, self.client.connected_vehicles())
@@ -118,7 +122,7 @@ class System:
             self.step()
 
     def _lacks(self) -> list[str]:
-        """What is not as it should be, a sentence each; nothing when the system is up."""
+        """What keeps the system from being up, a sentence each."""
         lacks = [f"{name} does not run" for name in self._supervisor.down()]
         connected: Container[int] = ()
         try:
@@ -141,7 +145,7 @@ def _by_mqtt(settings: Settings) -> str:
 
 
 def _seats(settings: Settings) -> list[str]:
-    """Where persons may sit down in a vehicle's stead."""
+    """How to stand in for a vehicle."""
     if settings.tester_script is not None:
         return []
     port = f"MAVLINK_PORT={settings.mavlink_port} "
@@ -152,7 +156,7 @@ def _seats(settings: Settings) -> list[str]:
 
 
 def greeting(settings: Settings) -> str:
-    """Tell where everything is and how to fly the first plan."""
+    """Show the addresses, and how to fly the first plan."""
     key = settings.key_path("operator")
     return "\n".join(
         (

@@ -1,5 +1,10 @@
 """`python -m sim.mosaic FOLDER MAP.jpg`: lay the pictures of a folder on one map."""
 
+import signal
+
+if __name__ == "__main__":  # Ctrl-C while the rest is loaded ends the program without a traceback
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
 import argparse
 import sys
 from pathlib import Path

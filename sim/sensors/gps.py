@@ -1,7 +1,7 @@
 """Satellite receiver: a solution at 10 Hz, handed over 120 ms after its time of validity.
 
 Position error = two correlated errors + white noise, north, east and down apart; velocity error is
-white. How large they are depends on the receiver (`sim/sensors/gnss_receivers.py`).
+white. How large they are depends on the receiver (`sim/gnss_receivers.py`).
 
 The latency is what PX4 assumes of a serial receiver (EKF2_GPS_DELAY, 110 ms) and a little.
 After power-up the receiver searches for three seconds and says so with fix type 1.
@@ -13,11 +13,11 @@ from typing import Final
 
 import numpy as np
 
+from sim.gnss_receivers import GnssReceiver, PerAxis
 from sim.physics.earth import degrees_per_metre, wrapped_longitude_deg
 from sim.physics.noise import GaussMarkov, standard_normals
 from sim.physics.truth import Truth
 from sim.sensors.geoid import geoid_height_m
-from sim.sensors.gnss_receivers import GnssReceiver, PerAxis
 from sim.sensors.readings import GpsReading
 
 RATE_HZ: Final = 10

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Final
 
 from sim.config import SimulationConfig
+from sim.gnss_receivers import GNSS_RECEIVERS
 from sim.physics.magnetic_field import decimal_year, field_ned_gauss
 from sim.physics.noise import generators
 from sim.physics.truth import Motors, Truth, Vector3
@@ -11,7 +12,6 @@ from sim.sensors import baro, battery, esc, gps, magnetometer, rangefinder
 from sim.sensors.baro import Barometer
 from sim.sensors.battery import Battery
 from sim.sensors.esc import EscTelemetry
-from sim.sensors.gnss_receivers import GNSS_RECEIVERS
 from sim.sensors.gps import Gps
 from sim.sensors.imu import Imu
 from sim.sensors.magnetometer import Magnetometer

@@ -1,10 +1,14 @@
 """`python -m sim.tester`: stand in for a vehicle at the keyboard, as the broker's substitute."""
 
+import signal
+
+if __name__ == "__main__":  # Ctrl-C while the rest is loaded ends the program without a traceback
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
 import argparse
 import math
 import os
 import random
-import signal
 import socket
 import sys
 import time
@@ -14,14 +18,13 @@ from types import FrameType
 from typing import Final
 
 from sim.config import SimulationConfig, start_east_m
-from sim.tester.departure import Departure
-from sim.tester.happenings import Happening
-from sim.tester.script import Script, ScriptError
-from sim.tester.seat import Seat
-from sim.tester.stand_in import StandIn
-from sim.tester.telemetry import Home
-from sim.tester.terminal import Lines, Wakeable, wait
-from sim.tester.vehicle import LinkError, MavsdkVehicle
+from sim.tester.terminal.lines import Lines, WakeableQueue, wait
+from sim.tester.terminal.operator import ExitCondition, Operator
+from sim.tester.terminal.script import Script, ScriptError
+from sim.tester.vehicle.events import LinkEvent
+from sim.tester.vehicle.mavsdk_link import LinkError, MavsdkVehicle
+from sim.tester.vehicle.stand_in import StandIn
+from sim.tester.vehicle.telemetry import Home
 
 _SCRIPT_LOOK_S: Final = 0.05
 _METRES_PER_DEGREE: Final = 111_195.0
@@ -30,14 +33,22 @@ _METRES_PER_DEGREE: Final = 111_195.0
 def main(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
     """Run until the lines end or Ctrl-C; gives the exit code."""
     options = _options(arguments, environment)
+    for number in (signal.SIGINT, signal.SIGTERM):  # Also if the parent process ignores them
+        signal.signal(number, _interrupt)
+    try:
+        return _run(options)
+    except KeyboardInterrupt:
+        _write("\n")
+        return 0
+
+
+def _run(options: argparse.Namespace) -> int:
     try:
         script = None if options.script is None else Script(_read(options.script))
     except (OSError, ScriptError) as error:
         print(f"tester: --script: {error}", file=sys.stderr)
         return 2
-    for number in (signal.SIGINT, signal.SIGTERM):  # Also where whoever started us ignores it
-        signal.signal(number, _interrupt)
-    woken: Wakeable[Happening] = Wakeable()
+    woken: WakeableQueue[LinkEvent] = WakeableQueue()
     try:
         link = MavsdkVehicle(options.system_id, _url(options.broker), woken.put)
     except (LinkError, OSError, ValueError) as error:
@@ -47,11 +58,9 @@ def main(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
     _write("Waiting for a mission. Ctrl-C ends.\n")
     draw = random.Random(options.seed).uniform
     vehicle = StandIn(_home(options.system_id), time.monotonic())
-    seat = Seat(vehicle, link, draw, _write)
+    operator = Operator(vehicle, link, draw, _write)
     try:
-        _sit(seat, Lines(_stdin() if script is None else None), script, woken)
-    except KeyboardInterrupt:
-        _write("\n")
+        _run_operator(operator, Lines(_stdin() if script is None else None), script, woken)
     finally:
         link.close()
         woken.close()
@@ -80,29 +89,31 @@ def _home(system_id: int) -> Home:
     return Home(latitude_deg, place.home_longitude_deg + east_deg, place.home_altitude_amsl_m)
 
 
-def _sit(seat: Seat, lines: Lines, script: Script | None, woken: Wakeable[Happening]) -> None:
+def _run_operator(
+    operator: Operator, lines: Lines, script: Script | None, woken: WakeableQueue[LinkEvent]
+) -> None:
     """Go round until there is nothing more to read and the broker has heard the last of it."""
-    departure = Departure()
+    exit_condition = ExitCondition()
     while True:
         now = time.monotonic()
-        for happening in woken.take():
-            seat.hear(happening, now)
-        _type(seat, lines, script, now)
+        for event in woken.take():
+            operator.receive(event, now)
+        _enter_lines(operator, lines, script, now)
         has_ended = script.is_over if script else not lines.is_open
-        asked = seat.menu.is_asking
-        if has_ended and departure.is_due(
-            seat.vehicle, now, is_asked=asked, lines_left=lines.has_line
+        asked = operator.menu.is_asking
+        if has_ended and exit_condition.is_due(
+            operator.vehicle, now, is_asked=asked, lines_left=lines.has_line
         ):
             return
-        due = seat.tick(now)
+        due = operator.tick(now)
         wait(lines, woken, min(due, _SCRIPT_LOOK_S + now if script else due) - now)
 
 
-def _type(seat: Seat, lines: Lines, script: Script | None, now: float) -> None:
+def _enter_lines(operator: Operator, lines: Lines, script: Script | None, now: float) -> None:
     """Take the lines that have come, for as long as one is waited for."""
-    while seat.takes_line(now):
+    while operator.takes_line(now):
         if script is not None:
-            line = script.next_line(seat.menu.place, now)
+            line = script.next_line(operator.menu.place, now)
             if line is None:
                 return
             _write(f"{line}\n")
@@ -110,7 +121,7 @@ def _type(seat: Seat, lines: Lines, script: Script | None, now: float) -> None:
             line = lines.pop()
         else:
             return
-        seat.answer(line, now)
+        operator.answer(line, now)
 
 
 def _options(arguments: Sequence[str], environment: Mapping[str, str]) -> argparse.Namespace:
@@ -159,6 +170,9 @@ def _write(text: str) -> None:
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:
+    """Interrupt at the first signal; what closes the link is not interrupted again."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
     raise KeyboardInterrupt
 
 

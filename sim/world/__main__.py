@@ -1,5 +1,10 @@
 """`python -m sim.world`: print the default farm as GeoJSON."""
 
+import signal
+
+if __name__ == "__main__":  # Ctrl-C while the rest is loaded ends the program without a traceback
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
 import json
 import sys
 

@@ -36,7 +36,7 @@ class Consistency:
 
     def __init__(self, tester: AutopilotTester) -> None:
         self._tester = tester
-        self._navigation = tester.autopilot.estimator.navigation
+        self._estimator = tester.autopilot.estimator.estimator
         self._within = dict.fromkeys(QUANTITIES, 0)
         self._steps = 0
         self._count = 0
@@ -48,11 +48,11 @@ class Consistency:
 
     def _note(self) -> None:
         self._steps += 1
-        core = self._navigation.core
+        core = self._estimator.core
         if self._steps % _EVERY_STEPS or core is None:
             return
         self._count += 1
-        gps, baro, compass = self._navigation.gps, self._navigation.baro, self._navigation.compass
+        gps, baro, compass = self._estimator.gps, self._estimator.baro, self._estimator.compass
         sigmas = (
             *self._position_errors(core),
             self._velocity_error(core),
@@ -73,7 +73,7 @@ class Consistency:
         latitude, longitude, altitude = core.origin.to_geodetic(core.state.position_ned)
         north, east = self._tester.north_east_m(latitude, longitude)
         true_north, true_east, _ = self._tester.true_position()
-        horizontal_sigma, vertical_sigma = self._navigation.accuracy_m()
+        horizontal_sigma, vertical_sigma = self._estimator.accuracy_m()
         return (
             math.hypot(north - true_north, east - true_east) / horizontal_sigma,
             abs(altitude - truth.altitude_amsl_m) / vertical_sigma,

@@ -3,7 +3,7 @@
 import math
 from typing import Final
 
-from sim.faults.schedule import NEVER_US, Fault, Kind
+from sim.fault_schedule import NEVER_US, Fault, Kind
 from tests.bench.flight_courses import (
     HEIGHT_M,
     SQUARE,

@@ -10,7 +10,7 @@ import sys
 from itertools import product
 from typing import Final
 
-from sim.faults.schedule import ALL_INSTANCES, Kind
+from sim.fault_schedule import ALL_INSTANCES, Kind
 from tests.bench.flight_courses import Figures, ready_vehicle, takeoff_item, waypoint
 from tests.bench.flight_failures import break_now
 from tests.support.autopilot_tester import AutopilotTester

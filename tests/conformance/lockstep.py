@@ -74,16 +74,16 @@ class Lockstep:
         self._codec.seq = (self._codec.seq + 1) % 256
 
     def step(self) -> list[Any]:
-        """Let one control step pass; gives what the autopilot said to this station."""
+        """Run one control step; return what the autopilot sends to this station."""
         if self._autopilot.vehicle.time_us >= self._heartbeat_us:
             self._heartbeat_us += _HEARTBEAT_US
             self.say(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
         self._autopilot.scheduler.step()
         self._autopilot.serve_link()
-        said, self._wire.from_vehicle = self._wire.from_vehicle, []
+        sent, self._wire.from_vehicle = self._wire.from_vehicle, []
         messages = [
             message
-            for datagram, address in said
+            for datagram, address in sent
             if address == ADDRESS
             for message in self._codec.parse_buffer(datagram) or []
             if message.get_type() != "BAD_DATA" and message.get_srcComponent() == 1
@@ -101,9 +101,9 @@ class Lockstep:
         raise AssertionError(f"no {what} within {seconds} s of vehicle time")
 
     def run(self, seconds: float) -> list[Any]:
-        """Everything heard in a stretch of time."""
+        """Return all messages received in this time."""
         end_s = self.now_s + seconds
-        heard: list[Any] = []
+        received: list[Any] = []
         while self.now_s < end_s:
-            heard += self.step()
-        return heard
+            received += self.step()
+        return received

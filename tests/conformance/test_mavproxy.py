@@ -15,7 +15,7 @@ from tests.conformance.ground_station import vehicle_process
 from tests.conformance.mavproxy_session import MavProxy
 from tests.support.parameter_table import autopilot
 from tests.support.system import free_ports, wait_for
-from uav_firmware.modules.mavlink.parameters.vehicle_facts import FACTS
+from uav_firmware.modules.mavlink.parameters.parameter_server import READ_ONLY
 
 pytestmark = pytest.mark.scenario
 
@@ -111,7 +111,7 @@ RALLY: tuple[Row, ...] = (
 
 def saved_parameters(path: Path) -> dict[str, float]:
     pairs = (line.split() for line in path.read_text().splitlines() if line.strip())
-    apart = {"_HASH_CHECK", *FACTS}
+    apart = {"_HASH_CHECK", *READ_ONLY}
     return {name: float(value) for name, value in pairs if name not in apart}
 
 
@@ -119,7 +119,7 @@ def saved_parameters(path: Path) -> dict[str, float]:
 def declared(tmp_path_factory: pytest.TempPathFactory) -> dict[str, float]:
     """Every parameter of a new vehicle, but for the facts that it finds out by itself."""
     registry = autopilot(tmp_path_factory.mktemp("declared")).registry
-    names = set(registry.names()) - FACTS
+    names = set(registry.names()) - READ_ONLY
     return {name: registry.declaration(name).default for name in names}
 
 
@@ -150,7 +150,7 @@ def test_an_integer_is_set_by_a_client_that_knows_no_types(session: Session) -> 
 def test_every_parameter_comes_by_list(session: Session, declared: dict[str, float]) -> None:
     proxy = session.proxy
     proxy.type("set param_ftp False")
-    proxy.ask("param fetch", rf"Received {len(declared) + len(FACTS)} parameters\s")
+    proxy.ask("param fetch", rf"Received {len(declared) + len(READ_ONLY)} parameters\s")
     saved = Path(proxy.until(r"Saved \d+ parameters to (\S+)").group(1))
     fetched = saved_parameters(saved)
     assert fetched == pytest.approx(declared, rel=1e-5)
@@ -163,6 +163,7 @@ def test_a_parameter_is_set_and_guarded(session: Session) -> None:
     assert value_of(session, "NAV_DLL_ACT") == 0.0
 
 
+@pytest.mark.promise
 def test_a_waypoint_file_comes_down_as_it_went_up(session: Session) -> None:
     exchanged(session, "wp", *MISSION)
 

@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import common
 
 from tests.support.file_client import FileClient, Steps, download, upload
 from tests.support.lossy_link import VEHICLE_ADDRESS, Conditions, LossyLink
-from tests.unit.uav_firmware.modules.mavlink.harness import SYSTEM, empty_topics, judged_by
+from tests.unit.uav_firmware.modules.mavlink.harness import SYSTEM, empty_topics
 from uav_firmware.cal.files import Card
 from uav_firmware.drivers.file_tree import FileTree
 from uav_firmware.modules.mavlink.module import MavlinkModule
@@ -41,7 +41,6 @@ class Air:
             system_id=SYSTEM,
             registry=Registry(),
             topics=empty_topics(),
-            checks=judged_by(lambda _: None),
             peers=(),
             card=Card(tree, FileTree(folder / "log"), FileTree(folder / "image")),
         )
@@ -63,6 +62,7 @@ class Air:
             self.link.ground.send(heartbeat.pack(self._codec), VEHICLE_ADDRESS)
         self.now_us += STEP_US
         self.link.advance(self.now_us)
+        self.module.serve(self.now_us)
         self.module.update(self.now_us)
         for datagram, _ in self.link.ground.receive():
             for message in self._codec.parse_buffer(datagram) or []:

@@ -11,12 +11,12 @@ import pytest
 from pymavlink.dialects.v20 import common, development
 
 from tests.support.mission_field import Vehicle
+from uav_firmware.lib import fence_rules, mission_rules
+from uav_firmware.lib.mission_rules import DistanceLimits
 from uav_firmware.modules.mavlink.missions.mission_server import MissionServer
 from uav_firmware.modules.mavlink.missions.mission_store import PlanCheck, PlanStore
 from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
 from uav_firmware.modules.mavlink.wire.dialect import Message, frame, pack
-from uav_firmware.modules.navigator.geofence import fence_items
-from uav_firmware.modules.navigator.mission import feasibility
 from uav_firmware.modules.navigator.params import NavigatorParams
 from uav_firmware.msg.mission import MissionItem, PlanReview
 from uav_firmware.msg.status import HomePosition
@@ -51,18 +51,19 @@ def judges() -> list[PlanCheck]:
     registry = Registry()
     registry.add(NavigatorParams)
     params = registry.read(NavigatorParams)
+    limits = DistanceLimits(params.farthest_first_position, params.longest_leg)
 
     def rally(items: Sequence[MissionItem]) -> PlanReview:
         yield 1
-        return fence_items.check_rally_points(items)
+        return fence_rules.check_rally_points(items)
 
     return [
         PlanCheck(
-            lambda item: feasibility.check_item(item, HOME, params),
-            lambda items: feasibility.review(items, HOME, params),
+            lambda item: mission_rules.check_item(item, HOME),
+            lambda items: mission_rules.review(items, HOME, limits),
         ),
-        PlanCheck(fence_items.check_fence_item, fence_items.review_fence),
-        PlanCheck(fence_items.check_rally_point, rally),
+        PlanCheck(fence_rules.check_fence_item, fence_rules.review_fence),
+        PlanCheck(fence_rules.check_rally_point, rally),
     ]
 
 

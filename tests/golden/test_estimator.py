@@ -56,7 +56,7 @@ def replay() -> list[list[float]]:
         for arrival in arrivals:
             publish(topics, arrival.message)
         estimator.update()
-        if time_us % PERIOD_US == 0 and estimator.navigation.core is not None:
+        if time_us % PERIOD_US == 0 and estimator.estimator.core is not None:
             rows.append(row(estimator))
     return rows
 
@@ -76,7 +76,7 @@ def publish(topics: Topics, message: object) -> None:
 
 
 def row(estimator: EstimatorModule) -> list[float]:
-    navigation = estimator.navigation
+    navigation = estimator.estimator
     assert navigation.core is not None
     state = navigation.core.state
     return [

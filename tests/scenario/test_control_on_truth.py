@@ -126,7 +126,7 @@ def test_it_lands_softly_and_knows_it() -> None:
     assert max(bench.truth.rotor_rpm) < 1000.0
 
 
-def test_nobody_leads_an_armed_vehicle_so_it_comes_down() -> None:
+def test_an_armed_vehicle_without_control_descends() -> None:
     bench = airborne()
     last = leg(bench, HOVER, HOVER, 1.0)(bench.time_s, HOVER)
     bench.run(14.0, lambda _time_s, _position: last)

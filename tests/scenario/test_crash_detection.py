@@ -8,7 +8,7 @@ import pytest
 from pymavlink.dialects.v20 import common
 
 from sim.config import SimulationConfig
-from sim.faults.schedule import Fault, Kind
+from sim.fault_schedule import Fault, Kind
 from tests.support.autopilot_tester import AutopilotTester
 from tests.support.stick_pilot import StickPilot, change_mode
 from uav_firmware.lib.rotation import tilt_of
@@ -45,10 +45,11 @@ def is_stopped(tester: AutopilotTester) -> bool:
     return not tester.status.armed and motors is not None and motors.control == (0.0,) * 4
 
 
-def said(tester: AutopilotTester, sentence: str) -> bool:
+def has_status_text(tester: AutopilotTester, sentence: str) -> bool:
     return any(sentence in line for line in tester.lines)
 
 
+@pytest.mark.promise
 @pytest.mark.parametrize(
     "faults",
     [
@@ -66,7 +67,7 @@ def test_a_wreck_stops_its_motors_and_is_reported(
     tester.wait_until(lambda: tester.simulation.wrecked, 20.0, "on the ground")
     tester.wait_until(lambda: is_stopped(tester), LATEST_DISARM_S, "stopped")
     tester.run_for(1.0)
-    assert said(tester, "Crash detected, motors stopped")
+    assert has_status_text(tester, "Crash detected, motors stopped")
     assert any("Crash detected" in text for text in tester.ground_station.texts)
     assert not tester.status.sensors_health & common.MAV_SYS_STATUS_SENSOR_PROPULSION
     tester.ground_station.command(common.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
@@ -89,9 +90,9 @@ def test_a_wreck_blames_no_motor_for_what_the_ground_has_done(
     tester.wait_until(lambda: tester.simulation.wrecked, 20.0, "on the ground")
     tester.wait_until(lambda: is_stopped(tester), 0.1, "stopped")
     tester.run_for(1.0)
-    assert said(tester, "Crash: has hit something, rotors stand")
+    assert has_status_text(tester, "Crash: has hit something, rotors stand")
     truly = {f"Motor {values['motor']}" for kind, values in faults if kind is MOTOR}
-    named = {f"Motor {n}" for n in (1, 2, 3, 4) if said(tester, f"Motor {n} failed")}
+    named = {f"Motor {n}" for n in (1, 2, 3, 4) if has_status_text(tester, f"Motor {n} failed")}
     assert named == truly
 
 
@@ -116,7 +117,7 @@ def test_a_lost_attitude_disarms_just_after_the_take_off(tmp_path: Path) -> None
     strike(tester, MOTOR, motor=3)
     tester.wait_until(lambda: not tester.status.armed, 2.0, "disarmed")
     tester.run_for(0.3)  # Lines are written ten times a second
-    assert said(tester, "Attitude beyond limits: DISARM")
+    assert has_status_text(tester, "Attitude beyond limits: DISARM")
 
 
 def test_a_hard_landing_is_no_crash(tmp_path: Path) -> None:
@@ -129,7 +130,7 @@ def test_a_hard_landing_is_no_crash(tmp_path: Path) -> None:
         tester.land()
         tester.wait_until_landed(30.0)
         tester.run_for(3.0)
-    assert not said(tester, "Crash")
+    assert not has_status_text(tester, "Crash")
 
 
 def test_flips_and_hard_sticks_are_no_crash(tmp_path: Path) -> None:
@@ -158,5 +159,5 @@ def test_flips_and_hard_sticks_are_no_crash(tmp_path: Path) -> None:
         tester.run_for(5.0)
         assert tester.status.armed, tester.lines[-6:]
     assert max(tilts) > math.radians(120.0)  # It has really been upside down
-    assert not said(tester, "Crash")
+    assert not has_status_text(tester, "Crash")
     assert not tester.simulation.wrecked

@@ -6,7 +6,7 @@ import pytest
 from pymavlink.dialects.v20 import common
 
 from sim.config import SimulationConfig
-from sim.faults.schedule import Fault, Kind
+from sim.fault_schedule import Fault, Kind
 from tests.support.autopilot_tester import AutopilotTester
 
 pytestmark = pytest.mark.scenario

@@ -10,7 +10,7 @@ import pytest
 from pymavlink.dialects.v20 import common
 
 from sim.config import SimulationConfig
-from sim.faults.schedule import ALL_INSTANCES, Fault, Kind
+from sim.fault_schedule import ALL_INSTANCES, Fault, Kind
 from tests.support.autopilot_tester import AutopilotTester
 from tests.support.stick_pilot import order
 from tests.support.toy_vehicle import item
@@ -78,7 +78,7 @@ def estimate_error(tester: AutopilotTester) -> float:
     return math.hypot(north - believed[0], east - believed[1])
 
 
-def said(tester: AutopilotTester, sentence: str) -> bool:
+def has_status_text(tester: AutopilotTester, sentence: str) -> bool:
     return any(sentence in line for line in tester.lines)
 
 
@@ -90,8 +90,8 @@ def test_gps_lost_for_four_seconds_does_not_end_the_mission(tmp_path: Path) -> N
     tester.run_for(3.5)
     assert math.hypot(*tester.truth.velocity_ned[:2]) < 0.5
     tester.run_for(4.0)
-    assert said(tester, "GPS lost")
-    assert said(tester, "dead reckoning: over")
+    assert has_status_text(tester, "GPS lost")
+    assert has_status_text(tester, "dead reckoning: over")
     assert tester.mode is NavigationState.AUTO_MISSION
     assert max(errors) < 1.0
     tester.wait_until_landed(200.0)
@@ -142,6 +142,7 @@ def test_gps_lost_for_good_brakes_and_lands_near_the_place(tmp_path: Path, loss:
     assert not tester.simulation.wrecked
 
 
+@pytest.mark.promise
 def test_gps_lost_high_up_in_a_strong_wind_is_no_flight_with_the_wind(tmp_path: Path) -> None:
     """A velocity that is doubtful by a share of the wind is still better than none."""
     tester = vehicle(tmp_path, wind_speed_m_s=10.0, seed=13)
@@ -205,12 +206,12 @@ def test_a_gyroscope_bias_that_jumps_does_not_carry_the_vehicle_away(tmp_path: P
     tester.watch(lambda: beside.append(abs(tester.true_position()[1])))
     strike(tester, Kind.GYRO_BIAS, x_deg_s=3.0, y_deg_s=3.0)
     tester.run_for(4.0)
-    assert said(tester, "Gyroscope bias has jumped")
+    assert has_status_text(tester, "Gyroscope bias has jumped")
     assert tester.mode is NavigationState.AUTO_MISSION
     strike(tester, Kind.GYRO_BIAS, x_deg_s=10.0, y_deg_s=10.0, z_deg_s=-10.0)
     tester.wait_until(lambda: tester.mode is NavigationState.AUTO_LAND, 15.0, "landing")
-    assert said(tester, "Gyroscope bias beyond its limit: LAND")
-    assert not said(tester, "Wind too strong")
+    assert has_status_text(tester, "Gyroscope bias beyond its limit: LAND")
+    assert not has_status_text(tester, "Wind too strong")
     assert max(beside) < 1.5
     tester.wait_until(lambda: not tester.status.armed, 40.0, "disarmed")
     assert not tester.simulation.wrecked
@@ -225,11 +226,12 @@ def test_a_lost_barometer_or_compass_does_not_end_the_mission(tmp_path: Path, ki
     assert not tester.simulation.wrecked
 
 
+@pytest.mark.promise
 def test_a_low_battery_warns_a_critical_one_returns_an_empty_one_lands(tmp_path: Path) -> None:
     tester = on_mission(tmp_path, settings={"BAT_CRIT_THR": 0.10})
     # True charges; the vehicle estimates 0.12, 0.08 and 0 from voltage, some seconds later
     strike(tester, Kind.BATTERY_LOW, charge=0.175)
-    tester.wait_until(lambda: said(tester, "Battery low"), 15.0, "warned")
+    tester.wait_until(lambda: has_status_text(tester, "Battery low"), 15.0, "warned")
     assert tester.mode is NavigationState.AUTO_MISSION
     strike(tester, Kind.BATTERY_LOW, charge=0.147)
     tester.wait_until(lambda: tester.mode is NavigationState.AUTO_RTL, 25.0, "returning")
@@ -246,12 +248,13 @@ def test_a_lost_motor_raises_the_alarm_and_lands(tmp_path: Path, motor: int) -> 
     heights: list[float] = []
     tester.watch(lambda: heights.append(tester.true_position()[2]))
     strike(tester, Kind.MOTOR_LOSS, motor=motor)
-    tester.wait_until(lambda: said(tester, "Motor failed: LAND"), 5.0, "an alarm")
+    tester.wait_until(lambda: has_status_text(tester, "Motor failed: LAND"), 5.0, "an alarm")
     assert tester.mode is NavigationState.AUTO_LAND
     tester.wait_until(lambda: not tester.status.armed, 60.0, "disarmed")
     assert all(map(math.isfinite, heights))
 
 
+@pytest.mark.promise
 def test_a_lost_link_returns_and_lands_at_home(tmp_path: Path) -> None:
     tester = on_mission(tmp_path, settings={"NAV_DLL_ACT": 2, "COM_DL_LOSS_T": 5.0})
     tester.heartbeats = False
@@ -302,7 +305,7 @@ def test_a_breach_of_the_fence_is_answered_before_it_is_far(
     tester.autopilot.registry.set("GF_MAX_HOR_DIST", 40.0)
     furthest: list[float] = []
     tester.watch(lambda: furthest.append(tester.true_position()[0]))
-    tester.wait_until(lambda: said(tester, "Geofence breached"), 30.0, "a breach")
+    tester.wait_until(lambda: has_status_text(tester, "Geofence breached"), 30.0, "a breach")
     tester.run_for(0.2)
     assert tester.mode is mode
     tester.run_for(8.0)
@@ -319,9 +322,9 @@ def test_a_strong_wind_is_measured_and_sends_the_vehicle_home(tmp_path: Path) ->
     tester = vehicle(tmp_path, {"COM_WIND_WARN": 6.0, "COM_WIND_MAX": 8.0}, wind_speed_m_s=3.0)
     tester.take_off(10.0)
     tester.run_for(25.0)
-    assert not said(tester, "Strong wind")
+    assert not has_status_text(tester, "Strong wind")
     strike(tester, Kind.WIND_GUST, speed_m_s=8.0)
-    tester.wait_until(lambda: said(tester, "Strong wind: WARN"), 30.0, "a warning")
+    tester.wait_until(lambda: has_status_text(tester, "Strong wind: WARN"), 30.0, "a warning")
     tester.wait_until(lambda: tester.mode is NavigationState.AUTO_RTL, 30.0, "returning")
     wind = tester.autopilot.topics.wind.value
     assert wind is not None
@@ -351,7 +354,7 @@ def test_a_vehicle_breaks_by_command_only_where_that_is_allowed(tmp_path: Path) 
     tester.autopilot.registry.set("SYS_FAILURE_EN", 1)
     order(tester, common.MAV_CMD_INJECT_FAILURE, gps, off, 0.0)
     tester.run_for(4.0)
-    assert said(tester, "GPS lost")
+    assert has_status_text(tester, "GPS lost")
 
 
 class FullCard:
@@ -364,7 +367,7 @@ class FullCard:
         raise OSError(errno.ENOSPC, "No space left on device", f"{time_utc_us}.ulg")
 
 
-def test_a_full_disk_is_told_and_neither_grounds_nor_ends_a_flight(
+def test_a_full_disk_is_reported_and_neither_prevents_nor_ends_a_flight(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(_storage: FileStorage, _name: str, _contents: bytes) -> None:
@@ -376,15 +379,15 @@ def test_a_full_disk_is_told_and_neither_grounds_nor_ends_a_flight(
     tester.take_off(5.0)
     tester.autopilot.registry.set("MPC_XY_CRUISE", 4.0)  # A change that cannot be kept
     tester.run_for(12.0)
-    assert said(tester, "Flight log stopped: No space left")
-    assert said(tester, "Parameters not saved: No space left")
-    assert said(tester, "Storage full")
+    assert has_status_text(tester, "Flight log stopped: No space left")
+    assert has_status_text(tester, "Parameters not saved: No space left")
+    assert has_status_text(tester, "Storage full")
     tester.return_home()
     tester.wait_until_landed()
     assert not tester.simulation.wrecked
 
 
-def test_a_vehicle_that_lies_beyond_its_limits_says_so(tmp_path: Path) -> None:
+def test_a_vehicle_tilted_beyond_its_limits_reports_it(tmp_path: Path) -> None:
     """Hard on its side: told, while the controllers right it."""
     tester = vehicle(tmp_path)
     tester.autopilot.registry.set("FD_FAIL_R", 30.0)
@@ -395,13 +398,13 @@ def test_a_vehicle_that_lies_beyond_its_limits_says_so(tmp_path: Path) -> None:
     tester.wait_until_ready()
     tester.take_off(10.0)
     tester.run_for(8.0)
-    assert not said(tester, "Attitude beyond limits")
+    assert not has_status_text(tester, "Attitude beyond limits")
     latitude, longitude, _ = tester.place(60.0, 0.0, 0.0)
     tester.ground_station.command(
         Command.DO_REPOSITION, -1.0, 1.0, 0.0, math.nan, latitude, longitude, math.nan
     )
     tester.run_for(6.0)
-    assert said(tester, "Attitude beyond limits")
+    assert has_status_text(tester, "Attitude beyond limits")
     assert tester.mode is NavigationState.AUTO_LOITER
 
 

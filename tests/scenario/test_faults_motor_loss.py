@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from sim.config import SimulationConfig
-from sim.faults.schedule import Fault, Kind
+from sim.fault_schedule import Fault, Kind
 from tests.support.autopilot_tester import AutopilotTester
 
 pytestmark = pytest.mark.scenario
@@ -104,6 +104,7 @@ def test_the_feet_of_a_spinning_vehicle_do_not_trip_it(
     assert watch.touch_down_m_s < 0.35
 
 
+@pytest.mark.promise
 def test_it_holds_place_and_height_spinning_the_way_that_the_two_rotors_push(
     tmp_path: Path,
 ) -> None:

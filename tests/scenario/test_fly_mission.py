@@ -139,6 +139,7 @@ def test_wind_is_held_off_and_the_return_lands_at_home(tmp_path: Path) -> None:
     assert math.hypot(north, east) < 1.0
 
 
+@pytest.mark.promise
 def test_landing_is_soft_and_ends_disarmed(tmp_path: Path) -> None:
     tester = vehicle(tmp_path, seed=8)
     tester.take_off(4.0)

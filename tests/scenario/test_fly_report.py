@@ -15,8 +15,8 @@ import pytest
 from PIL import Image
 from pyulog import ULog  # type: ignore[import-untyped]  # pyulog tells no types
 
-from sim.camera.lens import Lens, Pose
-from sim.camera.render import Shot, render
+from sim.camera.render.picture import Shot, render
+from sim.camera.scene.lens import Lens, Pose
 from sim.mosaic.georeference import georeference
 from sim.physics.truth import quaternion_from_euler
 from sim.world.daylight import day_shift_s
@@ -89,6 +89,7 @@ def log_of(flown: Run) -> Any:
     return ULog(str(path))
 
 
+@pytest.mark.promise
 def test_everything_is_there(flown: Run) -> None:
     assert (flown.out / "report.png").read_bytes().startswith(b"\x89PNG")
     assert f"report: {flown.out / 'report.html'}" in flown.printed

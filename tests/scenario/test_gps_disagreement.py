@@ -8,8 +8,8 @@ from typing import NamedTuple
 import pytest
 
 from sim.config import SimulationConfig
-from sim.faults.schedule import ALL_INSTANCES, Fault, Kind
-from tests.scenario.test_failsafe_flight import on_mission, said, strike
+from sim.fault_schedule import ALL_INSTANCES, Fault, Kind
+from tests.scenario.test_failsafe_flight import has_status_text, on_mission, strike
 from tests.support.autopilot_tester import AutopilotTester
 from uav_firmware.lib.rotation import tilt_of
 from uav_firmware.msg.status import NavigationState
@@ -57,6 +57,7 @@ class Jump(NamedTuple):
     sentence: str
 
 
+@pytest.mark.promise
 @pytest.mark.parametrize(
     "jump",
     [
@@ -71,9 +72,9 @@ def test_a_hover_stays_where_it_is_and_the_operator_is_warned(tmp_path: Path, ju
     watch = Watch(tester)
     strike(tester, Kind.GPS_JUMP, 15.0, north_m=jump.north_m, up_m=jump.up_m)
     tester.run_for(14.0)
-    assert said(tester, jump.sentence)
+    assert has_status_text(tester, jump.sentence)
     tester.run_for(10.0)
-    assert said(tester, f"{jump.sentence}, not used: over")
+    assert has_status_text(tester, f"{jump.sentence}, not used: over")
     assert watch.away_m < 2.0
     assert min(watch.heights_m) > HEIGHT_M - 1.5
     assert max(watch.heights_m) < HEIGHT_M + 1.5
@@ -88,8 +89,8 @@ def test_with_the_barometer_frozen_too_the_height_is_kept(tmp_path: Path) -> Non
     tester.run_for(3.0)
     strike(tester, Kind.GPS_JUMP, up_m=30.0)
     tester.run_for(30.0)
-    assert said(tester, "Barometer")
-    assert said(tester, "GPS height disagrees")
+    assert has_status_text(tester, "Barometer")
+    assert has_status_text(tester, "GPS height disagrees")
     assert min(watch.heights_m) > HEIGHT_M - 2.0
     assert max(watch.heights_m) < HEIGHT_M + 2.0
     tester.land()
@@ -115,7 +116,7 @@ def test_a_flight_ends_on_the_ground_near_where_it_should(tmp_path: Path, phase:
     assert not tester.simulation.wrecked
     goal = struck_at[:2] if phase == "land" else (0.0, 0.0)
     assert math.dist(tester.true_position()[:2], goal) < 6.0
-    assert said(tester, "GPS position disagrees")
+    assert has_status_text(tester, "GPS position disagrees")
 
 
 def test_a_jump_during_the_climb_does_not_end_the_climb(tmp_path: Path) -> None:

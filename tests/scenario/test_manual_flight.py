@@ -95,6 +95,7 @@ def yaw_deg(tester: AutopilotTester) -> float:
     return math.degrees(to_euler(tester.truth.q_ned_frd)[2])
 
 
+@pytest.mark.promise
 def test_centred_sticks_brake_and_hold_the_place(tmp_path: Path) -> None:
     tester, pilot = ready(tmp_path, POSITION, wind_speed_m_s=5.0)
     climb(tester, pilot, 5.0)

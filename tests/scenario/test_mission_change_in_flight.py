@@ -57,6 +57,7 @@ def current(tester: AutopilotTester) -> tuple[int, int]:
     return progress.seq_current, progress.seq_total
 
 
+@pytest.mark.promise
 def test_a_new_mission_is_flown_at_once_from_its_first_item(tmp_path: Path) -> None:
     tester = on_its_way(tmp_path)
     height_m = tester.true_position()[2]
@@ -96,7 +97,7 @@ def test_clearing_the_mission_in_flight_stops_and_holds(tmp_path: Path) -> None:
     assert current(tester) == (0, 0)
 
 
-def test_a_fence_that_cuts_the_stored_mission_off_is_told_and_stops_its_start(
+def test_a_fence_that_excludes_the_stored_mission_is_reported_and_stops_its_start(
     tmp_path: Path,
 ) -> None:
     tester = vehicle(tmp_path)

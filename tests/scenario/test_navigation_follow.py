@@ -77,6 +77,7 @@ def test_a_noisy_target_at_1_hz_is_followed_at_its_distance_and_height(
     assert max(abs(height - 10.0) for height in heights) < 1.5
 
 
+@pytest.mark.promise
 def test_a_target_without_a_position_moves_the_vehicle_less_than_4_m(tmp_path: Path) -> None:
     tester = airborne(tmp_path, seed=2)
     before = tester.true_position()

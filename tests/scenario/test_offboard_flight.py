@@ -163,6 +163,7 @@ def test_body_rates_are_flown(tmp_path: Path) -> None:
     assert abs(tester.truth.rate_frd[0]) < 0.1
 
 
+@pytest.mark.promise
 def test_a_lost_stream_ends_in_hold_within_its_time(tmp_path: Path) -> None:
     tester = airborne(tmp_path)
     companion = lead(tester, local(VELOCITY_ONLY, vx=2.0))

@@ -68,7 +68,7 @@ def test_every_gain_may_go_to_its_bound(tmp_path: Path, bound: str) -> None:
     assert tester.status.armed
 
 
-def test_what_takes_the_control_away_is_refused(tmp_path: Path) -> None:
+def test_a_parameter_that_disables_control_is_refused(tmp_path: Path) -> None:
     tester = hovering(tmp_path)
     registry = tester.autopilot.registry
     for name in ("MC_ROLLRATE_P", "MC_PITCHRATE_P", "MC_ROLL_P", "MC_PITCH_P"):

@@ -82,6 +82,7 @@ def mission(tester: AutopilotTester) -> list[Any]:
     )
 
 
+@pytest.mark.promise
 def test_a_mission_takes_every_picture_and_none_on_the_way_home(tmp_path: Path) -> None:
     tester = AutopilotTester(SimulationConfig(gps="rtk", seed=4), tmp_path)
     tester.wait_until_ready()

@@ -51,14 +51,14 @@ def assert_each_once_and_in_order(system: FarmSystem) -> None:
         assert numbers == list(range(numbers[0], numbers[0] + len(numbers))), name
 
 
-def readme_commands() -> list[str]:
-    """The curl lines of the README, as printed there."""
-    readme = (ROOT / "README.md").read_text()
-    return re.findall(r"^curl .*$", readme, re.MULTILINE)
+def tutorial_commands() -> list[str]:
+    """The curl lines of the tutorial, as printed there."""
+    page = (ROOT / "docs/tutorial/first-flight.md").read_text()
+    return re.findall(r"^curl .*$", page, re.MULTILINE)
 
 
 def type_into_shell(system: FarmSystem, command: str) -> str:
-    """Run a line of the README with this test's ports and state in place of the defaults."""
+    """Run a line of the tutorial with this test's ports and state in place of the defaults."""
     line = (
         command.replace("127.0.0.1:8000", f"127.0.0.1:{system.settings.edge_port}")
         .replace("127.0.0.1:8100", f"127.0.0.1:{system.settings.cloud_port}")
@@ -75,9 +75,10 @@ def type_into_shell(system: FarmSystem, command: str) -> str:
     return run.stdout
 
 
-def test_the_readmes_curl_lines_fly_the_vehicle(tmp_path: Path) -> None:
+@pytest.mark.promise
+def test_the_curl_lines_of_the_tutorial_fly_the_vehicle(tmp_path: Path) -> None:
     with running(tmp_path / "var") as system:
-        post, show_plan, show_vehicles, reports, poses, kept, _latest = readme_commands()
+        post, show_plan, show_vehicles, reports, poses, kept, _latest = tutorial_commands()
         assert '"id":1' in type_into_shell(system, post).replace(" ", "")
         assert "connected" in type_into_shell(system, show_vehicles)
         plan = system.wait_until_ended(1)
@@ -116,7 +117,7 @@ def test_the_true_track_passes_every_waypoint_and_ends_at_home(tmp_path: Path) -
     assert track[-1].height_above_home_m < HOME_STANDING_HEIGHT_M
 
 
-def test_a_cloud_away_for_the_whole_flight_gets_everything_afterwards(tmp_path: Path) -> None:
+def test_a_cloud_unreachable_for_a_flight_gets_everything_afterwards(tmp_path: Path) -> None:
     with FarmSystem(tmp_path / "var") as system:
         system.start("edge", "broker", "vehicle-1").wait_until_connected()
         system.fly(short_plan())
@@ -156,6 +157,7 @@ def test_after_a_kill_while_idle_the_next_plan_flies(victim: str, tmp_path: Path
         assert {report["mission_id"] for report in mission_reports(system)} == {1, 2}
 
 
+@pytest.mark.promise
 def test_make_sim_leaves_neither_process_nor_port_behind(tmp_path: Path) -> None:
     """Also where it was started with SIGINT ignored, as by `nohup` or with `&` in a script."""
     system = FarmSystem(tmp_path / "var")

@@ -7,8 +7,8 @@ import pytest
 
 from afarcloud.enumerations import AlarmCode, Status
 from afarcloud.geodesy import shifted
+from sim.fault_schedule import Fault
 from sim.faults.notation import read_order
-from sim.faults.schedule import Fault
 from tests.support.broker_world import go_home, mission, takeoff, waypoint
 from tests.support.flying_world import FlyingWorld
 from tests.support.scripted_vehicle import HOME
@@ -71,6 +71,7 @@ def alarms(world: FlyingWorld) -> list[int]:
     return [alarm["alarm_code_id"] for alarm in world.edge.bodies("/alarm/")]
 
 
+@pytest.mark.promise
 @pytest.mark.parametrize("case", CASES, ids=[case.order for case in CASES])
 def test_a_fault_raises_its_alarm_and_no_other(tmp_path: Path, case: Case) -> None:
     world = on_its_way(tmp_path, is_fenced=case.is_fenced)

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import pytest
 
 from afarcloud.enumerations import AlarmCode, EventType, Status
-from sim.faults.schedule import Fault, Kind
+from sim.fault_schedule import Fault, Kind
 from tests.support.broker_world import land, mission, takeoff, waypoint
 from tests.support.fake_edge import FakeEdge
 from tests.support.flying_world import FlyingWorld

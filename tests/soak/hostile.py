@@ -39,6 +39,8 @@ SLOW_SOCKETS: Final = 300
 DISK_MIB: Final = 96
 ANSWER_LIMIT_S: Final = 10.0
 SETTLE_S: Final = 900.0
+LOW_CHARGE: Final = 0.35
+"""Share of charge below which a standing vehicle gets a new battery."""
 LANDED_S: Final = 300.0
 TOUCHDOWN_LIMIT_M_S: Final = 1.0
 STANDING_M: Final = 0.3
@@ -96,14 +98,29 @@ class Farm:
             self.record.done[f"aborts answered {answer.status_code}"] += 1
 
     def tend(self) -> None:
-        """Release held vehicles, give work to idle ones."""
+        """Release held vehicles, give work to idle ones, swap one low battery."""
+        has_swapped = False
         for state in rows(self.system.get("/vehicles/")):
             vehicle = state["vehicle_id"]
             if state.get("held"):
                 self._post(f"/vehicles/{vehicle}/release", {"reason": "inspected"})
                 self.record.done["releases"] += 1
             elif state.get("mission_id") is None and not state.get("armed"):
-                self.plan(vehicle)
+                if not has_swapped and (state.get("battery_percentage") or 1.0) < LOW_CHARGE:
+                    self._swap_battery(vehicle)
+                    has_swapped = True
+                else:
+                    self.plan(vehicle)
+
+    def _swap_battery(self, vehicle: int) -> None:
+        """Start the vehicle anew with a full battery; its true track so far is kept."""
+        name = f"vehicle-{vehicle}"
+        self.system.kill(name)
+        track = self.system.state_dir / name / "truth.csv"
+        number = len(list(track.parent.glob("truth*.csv")))
+        track.rename(track.with_name(f"truth-{number}.csv"))
+        self.system.start(name)
+        self.record.done["batteries swapped"] += 1
 
     def _post(self, path: str, body: Any) -> requests.Response | None:
         try:
@@ -284,16 +301,18 @@ def _judge(farm: Farm, pilots: Pilots) -> list[str]:
     """Every law that was broken, in sentences."""
     system = farm.system
     broken = [
-        f"vehicle {each.system} was put into main mode {each.lost_to_mode} in its pilot's hands"
+        f"vehicle {each.system} was put into main mode {each.lost_to_mode} in its pilot's hands: "
+        f"{'; '.join(each.texts)}"
         for each in pilots.done
-        if each.lost_to_mode is not None
+        if each.lost_to_mode is not None and not each.in_failsafe
     ]
     broken += _judge_cloud(farm, system.cloud("/records"))
     for name, limit_mb in (("edge", EDGE_LIMIT_MB), ("broker", BROKER_LIMIT_MB)):
         if farm.record.largest_mb[name] > limit_mb:
             broken.append(f"{name} took {farm.record.largest_mb[name]:.0f} MB")
     for number in system.settings.started_ids:
-        broken += _judge_track(number, system.state_dir / f"vehicle-{number}" / "truth.csv")
+        for track in sorted((system.state_dir / f"vehicle-{number}").glob("truth*.csv")):
+            broken += _judge_track(number, track)
     return broken
 
 
@@ -342,6 +361,9 @@ def _report(
     say(", ".join(f"{name} {count}" for name, count in sorted(record.done.items())))
     say(", ".join(f"{name} {count}" for name, count in sorted(counts.items())))
     say(f"{len(pilots.done)} takeovers, {sum(each.has_it for each in pilots.done)} of them taken")
+    for each in pilots.done:
+        if each.lost_to_mode is not None and each.in_failsafe:
+            say(f"vehicle {each.system} left its pilot by its failsafe: {'; '.join(each.texts)}")
     answers = sorted(record.abort_answer_s)
     if answers:
         p50, p99 = answers[len(answers) // 2], answers[int(0.99 * (len(answers) - 1))]

@@ -5,62 +5,49 @@ publishes what estimator, sensors and land detector would.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from uav_firmware.bus import Queue, Topic
 from uav_firmware.lib.geo import LocalFrame
 from uav_firmware.lib.rotation import from_euler
 from uav_firmware.modules.commander.module import CommanderModule
-from uav_firmware.modules.commander.topics import CommanderTopics
 from uav_firmware.modules.navigator.module import NavigatorModule
 from uav_firmware.modules.position_control.params import PositionControlParams
 from uav_firmware.msg.battery import BatteryStatus
-from uav_firmware.msg.control_mode import (
-    ManualControlSetpoint,
-    OffboardSetpoint,
-    VehicleControlMode,
-)
 from uav_firmware.msg.estimate import (
     AidSource,
     EstimateResets,
     EstimatorStatus,
     VehicleAttitude,
     VehicleLocalPosition,
-    WindEstimate,
 )
-from uav_firmware.msg.failure import FailureDetectorStatus
-from uav_firmware.msg.geofence import Fence, GeofenceStatus, RallyPoints
-from uav_firmware.msg.guidance import FollowTarget, OrbitStatus
 from uav_firmware.msg.mission import (
     Mission,
     MissionItem,
-    MissionProgress,
-    NavigatorRequest,
-    NavigatorStatus,
+    MissionRejection,
+    ModeTarget,
+    PlanCheckRequest,
+    PlanType,
+    TargetCheckRequest,
 )
 from uav_firmware.msg.sensors import (
     SensorBaro,
     SensorGps,
     SensorImu,
     SensorMag,
-    SensorRange,
 )
 from uav_firmware.msg.setpoints import TrajectorySetpoint
 from uav_firmware.msg.status import (
     Command,
-    HomePosition,
     LandDetected,
     LandedState,
     NavigationState,
-    StatusText,
-    StorageStatus,
     VehicleCommand,
     VehicleCommandAck,
-    VehicleStatus,
 )
 from uav_firmware.msg.vectors import Vector3
 from uav_firmware.parameters import Registry
+from uav_firmware.topics import Topics
 
 NAN = math.nan
 HOME = (40.44340, -3.73820, 650.0)
@@ -68,7 +55,7 @@ STEP_US = 4_000
 
 
 def item(seq: int, command: int, **fields: float) -> MissionItem:
-    """Mission item at home's place unless told otherwise; altitude relative to home."""
+    """Mission item at the home position by default; altitude relative to home."""
     values = {f"param{n}": 0.0 for n in range(1, 5)} | {"x": 0.0, "y": 0.0, "z": 0.0} | fields
     frame = int(values.pop("frame", 3 if command < 90 and command != 20 else 2))
     return MissionItem(
@@ -132,93 +119,42 @@ class ToyVehicle:
     texts: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.commands: Queue[VehicleCommand] = Queue()
-        self.answers: Queue[VehicleCommandAck] = Queue()
-        self.attitude: Topic[VehicleAttitude] = Topic()
-        self.local_position: Topic[VehicleLocalPosition] = Topic()
-        self.estimator: Topic[EstimatorStatus] = Topic()
-        self.land: Topic[LandDetected] = Topic()
-        self.progress: Topic[MissionProgress] = Topic()
-        self.navigator_status: Topic[NavigatorStatus] = Topic()
-        self.imu: Topic[SensorImu] = Topic()
-        self.baro: Topic[SensorBaro] = Topic()
-        self.mag: Topic[SensorMag] = Topic()
-        self.gps: Topic[SensorGps] = Topic()
-        self.battery_topic: Topic[BatteryStatus] = Topic()
-        self.heartbeat: Topic[int] = Topic()
-        self.status: Topic[VehicleStatus] = Topic()
-        self.home: Topic[HomePosition] = Topic()
-        self.requests: Queue[NavigatorRequest] = Queue()
-        self.status_text: Queue[StatusText] = Queue()
-        self.mission: Topic[Mission] = Topic()
-        self.fence: Topic[Fence] = Topic()
-        self.rally_points: Topic[RallyPoints] = Topic()
-        self.geofence_status: Topic[GeofenceStatus] = Topic()
-        self.follow_target: Topic[FollowTarget] = Topic()
-        self.failure: Topic[FailureDetectorStatus] = Topic()
-        self.range_finder: Topic[SensorRange] = Topic()
-        self.sticks: Topic[ManualControlSetpoint] = Topic()
-        self.orbit_status: Topic[OrbitStatus] = Topic()
-        self.setpoint: Topic[TrajectorySetpoint] = Topic()
+        self.topics = topics = Topics()
+        self.commands = topics.vehicle_command
+        self.answers = topics.vehicle_command_ack
+        self.attitude = topics.vehicle_attitude
+        self.local_position = topics.vehicle_local_position
+        self.estimator = topics.estimator_status
+        self.land = topics.land_detected
+        self.progress = topics.mission_progress
+        self.navigator_status = topics.navigator_status
+        self.imu = topics.sensor_imu
+        self.baro = topics.sensor_baro
+        self.mag = topics.sensor_mag
+        self.gps = topics.sensor_gps
+        self.battery_topic = topics.battery_status
+        self.heartbeat = topics.ground_station_heartbeat
+        self.status = topics.vehicle_status
+        self.home = topics.home_position
+        self.requests = topics.navigator_request
+        self.status_text = topics.status_text
+        self.mission = topics.mission
+        self.fence = topics.fence
+        self.rally_points = topics.rally_points
+        self.geofence_status = topics.geofence_status
+        self.follow_target = topics.follow_target
+        self.failure = topics.failure_detector_status
+        self.range_finder = topics.sensor_range
+        self.sticks = topics.manual_control_setpoint
+        self.orbit_status = topics.orbit_status
+        self.setpoint = topics.trajectory_setpoint
+        self.stream = topics.offboard_setpoint
+        self.control = topics.vehicle_control_mode
+        self.storage = topics.storage_status
+        self.wind_estimate = topics.wind
         self.registry.add(PositionControlParams)
-        self.navigator = NavigatorModule(
-            self.registry,
-            failure_detector_status=self.failure,
-            manual_control_setpoint=self.sticks,
-            vehicle_local_position=self.local_position,
-            vehicle_status=self.status,
-            land_detected=self.land,
-            home_position=self.home,
-            mission=self.mission,
-            navigator_request=self.requests,
-            trajectory_setpoint=self.setpoint,
-            mission_progress=self.progress,
-            navigator_status=self.navigator_status,
-            follow_target=self.follow_target,
-            orbit_status=self.orbit_status,
-            fence=self.fence,
-            rally_points=self.rally_points,
-            geofence_status=self.geofence_status,
-            vehicle_command=self.commands,
-            status_text=self.status_text,
-        )
-        self.stream: Topic[OffboardSetpoint] = Topic()
-        self.control: Topic[VehicleControlMode] = Topic()
-        self.storage: Topic[StorageStatus] = Topic()
-        self.wind_estimate: Topic[WindEstimate] = Topic()
-        self.commander = CommanderModule(
-            self.registry,
-            CommanderTopics(
-                vehicle_command=self.commands,
-                vehicle_command_ack=self.answers,
-                vehicle_attitude=self.attitude,
-                vehicle_local_position=self.local_position,
-                estimator_status=self.estimator,
-                land_detected=self.land,
-                mission=self.mission,
-                mission_progress=self.progress,
-                navigator_status=self.navigator_status,
-                geofence_status=self.geofence_status,
-                failure_detector_status=self.failure,
-                storage_status=self.storage,
-                sensor_imu=self.imu,
-                sensor_baro=self.baro,
-                sensor_mag=self.mag,
-                sensor_gps=self.gps,
-                sensor_range=self.range_finder,
-                battery_status=self.battery_topic,
-                ground_station_heartbeat=self.heartbeat,
-                manual_control_setpoint=self.sticks,
-                offboard_setpoint=self.stream,
-                vehicle_status=self.status,
-                vehicle_control_mode=self.control,
-                home_position=self.home,
-                wind=self.wind_estimate,
-                navigator_request=self.requests,
-                status_text=self.status_text,
-            ),
-            refusal_of=self.navigator.refusal_of,
-        )
+        self.navigator = NavigatorModule(self.registry, topics)
+        self.commander = CommanderModule(self.registry, topics)
         self._grounded_us = 10_000_000  # [us] Time on the ground with nothing pulling up
 
     @property
@@ -284,9 +220,38 @@ class ToyVehicle:
         self.now_us += STEP_US
         self._move(STEP_US * 1e-6)
         self._sense()
-        self.commander.update(self.now_us)
+        self.run_commander(self.now_us)
         self.navigator.update(self.now_us)
         self._record()
+
+    def run_commander(self, now_us: int) -> None:
+        """One step of the commander, with the navigator's answer to its request."""
+        self.commander.update(now_us)
+        while self.topics.target_check_request:
+            self.navigator.check_targets()
+            self.commander.resume()
+        self.commander.finish()
+
+    def check_plan(
+        self, plan_type: PlanType, items: Sequence[MissionItem]
+    ) -> MissionRejection | None:
+        """What the navigator answers to the upload of a plan."""
+        self.topics.plan_check_request.publish(PlanCheckRequest(1, plan_type, tuple(items)))
+        while not self.topics.plan_check_result:
+            self.navigator.check_plans()
+        (result,) = self.topics.plan_check_result.drain()
+        return result.rejection
+
+    def check_mission(self, items: Sequence[MissionItem]) -> MissionRejection | None:
+        """What the navigator answers to the upload of a mission."""
+        return self.check_plan(PlanType.MISSION, items)
+
+    def check_target(self, target: ModeTarget) -> str:
+        """Why the geofence forbids a target; empty when it does not."""
+        self.topics.target_check_request.publish(TargetCheckRequest(1, target))
+        self.navigator.check_targets()
+        (result,) = self.topics.target_check_result.drain()
+        return result.refusal
 
     def reset(self, north_m: float, east_m: float, down_m: float = 0.0) -> None:
         """Let the estimate leap; the vehicle has not moved."""

@@ -90,7 +90,7 @@ class CameraDevice(Protocol):
 
 
 class FilmGrowth(NamedTuple):
-    """What has been stored of films since it was last asked."""
+    """Growth of the stored films since the last call."""
 
     size_bytes: int  # [B]
     reason: str = ""  # Why the film that was being recorded goes no further; empty if it does
@@ -154,7 +154,7 @@ class Seeker(Protocol):
     """A camera's own search for something in its picture."""
 
     def lock(self, box: Box, gaze: Gaze) -> bool:
-        """Hold on to what is in a box; false if nothing there can be told from the ground."""
+        """Lock on to the object in a box; false if there is none distinct from the ground."""
 
     def seen(self, gaze: Gaze) -> Box | None:
         """Where what is held on to is seen; None when it is not in the picture."""

@@ -1,7 +1,7 @@
 """Files that peers may read and write by name: a card, a folder, or something generated.
 
 A place is a tuple of names from the store's root, `("log", "2026-03-01")`; `()` is the root
-itself. Every method tells a refusal by an `OSError` with its `errno` set.
+itself. Every method reports a refusal by an `OSError` with its `errno` set.
 """
 
 from collections.abc import Sequence

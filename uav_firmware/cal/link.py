@@ -16,7 +16,7 @@ class Link(Protocol):
         """Send one datagram; an unreachable address is no error."""
 
     def refused_addresses(self) -> Sequence[Address]:
-        """Where datagrams have been turned away since the last call: nobody listens there.
+        """Addresses that have refused datagrams since the last call: no process listens there.
 
         A link that cannot know gives none.
         """

@@ -31,7 +31,7 @@ class LogStore(Protocol):
         """Room that is left on the medium [bytes].
 
         Raises:
-            OSError: if the medium does not tell.
+            OSError: if the medium does not report it.
         """
 
     def create(self, time_utc_us: int) -> LogFile:

@@ -1,4 +1,4 @@
-"""Named files in one folder, replaced atomically, by whoever asks: each write is waited for."""
+"""Named files in one folder, replaced atomically; the caller waits for each write."""
 
 import os
 import re

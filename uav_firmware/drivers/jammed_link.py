@@ -28,12 +28,12 @@ class JammedLink:
         return () if self._vehicle.link_lost else datagrams
 
     def send(self, datagram: bytes, address: Address) -> None:
-        """Send one datagram, to nobody while the link is cut."""
+        """Send one datagram; drop it while the link is cut."""
         if not self._vehicle.link_lost:
             self._link.send(datagram, address)
 
     def refused_addresses(self) -> Sequence[Address]:
-        """Where nobody listens."""
+        """Addresses where no process listens."""
         return self._link.refused_addresses()
 
     def wait(self, seconds: float) -> bool:

@@ -6,10 +6,10 @@ Frames and units are the same on both sides (NED, FRD, SI); what changes here is
 
 from typing import Final
 
+from sim.fault_schedule import FaultError
 from sim.faults.console import FaultConsole
 from sim.faults.injection import Failure, Unit, faults_of, kinds_of
 from sim.faults.notation import Clear, read_order
-from sim.faults.schedule import FaultError
 from sim.sensors import rangefinder
 from sim.sensors.readings import Readings
 from sim.simulation import Simulation
@@ -219,7 +219,7 @@ class JsbsimVehicle:
         return bool(kinds)
 
     def _obey(self, console: FaultConsole) -> None:
-        """Carry out the lines that have come, and tell what became of them."""
+        """Carry out the lines received, and report the results."""
         simulation = self._simulation
         for line in console.poll():
             try:

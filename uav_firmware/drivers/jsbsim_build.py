@@ -55,8 +55,8 @@ def simulated_vehicle(
     `home` is latitude [deg], longitude [deg], altitude above mean sea level [m] and heading
     [deg]; None is the home of `world`, where the vehicles stand side by side. The farm lies at the
     world's home, or at `home` if that is far from it. The GNSS receiver
-    tells `start_time_utc_us` [us since 1970] at time zero. `faults_path` is a file of faults to
-    come; in `console_folder` more can be ordered while it flies. Without `pictures` there is no
+    reports `start_time_utc_us` [us since 1970] at time zero. `faults_path` is a file of scheduled
+    faults; in `console_folder` more can be injected in flight. Without `pictures` there is no
     camera.
 
     Raises:

@@ -17,9 +17,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final, NamedTuple, TypedDict
 
-from sim.camera.darkroom import Darkroom, Developed
-from sim.camera.lens import Lens, Pose, multiplied
-from sim.camera.order import SECOND_PICTURES, Belief, Order
+from sim.camera.film.orders import SECOND_PICTURES, EstimatedPose, Order
+from sim.camera.film.render_process import Rendered, RenderProcess
+from sim.camera.scene.lens import Lens, Pose, multiplied
 from sim.simulation import Simulation
 from uav_firmware.cal.camera import Exposure, Outcome, Picture
 from uav_firmware.drivers.file_room import Room
@@ -55,7 +55,7 @@ class JsbsimCamera:
         serial: str,
         in_step: bool,
         hurried: bool = False,
-        darkroom: Darkroom | None = None,
+        render_process: RenderProcess | None = None,
     ) -> None:
         """Store pictures in a folder that `room` measures.
 
@@ -69,9 +69,9 @@ class JsbsimCamera:
         self._room = room
         self._serial = serial
         self._in_step, self._hurried = in_step, hurried
-        self._darkroom = Darkroom() if darkroom is None else darkroom
+        self._darkroom = RenderProcess() if render_process is None else render_process
         self._pending: deque[_Pending] = deque()
-        self._developed: deque[Developed] = deque()
+        self._developed: deque[Rendered] = deque()
         self._erasing: deque[Path] = deque()
 
     @property
@@ -151,7 +151,7 @@ class JsbsimCamera:
         return found
 
     def _outcome(self) -> Outcome:
-        """That of the oldest exposure; the darkroom keeps the order."""
+        """That of the oldest exposure; the render_process keeps the order."""
         pending, ended = self._pending.popleft(), self._developed.popleft()
         if ended.error:
             return Outcome(pending.image_index, None, ended.error)
@@ -163,7 +163,7 @@ class JsbsimCamera:
         return Order(
             number=exposure.image_index,
             **sight(self._simulation, exposure),
-            belief=_belief(exposure, self._serial),
+            estimate=_belief(exposure, self._serial),
             path=str(self._folder / name),
             thumbnail_path=str(self._folder / THUMBNAILS / name),
             second=second,
@@ -200,8 +200,8 @@ def sight(simulation: Simulation, exposure: Exposure) -> Sight:
     )
 
 
-def _belief(exposure: Exposure, serial: str) -> Belief:
-    return Belief(
+def _belief(exposure: Exposure, serial: str) -> EstimatedPose:
+    return EstimatedPose(
         time_utc_us=exposure.time_utc_us,
         latitude_deg=_known(exposure.latitude_deg),
         longitude_deg=_known(exposure.longitude_deg),

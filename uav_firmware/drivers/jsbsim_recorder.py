@@ -9,8 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from sim.camera.darkroom import Darkroom
-from sim.camera.order import Frame
+from sim.camera.film.orders import Frame
+from sim.camera.film.render_process import RenderProcess
 from sim.simulation import Simulation
 from uav_firmware.cal.camera import Exposure, FilmGrowth
 from uav_firmware.cal.files import Place
@@ -34,14 +34,14 @@ class JsbsimRecorder:
         room: Room,
         *,
         in_step: bool,
-        darkroom: Darkroom | None = None,
+        render_process: RenderProcess | None = None,
     ) -> None:
         """Store films in a folder that `room` measures; `in_step` as of `JsbsimCamera`."""
         self._simulation = simulation
         self._folder = folder.resolve()
         self._room = room
         self._in_step = in_step
-        self._darkroom = Darkroom() if darkroom is None else darkroom
+        self._darkroom = RenderProcess() if render_process is None else render_process
         self._film: tuple[str, float] | None = None  # Path, rate [Hz]
         self._last: Frame | None = None
         self._number = 0

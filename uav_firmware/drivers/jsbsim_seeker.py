@@ -10,8 +10,8 @@ from typing import Final
 
 import numpy as np
 
-from sim.camera.hidden import share_in_sight
-from sim.camera.lens import Lens, in_camera, multiplied
+from sim.camera.scene.lens import Lens, in_camera, multiplied
+from sim.camera.scene.occlusion import share_in_sight
 from sim.simulation import Simulation
 from sim.world.subjects import Subject
 from uav_firmware.cal.camera import Gaze

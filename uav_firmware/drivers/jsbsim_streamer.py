@@ -9,8 +9,8 @@ import socket
 import sys
 from typing import Final
 
-from sim.camera.darkroom import Darkroom
-from sim.camera.order import Frame
+from sim.camera.film.orders import Frame
+from sim.camera.film.render_process import RenderProcess
 from sim.simulation import Simulation
 from uav_firmware.cal.camera import Exposure
 from uav_firmware.drivers.jsbsim_camera import sight
@@ -27,7 +27,7 @@ class JsbsimStreamer:
         self._simulation = simulation
         self._address = ("127.0.0.1", port)
         self._listening: socket.socket | None = None
-        self._darkroom: Darkroom | None = None
+        self._darkroom: RenderProcess | None = None
         self._number = 0
         self.uri = f"http://127.0.0.1:{port}/stream"
         """Where it can be seen."""
@@ -38,13 +38,13 @@ class JsbsimStreamer:
         Raises:
             OSError: if the port cannot be had, or the process that shows it not be started.
         """
-        darkroom = self._open()
-        reason = next((end.error for end in darkroom.finished() if end.error), "")
-        if not self._simulation.camera_failed and darkroom.pending < UNDER_WAY:
+        render_process = self._open()
+        reason = next((end.error for end in render_process.finished() if end.error), "")
+        if not self._simulation.camera_failed and render_process.pending < UNDER_WAY:
             self._number += 1
             view = sight(self._simulation, exposure)
             frame = Frame(number=self._number, **view, path="", rate_hz=rate_hz)
-            darkroom.begin(frame)
+            render_process.begin(frame)
         return reason
 
     def close(self) -> None:
@@ -53,18 +53,18 @@ class JsbsimStreamer:
         The process beside has the listening socket too and may take seconds to end. `shutdown`
         ends the listening for both, so the port can be listened on again at once.
         """
-        darkroom, self._darkroom = self._darkroom, None
+        render_process, self._darkroom = self._darkroom, None
         listening, self._listening = self._listening, None
         if listening is not None:
             listening.shutdown(socket.SHUT_RDWR)
             listening.close()
-        if darkroom is not None:
-            darkroom.stop()
+        if render_process is not None:
+            render_process.stop()
 
-    def _open(self) -> Darkroom:
+    def _open(self) -> RenderProcess:
         if self._darkroom is None:
             self._listening = socket.create_server(self._address)
             number = self._listening.fileno()
-            command = (sys.executable, "-m", "sim.camera.live", str(number))
-            self._darkroom = Darkroom(command, inherits=(number,))
+            command = (sys.executable, "-m", "sim.camera.film.live_view", str(number))
+            self._darkroom = RenderProcess(command, inherits=(number,))
         return self._darkroom

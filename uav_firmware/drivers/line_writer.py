@@ -1,4 +1,4 @@
-"""Lines to a stream that may be stuck: whoever reads it, the control loop does not wait for him.
+"""Lines to a stream whose reader may be stuck: the control loop does not wait for it.
 
 A terminal that is paused, or a program that stops reading our pipe, blocks a `print`. So a thread
 writes the lines of a paced vehicle. Lines for which there is no room, or that the stream refuses,

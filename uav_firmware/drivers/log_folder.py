@@ -45,7 +45,7 @@ class LogFolder:
         """Room that is left for this user [bytes], the folder being there or not.
 
         Raises:
-            OSError: if the medium does not tell.
+            OSError: if the medium does not report it.
         """
         place = self._folder
         while not place.exists() and place != place.parent:

@@ -13,16 +13,15 @@ MAX_DATAGRAMS_PER_CALL: Final = 64
 MAX_DATAGRAM_BYTES: Final = 4096
 _BUFFER_BYTES: Final = 1 << 20
 _IP_RECVERR: Final = 11
-"""Linux's socket option (ip(7)): tell of the destinations that nobody listens at."""
+"""Linux's socket option (ip(7)): report destinations where no process listens."""
 _ANCILLARY_BYTES: Final = 512
 
 
 class UdpLink:
     """A bound UDP socket; implements `uav_firmware.cal.link.Link`.
 
-    A datagram that cannot be sent is lost and counted, as it would be on a radio: nobody
-    listens, no route, or the buffer is full. Where nobody listens is told by
-    `refused_addresses`, on Linux.
+    A datagram that cannot be sent is lost and counted, as on a radio: no process
+    listens, no route, or the buffer is full. `refused_addresses` reports the first, on Linux.
     """
 
     def __init__(self, host: str, port: int) -> None:
@@ -73,7 +72,7 @@ class UdpLink:
             except BlockingIOError:
                 break
             except OSError:
-                # The answer of a former destination that nobody listens on; not a datagram.
+                # An error of a former destination where no process listens; not a datagram.
                 self._note_refusals()
         return datagrams
 

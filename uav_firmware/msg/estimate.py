@@ -7,7 +7,7 @@ from uav_firmware.msg.vectors import Quaternion, Vector3
 
 
 class AidSource(IntFlag):
-    """Sources of aid that the estimator judges one by one."""
+    """Sources of aiding that the estimator accepts or stops one by one."""
 
     GPS_POSITION = 1
     GPS_VELOCITY = 2
@@ -112,7 +112,7 @@ class HoverThrustEstimate(NamedTuple):
 
     time_us: int  # [us]
     hover_thrust: float  # [-] Of full thrust
-    valid: bool  # Learnt in this flight; else it is what MPC_THR_HOVER says
+    valid: bool  # Learnt in this flight; else it is MPC_THR_HOVER
 
 
 class WindEstimate(NamedTuple):

@@ -16,7 +16,7 @@ class FailureDetectorStatus(NamedTuple):
     roll_exceeded: bool  # Beyond FD_FAIL_R for FD_FAIL_R_TTRI
     pitch_exceeded: bool  # Beyond FD_FAIL_P for FD_FAIL_P_TTRI
     failed_motors: int  # [-] Bit 0 is motor 1
-    propulsion_weak: bool = False  # All rotors together are slower than they are told to be
+    propulsion_weak: bool = False  # All rotors together are slower than commanded
     crash: str = ""  # Why the vehicle counts as crashed; empty while it does not
     escs_silent: bool = False  # No telemetry of the speed controllers, or not of each
 

@@ -13,10 +13,10 @@ class OrbitHeading(IntEnum):
     TOWARDS_CENTRE = 0
     INITIAL = 1
     UNCONTROLLED = 2
-    FORWARDS = 3  # Along the circle, the way of flight
+    FORWARDS = 3  # Along the circle, in the direction of flight
     PILOT = 4
     UNCHANGED = 5
-    BACKWARDS = 6  # Along the circle, against the way of flight
+    BACKWARDS = 6  # Along the circle, against the direction of flight
     AWAY = 7  # From the centre
 
 
@@ -51,13 +51,13 @@ class FollowOrder(NamedTuple):
 
     time_us: int  # [us]
     navigation_state: NavigationState  # Mode that the order belongs to: AUTO_FOLLOW_TARGET
-    system_id: int  # [-] Whose reports count; 0 the first that is heard
+    system_id: int  # [-] Source of the reports; 0 the first one received
     height: FollowHeight
     height_m: float  # [m] Above home, with FollowHeight.FIXED
 
 
 class RegionOfInterest(NamedTuple):
-    """A place to look at until told otherwise. Written by commander."""
+    """A place to point at until the next message. Written by commander and navigator."""
 
     time_us: int  # [us]
     latitude_deg: float  # [deg] NaN: none any more
@@ -66,19 +66,19 @@ class RegionOfInterest(NamedTuple):
 
 
 class HeadingRequest(NamedTuple):
-    """Turn on the spot or on the way. Written by commander."""
+    """Turn in place or on a leg. Written by commander."""
 
     time_us: int  # [us]
     angle_deg: float  # [deg] Heading, or the turn when relative
     rate_deg_s: float  # [deg/s] 0 or NaN: as the parameters allow
-    direction: int  # [-] 1 clockwise, -1 counter-clockwise, 0 the shorter way
+    direction: int  # [-] 1 clockwise, -1 counter-clockwise, 0 the shorter turn
     relative: bool
 
 
 class FollowTarget(NamedTuple):
-    """Where somebody says that a target is. Written by mavlink, read by navigator.
+    """Position of a target as reported. Written by mavlink, read by navigator.
 
-    NaN where the report does not tell.
+    NaN where the report holds no value.
     """
 
     time_us: int  # [us] Of arrival
@@ -99,5 +99,5 @@ class OrbitStatus(NamedTuple):
     latitude_deg: float  # [deg] Of the centre
     longitude_deg: float  # [deg]
     altitude_amsl_m: float  # [m]
-    speed_m_s: float  # [m/s] That is flown: what was asked for, cut to what is allowed
+    speed_m_s: float  # [m/s] That is flown: the commanded speed within its limits
     turned: float  # [rad] On the circle so far

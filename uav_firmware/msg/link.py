@@ -10,6 +10,6 @@ class RefusedFrames(NamedTuple):
     malformed: int = 0  # [-] Bytes that are no whole frame with a right checksum
     unsigned: int = 0  # [-] On a link that asks for a signature
     bad_signature: int = 0  # [-] Not made with the link's key
-    replayed: int = 0  # [-] Rightly signed, but not newer than what was heard
+    replayed: int = 0  # [-] Correctly signed, but not newer than the last frame received
     version_1: int = 0  # [-] Frames of the old version, on a link that asks for a signature
     flood: int = 0  # [-] Datagrams beyond what a step can bear

@@ -1,4 +1,4 @@
-"""Missions as the navigator flies them, and what commander and navigator tell each other."""
+"""Missions as the navigator flies them, and the messages between commander and navigator."""
 
 import math
 from collections.abc import Generator
@@ -114,7 +114,34 @@ class MissionRejection(NamedTuple):
 
 
 PlanReview: TypeAlias = Generator[int, None, MissionRejection | None]
-"""A judgement in steps: yields the work done since the last one, in units of some 5 us."""
+"""A check in steps: yields the work done since the last one, in units of some 5 us."""
+
+
+class PlanType(IntEnum):
+    """MAVLink's MAV_MISSION_TYPE."""
+
+    MISSION = 0
+    FENCE = 1
+    RALLY_POINTS = 2
+
+
+class PlanCheckRequest(NamedTuple):
+    """Whether an uploaded plan can be flown. Written by mavlink; read by navigator.
+
+    A newer request for the same type replaces one that has not been answered.
+    """
+
+    request_id: int  # [-] Repeated in the result
+    plan_type: PlanType
+    items: tuple[MissionItem, ...]
+
+
+class PlanCheckResult(NamedTuple):
+    """Answer to a PlanCheckRequest. Written by navigator; read by mavlink."""
+
+    request_id: int  # [-] Of the request
+    plan_type: PlanType
+    rejection: MissionRejection | None  # None: it can be flown
 
 
 class MissionProgress(NamedTuple):
@@ -177,6 +204,24 @@ class FenceSwitch(NamedTuple):
 
 ModeTarget: TypeAlias = NavigatorTarget | OrbitTarget | FollowOrder
 """An order that belongs to one mode and comes just before it."""
+
+
+class TargetCheckRequest(NamedTuple):
+    """Whether the geofence allows a target. Written by commander; read by navigator.
+
+    The navigator answers in the same step.
+    """
+
+    request_id: int  # [-] Repeated in the result
+    target: ModeTarget
+
+
+class TargetCheckResult(NamedTuple):
+    """Answer to a TargetCheckRequest. Written by navigator; read by commander."""
+
+    request_id: int  # [-] Of the request
+    refusal: str  # Why the geofence forbids the target; empty when it allows it
+
 
 NavigatorRequest: TypeAlias = (
     ModeTarget

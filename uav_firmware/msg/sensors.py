@@ -89,7 +89,7 @@ class SensorEsc(NamedTuple):
 
 
 class SensorRange(NamedTuple):
-    """Range finder that looks down, at 10 Hz or more; told to ground stations, not flown by."""
+    """Range finder that looks down, at 10 Hz or more; reported, not used for flight."""
 
     time_us: int  # [us]
     distance_m: float  # [m] Along the body's down axis; NaN when nothing answers
@@ -98,15 +98,15 @@ class SensorRange(NamedTuple):
 
 
 class SensorHygrometer(NamedTuple):
-    """Air at the vehicle, once a second; told, not flown by."""
+    """Air at the vehicle, once a second; reported, not used for flight."""
 
     time_us: int  # [us]
     air_temperature_c: float  # [deg C]
-    relative_humidity_percent: float  # [%] NaN when it cannot tell
+    relative_humidity_percent: float  # [%] NaN when it is not measured
 
 
 class SensorGround(NamedTuple):
-    """Soil below and light above, once a second; told, not flown by."""
+    """Soil below and light above, once a second; reported, not used for flight."""
 
     time_us: int  # [us]
     soil_moisture: float  # [m^3/m^3] Water in the upper soil

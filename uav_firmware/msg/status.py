@@ -153,5 +153,5 @@ class StorageStatus(NamedTuple):
     """The medium of the flight log. Written by logger every 2 s; read by commander."""
 
     time_us: int  # [us]
-    free_bytes: int  # [bytes] 0 when the medium does not even tell
-    refused: bool  # It has refused the log that is wanted now
+    free_bytes: int  # [bytes] 0 when the medium does not report it
+    refused: bool  # It has refused the log of this flight

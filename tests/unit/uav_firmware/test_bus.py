@@ -17,6 +17,15 @@ def test_a_queue_gives_everything_once_in_order() -> None:
     assert queue.drain() == []
 
 
+def test_the_oldest_item_of_a_queue_is_removed_alone() -> None:
+    queue: Queue[int] = Queue()
+    assert queue.pop() is None
+    queue.publish(1)
+    queue.publish(2)
+    assert queue.pop() == 1
+    assert queue.drain() == [2]
+
+
 def test_a_full_queue_loses_the_oldest_and_counts_it() -> None:
     queue: Queue[int] = Queue(limit=3)
     for number in range(5):

@@ -85,7 +85,7 @@ def test_a_group_that_is_declared_later_is_a_change_for_those_who_wait_for_it(
     assert registry.version != seen
     autopilot = parameter_table.autopilot(tmp_path)
     autopilot.scheduler.step()
-    assert autopilot.estimator.navigation.drag.drag is not None
+    assert autopilot.estimator.estimator.drag.drag is not None
 
 
 def test_an_order_that_was_carried_out_is_put_back_and_announced_once() -> None:

@@ -133,19 +133,19 @@ def test_a_batch_is_as_long_as_may_be(batch_us: int, waits_a_second: int) -> Non
 
 def test_the_next_steps_run_at_once_when_somebody_waits_for_them() -> None:
     clock = Clock()
-    asked = False
+    pending = False
 
     def wait(seconds: float) -> None:
-        nonlocal asked
-        asked = len(clock.waits) == 20
-        clock.wait(seconds / 2 if asked else seconds)
+        nonlocal pending
+        pending = len(clock.waits) == 20
+        clock.wait(seconds / 2 if pending else seconds)
 
-    pacer = Pacer(1.0, clock=clock, wait=wait, is_asked=lambda: asked)
+    pacer = Pacer(1.0, clock=clock, wait=wait, is_command_pending=lambda: pending)
     asked_at_s: list[float] = []
     for step in range(1, 1001):
-        if asked:
+        if pending:
             asked_at_s.append(clock.now_s)
-            asked = len(asked_at_s) < 5
+            pending = len(asked_at_s) < 5
         pacer.pace(step * 4000)
     assert len(asked_at_s) == 5
     assert len(set(asked_at_s)) == 1
@@ -154,7 +154,7 @@ def test_the_next_steps_run_at_once_when_somebody_waits_for_them() -> None:
 
 def test_whoever_asks_without_end_does_not_drive_the_flight_ahead_of_the_clock() -> None:
     clock = Clock()
-    pacer = Pacer(1.0, clock=clock, wait=clock.wait, is_asked=lambda: True)
+    pacer = Pacer(1.0, clock=clock, wait=clock.wait, is_command_pending=lambda: True)
     for step in range(1, 2501):
         pacer.pace(step * 4000)
     assert clock.now_s - 100.0 == pytest.approx(10.0, abs=0.25)
@@ -194,13 +194,13 @@ def test_a_speed_that_is_no_ratio_is_refused(speed: float) -> None:
 
 
 def test_late_steps_are_told_once_in_ten_seconds_and_only_if_there_are_any() -> None:
-    clock, told = Clock(), list[tuple[int, str]]()
+    clock, reported = Clock(), list[tuple[int, str]]()
     pacer = Pacer(1.0, clock=clock, wait=clock.wait)
-    late = LateSteps(pacer, lambda time_us, text: told.append((time_us, text)))
+    late = LateSteps(pacer, lambda time_us, text: reported.append((time_us, text)))
     for step in range(1, 3 * LateSteps.EVERY_STEPS + 1):
         clock.now_s += 0.2 if step == LateSteps.EVERY_STEPS + 500 else 0.0001
         pacer.pace(step * 4000)
         if pacer.steps == late.due:
-            late.tell(step * 4000)
-    assert told == [(20_000_000, f"{pacer.overruns} of the last 2500 steps late")]
+            late.report(step * 4000)
+    assert reported == [(20_000_000, f"{pacer.overruns} of the last 2500 steps late")]
     assert pacer.overruns > 0

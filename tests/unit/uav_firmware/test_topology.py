@@ -1,6 +1,7 @@
 """The whole vehicle's rhythm: how much of its time may pass without a look at the wall clock."""
 
 from collections.abc import Iterator
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -23,16 +24,29 @@ def tester(tmp_path: Path) -> Iterator[AutopilotTester]:
     tester.simulation.close()
 
 
-def test_nobody_waits_for_an_idle_vehicle(tester: AutopilotTester) -> None:
-    assert not tester.autopilot.is_asked()
+def test_each_topic_is_published_as_often_as_it_is_declared(tester: AutopilotTester) -> None:
+    topics = tester.autopilot.topics
+    declared = {entry.name: entry.metadata.get("rate_hz", 0.0) for entry in fields(topics)}
+    periodic = {name: rate for name, rate in declared.items() if rate > 0.0}
+    before = {name: getattr(topics, name).count for name in periodic}
+    tester.run_for(2.0)
+    rates = {name: (getattr(topics, name).count - before[name]) / 2.0 for name in periodic}
+    assert rates.pop("vehicle_status") >= periodic["vehicle_status"]  # And on change
+    for name in ("vehicle_global_position", "geofence_status"):  # Not before a position is known
+        del rates[name]
+    assert rates == pytest.approx({name: periodic[name] for name in rates}, rel=0.01)
+
+
+def test_no_peer_waits_for_an_idle_vehicle(tester: AutopilotTester) -> None:
+    assert not tester.autopilot.is_command_pending()
 
 
 def test_a_command_is_waited_for_until_it_has_been_answered(tester: AutopilotTester) -> None:
     station, autopilot = tester.ground_station, tester.autopilot
     station.command(common.MAV_CMD_DO_SET_HOME, 1.0)
     autopilot.serve_link()
-    assert autopilot.is_asked()
-    tester.wait_until(lambda: not autopilot.is_asked(), 0.1, "answered")
+    assert autopilot.is_command_pending()
+    tester.wait_until(lambda: not autopilot.is_command_pending(), 0.1, "answered")
     station.hear()
     assert common.MAV_CMD_DO_SET_HOME in [command for command, _ in station.acks]
 
@@ -55,7 +69,7 @@ def test_a_batch_is_no_longer_than_the_fastest_telemetry_needs(tester: Autopilot
     assert autopilot.batch_us() == 50_000 < before_us
 
 
-def test_nobody_watches_who_has_long_been_silent(tester: AutopilotTester) -> None:
+def test_a_peer_that_has_timed_out_does_not_count(tester: AutopilotTester) -> None:
     autopilot = tester.autopilot
     watched_us = autopilot.batch_us()
     tester.heartbeats = False

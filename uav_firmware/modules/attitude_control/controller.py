@@ -4,7 +4,7 @@ After D. Brescianini, M. Hehn, R. D'Andrea, "Nonlinear Quadrocopter Attitude Con
 Zurich 2013. The error quaternion, seen from the body, is split into a swing, which turns the
 thrust axis where it has to point, and a twist about that axis. A quadrotor has much less
 torque about its thrust axis than across it, so only the share `yaw_weight` of the twist is
-asked for together with the swing; the yaw gain is raised by the same factor, so that a pure
+commanded together with the swing; the yaw gain is raised by the same factor, so that a pure
 yaw error of a few degrees is corrected as if there were no weight.
 """
 

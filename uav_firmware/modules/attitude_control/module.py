@@ -34,7 +34,7 @@ class AttitudeControlModule:
         self._gains = _gains(registry.read(AttitudeControlParams))
 
     def update(self) -> None:
-        """Run the law once; without thrust no rate is asked for.
+        """Run the controller once; without thrust no rate is commanded.
 
         Where sticks or a stream ask for body rates themselves, the loop stays open.
         """

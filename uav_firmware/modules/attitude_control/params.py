@@ -27,13 +27,13 @@ class AttitudeControlParams:
     )  # fmt: skip
     roll_rate_max_deg_s: float = param(
         "MC_ROLLRATE_MAX", 220.0, unit="deg/s", minimum=10.0, maximum=1800.0,
-        short="Largest roll rate asked for",
+        short="Largest commanded roll rate",
     )  # fmt: skip
     pitch_rate_max_deg_s: float = param(
         "MC_PITCHRATE_MAX", 220.0, unit="deg/s", minimum=10.0, maximum=1800.0,
-        short="Largest pitch rate asked for",
+        short="Largest commanded pitch rate",
     )  # fmt: skip
     yaw_rate_max_deg_s: float = param(
         "MC_YAWRATE_MAX", 120.0, unit="deg/s", minimum=10.0, maximum=1800.0,
-        short="Largest yaw rate asked for",
+        short="Largest commanded yaw rate",
     )  # fmt: skip

@@ -11,7 +11,7 @@ Per cell, with current I and internal resistance R:
 
 The emptier the pack, the more the voltage counts: integrated current knows neither with what
 charge the pack was put in nor what it has lost by age. Until two seconds after a pack is there,
-and with an unknown capacity, voltage alone tells.
+and with an unknown capacity, voltage alone counts.
 """
 
 import math

@@ -24,7 +24,7 @@ class BatteryParams:
     )  # fmt: skip
     capacity_mah: float = param(
         "BAT1_CAPACITY", 5200.0, unit="mAh", minimum=-1.0, maximum=1e6,
-        short="Charge of the full battery; -1 unknown, then voltage alone tells",
+        short="Charge of the full battery; -1 unknown, then only the voltage is used",
     )  # fmt: skip
     cell_resistance_ohm: float = param(
         "BAT1_R_INTERNAL", 0.005, unit="Ohm", minimum=0.0, maximum=0.2,

@@ -1,4 +1,4 @@
-"""Reads the topics into one view of the vehicle, and estimates the wind on the way."""
+"""Reads the topics into one view of the vehicle, and estimates the wind."""
 
 import math
 from typing import Any, Final
@@ -6,27 +6,44 @@ from typing import Any, Final
 from uav_firmware.bus import Topic
 from uav_firmware.lib.atmosphere import air_density, pressure_from_altitude
 from uav_firmware.lib.drag import DragModel
-from uav_firmware.modules.commander.arming.failure_latch import FailureLatch
-from uav_firmware.modules.commander.arming.sensor_watch import Freshness
+from uav_firmware.modules.commander.failsafe.machine import FailureLatch
 from uav_firmware.modules.commander.failsafe.params import FailsafeParams
 from uav_firmware.modules.commander.failsafe.wind import WindEstimator
-from uav_firmware.modules.commander.topics import CommanderTopics
 from uav_firmware.modules.commander.vehicle_view import SensorAges, VehicleView
 from uav_firmware.msg.estimate import WindEstimate
 from uav_firmware.msg.sensors import SensorImu
+from uav_firmware.topics import Topics
 
 OFFBOARD_FRESH_S: Final = 0.5  # 2 Hz
 _WIND_PERIOD_US: Final = 100_000  # 10 Hz
 _AIR_TEMPERATURE_C: Final = 15.0  # 10 degrees off change the wind by less than 2 %
 
 
-class Observer:
-    """Ages of what is heard, and the wind of this flight."""
+class TopicAge:
+    """Age of the newest value of a topic, from when it was first read."""
 
-    def __init__(self, topics: CommanderTopics, latch: FailureLatch) -> None:
+    __slots__ = ("_count", "_read_us", "_topic")
+
+    def __init__(self, topic: Topic[object]) -> None:
+        self._topic = topic
+        self._count = 0
+        self._read_us: int | None = None
+
+    def age(self, now_us: int) -> float:
+        """Time since the last new value [s]; infinite when there was none."""
+        if self._topic.count != self._count:
+            self._count = self._topic.count
+            self._read_us = now_us
+        return math.inf if self._read_us is None else (now_us - self._read_us) * 1e-6
+
+
+class Observer:
+    """Holds the ages of the topics and the wind estimate of this flight."""
+
+    def __init__(self, topics: Topics, latch: FailureLatch) -> None:
         self._topics = topics
         self._latch = latch
-        heard: tuple[Topic[Any], ...] = (
+        aged: tuple[Topic[Any], ...] = (
             topics.sensor_imu,
             topics.sensor_baro,
             topics.sensor_mag,
@@ -37,15 +54,15 @@ class Observer:
             topics.offboard_setpoint,
             topics.sensor_range,
         )
-        self._heard = [Freshness(topic) for topic in heard]
+        self._ages = [TopicAge(topic) for topic in aged]
         self._wind = WindEstimator()
         self._wind_us = 0
 
-    def look(self, now_us: int, params: FailsafeParams) -> VehicleView:
-        """The vehicle at this moment."""
+    def read(self, now_us: int, params: FailsafeParams) -> VehicleView:
+        """State of the vehicle at this moment."""
         topics = self._topics
-        ages = SensorAges(*[heard.age(now_us) for heard in self._heard])
-        # By place: by name costs three times as much, fifty times a second
+        ages = SensorAges(*[topic.age(now_us) for topic in self._ages])
+        # Positional: keywords take three times as long, fifty times a second
         return VehicleView(
             now_us,
             topics.vehicle_attitude.value,
@@ -68,13 +85,13 @@ class Observer:
             topics.offboard_setpoint.value,
             ages.offboard <= OFFBOARD_FRESH_S,
             ages,
-            _turns_known(topics.sensor_imu.value),
+            _has_rate(topics.sensor_imu.value),
             self._latch.texts,
             topics.sensors_status.value,
         )
 
     def observe_wind(self, view: VehicleView, drag: DragModel) -> None:
-        """Ten times a second in the air: learn the wind and publish it."""
+        """Update and publish the wind estimate, ten times a second in the air."""
         if view.landed:
             self._wind.restart()
             return
@@ -97,8 +114,8 @@ class Observer:
             self._topics.wind.publish(WindEstimate(view.now_us, *wind))
 
 
-def _turns_known(imu: SensorImu | None) -> bool:
-    """Whether a sample holds a rate: a driver reports a dead gyroscope by no number."""
+def _has_rate(imu: SensorImu | None) -> bool:
+    """Whether a sample holds a rate: a driver reports NaN for a failed gyroscope."""
     return imu is None or math.isfinite(sum(imu.rate_frd))
 
 

@@ -1,4 +1,4 @@
-"""Parameters of the commander: arming, disarming, taking over by the sticks."""
+"""Parameters of the commander: arming, disarming, stick override."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from uav_firmware.parameters import param
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommanderParams:
-    """When the motors may start, and when they stop by themselves."""
+    """Limits of arming, times of disarming, stick override."""
 
     disarm_landed_s: float = param(
         "COM_DISARM_LAND", 2.0, unit="s", minimum=-1.0, maximum=20.0,
@@ -57,7 +57,7 @@ class CommanderParams:
     )  # fmt: skip
     ballistic_coefficient: float = param(
         "EKF2_BCOEF_X", 87.0, unit="kg/m^2", minimum=1.0, maximum=200.0,
-        short="Ballistic coefficient of the body, by which tilt tells the wind",
+        short="Ballistic coefficient of the body, which relates tilt to wind",
     )  # fmt: skip
     momentum_drag: float = param(
         "EKF2_MCOEF", 0.295, unit="1/s", minimum=0.0, maximum=1.0,

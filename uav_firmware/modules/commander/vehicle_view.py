@@ -1,4 +1,4 @@
-"""What the commander sees of the vehicle at one moment; made by the observer, read by the rest."""
+"""State of the vehicle at one moment, as the observer has read it from the topics."""
 
 import math
 from typing import NamedTuple
@@ -20,7 +20,7 @@ from uav_firmware.msg.status import HomePosition, LandDetected, StorageStatus
 
 
 class SensorAges(NamedTuple):
-    """Time since each sensor was last heard [s]; infinite when never."""
+    """Time since each sensor was last received [s]; infinite when never."""
 
     imu: float
     baro: float
@@ -34,7 +34,7 @@ class SensorAges(NamedTuple):
 
 
 class VehicleView(NamedTuple):
-    """One moment; None where nothing has been published yet."""
+    """State at one moment; None where nothing has been published yet."""
 
     now_us: int  # [us]
     attitude: VehicleAttitude | None
@@ -53,9 +53,9 @@ class VehicleView(NamedTuple):
     wind: WindEstimate | None
     wind_limit_m_s: float  # [m/s] COM_WIND_MAX; negative: none
     sticks: ManualControlSetpoint | None
-    sticks_fresh: bool  # Heard of within COM_RC_LOSS_T
+    sticks_fresh: bool  # Received within COM_RC_LOSS_T
     offboard: OffboardSetpoint | None
-    offboard_fresh: bool  # Streamed faster than 2 Hz
+    offboard_fresh: bool  # Streamed at more than 2 Hz
     ages: SensorAges
     imu_delivers: bool = True  # Its newest sample holds a rate
     latched_failures: tuple[str, ...] = ()  # Of former flights, not acknowledged
@@ -68,12 +68,12 @@ class VehicleView(NamedTuple):
 
     @property
     def gyro_broken(self) -> bool:
-        """Whether the gyroscope is biased as no healthy one is."""
+        """Whether the bias of the gyroscope is beyond its limit."""
         return self.estimator is not None and self.estimator.gyro_broken
 
     @property
     def accel_broken(self) -> bool:
-        """Whether the accelerometer has been biased as no healthy one is."""
+        """Whether the bias of the accelerometer has been beyond its limit."""
         return self.estimator is not None and self.estimator.accel_broken
 
     @property
@@ -103,12 +103,12 @@ class VehicleView(NamedTuple):
 
     @property
     def landed(self) -> bool:
-        """Whether the vehicle stands on the ground."""
+        """Whether the vehicle is on the ground."""
         return self.land is None or self.land.landed
 
     @property
     def dead_reckoning(self) -> bool:
-        """Whether the position is reckoned from the last fix, by inertial sensors and drag."""
+        """Whether the position is by dead reckoning from the last fix."""
         return self.position is not None and self.position.dead_reckoning
 
     @property

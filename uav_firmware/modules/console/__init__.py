@@ -1,1 +1,1 @@
-"""Plain log lines for whoever watches the process."""
+"""Log lines about state changes, for the terminal of the process."""

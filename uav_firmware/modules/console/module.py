@@ -1,4 +1,4 @@
-"""Says in plain sentences what has changed: arming, mode, landed state, mission, texts."""
+"""Logs changes: arming, mode, landed state, mission, status texts."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -11,7 +11,7 @@ T = TypeVar("T")
 
 
 class ConsoleModule:
-    """Writes a line for each change; `write` adds time and the vehicle's id."""
+    """Writes a line for each change; `write` adds the vehicle id to time [us] and text."""
 
     def __init__(
         self,
@@ -42,36 +42,36 @@ class ConsoleModule:
             self._write(now_us, line)
 
     def _status_lines(self) -> list[str]:
-        former, now = self._status, self._vehicle_status.value
+        previous, now = self._status, self._vehicle_status.value
         self._status = now
         if now is None:
             return []
         lines = []
-        if former is not None and former.armed is not now.armed:
+        if previous is not None and previous.armed is not now.armed:
             lines.append("armed" if now.armed else "disarmed")
-        if former is None or former.navigation_state is not now.navigation_state:
+        if previous is None or previous.navigation_state is not now.navigation_state:
             lines.append(f"mode {now.navigation_state.name}")
-        if now.preflight_checks_pass and (former is None or not former.preflight_checks_pass):
+        if now.preflight_checks_pass and (previous is None or not previous.preflight_checks_pass):
             lines.append("ready to arm")
-        if now.failsafe and (former is None or not former.failsafe):
+        if now.failsafe and (previous is None or not previous.failsafe):
             lines.append("a failsafe flies the vehicle")
         return lines
 
     def _land_lines(self) -> list[str]:
-        former, now = self._land, self._land_detected.value
+        previous, now = self._land, self._land_detected.value
         self._land = now
-        if now is None or former is None or former.landed_state is now.landed_state:
+        if now is None or previous is None or previous.landed_state is now.landed_state:
             return []
         return [f"landed state {now.landed_state.name}"]
 
     def _mission_lines(self) -> list[str]:
-        former, now = self._progress, self._mission_progress.value
+        previous, now = self._progress, self._mission_progress.value
         self._progress = now
         if now is None:
             return []
         lines = []
-        if former is None or former.mission_id != now.mission_id:
+        if previous is None or previous.mission_id != now.mission_id:
             lines.append(f"mission of {now.seq_total} items")
-        if former is not None and former.reached_count != now.reached_count:
+        if previous is not None and previous.reached_count != now.reached_count:
             lines.append(f"mission item {now.seq_reached} reached")
         return lines

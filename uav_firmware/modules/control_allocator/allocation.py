@@ -98,5 +98,5 @@ def motor_commands(thrust: Motors, model_factor: float, idle: float) -> Motors:
         four = (math.sqrt(square + 4.0 * model_factor * four) - linear) / double
     if one >= idle and two >= idle and three >= idle and four >= idle:
         return (one, two, three, four)
-    # max lets a first argument pass that is no number; the caller judges it.
+    # max passes a first argument of NaN; the caller checks for it.
     return (max(one, idle), max(two, idle), max(three, idle), max(four, idle))

@@ -81,7 +81,7 @@ class ControlAllocatorModule:
     ) -> None:
         """Carry out the thrusts of the law of three rotors; the lost one stands.
 
-        Nothing of the torque asked for is produced: so the rate loop's integrators wait.
+        None of the commanded torque is produced: so the integrators of the rate loop wait.
         """
         control = motor_commands(flown.thrust, self._model_factor, 0.0)
         self._motors.publish(ActuatorMotors(now_us, control))

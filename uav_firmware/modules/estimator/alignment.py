@@ -16,7 +16,7 @@ _LARGEST_GRAVITY_ERROR: Final = 1.0  # [m/s^2]
 
 
 class TiltAlignment(NamedTuple):
-    """What a second of rest tells."""
+    """Result of a second at rest."""
 
     q_ned_frd: Quaternion  # [-] Level as gravity says, heading 0
     gyro_bias_frd: Vector3  # [rad/s]

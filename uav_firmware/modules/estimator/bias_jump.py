@@ -11,8 +11,8 @@ and of a jump a of the accelerometer bias
 
 When it jumped is not known better than to within the last T, and which way not at all: the
 covariance is the mean of these products over tau from 0 to T, times the variance of w. Added to
-that of the filter it lets the next measurements tell bias, tilt and velocity together, as they
-belong together (A. S. Willsky and H. L. Jones, "A generalized likelihood ratio approach to the
+that of the filter it makes the next measurements correct bias, tilt and velocity together, as
+they are correlated (A. S. Willsky and H. L. Jones, "A generalized likelihood ratio approach to the
 detection and estimation of jumps in linear systems", IEEE Trans. Automatic Control 21, 1976).
 """
 

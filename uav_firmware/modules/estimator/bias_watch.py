@@ -3,7 +3,7 @@
 The bias is known to thousandths of a degree a second after a minute. When it jumps, by a knock,
 a cold solder joint or a supply that fails, the filter would rather reject every other source than
 believe it. What the innovations say is turned into the size of a jump that explains them; twice
-that is what the filter is told to reckon with (`bias_jump`), and it finds the rest by itself.
+that is the deviation that the filter gets (`bias_jump`), and it estimates the rest.
 
 A velocity that drifts has other causes too. A wrong heading while the vehicle accelerates: what
 0.2 rad of it would do to the latest change of velocity counts as noise here. Scale factor and
@@ -26,8 +26,8 @@ from uav_firmware.modules.estimator.ekf import ErrorStateEkf, Measurement
 from uav_firmware.msg.vectors import Vector3
 
 _LARGEST_JUMP: Final = 0.2  # [rad/s] 11 deg/s, one sigma
-_SHORTEST_S: Final = 0.5  # A jump is not told sooner
-_LONGEST_S: Final = 4.0  # What is older would have been told
+_SHORTEST_S: Final = 0.5  # A jump is not reported sooner
+_LONGEST_S: Final = 4.0  # An older jump has been reported
 _DOUBT: Final = 2.0  # [-] Sigma over the size that explains the innovations
 _WINDOW: Final = 1.5  # [-] Longest time since the jump over the likely one
 _HEADING_ERROR_RAD: Final = 0.2
@@ -40,8 +40,8 @@ class VelocityWatch:
     """Detects a jump about the roll or pitch axis: the velocity grows with the square of the time.
 
     Detected within 1.3 s when it is of 3 deg/s. What has struck one axis may have struck them all:
-    the yaw axis is opened as well, for the compass to judge, before a heading that runs away spoils
-    what the velocity says of the tilt.
+    the yaw axis is opened too, for the compass to correct, before an error of the heading disturbs
+    the tilt through the velocity.
     """
 
     def __init__(self) -> None:

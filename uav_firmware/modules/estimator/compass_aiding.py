@@ -46,7 +46,7 @@ class CompassAiding:
             return
         strength = math.hypot(*mag.field_frd)
         if not self.aligned or declination != self._aligned_with:
-            # The first fix tells the declination while the vehicle still stands
+            # The first fix gives the declination while the vehicle is at rest
             self._strength, self._aligned_with = strength, declination
             self._align(core, compass)
         elif abs(strength - self._strength) <= _LARGEST_CHANGE * self._strength:

@@ -70,7 +70,7 @@ class Core:
         self.time_us = time_us
         self.origin: LocalFrame | None = None
         self.declination: float | None = None  # [rad] At the origin
-        self.on_ground: bool | None = None  # None while nobody has said
+        self.on_ground: bool | None = None  # None while unknown
         # When a jump of the bias of roll or pitch rate was last suspected, and of the yaw rate
         self.tilt_jump_us: int | None = None
         self.turn_jump_us: int | None = None

@@ -1,6 +1,6 @@
 """The drag at work: with GPS it shows the wind, without GPS the wind shows the velocity.
 
-The wind is a state that walks by EKF2_WIND_NSD. While GPS tells the velocity, the drag finds it;
+The wind is a state that walks by EKF2_WIND_NSD. While GPS gives the velocity, the drag observes it;
 when GPS is lost, the drag and the wind of that time keep the velocity from running away with the
 tilt error (PX4: wind dead reckoning, `drag_fusion.cpp`). What the wind does afterwards cannot be
 known: the uncertainty of the velocity grows with that of the wind.

@@ -2,10 +2,10 @@
 
 Innovations of a filter that knows its sensors have no mean. When a rate that is integrated jumps,
 they grow, and always to the same side: long before a single one is beyond its gate, their sum
-tells. The sum is Page's (E. S. Page, "Continuous inspection schemes", Biometrika 41, 1954), one
+is large. The sum is Page's (E. S. Page, "Continuous inspection schemes", Biometrika 41, 1954), one
 for each side of each component, of innovations in their own deviations:
 
-    sum <- max(0, sum +- innovation - slack)        told above limit
+    sum <- max(0, sum +- innovation - slack)        reported above limit
 
 A step is something else: a source that leaps, for which there is the gate. What has leapt is left
 out until it is back. With `ramps` what has leapt and goes on growing to the same side counts as a
@@ -42,8 +42,8 @@ class DriftWatch:
     )
 
     def __init__(self, *, slack: float, limit: float, leap: float, ramps: bool = False) -> None:
-        self._slack = slack  # [SD] Mean that is not told
-        self._limit = limit  # [SD] Sum that is told
+        self._slack = slack  # [SD] Mean that is not reported
+        self._limit = limit  # [SD] Sum that is reported
         self._leap = leap  # [SD] Between two innovations; no drift changes by so much
         self._former: Sequence[float] = ()
         self._ramps = ramps
@@ -53,7 +53,7 @@ class DriftWatch:
         self.restart()
 
     def restart(self) -> None:
-        """Begin anew: what has been told is taken account of."""
+        """Begin again after a report."""
         self._sums: list[float] = []
         self._onset: tuple[int, Sequence[float]] | None = None
 

@@ -65,7 +65,7 @@ class Measurement(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Noise:
-    """What the filter is told about its inertial sensors and slow quantities."""
+    """Noise of the inertial sensors and of slow quantities."""
 
     accel: float  # [m/s^2] White noise of one sample, one sigma
     gyro: float  # [rad/s] White noise of one sample, one sigma

@@ -1,7 +1,7 @@
 """GPS at work: it gives the origin, then position, height and velocity.
 
-It is three sources, each judged by itself (`gate.Aid`): one that disagrees is stopped, while the
-others go on. The estimate is reset to a fix only when nothing else holds it (PX4
+It has three sources, each with its own gate (`gate.Aid`): one that disagrees is stopped, while the
+others are used. The estimate is reset to a fix only when nothing else holds it (PX4
 `gnss_height_control.cpp`, `gps_control.cpp` with EKF2_GPS_MODE 1):
 
     velocity and position  nothing has aided either for EKF2_NOAID_TOUT, or both are rejected
@@ -190,7 +190,7 @@ class GpsAiding:
         return min(aid.age_s(core.time_us) for aid in aids) > RESET_AFTER_S
 
     def _reset_horizontal(self, core: Core, gps: SensorGps, *, vertically: bool) -> None:
-        """Set position and velocity to those of a fix; the vertical velocity if that is asked."""
+        """Set position and velocity to those of a fix; the vertical velocity if requested."""
         north, east, down = (m.innovation for m in self._velocity_group(core, gps))
         core.reset_log.change_speed(core.state, north, east)
         core.ekf.forget(_HORIZONTAL_VELOCITY, self._velocity_sigma(gps))

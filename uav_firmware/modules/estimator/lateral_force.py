@@ -6,8 +6,8 @@ Rotors push along the body's z axis. Along x and y the accelerometer measures no
 
 (`uav_firmware/lib/drag.py`). What the estimated motion through the air makes of it is taken off;
 what is left changes as slowly as the wind does. A step of more than that is the accelerometer's
-own, or a collision. A gyroscope whose bias jumps leaves the force as it is, which is how the two
-are told apart (P. Martin and E. Salaun, "The true role of accelerometer feedback in quadrotor
+own, or a collision. A gyroscope whose bias jumps does not change the force, which distinguishes the
+two (P. Martin and E. Salaun, "The true role of accelerometer feedback in quadrotor
 control", ICRA 2010).
 
 No vehicle's coefficient is known exactly, and of some airframes none is known at all. So the force

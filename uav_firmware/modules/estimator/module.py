@@ -7,8 +7,8 @@ from uav_firmware.bus import Topic
 from uav_firmware.lib.drag import DragModel
 from uav_firmware.lib.rotation import yaw_of
 from uav_firmware.modules.estimator.core import Core
+from uav_firmware.modules.estimator.estimator import Estimator
 from uav_firmware.modules.estimator.health import Validity, status_flags
-from uav_firmware.modules.estimator.navigation import Navigation
 from uav_firmware.modules.estimator.params import EstimatorParams
 from uav_firmware.modules.estimator.state import VELOCITY
 from uav_firmware.msg.estimate import (
@@ -39,7 +39,7 @@ def drag_of(registry: Registry) -> DragModel | None:
 
 
 class EstimatorModule:
-    """Thin shell about `Navigation`: which topics are new, and when to publish what.
+    """Thin shell about `Estimator`: which topics are new, and when to publish what.
 
     `update` is called once per control step, after the driver has published the sensors.
     Attitude and local position follow each inertial sample, global position at 50 Hz, status
@@ -65,7 +65,7 @@ class EstimatorModule:
     ) -> None:
         self._registry = registry
         self._seen_version = registry.version
-        self.navigation = Navigation(registry.read(EstimatorParams), drag_of(registry))
+        self.estimator = Estimator(registry.read(EstimatorParams), drag_of(registry))
         self._imu, self._baro, self._mag, self._gps = imu, baro, mag, gps
         self._landed = landed
         self._imu_shift = imu_shift
@@ -86,24 +86,24 @@ class EstimatorModule:
         """Take what is new on the topics and publish the estimate."""
         if self._registry.version != self._seen_version:
             self._seen_version = self._registry.version
-            self.navigation.configure(self._registry.read(EstimatorParams), drag_of(self._registry))
+            self.estimator.configure(self._registry.read(EstimatorParams), drag_of(self._registry))
         imu = self._new(0, self._imu)
         if imu is None:
             return
-        navigation = self.navigation
+        estimator = self.estimator
         shift = self._new(5, self._imu_shift)
         if shift is not None:
-            navigation.shift_biases(shift)
+            estimator.shift_biases(shift)
         commanded = self._torque_thrust.value
         if commanded is not None:
-            navigation.guard.expect_thrust(commanded.thrust)
-        if not navigation.take_imu(imu):
+            estimator.guard.expect_thrust(commanded.thrust)
+        if not estimator.take_imu(imu):
             self._publish_status(imu.time_us)
             return
-        self._take_aids(navigation)
-        navigation.finish_step()
-        if navigation.core is not None:
-            self._publish(navigation.core)
+        self._take_aids(estimator)
+        estimator.finish_step()
+        if estimator.core is not None:
+            self._publish(estimator.core)
 
     def _new(self, index: int, topic: Topic[T]) -> T | None:
         """The value of a topic if it has not been seen yet."""
@@ -112,32 +112,32 @@ class EstimatorModule:
         self._counts[index] = topic.count
         return topic.value
 
-    def _take_aids(self, navigation: Navigation) -> None:
+    def _take_aids(self, estimator: Estimator) -> None:
         counts = (self._landed.count, self._mag.count, self._baro.count, self._gps.count)
         if counts == self._aid_counts:  # Most steps bring an inertial sample alone
             return
         self._aid_counts = counts
         landed = self._new(1, self._landed)
         if landed is not None:
-            navigation.take_landed(landed=landed.landed, contact=landed.ground_contact)
+            estimator.take_landed(landed=landed.landed, contact=landed.ground_contact)
         mag = self._new(2, self._mag)
         if mag is not None:
-            navigation.take_mag(mag)
+            estimator.take_mag(mag)
         baro = self._new(3, self._baro)
         if baro is not None:
-            navigation.take_baro(baro)
+            estimator.take_baro(baro)
         gps = self._new(4, self._gps)
         if gps is not None:
-            navigation.take_gps(gps)
+            estimator.take_gps(gps)
 
     def _publish(self, core: Core) -> None:
         """Attitude and local position now, the others when they are due."""
         state, time_us = core.state, core.time_us
-        self._attitude.publish(VehicleAttitude(time_us, state.q_ned_frd, self.navigation.rate_frd))
+        self._attitude.publish(VehicleAttitude(time_us, state.q_ned_frd, self.estimator.rate_frd))
         if time_us >= self._global_due_us:
             self._global_due_us = time_us + _GLOBAL_EVERY_US
-            self._validity = self.navigation.validity()
-            self._accuracy_m = self.navigation.accuracy_m()
+            self._validity = self.estimator.validity()
+            self._accuracy_m = self.estimator.accuracy_m()
             self._sink_accuracy_m_s = core.ekf.sigma(VELOCITY.stop - 1)
             self._publish_global(core)
         self._publish_local(core)
@@ -186,24 +186,24 @@ class EstimatorModule:
         if time_us < self._status_due_us:
             return
         self._status_due_us = time_us + _STATUS_EVERY_US
-        navigation, core = self.navigation, self.navigation.core
+        estimator, core = self.estimator, self.estimator.core
         horizontal, vertical = self._accuracy_m
         self._status.publish(
             EstimatorStatus(
                 time_us,
                 status_flags(self._validity),
-                navigation.gps.velocity.ratio,
-                navigation.gps.horizontal.ratio,
-                max(navigation.gps.vertical.ratio, navigation.baro.height.ratio),
-                navigation.compass.heading.ratio,
+                estimator.gps.velocity.ratio,
+                estimator.gps.horizontal.ratio,
+                max(estimator.gps.vertical.ratio, estimator.baro.height.ratio),
+                estimator.compass.heading.ratio,
                 horizontal,
                 vertical,
                 (0.0, 0.0, 0.0) if core is None else core.state.gyro_bias_frd,
-                aligned=core is not None and navigation.compass.aligned,
-                gyro_broken=navigation.gyro_broken,
-                gyro_jump_us=navigation.gyro_jump_us,
+                aligned=core is not None and estimator.compass.aligned,
+                gyro_broken=estimator.gyro_broken,
+                gyro_jump_us=estimator.gyro_jump_us,
                 accel_bias_frd=(0.0, 0.0, 0.0) if core is None else core.state.accel_bias_frd,
-                accel_broken=navigation.accel_broken,
-                stopped=navigation.stopped,
+                accel_broken=estimator.accel_broken,
+                stopped=estimator.stopped,
             )
         )

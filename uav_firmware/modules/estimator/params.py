@@ -1,8 +1,8 @@
 """Parameters of the estimator: PX4's EKF2_* names where the meaning is the same.
 
-Defaults are PX4's where the quantity is the same; the exceptions and their reasons are in the
-README. Names that PX4 does not have: EKF2_BARO_WALK, EKF2_GPS_ALT_T, EKF2_HDG_B_INIT,
-EKF2_HDG_B_WALK, EKF2_WIND_Z0.
+Defaults are PX4's where the quantity is the same; the exceptions and their reasons are in
+docs/reference/estimator-parameters.md. Names that PX4 does not have: EKF2_BARO_WALK,
+EKF2_GPS_ALT_T, EKF2_HDG_B_INIT, EKF2_HDG_B_WALK, EKF2_WIND_Z0.
 """
 
 from dataclasses import dataclass

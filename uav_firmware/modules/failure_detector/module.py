@@ -144,7 +144,7 @@ class FailureDetectorModule:
 
     @property
     def _leads_attitude(self) -> bool:
-        """Whether anybody asks for an attitude: nobody does in acro."""
+        """Whether an attitude is commanded, which it is not in acro."""
         control = self._control_mode.value
         return control is None or control.level is not ControlLevel.RATES
 

@@ -34,7 +34,7 @@ _STANDS_SHARE: Final = 0.04  # [-] Of full speed: a bound below it is that of a 
 _BLOCKED_TIME_S: Final = 0.1  # A crash is found sooner, a rotor lost to a branch not much later
 
 START_TIME_S: Final = 0.1
-"""[s] From the command to a rotor that stands until its speed is judged."""
+"""[s] From the command to a rotor at rest until its speed is checked."""
 
 
 class MotorLimits(NamedTuple):
@@ -55,7 +55,7 @@ class MotorWatch:
         self.limits = limits
         self.failed = 0  # [-] Bit 0 is motor 1
         self.blocked = 0  # [-] Bits too; slow since a blow
-        self.weak = False  # All together turn slower than they are told to
+        self.weak = False  # All together turn slower than commanded
         self._bounds = [0.0, 0.0, 0.0, 0.0]
         self._slow = [0.0, 0.0, 0.0, 0.0]  # [-] Share of the time allowed that is used up
         self._start_s = [START_TIME_S] * 4  # [s] Left to a rotor that begins to turn
@@ -91,7 +91,7 @@ class MotorWatch:
             time_s = _RISE_TIME_S if steady > bounds[motor] else _FALL_TIME_S
             if steady < bounds[motor] or self._start_s[motor] <= 0.0:
                 bounds[motor] += (steady - bounds[motor]) * dt / (dt + time_s)
-            # A report that is no number compares false and judges nothing
+            # A report of NaN compares false and has no effect
             driven = wanted >= limits.least_command
             share, patience_s = (
                 (limits.least_share, limits.time_s) if driven else (_IDLE_SHARE, _IDLE_TIME_S)

@@ -21,7 +21,7 @@ class FailureDetectorParams:
     )  # fmt: skip
     least_command: float = param(
         "FD_ACT_MOT_THR", 0.2, unit="1", minimum=0.05, maximum=1.0,
-        short="Motor command below which a motor is judged as one that idles",
+        short="Motor command below which a motor counts as idle",
         locked_while_armed=True,
     )  # fmt: skip
     time_ms: float = param(

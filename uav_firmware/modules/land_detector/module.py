@@ -64,7 +64,7 @@ class LandDetectorModule:
         self._retune()
 
     def update(self) -> None:
-        """Look once; publish on change and once a second."""
+        """Run one step; publish on change and once a second."""
         position = self._local_position.value
         attitude = self._attitude.value
         status = self._vehicle_status.value
@@ -81,7 +81,7 @@ class LandDetectorModule:
             attitude.rate_frd,
             0.0 if torque_thrust is None else torque_thrust.thrust,
             self._ground_down - position.position_ned[2],
-            self._led_down(position, now_us),
+            self._commanded_sink(position, now_us),
             position.sink_accuracy_m_s,
         )
         self._note_times(seen, now_us, reckoned=position.dead_reckoning)
@@ -135,15 +135,15 @@ class LandDetectorModule:
         control = self._control_mode.value
         return control is None or control.level is ControlLevel.POSITION
 
-    def _led_down(self, position: VehicleLocalPosition, now_us: int) -> float:
-        """Sink speed [m/s] that the position loop is asked for, position error included."""
+    def _commanded_sink(self, position: VehicleLocalPosition, now_us: int) -> float:
+        """Vertical speed [m/s, down] commanded by the position loop, position error included."""
         if not self._leads_height:
             return math.inf
         setpoint = self._trajectory.value
         if setpoint is None or now_us - setpoint.time_us > _STALE_US:
             return _BLIND_SINK
         forward = setpoint.velocity_ned[2]
-        if not position.altitude_valid:  # Whatever is asked for, position_control descends
+        if not position.altitude_valid:  # position_control descends at any set-point
             return _BLIND_SINK if math.isnan(forward) else max(forward, _BLIND_SINK)
         error = setpoint.position_ned[2] - position.position_ned[2]
         if math.isnan(error):

@@ -11,17 +11,17 @@ class LandDetectorParams:
 
     vertical_speed_max: float = param(
         "LNDMC_Z_VEL_MAX", 0.25, unit="m/s", minimum=0.05, maximum=1.0,
-        short="Largest vertical speed of a vehicle that stands",
+        short="Largest vertical speed of a vehicle on the ground",
         locked_while_armed=True,
     )  # fmt: skip
     horizontal_speed_max: float = param(
         "LNDMC_XY_VEL_MAX", 1.5, unit="m/s", minimum=0.1, maximum=5.0,
-        short="Largest horizontal speed of a vehicle that stands",
+        short="Largest horizontal speed of a vehicle on the ground",
         locked_while_armed=True,
     )  # fmt: skip
     rotation_max_deg_s: float = param(
         "LNDMC_ROT_MAX", 20.0, unit="deg/s", minimum=1.0, maximum=90.0,
-        short="Largest roll or pitch rate of a vehicle that stands",
+        short="Largest roll or pitch rate of a vehicle on the ground",
         locked_while_armed=True,
     )  # fmt: skip
     low_thrust: float = param(

@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from uav_firmware.lib.ground_contact import does_not_sink
 from uav_firmware.msg.vectors import Vector3
 
 
@@ -20,16 +21,12 @@ class Observation(NamedTuple):
 
     velocity_ned: Vector3  # [m/s]
     rate_frd: Vector3  # [rad/s]
-    thrust: float  # [-] Asked of the rotors
+    thrust: float  # [-] Commanded
     height: float  # [m] Above the place of lift-off
-    led_down: float  # [m/s] Sink speed asked for; infinite where nothing leads the height
+    commanded_sink: float  # [m/s] Down; infinite where nothing controls the height
     sink_accuracy: float = 0.0  # [m/s] Of the vertical velocity, one sigma
 
 
-_LED_DOWN = 0.1  # [m/s] Slower is no descent
-_FOLLOWED_SHARE = 0.5  # Of the sink speed asked for: what sinks faster follows it
-_STILL_SIGMAS = 3.0  # Within so many of its deviations a velocity may be none
-_LARGEST_STILL = 1.0  # [m/s] What falls is faster within a fraction of the trigger time
 _LIFT_SPEED = 0.3  # [m/s] Up
 _LIFT_HEIGHT = 0.3  # [m]
 _FALL_SPEED = 1.0  # [m/s] No vehicle that stands moves so fast
@@ -37,20 +34,17 @@ _CLEAR_HEIGHT = 1.0  # [m]
 
 
 def touches_ground(seen: Observation, limits: Thresholds) -> bool:
-    """Led down, it neither rises nor sinks although the rotors do not carry it.
+    """Commanded to descend, it neither rises nor sinks although the rotors do not carry it.
 
-    Something else does then. Without an order to descend a low thrust means a wrong belief of
-    the weight or a gust, never the ground (PX4, MulticopterLandDetector). A velocity of which
-    little is known, for want of an accelerometer or of a height, shows motion only beyond its
-    deviation; with such a thrust a vehicle in the air falls, and is soon beyond it.
+    Without a commanded descent a low thrust means a wrong estimate of the weight or a gust,
+    never the ground (PX4, MulticopterLandDetector).
     """
     north, east, down = seen.velocity_ned
-    still = min(limits.vertical_speed, _FOLLOWED_SHARE * seen.led_down)
-    still = max(still, min(_STILL_SIGMAS * seen.sink_accuracy, _LARGEST_STILL))
     return (
-        seen.led_down > _LED_DOWN
-        and seen.thrust <= limits.thrust
-        and abs(down) < still
+        seen.thrust <= limits.thrust
+        and does_not_sink(
+            down, seen.commanded_sink, seen.sink_accuracy, still_max_m_s=limits.vertical_speed
+        )
         and north * north + east * east < limits.horizontal_speed**2
     )
 

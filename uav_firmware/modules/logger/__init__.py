@@ -1,1 +1,1 @@
-"""Flight logs as PX4 writes them: one ULog file per flight."""
+"""Flight logs in PX4's format: one ULog file per flight."""

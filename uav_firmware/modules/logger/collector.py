@@ -1,4 +1,4 @@
-"""Topics in, records out: looks at each topic as often as its stream says."""
+"""Encodes topics as ULog records, each at the rate of its stream."""
 
 import struct
 from collections.abc import Callable
@@ -6,17 +6,18 @@ from typing import Any, Final
 
 from uav_firmware.bus import Topic
 from uav_firmware.modules.logger import ulog
-from uav_firmware.modules.logger.logged_message import LoggedMessage
-from uav_firmware.modules.logger.streams import STREAMS, LoggerTopics
+from uav_firmware.modules.logger.streams import STREAMS
+from uav_firmware.modules.logger.ulog import LoggedMessage
+from uav_firmware.topics import Topics
 
 _DATA: Final = ord("D")
-_RECORD_HEAD: Final = 3  # bytes of size and type, which the size does not count
+_RECORD_HEAD: Final = 3  # [bytes] Size and type, which the size field does not count
 _UNFIT: Final = (struct.error, ValueError, OverflowError)
-"""What the making of a record raises for a value that its field cannot hold."""
+"""Raised by `struct` for a value that does not fit its field."""
 
 
 class Source:
-    """A topic with its place in the log, and the count of its message that was written last."""
+    """A topic, its encoder, and the count of the message written last."""
 
     __slots__ = ("count", "name", "record", "topic")
 
@@ -28,16 +29,16 @@ class Source:
 
 
 def recorder(number: int, message: LoggedMessage) -> Callable[[Any], bytes]:
-    """Give the function that makes a data message of subscription `number`."""
+    """Return the function that encodes a value as a data message of subscription `number`."""
     layout = ulog.record_layout(message.fields)
     pack, values, size = layout.pack, message.values, layout.size - _RECORD_HEAD
     return lambda value: pack(size, _DATA, number, *values(value))
 
 
 class Collector:
-    """Records since the last `take`."""
+    """Collects records between two calls of `take`."""
 
-    def __init__(self, topics: LoggerTopics, steps_per_second: int) -> None:
+    def __init__(self, topics: Topics, steps_per_second: int) -> None:
         self._steps_per_second = steps_per_second
         self._sources = [
             Source(number, stream.message, stream.topic(topics))
@@ -49,11 +50,11 @@ class Collector:
         self._buffer = bytearray()
         self._slots: tuple[tuple[Source, ...], ...] = ()
         self._slot = 0
-        self.unfit: set[str] = set()  # names of messages whose values could not be written
+        self.unfit: set[str] = set()  # Names of messages with a value that did not fit
         self.use_rates(high=False)
 
     def use_rates(self, *, high: bool) -> None:
-        """Lay out one second: which sources are looked at in which step."""
+        """Schedule one second: which sources are read in which step."""
         dividers = [
             max(1, self._steps_per_second // (row.high_rate_hz if high else row.rate_hz))
             for row in STREAMS
@@ -68,7 +69,7 @@ class Collector:
         )
 
     def collect(self) -> None:
-        """Write what is due and new in this step."""
+        """Encode the topics that are due in this step and have changed."""
         slot = self._slot
         for source in self._slots[slot]:
             topic = source.topic
@@ -81,7 +82,7 @@ class Collector:
         self._slot = slot + 1 if slot + 1 < self._steps_per_second else 0
 
     def take(self, now_us: int) -> bytes:
-        """Give the records collected, what seldom changes among them; none is given twice."""
+        """Return and clear the collected records, with the repeated topics added."""
         for source in self._repeated:
             self._repeat(source, now_us)
         chunk = ulog.synchronisation() + bytes(self._buffer)

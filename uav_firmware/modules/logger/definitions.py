@@ -1,10 +1,10 @@
-"""The part of a log that comes before the data: what the vehicle is, its parameters, formats."""
+"""Definitions section of a log: formats, vehicle information, parameters, subscriptions."""
 
 from collections.abc import Iterable, Sequence
 from typing import Final, NamedTuple
 
 from uav_firmware.modules.logger import ulog
-from uav_firmware.modules.logger.logged_message import LoggedMessage
+from uav_firmware.modules.logger.ulog import LoggedMessage
 from uav_firmware.parameters import Registry
 
 HARDWARE: Final = "QUADROTOR"
@@ -12,7 +12,7 @@ MAV_TYPE_QUADROTOR: Final = 2
 
 
 class Identity(NamedTuple):
-    """What a log tells of the vehicle that wrote it."""
+    """Vehicle identity in a log."""
 
     system_id: int  # [-] MAVLink system id
     software_version: int  # [-] Major, minor, patch and type, a byte each
@@ -21,7 +21,7 @@ class Identity(NamedTuple):
 def definitions(
     time_us: int, identity: Identity, registry: Registry, messages: Sequence[LoggedMessage]
 ) -> bytes:
-    """Everything before the first data message; message N of the list gets subscription N."""
+    """Encode everything before the first data message; message N gets subscription N."""
     return b"".join(
         (
             ulog.header(time_us),
@@ -34,14 +34,14 @@ def definitions(
 
 
 def changed_parameters(registry: Registry, logged: dict[str, float | int]) -> bytes:
-    """Parameters that differ from those logged so far; `logged` is brought up to date."""
+    """Encode the parameters that differ from those in `logged`, and update `logged`."""
     changed = {name: value for name, value in snapshot(registry).items() if logged[name] != value}
     logged.update(changed)
     return b"".join(ulog.parameter(name, value) for name, value in changed.items())
 
 
 def snapshot(registry: Registry) -> dict[str, float | int]:
-    """Present value of every parameter."""
+    """Return the current value of every parameter."""
     return {name: registry.get(name) for name in registry.names()}
 
 

@@ -1,9 +1,9 @@
-"""Set-points, motors and states as PX4's messages."""
+"""Set-points, motors and vehicle state as PX4's messages."""
 
 import math
 from typing import Final
 
-from uav_firmware.modules.logger.logged_message import Values, declare
+from uav_firmware.modules.logger.ulog import Values, declare
 from uav_firmware.msg.actuators import ActuatorMotors
 from uav_firmware.msg.mission import MissionProgress, MissionState
 from uav_firmware.msg.setpoints import (

@@ -4,7 +4,7 @@ import math
 from typing import Final
 
 from uav_firmware.lib.atmosphere import air_density, altitude_from_pressure
-from uav_firmware.modules.logger.logged_message import Values, declare
+from uav_firmware.modules.logger.ulog import Values, declare
 from uav_firmware.msg.battery import BatteryStatus
 from uav_firmware.msg.estimate import (
     AidSource,

@@ -24,7 +24,7 @@ class LoggerParams:
         unit="1",
         minimum=1,
         maximum=17,
-        short="What to log: 1 the default set, 17 the attitude loops at control rate besides",
+        short="What to log: 1 default set, 17 also the attitude loops at control rate",
     )
     size_max_mb: int = param(
         "SDLOG_MAX_SIZE",
@@ -32,5 +32,5 @@ class LoggerParams:
         unit="MB",
         minimum=1,
         maximum=4095,
-        short="Size at which a log goes on in the next file",
+        short="Size at which a log continues in the next file",
     )

@@ -1,12 +1,12 @@
-"""Whether a log is being written.
+"""State machine of the log file.
 
     IDLE --WANTED--> RECORDING --UNWANTED--> FINISHING --UNWANTED--> IDLE
     FINISHING --WANTED--> RECORDING
-    IDLE, RECORDING --REFUSED--> BROKEN --UNWANTED--> IDLE
-    FINISHING --REFUSED--> IDLE
+    IDLE, RECORDING --STORAGE_ERROR--> BROKEN --UNWANTED--> IDLE
+    FINISHING --STORAGE_ERROR--> IDLE
 
-Events come twice a second. FINISHING keeps the moment after the end. A medium that has refused
-is asked again for the next flight.
+Events come twice a second. FINISHING logs half a second more after the end. After a storage error
+the next flight tries again.
 """
 
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ from typing import Final
 
 
 class Logging(Enum):
-    """Where the log stands."""
+    """State of the log file."""
 
     IDLE = auto()
     RECORDING = auto()
@@ -24,32 +24,32 @@ class Logging(Enum):
 
 
 class LoggingEvent(Enum):
-    """What moves it on."""
+    """Cause of a transition."""
 
     WANTED = auto()  # SDLOG_MODE wants a log now
     UNWANTED = auto()
-    REFUSED = auto()  # the medium has refused
+    STORAGE_ERROR = auto()  # A storage error
 
 
 TRANSITIONS: Final[Mapping[tuple[Logging, LoggingEvent], Logging]] = {
     (Logging.IDLE, LoggingEvent.WANTED): Logging.RECORDING,
-    (Logging.IDLE, LoggingEvent.REFUSED): Logging.BROKEN,
+    (Logging.IDLE, LoggingEvent.STORAGE_ERROR): Logging.BROKEN,
     (Logging.RECORDING, LoggingEvent.UNWANTED): Logging.FINISHING,
-    (Logging.RECORDING, LoggingEvent.REFUSED): Logging.BROKEN,
+    (Logging.RECORDING, LoggingEvent.STORAGE_ERROR): Logging.BROKEN,
     (Logging.FINISHING, LoggingEvent.WANTED): Logging.RECORDING,
     (Logging.FINISHING, LoggingEvent.UNWANTED): Logging.IDLE,
-    (Logging.FINISHING, LoggingEvent.REFUSED): Logging.IDLE,
+    (Logging.FINISHING, LoggingEvent.STORAGE_ERROR): Logging.IDLE,
     (Logging.BROKEN, LoggingEvent.UNWANTED): Logging.IDLE,
 }
 
 
 def next_state(state: Logging, event: LoggingEvent) -> Logging:
-    """Follow the table; an event that it does not name changes nothing."""
+    """Return the state after an event; an event without a transition changes nothing."""
     return TRANSITIONS.get((state, event), state)
 
 
 def wanted(mode: int, *, armed: bool, flown: bool) -> bool:
-    """Whether SDLOG_MODE wants a log; `flown` tells of an armed time since boot.
+    """Whether SDLOG_MODE asks for a log; `flown` means that the vehicle was armed since boot.
 
     Negative never, 0 while armed, 1 until the first disarming, 2 always.
     """

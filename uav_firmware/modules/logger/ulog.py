@@ -8,14 +8,14 @@ Guide, "ULog File Format".
 
 import re
 import struct
-from collections.abc import Sequence
-from typing import Final, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, Final, NamedTuple
 
 MAGIC: Final = b"\x55\x4c\x6f\x67\x01\x12\x35"
 FILE_VERSION: Final = 1
 SYNC_BYTES: Final = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12"
 TEXT_MAX: Final = 1000
-"""Longest text [bytes] that is kept of a sentence."""
+"""Length [bytes] to which a logged text is cut."""
 
 _DEFAULT_PARAMETERS: Final = 1  # compatibility bit: there are messages of type Q
 _SYSTEM_DEFAULT: Final = 1
@@ -33,10 +33,12 @@ _CODES: Final = {
     "bool": "?",
 }
 _FIELD = re.compile(r"([a-z0-9_]+?)(?:\[(\d+)\])? ([a-z][a-zA-Z0-9_]*)")
+Values = tuple[float, ...]
+"""Values of a message in the order of its fields, arrays flattened."""
 
 
 class FormatError(ValueError):
-    """A field's declaration is none that ULog knows; the message names it."""
+    """A field declaration is not valid in ULog; the message names it."""
 
 
 class Field(NamedTuple):
@@ -57,7 +59,7 @@ def fields(declaration: str) -> tuple[Field, ...]:
     """Read `uint64_t timestamp; float[4] q`.
 
     Raises:
-        FormatError: naming the field that is none.
+        FormatError: if a field is not valid.
     """
     return tuple(_field(part.strip()) for part in declaration.split(";"))
 
@@ -65,62 +67,62 @@ def fields(declaration: str) -> tuple[Field, ...]:
 def _field(text: str) -> Field:
     match = _FIELD.fullmatch(text)
     if match is None or match[1] not in _CODES:
-        raise FormatError(f"{text!r} is no field of a ULog format")
+        raise FormatError(f"{text!r} is not a field of a ULog format")
     return Field(match[1], int(match[2] or 1), match[3])
 
 
 def record_layout(message_fields: Sequence[Field]) -> struct.Struct:
-    """Layout of a whole data message: size, type and subscription first, then the fields."""
+    """Return the layout of a data message: size, type, subscription, then the fields."""
     codes = "".join(f"{field.length}{_CODES[field.kind]}" for field in message_fields)
     return struct.Struct("<HBH" + codes)
 
 
 def header(time_us: int) -> bytes:
-    """First bytes of a file whose log begins at `time_us` since boot, flag bits included."""
+    """Encode the header of a file that begins at `time_us` since boot, with the flag bits."""
     flags = bytes([_DEFAULT_PARAMETERS]) + bytes(7) + bytes(8) + bytes(24)
     return MAGIC + struct.pack("<BQ", FILE_VERSION, time_us) + _message(b"B", flags)
 
 
 def format_definition(name: str, message_fields: Sequence[Field]) -> bytes:
-    """Layout of the data messages of one topic."""
+    """Encode the format of the data messages of one topic."""
     declarations = "".join(f"{field.declaration};" for field in message_fields)
     return _message(b"F", f"{name}:{declarations}".encode())
 
 
 def information(key: str, value: str | int) -> bytes:
-    """A fact about the log: a text, or a number that fits 32 bits."""
+    """Encode an information message: a text, or a number that fits 32 bits."""
     return _message(b"I", _key_and_value(key, value))
 
 
 def information_part(key: str, value: str, *, continued: bool) -> bytes:
-    """An element of a list of facts, or a further part of the element before."""
+    """Encode an element of an information list, or (`continued`) a further part of the last one."""
     return _message(b"M", bytes([continued]) + _key_and_value(key, value))
 
 
 def parameter(name: str, value: float) -> bytes:
-    """Value of a parameter: int for INT32, float for REAL32."""
+    """Encode the value of a parameter: int for INT32, float for REAL32."""
     return _message(b"P", _parameter(name, value))
 
 
 def parameter_default(name: str, value: float) -> bytes:
-    """What a parameter is when nobody has set it; for those that have been set."""
+    """Encode the default of a parameter; written for parameters that have been set."""
     return _message(b"Q", bytes([_SYSTEM_DEFAULT]) + _parameter(name, value))
 
 
 def subscription(identifier: int, name: str) -> bytes:
-    """Bind the data messages of one identifier to a format."""
+    """Encode a subscription, which binds the data messages of one identifier to a format."""
     return _message(b"A", struct.pack("<BH", 0, identifier) + name.encode())
 
 
-def text(severity: int, time_us: int, sentence: str) -> bytes:
-    """A logged sentence; the severity is syslog's, 0 emergency to 7 debug."""
+def text(severity: int, time_us: int, content: str) -> bytes:
+    """Encode a logged text; the severity is syslog's, 0 emergency to 7 debug."""
     level = str(min(max(severity, 0), 7)).encode()
-    encoded = sentence.encode("utf-8", "replace")[:TEXT_MAX]
+    encoded = content.encode("utf-8", "replace")[:TEXT_MAX]
     return _message(b"L", level + struct.pack("<Q", time_us) + encoded)
 
 
 def synchronisation() -> bytes:
-    """Bytes that a reader looks for behind a damaged place."""
+    """Encode the bytes at which a reader resumes after a damaged section."""
     return _message(b"S", SYNC_BYTES)
 
 
@@ -145,3 +147,19 @@ def _parameter(name: str, value: float) -> bytes:
 def _key(spelling: str) -> bytes:
     encoded = spelling.encode()
     return bytes([len(encoded)]) + encoded
+
+
+class LoggedMessage(NamedTuple):
+    """One ULog topic with PX4's message and field names and units.
+
+    `values` converts a message of this flight stack. NaN means unknown, as in PX4.
+    """
+
+    name: str
+    fields: tuple[Field, ...]
+    values: Callable[[Any], Values]
+
+
+def declare(name: str, declaration: str, values: Callable[[Any], Values]) -> LoggedMessage:
+    """Return a message whose first field is the time stamp [us since boot]."""
+    return LoggedMessage(name, fields("uint64_t timestamp; " + declaration), values)

@@ -1,4 +1,4 @@
-"""Chunks in, files out: what came just before the start is kept, a full medium ends a log."""
+"""Writes chunks to log files, with the last chunks before the start; an I/O error ends a log."""
 
 from collections import deque
 from collections.abc import Callable
@@ -8,26 +8,26 @@ from uav_firmware.cal.log_store import LogFile, LogStore
 from uav_firmware.modules.logger.states import Logging, LoggingEvent, next_state
 
 CHUNKS_BEFORE: Final = 4
-"""Chunks that are kept for the start of a log."""
+"""Chunks before the start that a log includes."""
 
 
 class LogWriter:
-    """The log file, if there is one."""
+    """Opens, writes and closes log files."""
 
     def __init__(self, store: LogStore, *, boot_time_utc_us: int) -> None:
         self._store = store
         self._boot_time_utc_us = boot_time_utc_us
-        self._before: deque[tuple[int, bytes]] = deque(maxlen=CHUNKS_BEFORE)
+        self._pending: deque[tuple[int, bytes]] = deque(maxlen=CHUNKS_BEFORE)
         self._file: LogFile | None = None
         self._size = 0
         self.state = Logging.IDLE
 
     @property
     def writing(self) -> bool:
-        """Whether there is a file."""
+        """Whether a file is open."""
         return self._file is not None
 
-    def turn(
+    def write_chunk(
         self,
         chunk: bytes,
         *,
@@ -36,33 +36,33 @@ class LogWriter:
         size_max: int,
         describe: Callable[[int], bytes],
     ) -> str | None:
-        """Take the next chunk; gives a sentence when the medium has refused.
+        """Take the next chunk; return an error text when the storage fails, else None.
 
         Args:
-            chunk: records since the former one.
+            chunk: records since the previous one.
             began_us: time [us since boot] at which the chunk begins.
-            wanted: whether there shall be a log now.
-            size_max: size [bytes] at which the log goes on in another file.
-            describe: makes the first part of a file from the time at which it begins.
+            wanted: whether SDLOG_MODE asks for a log now.
+            size_max: size [bytes] at which the log continues in a new file.
+            describe: encodes the definitions of a file that begins at a time [us since boot].
         """
-        former = self.state
+        previous = self.state
         event = LoggingEvent.WANTED if wanted else LoggingEvent.UNWANTED
-        self.state = next_state(former, event)
-        self._before.append((began_us, chunk))
+        self.state = next_state(previous, event)
+        self._pending.append((began_us, chunk))
         try:
             if self.state is Logging.RECORDING and (self._file is None or self._size >= size_max):
                 self._open(describe)
-            self._write_waiting()
-            if former is Logging.FINISHING and self.state is Logging.IDLE:
+            self._write_pending()
+            if previous is Logging.FINISHING and self.state is Logging.IDLE:
                 self._end()
         except OSError as error:
-            self.state = next_state(self.state, LoggingEvent.REFUSED)
+            self.state = next_state(self.state, LoggingEvent.STORAGE_ERROR)
             self._drop()
             return f"Flight log stopped: {error.strerror or error}"
         return None
 
     def finish(self, chunk: bytes) -> str | None:
-        """Write a last chunk and end the file, if there is one; a sentence as from `turn`."""
+        """Write a last chunk and close the file if one is open; return an error text or None."""
         try:
             if self._file is not None:
                 self._file.write(chunk)
@@ -73,18 +73,18 @@ class LogWriter:
         return None
 
     def _open(self, describe: Callable[[int], bytes]) -> None:
-        """Begin a file, in place of the former one; that one is not waited for in flight."""
+        """Open a new file; close the previous one without a sync, which could block in flight."""
         self._drop()
-        began_us = self._before[0][0]
+        began_us = self._pending[0][0]
         self._file = self._store.create(self._boot_time_utc_us + began_us)
         self._size = 0
         self._write(describe(began_us))
 
-    def _write_waiting(self) -> None:
-        """Write all chunks that wait, if there is a file."""
+    def _write_pending(self) -> None:
+        """Write all pending chunks if a file is open."""
         if self._file is not None:
-            self._write(b"".join(chunk for _, chunk in self._before))
-            self._before.clear()
+            self._write(b"".join(chunk for _, chunk in self._pending))
+            self._pending.clear()
 
     def _write(self, data: bytes) -> None:
         if self._file is not None:
@@ -92,7 +92,7 @@ class LogWriter:
             self._size += len(data)
 
     def _end(self) -> None:
-        """End the file for good; the vehicle stands, so the medium may take its time."""
+        """Sync and close the file; the vehicle is disarmed, so this may block."""
         if self._file is not None:
             self._file.sync()
         self._drop()

@@ -1,1 +1,1 @@
-"""Manual control: what sticks mean in each of the piloted modes."""
+"""Manual control: set-points from the sticks in each piloted mode."""

@@ -1,4 +1,4 @@
-"""Reads sticks and estimate, publishes the set-point of the mode that is flown by them."""
+"""Reads sticks and estimate, publishes the set-point of the piloted mode."""
 
 import math
 from typing import Final
@@ -8,7 +8,7 @@ from uav_firmware.lib.guide import Guide
 from uav_firmware.lib.resets import ResetFollower
 from uav_firmware.lib.rotation import wrap_pi
 from uav_firmware.modules.manual_control import laws
-from uav_firmware.modules.manual_control.sticks import curved, shaped, turned
+from uav_firmware.modules.manual_control.sticks import rotate_by_yaw, shaped, with_expo
 from uav_firmware.modules.manual_control.tuning import Tuning, tuning_from
 from uav_firmware.msg.control_mode import (
     ControlSource,
@@ -26,9 +26,9 @@ from uav_firmware.msg.vectors import Vector3
 from uav_firmware.parameters import Registry
 
 _NAN: Final = math.nan
-_LONGEST_STEP_S: Final = 0.1  # after a longer pause nothing jumps
-_YAW_LEASH: Final = math.radians(30.0)  # [rad] The wanted heading waits for the vehicle
-_GROUND_SINK_SPEED: Final = 0.7  # [m/s] Asked for on the ground, so that the thrust stays down
+_STEP_MAX_S: Final = 0.1  # Longer pauses count as this, so that nothing jumps
+_YAW_LEASH: Final = math.radians(30.0)  # [rad] Largest lead of the heading set-point
+_GROUND_SINK_SPEED: Final = 0.7  # [m/s] Set-point on the ground, keeps the thrust low
 _CENTRED: Final = ManualControlSetpoint(0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -61,13 +61,13 @@ class ManualControlModule:
         self._rates = vehicle_rates_setpoint
         self._guide = Guide()
         self._yaw = 0.0
-        self._led = False  # whether the last step was flown by the sticks
+        self._was_active = False  # Whether the last step published a set-point
         self._last_us = 0
         self._resets = ResetFollower()
-        self._retune()
+        self._read_parameters()
 
     def update(self) -> None:
-        """Publish the set-point of this moment, if the sticks lead."""
+        """Publish the set-point if manual control is in command."""
         estimate, status = self._local_position.value, self._status.value
         control = self._control_mode.value
         if (
@@ -76,19 +76,19 @@ class ManualControlModule:
             or control is None
             or control.source is not ControlSource.MANUAL
         ):
-            self._led = False
+            self._was_active = False
             return
-        if self._seen_version != self._registry.version:
-            self._retune()
+        if self._parameter_version != self._registry.version:
+            self._read_parameters()
         step = self._resets.take(estimate.resets)
         if step is not None:
             self._guide.shift(step.position_ned, step.velocity_ned)
             self._yaw = wrap_pi(self._yaw + step.heading)
-        dt = min((estimate.time_us - self._last_us) * 1e-6, _LONGEST_STEP_S)
+        dt = min((estimate.time_us - self._last_us) * 1e-6, _STEP_MAX_S)
         self._last_us = estimate.time_us
-        if not self._led or self._landed:
+        if not self._was_active or self._landed:
             self._restart(estimate)
-        self._led = True
+        self._was_active = True
         if dt > 0.0:
             self._fly(estimate, status, dt)
 
@@ -97,7 +97,7 @@ class ManualControlModule:
         return self._land.value is None or self._land.value.landed
 
     def _restart(self, estimate: VehicleLocalPosition) -> None:
-        """Begin where the vehicle is, as fast as it is; on the ground at rest."""
+        """Start from the present position and velocity; on the ground at rest."""
         velocity = estimate.velocity_ned
         known = estimate.velocity_valid and not self._landed
         self._guide.restart(estimate.position_ned, velocity if known else (0.0, 0.0, 0.0))
@@ -111,11 +111,11 @@ class ManualControlModule:
                 self._fly_altitude(estimate, dt)
             case NavigationState.ACRO:
                 self._fly_rates(estimate, status)
-            case _:  # MANUAL and STAB are one: a multirotor cannot be flown without attitude
+            case _:  # MANUAL equals STAB: a multirotor needs attitude control
                 self._fly_attitude(estimate, status, dt)
 
     def _raw(self, now_us: int) -> ManualControlSetpoint:
-        """The sticks as they are; those not heard of any more count as centred."""
+        """Newest sticks, not shaped; centred when none arrived for COM_RC_LOSS_T."""
         sticks = self._sticks.value
         if sticks is None or now_us - sticks.time_us > self._tuning.stale_us:
             return _CENTRED
@@ -124,15 +124,15 @@ class ManualControlModule:
     def _fly_position(self, estimate: VehicleLocalPosition, dt: float) -> None:
         tuning = self._tuning
         sticks = shaped(self._raw(estimate.time_us), tuning.curves)
-        yaw_rate = self._turn(sticks.yaw, estimate, dt)
-        north, east = turned(sticks.forward, sticks.right, self._yaw)
+        yaw_rate = self._advance_yaw(sticks.yaw, estimate, dt)
+        north, east = rotate_by_yaw(sticks.forward, sticks.right, self._yaw)
         down = self._vertical(sticks.up, estimate)
-        wanted = (north * tuning.speed_max, east * tuning.speed_max, down)
+        velocity = (north * tuning.speed_max, east * tuning.speed_max, down)
         if self._landed:
-            self._wait(estimate, down)
+            self._fly_on_ground(estimate, down)
             return
         guide = self._guide
-        guide.advance(wanted, estimate.position_ned, tuning.guide, dt)
+        guide.advance(velocity, estimate.position_ned, tuning.guide, dt)
         self._trajectory.publish(
             TrajectorySetpoint(
                 estimate.time_us,
@@ -147,10 +147,10 @@ class ManualControlModule:
     def _fly_altitude(self, estimate: VehicleLocalPosition, dt: float) -> None:
         tuning = self._tuning
         sticks = shaped(self._raw(estimate.time_us), tuning.curves)
-        yaw_rate = self._turn(sticks.yaw, estimate, dt)
+        yaw_rate = self._advance_yaw(sticks.yaw, estimate, dt)
         down = self._vertical(sticks.up, estimate)
         if self._landed:
-            self._wait(estimate, down)
+            self._fly_on_ground(estimate, down)
             return
         guide = self._guide
         guide.advance((0.0, 0.0, down), estimate.position_ned, tuning.guide, dt)
@@ -166,8 +166,8 @@ class ManualControlModule:
             )
         )
 
-    def _wait(self, estimate: VehicleLocalPosition, down: float) -> None:
-        """On the ground: lift off when the stick is up, else stay."""
+    def _fly_on_ground(self, estimate: VehicleLocalPosition, down: float) -> None:
+        """Take off when the stick is up, else stay on the ground."""
         velocity = (0.0, 0.0, down if down < 0.0 else _GROUND_SINK_SPEED)
         unset: Vector3 = (_NAN, _NAN, _NAN)
         self._trajectory.publish(
@@ -181,42 +181,42 @@ class ManualControlModule:
     ) -> None:
         raw, tuning = self._raw(estimate.time_us), self._tuning
         sticks = shaped(raw, tuning.curves)
-        yaw_rate = self._turn(sticks.yaw, estimate, dt)
+        yaw_rate = self._advance_yaw(sticks.yaw, estimate, dt)
         q = laws.attitude(sticks.forward, sticks.right, self._yaw, tuning.tilt_max)
         thrust = self._thrust(raw, status, estimate.time_us)
         self._attitude.publish(VehicleAttitudeSetpoint(estimate.time_us, q, yaw_rate, thrust))
 
     def _fly_rates(self, estimate: VehicleLocalPosition, status: VehicleStatus) -> None:
         raw, tuning = self._raw(estimate.time_us), self._tuning
-        bent = raw._replace(
-            forward=curved(raw.forward, tuning.acro_expo),
-            right=curved(raw.right, tuning.acro_expo),
-            yaw=curved(raw.yaw, tuning.acro_yaw_expo),
+        with_curves = raw._replace(
+            forward=with_expo(raw.forward, tuning.acro_expo),
+            right=with_expo(raw.right, tuning.acro_expo),
+            yaw=with_expo(raw.yaw, tuning.acro_yaw_expo),
         )
         thrust = self._thrust(raw, status, estimate.time_us)
-        rates = laws.body_rates(bent, tuning.acro_rates_frd)
+        rates = laws.body_rates(with_curves, tuning.acro_rates_frd)
         self._rates.publish(VehicleRatesSetpoint(estimate.time_us, rates, thrust))
 
     def _thrust(self, raw: ManualControlSetpoint, status: VehicleStatus, now_us: int) -> float:
-        """Thrust of the throttle stick; none while the motors spool up."""
+        """Thrust [-] of the throttle stick; zero while disarmed or spooling up."""
         if not status.armed or now_us - status.armed_since_us < self._tuning.spool_up_us:
             return 0.0
         return laws.thrust(raw.up, self._tuning.throttle, landed=self._landed)
 
     def _vertical(self, up: float, estimate: VehicleLocalPosition) -> float:
-        """Vertical velocity [m/s, down] of the stick, slow near the ground."""
+        """Vertical velocity [m/s, down] of the throttle stick, slower near the ground."""
         home = self._home.value
         ground = home.position_ned[2] if home is not None else 0.0
         sink = self._tuning.descent.limit(ground - estimate.position_ned[2])
         return laws.climb_velocity(up, self._tuning.speed_up, sink)
 
-    def _turn(self, stick: float, estimate: VehicleLocalPosition, dt: float) -> float:
-        """Move the wanted heading on; gives its rate [rad/s]."""
+    def _advance_yaw(self, stick: float, estimate: VehicleLocalPosition, dt: float) -> float:
+        """Advance the heading set-point and return its rate [rad/s]."""
         rate = 0.0 if self._landed else stick * self._tuning.yaw_rate_max
         ahead = wrap_pi(self._yaw + rate * dt - estimate.heading)
         self._yaw = wrap_pi(estimate.heading + min(max(ahead, -_YAW_LEASH), _YAW_LEASH))
         return rate
 
-    def _retune(self) -> None:
-        self._seen_version = self._registry.version
+    def _read_parameters(self) -> None:
+        self._parameter_version = self._registry.version
         self._tuning: Tuning = tuning_from(self._registry)

@@ -1,4 +1,4 @@
-"""Feel of the sticks, named as PX4 names it."""
+"""Parameters of manual control, with PX4's names."""
 
 from dataclasses import dataclass
 
@@ -11,19 +11,19 @@ class ManualControlParams:
 
     dead_zone: float = param(
         "MPC_HOLD_DZ", 0.1, unit="1", minimum=0.0, maximum=0.9,
-        short="Deflection of a stick, of full deflection, that still counts as centred",
+        short="Deflection of a stick, of full deflection, below which it counts as centred",
     )  # fmt: skip
     horizontal_expo: float = param(
         "MPC_XY_MAN_EXPO", 0.6, unit="1", minimum=0.0, maximum=1.0,
-        short="Curve of the sticks for horizontal velocity: 0 straight, 1 cubic",
+        short="Curve of the sticks for horizontal velocity: 0 linear, 1 cubic",
     )  # fmt: skip
     vertical_expo: float = param(
         "MPC_Z_MAN_EXPO", 0.6, unit="1", minimum=0.0, maximum=1.0,
-        short="Curve of the stick for climb speed: 0 straight, 1 cubic",
+        short="Curve of the stick for climb speed: 0 linear, 1 cubic",
     )  # fmt: skip
     yaw_expo: float = param(
         "MPC_YAW_EXPO", 0.6, unit="1", minimum=0.0, maximum=1.0,
-        short="Curve of the stick for yaw rate: 0 straight, 1 cubic",
+        short="Curve of the stick for yaw rate: 0 linear, 1 cubic",
     )  # fmt: skip
     speed_max: float = param(
         "MPC_VEL_MANUAL", 10.0, unit="m/s", minimum=0.5, maximum=20.0,
@@ -63,9 +63,9 @@ class ManualControlParams:
     )  # fmt: skip
     acro_expo: float = param(
         "MC_ACRO_EXPO", 0.0, unit="1", minimum=0.0, maximum=1.0,
-        short="Curve of the roll and pitch sticks in acro mode: 0 straight, 1 cubic",
+        short="Curve of the roll and pitch sticks in acro mode: 0 linear, 1 cubic",
     )  # fmt: skip
     acro_yaw_expo: float = param(
         "MC_ACRO_EXPO_Y", 0.0, unit="1", minimum=0.0, maximum=1.0,
-        short="Curve of the yaw stick in acro mode: 0 straight, 1 cubic",
+        short="Curve of the yaw stick in acro mode: 0 linear, 1 cubic",
     )  # fmt: skip

@@ -1,7 +1,7 @@
-"""The parameters of the stick laws in radians and grouped as the laws want them.
+"""Parameters of the stick laws, in radians and grouped by law.
 
-Limits that belong to other modules (climb speed, hover thrust, acceleration) are read by name
-where they are declared, so that sticks and missions share them.
+Limits that other modules declare (climb speed, hover thrust, acceleration) are read by name, so
+that sticks and missions share them.
 """
 
 import math
@@ -18,7 +18,7 @@ _VERTICAL_LEASH_M: Final = 1.0
 
 
 class Tuning(NamedTuple):
-    """Everything that the module hands to its laws."""
+    """Inputs of the stick laws other than sticks and estimate."""
 
     curves: Curves
     speed_max: float  # [m/s]
@@ -31,12 +31,12 @@ class Tuning(NamedTuple):
     acro_rates_frd: Vector3  # [rad/s]
     acro_expo: float  # [-]
     acro_yaw_expo: float  # [-]
-    stale_us: float  # [us] Age from which sticks count as centred
+    stale_us: float  # [us] Sticks older than this count as centred
     spool_up_us: float  # [us]
 
 
 def tuning_from(registry: Registry) -> Tuning:
-    """Read the present parameters.
+    """Read the current parameters.
 
     Raises:
         UnknownParameterError: if a parameter of another module has not been declared.

@@ -1,40 +1,55 @@
-"""The MAVLink module: datagrams in, topics out; topics in, datagrams out."""
+"""The MAVLink module: translates between datagrams and topics."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 from uav_firmware.cal.files import Card
 from uav_firmware.cal.link import Address, Link
 from uav_firmware.cal.storage import Storage
-from uav_firmware.modules.mavlink.commands.power_commands import PowerAction
+from uav_firmware.modules.mavlink.commands.preflight_commands import PowerAction
+from uav_firmware.modules.mavlink.missions.plan_checks import RULES, PlanChecker, PlanRules
 from uav_firmware.modules.mavlink.signing.signing_setup import SigningSetup
-from uav_firmware.modules.mavlink.telemetry.changes import ChangeDetector
+from uav_firmware.modules.mavlink.telemetry.changes import ChangeDetector, ReachedReporter
 from uav_firmware.modules.mavlink.telemetry.context import BatteryThresholds, Context
-from uav_firmware.modules.mavlink.telemetry.mission_progress import ReachedAnnouncer
+from uav_firmware.modules.mavlink.telemetry.sensors import VibrationMeter
 from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
-from uav_firmware.modules.mavlink.telemetry.streams import default_intervals_us
-from uav_firmware.modules.mavlink.telemetry.vibration import VibrationMeter
-from uav_firmware.modules.mavlink.topics import MavlinkTopics
+from uav_firmware.modules.mavlink.telemetry.streams import LinkParams, default_intervals_us
 from uav_firmware.modules.mavlink.wire.addressing import OWN_COMPONENTS, Outgoing, Sender
 from uav_firmware.modules.mavlink.wire.dialect import Message, parse
-from uav_firmware.modules.mavlink.wire.dispatcher import Dispatcher, PlanChecks
-from uav_firmware.modules.mavlink.wire.link_params import LinkParams
+from uav_firmware.modules.mavlink.wire.dispatcher import Dispatcher
 from uav_firmware.modules.mavlink.wire.peers import Peer, PeerTable
 from uav_firmware.modules.mavlink.wire.reception import Reception, SigningOptions
 from uav_firmware.modules.mavlink.wire.transmitter import Transmitter
+from uav_firmware.msg.mission import PlanType
 from uav_firmware.parameters import Registry, UnknownParameterError
+from uav_firmware.topics import Topics
 
+READS: Final = (
+    "sensor_imu", "sensor_baro", "sensor_mag", "sensor_gps", "battery_status", "sensor_hygrometer",
+    "sensor_ground", "sensor_range", "sensor_truth", "vehicle_attitude", "vehicle_local_position",
+    "vehicle_global_position", "estimator_status", "wind", "vehicle_status", "land_detected",
+    "home_position", "mission", "mission_progress", "plan_check_result", "geofence_status",
+    "orbit_status", "camera_event", "camera_status", "camera_lens", "gimbal_status",
+    "tracking_state", "trajectory_setpoint", "vehicle_attitude_setpoint", "vehicle_rates_setpoint",
+    "actuator_motors", "log_stream", "vehicle_command_ack", "status_text",
+)  # fmt: skip
+WRITES: Final = (
+    "mission", "plan_check_request", "manual_control_setpoint", "offboard_setpoint", "fence",
+    "rally_points", "follow_target", "payload_order", "ground_station_heartbeat",
+    "log_stream_request", "refused_frames", "vehicle_command", "status_text",
+)  # fmt: skip
 MAX_MESSAGES_PER_CALL: Final = 128
-"""One step's worth of work; what a flood brings beyond it is dropped, as a full buffer would."""
+"""Messages beyond this are dropped, which bounds the work of a step during a flood."""
 _TICK_US: Final = 20_000
-"""50 Hz, the rate of the commander whose answers and changes are passed on."""
+"""50 Hz, the rate of the commander."""
 _HOUSEKEEPING_US: Final = 1_000_000
 
 
 class MavlinkModule:
-    """Speaks MAVLink for component 1 of the vehicle.
+    """Serves MAVLink for the vehicle's autopilot and camera component.
 
-    `update` is called in every control step. `serve` may be called in between, whenever a
+    `serve`, `resume_uploads` and `update` are called 125 times a second, with the navigator's
+    check of plans after the first. All but the last may be called in between, whenever a
     datagram has arrived, so that a transfer is not slowed to one message per step.
     """
 
@@ -44,8 +59,7 @@ class MavlinkModule:
         link: Link,
         system_id: int,
         registry: Registry,
-        topics: MavlinkTopics,
-        checks: PlanChecks,
+        topics: Topics,
         peers: Sequence[Peer],
         storage: Storage | None = None,
         boot_time_utc_us: int = 0,
@@ -54,6 +68,7 @@ class MavlinkModule:
         card: Card | None = None,
         request_power: Callable[[PowerAction], None] | None = None,
         signing: SigningOptions | None = None,
+        plan_rules: Mapping[PlanType, PlanRules] = RULES,
     ) -> None:
         """Open channels to the configured peers.
 
@@ -62,19 +77,19 @@ class MavlinkModule:
             system_id: MAVLink system id of the vehicle, 1 to 250.
             registry: The vehicle's parameters.
             topics: Connections to the bus.
-            checks: Judge uploaded plans before they are accepted.
-            peers: Who is sent telemetry from the start.
-            storage: Keeps plans over a restart; without one they are lost with the process.
+            peers: Configured peers, which get telemetry from the start.
+            storage: Stores plans across restarts; without one they are lost at exit.
             boot_time_utc_us: World time at vehicle time zero [us since 1970]; 0 unknown.
             save_parameters: Called after a peer changed a parameter; may raise OSError.
-            params: What is streamed unprompted; PX4's defaults if not given.
+            params: Modes of the links; PX4's defaults if not given.
             request_power: Called when a peer reboots the vehicle or shuts it down.
-            card: Where files and logs lie; without one only the parameters are a file.
-            signing: What signatures need beside the keys of the peers.
+            card: Files and logs; without one only the parameters are served as files.
+            signing: Clock, storage and setup of signatures.
+            plan_rules: Which items and stored plans are accepted, by type of plan.
 
         Raises:
-            ValueError: if the system id is outside 1..250, or a peer's key is none.
-            SigningStoreError: if what an earlier run has left cannot be understood.
+            ValueError: if the system id is outside 1..250, or a peer's key is invalid.
+            SigningStoreError: if the stored state of the signatures is invalid.
         """
         if not 1 <= system_id <= 250:
             raise ValueError(f"system_id: {system_id} is outside 1..250")
@@ -106,14 +121,20 @@ class MavlinkModule:
             vehicle_status=topics.vehicle_status,
             texts=self._texts,
         )
-        self._reached = ReachedAnnouncer()
+        self._reached = ReachedReporter()
         self._vibration = VibrationMeter()
         self._dispatcher = Dispatcher(
             system_id=system_id,
             registry=registry,
             topics=topics,
             peers=self._peers,
-            checks=checks,
+            checker=PlanChecker(
+                topics.plan_check_request,
+                topics.plan_check_result,
+                home=lambda: topics.home_position.value,
+                registry=registry,
+                rules=plan_rules,
+            ),
             storage=storage,
             context=self._context,
             save_parameters=save_parameters,
@@ -128,8 +149,7 @@ class MavlinkModule:
         self._housekeeping_us = 0
 
     def update(self, now_us: int) -> None:
-        """Do everything that is due at `now_us` [us since boot]."""
-        self.serve(now_us)
+        """Send everything that is due at `now_us` [us since boot]."""
         if now_us >= self._tick_us:
             self._tick_us = now_us + _TICK_US
             self._tick(now_us)
@@ -137,11 +157,11 @@ class MavlinkModule:
             self._transmitter.stream(self._context(now_us))
 
     def shortest_interval_us(self, now_us: int) -> int:
-        """Interval [us] of what is sent most often to a peer that is heard; a second if to none."""
+        """Shortest interval [us] of a stream to an active peer; one second without one."""
         return self._peers.shortest_interval_us(now_us)
 
     def serve(self, now_us: int) -> None:
-        """Answer the datagrams that have arrived; of a flood, as many as a step can bear."""
+        """Process the received datagrams, up to `MAX_MESSAGES_PER_CALL` messages."""
         taken = 0
         for datagram, address in self._link.receive():
             left = MAX_MESSAGES_PER_CALL - taken
@@ -155,36 +175,40 @@ class MavlinkModule:
             for message in parsed.messages[:left]:
                 self._take(message, address, now_us)
 
+    def resume_uploads(self, now_us: int) -> None:
+        """Go on with the uploads whose plan the navigator has checked."""
+        self._transmitter.send(self._dispatcher.resume_uploads(now_us))
+
     def _take(self, message: Message, address: Address, now_us: int) -> None:
-        """Serve one message, if it is to be listened to."""
+        """Serve one message if it is admitted."""
         sender = Sender(message.get_srcSystem(), message.get_srcComponent(), address)
         if sender.identity in self._own:
-            return  # Sent back by a router, whom it must not make known either
+            return  # Returned by a router, which must not become a peer
         if self._reception.admit(message, address, now_us) is None:
             return
         self._transmitter.send(self._dispatcher.handle(message, sender, now_us))
 
     def _tick(self, now_us: int) -> None:
-        """Answers, repetitions and changes: what need not be looked at in every step."""
+        """Send answers, retries and changes at 50 Hz."""
         self._transmitter.send(self._due(now_us))
         changed = self._changes.take()
         if changed:
             self._transmitter.broadcast(changed, self._context(now_us))
-        self._vibration.update(self._topics.imu.value, now_us)
+        self._vibration.update(self._topics.sensor_imu.value, now_us)
         self._reception.tick()
         if now_us >= self._housekeeping_us:
             self._housekeeping_us = now_us + _HOUSEKEEPING_US
-            self._peers.note_refused(self._link.refused_addresses(), now_us)
-            self._dispatcher.forget(self._peers.forget_silent(now_us))
-            self._reception.tell(now_us)
+            self._peers.note_unreachable(self._link.refused_addresses(), now_us)
+            self._dispatcher.drop_peers(self._peers.close_timed_out(now_us))
+            self._reception.report(now_us)
 
     def _due(self, now_us: int) -> list[Outgoing]:
-        """Protocol messages due now: answers, repetitions, texts."""
+        """Protocol messages due now: answers, retries, status texts."""
         outgoing = self._dispatcher.tick(now_us)
         outgoing += self._signing_setup.tick()
         outgoing += self._reached.tick(self._topics.mission_progress.value, now_us)
         for text in self._topics.status_text.drain():
-            outgoing += self._texts.say(text.severity, text.text)
+            outgoing += self._texts.encode(text.severity, text.text)
         return outgoing
 
     def _context(self, now_us: int) -> Context:
@@ -205,7 +229,7 @@ class MavlinkModule:
         )
 
     def _threshold(self, name: str, default: float) -> float:
-        """A battery threshold of the commander's, or PX4's default where there is none."""
+        """A battery threshold of the commander, or PX4's default if it is not declared."""
         try:
             return self._registry.get(name)
         except UnknownParameterError:

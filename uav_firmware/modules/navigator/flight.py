@@ -1,4 +1,4 @@
-"""What a mode acts on: where the vehicle is, where home is, and the set-point it may move."""
+"""What a mode acts on: estimate, home and geofence, and the set-point that it moves."""
 
 import math
 from dataclasses import dataclass, field
@@ -11,8 +11,8 @@ from uav_firmware.lib.smoothing import Waypoint
 from uav_firmware.lib.vector import ZERO, norm, subtract
 from uav_firmware.modules.navigator.geofence.geofence import Geofence
 from uav_firmware.modules.navigator.params import NavigatorParams
-from uav_firmware.modules.navigator.trajectory.path_follower import PathFollower
-from uav_firmware.modules.navigator.trajectory.yaw import YawSlew
+from uav_firmware.modules.navigator.path_follower import PathFollower
+from uav_firmware.modules.navigator.yaw_slew import YawSlew
 from uav_firmware.msg.estimate import VehicleLocalPosition
 from uav_firmware.msg.guidance import OrbitStatus, RegionOfInterest
 from uav_firmware.msg.mission import MissionItem
@@ -22,13 +22,13 @@ from uav_firmware.msg.vectors import Vector3
 
 NAN = math.nan
 UNSET: Vector3 = (NAN, NAN, NAN)
-IDLE_SINK_SPEED_M_S = 0.7  # [m/s] asked for on the ground, so that the thrust stays down
-JERK_PER_SPEED = 1.5  # [1/s^2] with which a trajectory comes to a commanded speed
+IDLE_SINK_SPEED_M_S = 0.7  # [m/s] Commanded on the ground, so that the thrust stays low
+JERK_PER_SPEED = 1.5  # [1/s^2] Jerk over commanded speed of a trajectory
 
 _WARNING, _NOTICE = 4, 5  # MAV_SEVERITY
 _FACING_SPEED = 0.3  # [m/s] horizontal set-point speed above which the nose follows it
 _PLANNED_SHARE = 0.97  # of a commanded speed, for the trajectory
-_NEAREST_LOOK_M = 1.0  # [m] a place nearer than this has no direction worth turning to
+_NEAREST_LOOK_M = 1.0  # [m] The direction of a nearer place is not followed
 
 
 @dataclass(slots=True)
@@ -36,10 +36,10 @@ class Speeds:
     """Speeds commanded in place of the parameters' [m/s]; NaN where none is.
 
     A speed over the ground that is commanded is the greatest speed along the path: a leg that
-    climbs is flown no faster than a level one. Whoever commands a faster climb or descent besides
-    gets it. The vehicle overshoots what the trajectory does by some percent, the more the harder
-    the trajectory ends to accelerate, so that the trajectory keeps below a commanded speed and
-    comes to it gently: by the true velocity it is not exceeded by more than 5 %
+    climbs is flown no faster than a level one, unless a faster climb or descent is commanded too.
+    The vehicle overshoots the trajectory by some percent, more at the end of a strong
+    acceleration. The trajectory therefore stays below a commanded speed and approaches it with
+    a low jerk: the true velocity exceeds the command by 5 % at most
     (`tests/scenario/test_navigation_square.py`).
     """
 
@@ -81,7 +81,7 @@ def _or(value: float, default: float) -> float:
 
 @dataclass(slots=True)
 class Flight:
-    """Situation and set-point; `module` fills the former in before each step."""
+    """State of the vehicle and set-point; the module updates the state before each step."""
 
     params: NavigatorParams
     now_us: int = 0  # [us]
@@ -90,7 +90,7 @@ class Flight:
     home: HomePosition | None = None
     landed: bool = True
     motor_lost: bool = False
-    yaw_stick: float = 0.0  # [-] -1 to 1, of a pilot who is there; positive clockwise
+    yaw_stick: float = 0.0  # [-] -1 to 1, positive clockwise; 0 without a pilot
     ceiling: Vector3 = (math.inf, math.inf, math.inf)  # [m/s] Horizontal, up, down
     speeds: Speeds = field(default_factory=Speeds)
     path: PathFollower = field(default_factory=PathFollower)
@@ -100,17 +100,17 @@ class Flight:
     abort_down: float = NAN  # [m] Down coordinate to climb back to when a landing is broken off
     tilt_max: float = 0.5 * math.pi  # [rad] Of the position controller
     fence: Geofence = field(default_factory=Geofence)
-    fence_enabled: bool = True  # Off, `fence` is without bounds
+    fence_enabled: bool = True  # False: `fence` has no bounds
     rally_points: tuple[Vector3, ...] = ()  # [m, NED]
     fence_return: Vector3 | None = None  # [m, NED] Where a return from a breach leads
-    breached: bool = False  # The vehicle is where it may not be
+    breached: bool = False  # The vehicle is outside the geofence
     roi: Vector3 | None = None  # [m, NED] Place that the nose points at
-    turn_left: float = NAN  # [rad] Of a turn that was ordered; NaN when there is none
+    turn_left: float = NAN  # [rad] Rest of a commanded turn; NaN when there is none
     turn_rate: float = NAN  # [rad/s] Of that turn
     orbit_status: OrbitStatus | None = None  # Of the circle flown in this step
-    home_orders: list[MissionItem] = field(default_factory=list)  # DO_SET_HOME items reached
-    payload_orders: list[MissionItem] = field(default_factory=list)  # Items for camera and gimbal
-    regions: list[RegionOfInterest] = field(default_factory=list)  # For the gimbal to look at too
+    home_commands: list[MissionItem] = field(default_factory=list)  # DO_SET_HOME items reached
+    payload_commands: list[MissionItem] = field(default_factory=list)  # Items for camera and gimbal
+    regions: list[RegionOfInterest] = field(default_factory=list)  # To be published for the gimbal
     texts: list[tuple[int, str]] = field(default_factory=list)  # Severity, for the operator
     _aim: tuple[float, float] | None = None  # [rad, rad/s] Heading of this step alone
 
@@ -189,11 +189,11 @@ class Flight:
         self._aim = (yaw, rate)
 
     def turn_by(self, angle: float, rate: float = NAN) -> None:
-        """Turn through `angle` [rad], the way of its sign, at `rate` [rad/s] at most."""
+        """Turn through `angle` [rad], in the direction of its sign, at `rate` [rad/s] at most."""
         self.turn_left, self.turn_rate = angle, rate
 
     def turn_to(self, angle: float, direction: int, rate: float = NAN) -> None:
-        """Turn to a heading [rad]: clockwise with direction 1, the other way with -1."""
+        """Turn to a heading [rad]: clockwise with direction 1, counter-clockwise with -1."""
         turn = wrap_pi(angle - self.yaw.yaw)
         if direction * turn < 0.0:
             turn += math.copysign(math.tau, direction)
@@ -201,21 +201,21 @@ class Flight:
 
     @property
     def turned(self) -> bool:
-        """Whether the nose points where it shall, or need not point anywhere."""
+        """Whether the commanded heading is reached, or none is commanded."""
         return math.isnan(self.turn_left) and (math.isnan(self.yaw_target) or self.yaw.settled)
 
     def switch_fence(self, *, enabled: bool) -> None:
-        """Hold to the geofence or not; told when it changes."""
+        """Enable or disable the geofence; a change is reported."""
         if enabled is not self.fence_enabled:
             self.fence_enabled = enabled
-            self.say(_NOTICE if enabled else _WARNING, f"Geofence {'on' if enabled else 'off'}")
+            self.report(_NOTICE if enabled else _WARNING, f"Geofence {'on' if enabled else 'off'}")
 
-    def say(self, severity: int, text: str) -> None:
-        """Tell the operator something."""
+    def report(self, severity: int, text: str) -> None:
+        """Send a STATUSTEXT to the operator."""
         self.texts.append((severity, text))
 
     def arrived(self, point: Vector3, radius: float) -> bool:
-        """Whether the vehicle is within `radius` [m] of a point, as far as it knows."""
+        """Whether the vehicle is within `radius` [m] of a point, by its estimate."""
         horizontal, vertical = self.error_to(point)
         return horizontal <= radius and vertical <= self.params.altitude_acceptance
 
@@ -236,13 +236,13 @@ class Flight:
         self.yaw_target = self.turn_left = NAN
 
     def shift(self, step: EstimateStep) -> None:
-        """Follow a reset of the estimate; what lies on the earth stays there."""
+        """Move the set-point with a reset of the estimate; waypoints stay fixed to the earth."""
         self.path.shift(step.position_ned, step.velocity_ned, self.limits())
         self.yaw.yaw = wrap_pi(self.yaw.yaw + step.heading)
         self.course = wrap_pi(self.course + step.heading)
 
     def advance(self, dt: float) -> TrajectorySetpoint:
-        """Move the set-point on by `dt` [s], more slowly when the vehicle is left behind."""
+        """Move the set-point on by `dt` [s], more slowly when the vehicle lags behind."""
         pace = self._pace()
         position, velocity, acceleration = self.path.advance(dt * pace)
         if not self.landed:
@@ -261,7 +261,7 @@ class Flight:
         )
 
     def idle(self) -> TrajectorySetpoint:
-        """Set-point of a vehicle on the ground that shall stay there."""
+        """Set-point of a vehicle that stays on the ground."""
         self.restart()
         return TrajectorySetpoint(
             self.now_us,
@@ -296,7 +296,7 @@ class Flight:
         self.yaw.advance(target, dt, rate_max, acceleration_max, rate)
 
     def _look(self, velocity: Vector3) -> tuple[float, float]:
-        """Heading [rad] and its rate [rad/s]: at the region of interest, as told, or ahead."""
+        """Heading [rad] and its rate [rad/s]: at the region of interest, as commanded, or ahead."""
         if self.roi is not None:
             return self._look_at(self.roi, velocity)
         if not math.isnan(self.yaw_target):

@@ -1,146 +1,106 @@
-"""Shell of the navigator: topics in, one mode at a time, set-point and progress out."""
+"""The navigator on the bus: topics in, one mode at a time, set-point and progress out."""
 
 import math
 from collections.abc import Sequence
 from typing import Final
 
-from uav_firmware.bus import Queue, Topic
+from uav_firmware.lib import fence_rules, mission_rules
+from uav_firmware.lib.geo import LocalFrame
+from uav_firmware.lib.mission_rules import DistanceLimits
 from uav_firmware.lib.resets import ResetFollower
-from uav_firmware.lib.stepwise import finished
 from uav_firmware.modules.navigator.flight import Flight, Speeds
 from uav_firmware.modules.navigator.geofence import area
-from uav_firmware.modules.navigator.geofence.area import AreaKeeper
-from uav_firmware.modules.navigator.geofence.monitor import GeofenceWatch
-from uav_firmware.modules.navigator.mission import feasibility
+from uav_firmware.modules.navigator.geofence.area import LocalGeofence
+from uav_firmware.modules.navigator.geofence.monitor import GeofenceMonitor
 from uav_firmware.modules.navigator.mission.mission_mode import MissionMode
-from uav_firmware.modules.navigator.mission.review import MissionReview
-from uav_firmware.modules.navigator.modes.follow import FollowMode
-from uav_firmware.modules.navigator.modes.heading_commands import (
-    take_heading,
-    take_region_of_interest,
-)
+from uav_firmware.modules.navigator.mission.review import MissionReview, PlanChecks
+from uav_firmware.modules.navigator.modes.follow_target import FollowMode
+from uav_firmware.modules.navigator.modes.land import LandMode
 from uav_firmware.modules.navigator.modes.loiter import LoiterMode
-from uav_firmware.modules.navigator.modes.mode import NavigatorMode
-from uav_firmware.modules.navigator.modes.orbit_mode import OrbitMode
-from uav_firmware.modules.navigator.modes.single_manoeuvre_modes import (
-    LandMode,
-    ReturnMode,
-    TakeoffMode,
+from uav_firmware.modules.navigator.modes.navigator_mode import NavigatorMode
+from uav_firmware.modules.navigator.modes.orbit import OrbitMode
+from uav_firmware.modules.navigator.modes.return_to_launch import ReturnMode
+from uav_firmware.modules.navigator.modes.takeoff import TakeoffMode
+from uav_firmware.modules.navigator.modes.yaw_commands import (
+    apply_heading,
+    apply_region_of_interest,
 )
 from uav_firmware.modules.navigator.params import NavigatorParams
-from uav_firmware.modules.navigator.reports import Reporter, ReportTopics
-from uav_firmware.modules.navigator.surroundings import ceiling, frame_of, tilt_max, yaw_of
+from uav_firmware.modules.navigator.reports import Reporter
 from uav_firmware.msg.control_mode import (
     ControlSource,
     ManualControlSetpoint,
-    VehicleControlMode,
 )
 from uav_firmware.msg.estimate import VehicleLocalPosition
-from uav_firmware.msg.failure import FailureDetectorStatus
-from uav_firmware.msg.geofence import Fence, FenceBreach, GeofenceStatus, RallyPoints
+from uav_firmware.msg.geofence import FenceBreach
 from uav_firmware.msg.guidance import (
     FollowOrder,
-    FollowTarget,
     HeadingRequest,
-    OrbitStatus,
     OrbitTarget,
     RegionOfInterest,
 )
 from uav_firmware.msg.mission import (
     FenceSwitch,
-    Mission,
     MissionCurrentRequest,
     MissionItem,
-    MissionProgress,
-    MissionRejection,
     ModeTarget,
-    NavigatorRequest,
     NavigatorStatus,
     NavigatorTarget,
     PlanReview,
+    PlanType,
     SpeedRequest,
+    TargetCheckResult,
 )
-from uav_firmware.msg.payload import PayloadOrder
-from uav_firmware.msg.setpoints import TrajectorySetpoint
 from uav_firmware.msg.status import (
-    HomePosition,
-    LandDetected,
     NavigationState,
-    StatusText,
-    VehicleCommand,
-    VehicleStatus,
 )
+from uav_firmware.msg.vectors import Vector3
 from uav_firmware.parameters import Registry
+from uav_firmware.topics import Topics
 
+READS: Final = (
+    "vehicle_local_position", "vehicle_status", "vehicle_control_mode", "land_detected",
+    "home_position", "mission", "fence", "rally_points", "navigator_request", "follow_target",
+    "target_check_request", "plan_check_request", "failure_detector_status",
+    "manual_control_setpoint",
+)  # fmt: skip
+WRITES: Final = (
+    "trajectory_setpoint", "mission_progress", "navigator_status", "orbit_status",
+    "geofence_status", "target_check_result", "plan_check_result", "vehicle_command",
+    "payload_order", "region_of_interest", "status_text",
+)  # fmt: skip
 PERIOD_US: Final = 8_000  # [us] 125 Hz: at 12 m/s the set-point moves 0.1 m a step
 _WARNING: Final = 4  # MAV_SEVERITY
 _LONGEST_STEP_S: Final = 0.1  # [s] a longer gap does not make the set-point jump
 
+_SPEED_LIMITS: Final = ("MPC_XY_VEL_MAX", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN")
+_TILT_LIMIT: Final = "MPC_TILTMAX_AIR"
+_STICKS_TIMEOUT_US: Final = 500_000  # [us] Sticks older than this are ignored
+_DEAD_ZONE: Final = 0.1  # [-] Smaller deflections count as centred
+
 
 class NavigatorModule:
-    """Flies the mode that commander has chosen.
+    """Flies the mode that the commander has chosen.
 
     Declares `NavigatorParams` in the registry.
     """
 
-    def __init__(
-        self,
-        registry: Registry,
-        *,
-        vehicle_local_position: Topic[VehicleLocalPosition],
-        vehicle_status: Topic[VehicleStatus],
-        land_detected: Topic[LandDetected],
-        home_position: Topic[HomePosition],
-        mission: Topic[Mission],
-        navigator_request: Queue[NavigatorRequest],
-        trajectory_setpoint: Topic[TrajectorySetpoint],
-        mission_progress: Topic[MissionProgress],
-        navigator_status: Topic[NavigatorStatus],
-        orbit_status: Topic[OrbitStatus],
-        fence: Topic[Fence],
-        rally_points: Topic[RallyPoints],
-        geofence_status: Topic[GeofenceStatus],
-        follow_target: Topic[FollowTarget],
-        status_text: Queue[StatusText],
-        vehicle_command: Queue[VehicleCommand],
-        payload_order: Queue[PayloadOrder] | None = None,
-        region_of_interest: Topic[RegionOfInterest] | None = None,
-        vehicle_control_mode: Topic[VehicleControlMode] | None = None,
-        failure_detector_status: Topic[FailureDetectorStatus] | None = None,
-        manual_control_setpoint: Topic[ManualControlSetpoint] | None = None,
-    ) -> None:
+    def __init__(self, registry: Registry, topics: Topics) -> None:
         registry.add(NavigatorParams)
         self._registry = registry
-        self._local_position = vehicle_local_position
-        self._vehicle_status = vehicle_status
-        self._land_detected = land_detected
-        self._home_position = home_position
-        self._mission_topic = mission
-        self._requests = navigator_request
-        self._setpoint = trajectory_setpoint
-        self._reporter = Reporter(
-            ReportTopics(
-                mission_progress,
-                navigator_status,
-                orbit_status,
-                status_text,
-                vehicle_command,
-                Queue() if payload_order is None else payload_order,
-                Topic() if region_of_interest is None else region_of_interest,
-            )
+        self._topics = topics
+        self._plan_checks = PlanChecks(
+            topics.plan_check_request, topics.plan_check_result, self._review_upload
         )
-        self._area = AreaKeeper(fence, rally_points)
-        self._fence_watch = GeofenceWatch()
-        self._fence_status = geofence_status
-        self._judged_by = 0  # Version of the area by which the present mode was let in
-        self._control_mode = vehicle_control_mode
-        self._failure_status = failure_detector_status
-        self._sticks = manual_control_setpoint
+        self._reporter = Reporter(topics)
+        self._area = LocalGeofence(topics.fence, topics.rally_points)
+        self._fence_watch = GeofenceMonitor()
+        self._checked_version = 0  # Of the geofence that the target of the present mode passed
         self._params_version: int | None = None
         self._flight = Flight(registry.read(NavigatorParams))
         self._mission = MissionMode()
         self._hold = LoiterMode()
-        self._follow_mode = FollowMode(follow_target)
+        self._follow_mode = FollowMode(topics.follow_target)
         self._modes: dict[NavigationState, NavigatorMode] = {
             NavigationState.AUTO_MISSION: self._mission,
             NavigationState.AUTO_LOITER: self._hold,
@@ -157,32 +117,18 @@ class NavigatorModule:
         self._last_us: int | None = None
         self._resets = ResetFollower()
 
-    def check_item(self, item: MissionItem) -> MissionRejection | None:
-        """Whether an item could be flown in any mission; for its upload."""
-        return feasibility.check_item(item, self._flight.home, self._flight.params)
+    def check_targets(self) -> None:
+        """Answer the commander: whether the geofence allows its targets."""
+        requests = self._topics.target_check_request.drain()
+        if requests:
+            self._area.update(self._flight)  # The fence may have changed since the last step
+        for request in requests:
+            refusal = area.refusal_of(request.target, self._flight) or ""
+            self._topics.target_check_result.publish(TargetCheckResult(request.request_id, refusal))
 
-    def check_mission(self, items: Sequence[MissionItem]) -> MissionRejection | None:
-        """Whether items could be flown from the present home."""
-        return finished(self.review_mission(items))
-
-    def review_mission(self, items: Sequence[MissionItem]) -> PlanReview:
-        """Judge as `check_mission`, little by little; for the mission's upload."""
-        self._area.update(self._flight)  # A fence may have come together with the mission
-        circumstances = self._circumstances
-        rejection = yield from self._judge(items)
-        if rejection is None:
-            self._review.trust(items, circumstances)
-        return rejection
-
-    def review_rally_points(self, items: Sequence[MissionItem]) -> PlanReview:
-        """Judge whether items are rally points that a return may lead to; for their upload."""
-        self._area.update(self._flight)
-        return (yield from area.review_rally_points(items, self._flight))
-
-    def refusal_of(self, target: ModeTarget) -> str | None:
-        """Why the geofence forbids an order; None when it does not. For the commander."""
-        self._area.update(self._flight)  # A fence may have come or gone together with the order
-        return area.refusal_of(target, self._flight)
+    def check_plans(self) -> None:
+        """Answer mavlink: whether uploaded plans can be flown; long ones take several calls."""
+        self._plan_checks.update()
 
     def update(self, now_us: int) -> None:
         """Run a step if one is due."""
@@ -206,20 +152,19 @@ class NavigatorModule:
         if self._params_version != self._registry.version:
             self._params_version = self._registry.version
             flight.params = self._registry.read(NavigatorParams)
-            flight.ceiling = ceiling(self._registry)
-            flight.tilt_max = tilt_max(self._registry)
-        estimate = self._local_position.value
+            flight.ceiling = _speed_limits(self._registry)
+            flight.tilt_max = _tilt_max(self._registry)
+        estimate = self._topics.vehicle_local_position.value
         flight.estimate = estimate
-        flight.home = self._home_position.value
-        land = self._land_detected.value
+        flight.home = self._topics.home_position.value
+        land = self._topics.land_detected.value
         flight.landed = land is None or land.landed
-        failure = None if self._failure_status is None else self._failure_status.value
+        failure = self._topics.failure_detector_status.value
         flight.motor_lost = failure is not None and failure.failed_motors != 0
         if estimate is not None:
-            flight.frame = frame_of(estimate, flight.frame)
+            flight.frame = _frame_of(estimate, flight.frame)
             self._follow_resets(estimate)
-        sticks = None if self._sticks is None else self._sticks.value
-        flight.yaw_stick = yaw_of(sticks, now_us)
+        flight.yaw_stick = _yaw_stick(self._topics.manual_control_setpoint.value, now_us)
         self._area.update(flight)
 
     def _follow_resets(self, estimate: VehicleLocalPosition) -> None:
@@ -232,22 +177,36 @@ class NavigatorModule:
             self._active.on_reset(self._flight, step)
 
     def _take_mission(self) -> None:
-        mission = self._mission_topic.value
-        if mission is not None and self._mission_count != self._mission_topic.count:
-            self._mission_count = self._mission_topic.count
+        mission = self._topics.mission.value
+        if mission is not None and self._mission_count != self._topics.mission.count:
+            self._mission_count = self._topics.mission.count
             self._mission.load(mission)
             self._restart_mission()
         items = self._mission.cursor.items
-        if reason := self._review.update(items, self._circumstances, self._judge):
-            self._flight.say(_WARNING, f"Mission cannot be flown: {reason}")
+        if reason := self._review.update(items, self._conditions, self._review_mission):
+            self._flight.report(_WARNING, f"Mission cannot be flown: {reason}")
 
     @property
-    def _circumstances(self) -> tuple[int, int]:
-        return (self._home_position.count, self._area.version)  # They change with either
+    def _conditions(self) -> tuple[int, int]:
+        """Counters that change with home, geofence or parameters."""
+        return (self._topics.home_position.count, self._area.version)
 
-    def _judge(self, items: Sequence[MissionItem]) -> PlanReview:
+    def _review_upload(self, plan_type: PlanType, items: tuple[MissionItem, ...]) -> PlanReview:
+        self._area.update(self._flight)  # A fence may have been uploaded just before
+        if plan_type is PlanType.FENCE:
+            return (yield from fence_rules.review_fence(items))
+        if plan_type is PlanType.RALLY_POINTS:
+            return (yield from area.review_rally_points(items, self._flight))
+        conditions = self._conditions
+        rejection = yield from self._review_mission(items)
+        if rejection is None:
+            self._review.note_accepted(items, conditions)
+        return rejection
+
+    def _review_mission(self, items: Sequence[MissionItem]) -> PlanReview:
         home, params = self._flight.home, self._flight.params
-        rejection = yield from feasibility.review(items, home, params)
+        limits = DistanceLimits(params.farthest_first_position, params.longest_leg)
+        rejection = yield from mission_rules.review(items, home, limits)
         return rejection or (yield from area.review_mission(items, self._flight))
 
     def _restart_mission(self) -> None:
@@ -255,7 +214,7 @@ class NavigatorModule:
             self._mission.on_activation(self._flight, None)
 
     def _take_requests(self) -> None:
-        for request in self._requests.drain():
+        for request in self._topics.navigator_request.drain():
             match request:
                 case NavigatorTarget() | OrbitTarget() | FollowOrder():
                     self._target = request
@@ -265,21 +224,21 @@ class NavigatorModule:
                     if self._active is not None:
                         self._active.on_speeds(flight)
                 case RegionOfInterest():
-                    take_region_of_interest(self._flight, request)
+                    apply_region_of_interest(self._flight, request)
                 case FenceSwitch(enabled=enabled):
                     self._flight.switch_fence(enabled=enabled)
                 case HeadingRequest():
-                    take_heading(self._flight, request)
+                    apply_heading(self._flight, request)
                 case MissionCurrentRequest():
                     if self._mission.select(request.seq, reset=request.reset):
                         self._restart_mission()
 
     def _choose_mode(self) -> None:
-        """Leave and enter modes; a target that came with none of them is forgotten."""
-        status = self._vehicle_status.value
-        armed = status is not None and status.armed and self._leads
+        """Leave and enter modes; a target whose mode is not entered is dropped."""
+        status = self._topics.vehicle_status.value
+        armed = status is not None and status.armed and self._controls_setpoint
         if status is not None:
-            self._area.follow_arming(self._flight, armed=status.armed)
+            self._area.update_arming(self._flight, armed=status.armed)
             if not status.armed:
                 self._flight.roi = None
         if status is None or not armed or self._flight.estimate is None:
@@ -294,13 +253,13 @@ class NavigatorModule:
             if mode is not self._hold:
                 self._flight.abort_down = math.nan
             self._enter(mode)
-            self._judged_by = self._area.version
+            self._checked_version = self._area.version
             mode.on_activation(self._flight, own)
 
     @property
-    def _leads(self) -> bool:
-        """Whether the navigator writes the set-point, not sticks or a stream from outside."""
-        control = None if self._control_mode is None else self._control_mode.value
+    def _controls_setpoint(self) -> bool:
+        """Whether the navigator writes the set-point, not sticks or a stream of set-points."""
+        control = self._topics.vehicle_control_mode.value
         return control is None or control.source is ControlSource.NAVIGATOR
 
     def _enter(self, mode: NavigatorMode | None) -> None:
@@ -310,20 +269,20 @@ class NavigatorModule:
             self._flight.speeds = Speeds()
         self._active = mode
 
-    def _on_judged_route(self) -> bool:
-        """Whether the way flown has been held against the present fence."""
+    def _is_route_checked(self) -> bool:
+        """Whether the route flown has been checked against the present geofence."""
         if self._active is self._mission:
             return self._review.rejection is None
         if self._active is self._follow_mode:
             return False
-        return self._active is not None and self._judged_by == self._area.version
+        return self._active is not None and self._checked_version == self._area.version
 
     def _watch_fence(self) -> None:
         flight = self._flight
-        status = self._fence_watch.update(flight, on_route=self._on_judged_route())
+        status = self._fence_watch.update(flight, route_checked=self._is_route_checked())
         if status is not None:
             flight.breached = status.breach is not FenceBreach.NONE
-            self._fence_status.publish(status)
+            self._topics.geofence_status.publish(status)
 
     def _fly(self, dt: float) -> None:
         flight, mode = self._flight, self._active
@@ -332,20 +291,61 @@ class NavigatorModule:
             mode.on_active(flight)
         if flight.estimate is None:
             return
-        if not self._leads:
-            flight.restart()  # so that the next mode begins from the motion it takes over
+        if not self._controls_setpoint:
+            flight.restart()  # The next mode begins from the present motion
             return
-        sits = mode is None or mode.sits(flight)
-        self._setpoint.publish(flight.idle() if sits else flight.advance(dt))
+        on_ground = mode is None or mode.stays_on_ground(flight)
+        setpoint = flight.idle() if on_ground else flight.advance(dt)
+        self._topics.trajectory_setpoint.publish(setpoint)
 
     def _report(self, now_us: int) -> None:
         self._reporter.report_flight(self._flight)
         self._reporter.report_progress(
             self._mission.cursor.progress(now_us, active=self._active is self._mission)
         )
-        vehicle = self._vehicle_status.value
+        vehicle = self._topics.vehicle_status.value
         if vehicle is not None:
             done = self._active is not None and self._active.finished
             self._reporter.report_status(
                 NavigatorStatus(now_us, vehicle.navigation_state, done, self._review.rejection)
             )
+
+
+def _tilt_max(registry: Registry) -> float:
+    """Largest tilt [rad] that the position controller allows."""
+    if _TILT_LIMIT not in registry.names():
+        return 0.5 * math.pi
+    return math.radians(float(registry.get(_TILT_LIMIT)))
+
+
+def _speed_limits(registry: Registry) -> Vector3:
+    """Speeds that the position controller allows: horizontal, up, down [m/s]."""
+    declared = set(registry.names())
+    horizontal, up, down = (
+        float(registry.get(name)) if name in declared else math.inf for name in _SPEED_LIMITS
+    )
+    return (horizontal, up, down)
+
+
+def _frame_of(estimate: VehicleLocalPosition, frame: LocalFrame | None) -> LocalFrame | None:
+    """Local frame of the estimate's origin; a new one only when the origin has moved."""
+    origin = (
+        estimate.origin_latitude_deg,
+        estimate.origin_longitude_deg,
+        estimate.origin_altitude_amsl_m,
+    )
+    if frame is not None and origin == (
+        frame.latitude_deg,
+        frame.longitude_deg,
+        frame.altitude_amsl_m,
+    ):
+        return frame
+    return LocalFrame(*origin) if all(map(math.isfinite, origin)) else None
+
+
+def _yaw_stick(sticks: ManualControlSetpoint | None, now_us: int) -> float:
+    """Yaw stick [-1 to 1] beyond its dead zone; 0 when the sticks are lost or absent."""
+    if sticks is None or now_us - sticks.time_us > _STICKS_TIMEOUT_US:
+        return 0.0
+    beyond = max(abs(sticks.yaw) - _DEAD_ZONE, 0.0) / (1.0 - _DEAD_ZONE)
+    return math.copysign(min(beyond, 1.0), sticks.yaw)

@@ -64,7 +64,7 @@ class NavigatorParams:
     )  # fmt: skip
     takeoff_height: float = param(
         "MIS_TAKEOFF_ALT", 2.5, unit="m", minimum=1.0, maximum=80.0,
-        short="Height above home of a take-off without altitude",
+        short="Height above home of a takeoff without altitude",
     )  # fmt: skip
     farthest_first_position: float = param(
         "MIS_DIST_1WP", 900.0, unit="m", minimum=-1.0, maximum=10000.0,
@@ -72,7 +72,7 @@ class NavigatorParams:
     )  # fmt: skip
     longest_leg: float = param(
         "MIS_DIST_WPS", 900.0, unit="m", minimum=-1.0, maximum=10000.0,
-        short="Longest way from one mission position to the next; 0 or less for no limit",
+        short="Longest distance from one mission position to the next; 0 or less for no limit",
     )  # fmt: skip
     acceptance_radius: float = param(
         "NAV_ACC_RAD", 2.0, unit="m", minimum=0.05, maximum=200.0,
@@ -135,7 +135,7 @@ class NavigatorParams:
     )  # fmt: skip
     follow_angle_deg: float = param(
         "FLW_TGT_FA", 180.0, unit="deg", minimum=-180.0, maximum=180.0,
-        short="Place of a follower, clockwise from the target's way: 0 ahead, 180 behind",
+        short="Place of a follower, clockwise from the target's course: 0 ahead, 180 behind",
     )  # fmt: skip
     follow_altitude_mode: int = param(
         "FLW_TGT_ALT_M", 0, unit="1", minimum=0, maximum=2,

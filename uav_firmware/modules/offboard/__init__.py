@@ -1,1 +1,1 @@
-"""Offboard: set-points that a companion or ground station streams."""
+"""Offboard mode: set-points streamed by a companion computer or ground station."""

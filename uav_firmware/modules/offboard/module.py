@@ -1,4 +1,4 @@
-"""Reads streamed set-points, publishes the set-point of the loop that they are meant for."""
+"""Reads streamed set-points, publishes them to the control loop that they address."""
 
 import math
 from typing import Final
@@ -18,10 +18,10 @@ from uav_firmware.msg.status import LandDetected, VehicleStatus
 from uav_firmware.msg.vectors import Vector3
 from uav_firmware.parameters import Registry
 
-_LONGEST_STEP_S: Final = 0.1  # after a longer pause nothing jumps
-_YAW_LEASH: Final = math.radians(30.0)  # [rad] The wanted heading waits for the vehicle
-_LIFT_OFF_SPEED: Final = 1.0  # [m/s] Asked for on the ground
-_GROUND_SINK_SPEED: Final = 0.7  # [m/s] Asked for on the ground, so that the thrust stays down
+_STEP_MAX_S: Final = 0.1  # Longer pauses count as this, so that nothing jumps
+_YAW_LEASH: Final = math.radians(30.0)  # [rad] Largest lead of the heading set-point
+_LIFT_OFF_SPEED: Final = 1.0  # [m/s] Set-point on the ground to take off
+_GROUND_SINK_SPEED: Final = 0.7  # [m/s] Set-point on the ground, keeps the thrust low
 _VERTICAL_LEASH_M: Final = 1.0
 _ZERO: Final[Vector3] = (0.0, 0.0, 0.0)
 _UNSET: Final[Vector3] = (math.nan, math.nan, math.nan)
@@ -54,12 +54,12 @@ class OffboardModule:
         self._rates = vehicle_rates_setpoint
         self._guide = Guide()
         self._yaw = 0.0
-        self._led = False  # whether the last step was flown by a streamed motion
+        self._was_active = False  # Whether the last step flew a trajectory set-point
         self._last_us = 0
-        self._retune()
+        self._read_parameters()
 
     def update(self) -> None:
-        """Publish the set-point of this moment, if the stream leads."""
+        """Publish the set-point if offboard control is in command."""
         estimate, status = self._local_position.value, self._status.value
         control, setpoint = self._control_mode.value, self._setpoint.value
         if (
@@ -69,12 +69,12 @@ class OffboardModule:
             or control.source is not ControlSource.OFFBOARD
             or setpoint is None
         ):
-            self._led = False
+            self._was_active = False
             return
-        if self._seen_version != self._registry.version:
-            self._retune()
+        if self._parameter_version != self._registry.version:
+            self._read_parameters()
         now_us = estimate.time_us
-        dt = min((now_us - self._last_us) * 1e-6, _LONGEST_STEP_S)
+        dt = min((now_us - self._last_us) * 1e-6, _STEP_MAX_S)
         self._last_us = now_us
         match setpoint:
             case TrajectorySetpoint():
@@ -85,44 +85,44 @@ class OffboardModule:
             case VehicleRatesSetpoint():
                 thrust = self._thrust(setpoint.thrust, status, now_us)
                 self._rates.publish(setpoint._replace(time_us=now_us, thrust=thrust))
-        self._led = isinstance(setpoint, TrajectorySetpoint)
+        self._was_active = isinstance(setpoint, TrajectorySetpoint)
 
     @property
     def _landed(self) -> bool:
         return self._land.value is None or self._land.value.landed
 
     def _fly(self, setpoint: TrajectorySetpoint, estimate: VehicleLocalPosition, dt: float) -> None:
-        if not self._led or self._landed:
+        if not self._was_active or self._landed:
             self._restart(estimate)
-        yaw_rate = self._turn(setpoint, estimate, dt)
+        yaw_rate = self._advance_yaw(setpoint, estimate, dt)
         if self._landed:
-            self._wait(setpoint, estimate)
+            self._fly_on_ground(setpoint, estimate)
         elif dt > 0.0:
-            wanted = follow(
+            motion = follow(
                 setpoint, self._guide, estimate.position_ned, self._limits, self._speeds, dt
             )
             self._trajectory.publish(
-                TrajectorySetpoint(estimate.time_us, *wanted, self._yaw, yaw_rate)
+                TrajectorySetpoint(estimate.time_us, *motion, self._yaw, yaw_rate)
             )
 
     def _restart(self, estimate: VehicleLocalPosition) -> None:
-        """Begin where the vehicle is, as fast as it is; on the ground at rest."""
+        """Start from the present position and velocity; on the ground at rest."""
         known = estimate.velocity_valid and not self._landed
         self._guide.restart(estimate.position_ned, estimate.velocity_ned if known else _ZERO)
         self._yaw = estimate.heading
 
-    def _wait(self, setpoint: TrajectorySetpoint, estimate: VehicleLocalPosition) -> None:
-        """On the ground: lift off when the motion leads up, else stay."""
+    def _fly_on_ground(self, setpoint: TrajectorySetpoint, estimate: VehicleLocalPosition) -> None:
+        """Take off when the set-point leads up, else stay on the ground."""
         rises = wants_to_rise(setpoint, estimate.position_ned)
         velocity = (0.0, 0.0, -_LIFT_OFF_SPEED if rises else _GROUND_SINK_SPEED)
         self._trajectory.publish(
             TrajectorySetpoint(estimate.time_us, _UNSET, velocity, _ZERO, estimate.heading, 0.0)
         )
 
-    def _turn(
+    def _advance_yaw(
         self, setpoint: TrajectorySetpoint, estimate: VehicleLocalPosition, dt: float
     ) -> float:
-        """Take over the heading, or move it on by the rate; gives the rate [rad/s]."""
+        """Take the heading set-point, or advance it by the rate; return the rate [rad/s]."""
         rate = 0.0 if math.isnan(setpoint.yaw_rate) else setpoint.yaw_rate
         if not math.isnan(setpoint.yaw):
             self._yaw = setpoint.yaw
@@ -132,14 +132,14 @@ class OffboardModule:
         return rate
 
     def _thrust(self, thrust: float, status: VehicleStatus, now_us: int) -> float:
-        """Thrust as asked for; none while the motors spool up."""
+        """Thrust [-] of the set-point; zero while disarmed or spooling up."""
         if not status.armed or now_us - status.armed_since_us < self._spool_up_us:
             return 0.0
         return thrust
 
-    def _retune(self) -> None:
+    def _read_parameters(self) -> None:
         get = self._registry.get
-        self._seen_version = self._registry.version
+        self._parameter_version = self._registry.version
         self._limits = GuideLimits(
             acceleration_horizontal=get("MPC_ACC_HOR"),
             acceleration_up=get("MPC_ACC_UP_MAX"),

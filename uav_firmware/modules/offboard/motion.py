@@ -1,10 +1,10 @@
-"""How a streamed motion is flown: as it is, or through a point that moves smoothly. Pure.
+"""Flies a streamed set-point directly or through a smoothly moving guide point. Pure.
 
-Horizontal and vertical parts are judged apart:
+The horizontal and the vertical part are treated separately:
 
-    position alone        the point flies there and stops, within the limits of missions
-    velocity alone        the point takes that velocity, and holds its place at zero
-    anything else         flown as it is: who sends velocity with position has planned it
+    position alone        the guide moves there and stops, within the limits of missions
+    velocity alone        the guide takes that velocity, and holds its position at zero
+    anything else         passed on unchanged: position with velocity is a planned trajectory
 
 Frames: NED, SI; NaN means unset.
 """
@@ -18,20 +18,20 @@ from uav_firmware.msg.vectors import Vector3
 
 _HORIZONTAL: Final[tuple[int, ...]] = (0, 1)
 _VERTICAL: Final[tuple[int, ...]] = (2,)
-_CLIMB_HEIGHT: Final = 0.3  # [m] A target this far above the ground is an order to take off
+_CLIMB_HEIGHT: Final = 0.3  # [m] A target this far above the ground means take-off
 _CLIMB_SPEED: Final = 0.05  # [m/s]
 
 
 class SpeedLimits(NamedTuple):
-    """How fast a position alone is flown to."""
+    """Speed limits towards a set-point of position alone."""
 
     horizontal: float  # [m/s]
     up: float  # [m/s]
     down: float  # [m/s]
 
 
-class Wanted(NamedTuple):
-    """Position, velocity and acceleration for the position controller."""
+class Motion(NamedTuple):
+    """Position, velocity and acceleration for the position controller; NaN means unset."""
 
     position_ned: Vector3
     velocity_ned: Vector3
@@ -45,20 +45,20 @@ def follow(
     limits: GuideLimits,
     speeds: SpeedLimits,
     dt: float,
-) -> Wanted:
-    """Let the point go `dt` [s] on; gives what the position controller shall do.
+) -> Motion:
+    """Advance the guide by `dt` [s] and return the input of the position controller.
 
-    `vehicle` is where the vehicle is [m].
+    `vehicle` is the vehicle's position [m, NED].
     """
-    horizontal = _wanted_horizontal(setpoint, guide, limits, speeds)
-    vertical = _wanted_vertical(setpoint, guide, limits, speeds)
+    horizontal = _horizontal_velocity(setpoint, guide, limits, speeds)
+    vertical = _vertical_velocity(setpoint, guide, limits, speeds)
     north, east = (0.0, 0.0) if horizontal is None else horizontal
     guide.advance((north, east, vertical or 0.0), vehicle, limits, dt)
     raw = frozenset(
         (_HORIZONTAL if horizontal is None else ()) + (_VERTICAL if vertical is None else ())
     )
-    _carry(guide, raw, vehicle)
-    return Wanted(
+    _reset_axes(guide, raw, vehicle)
+    return Motion(
         _mixed(setpoint.position_ned, guide.position, raw),
         _mixed(setpoint.velocity_ned, guide.velocity, raw),
         _mixed(setpoint.acceleration_ned, guide.acceleration, raw),
@@ -66,7 +66,7 @@ def follow(
 
 
 def wants_to_rise(setpoint: TrajectorySetpoint, vehicle: Vector3) -> bool:
-    """Whether a motion leads up from the ground: the order to take off."""
+    """Whether a set-point leads up from the ground, which means take-off."""
     height = vehicle[2] - setpoint.position_ned[2]
     return (
         height > _CLIMB_HEIGHT
@@ -75,10 +75,10 @@ def wants_to_rise(setpoint: TrajectorySetpoint, vehicle: Vector3) -> bool:
     )
 
 
-def _wanted_horizontal(
+def _horizontal_velocity(
     setpoint: TrajectorySetpoint, guide: Guide, limits: GuideLimits, speeds: SpeedLimits
 ) -> tuple[float, float] | None:
-    """Velocity [m/s] of the point; None when the motion is flown as it is."""
+    """Velocity [m/s] of the guide; None when the set-point is passed on unchanged."""
     if not math.isnan(setpoint.acceleration_ned[0]):
         return None
     north, east = setpoint.velocity_ned[:2]
@@ -97,10 +97,10 @@ def _wanted_horizontal(
     return (ahead[0] * speed / distance, ahead[1] * speed / distance)
 
 
-def _wanted_vertical(
+def _vertical_velocity(
     setpoint: TrajectorySetpoint, guide: Guide, limits: GuideLimits, speeds: SpeedLimits
 ) -> float | None:
-    """Velocity [m/s, down] of the point; None when the motion is flown as it is."""
+    """Velocity [m/s, down] of the guide; None when the set-point is passed on unchanged."""
     if not math.isnan(setpoint.acceleration_ned[2]):
         return None
     velocity, position = setpoint.velocity_ned[2], setpoint.position_ned[2]
@@ -114,13 +114,13 @@ def _wanted_vertical(
     return min(approach_speed(ahead, limits.acceleration_up), speeds.down)
 
 
-def _carry(guide: Guide, raw: frozenset[int], vehicle: Vector3) -> None:
-    """Keep the point with the vehicle on the axes that it does not lead."""
+def _reset_axes(guide: Guide, raw: frozenset[int], vehicle: Vector3) -> None:
+    """Keep the guide at the vehicle on the axes that it does not control."""
     if raw:
-        still = (0.0, 0.0, 0.0)
+        zero = (0.0, 0.0, 0.0)
         guide.position = _mixed(vehicle, guide.position, raw)
-        guide.velocity = _mixed(still, guide.velocity, raw)
-        guide.acceleration = _mixed(still, guide.acceleration, raw)
+        guide.velocity = _mixed(zero, guide.velocity, raw)
+        guide.acceleration = _mixed(zero, guide.acceleration, raw)
 
 
 def _mixed(on_raw: Vector3, otherwise: Vector3, raw: frozenset[int]) -> Vector3:

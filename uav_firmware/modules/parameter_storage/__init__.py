@@ -1,1 +1,1 @@
-"""Keeps changed parameters over a restart."""
+"""Stores changed parameters across restarts."""

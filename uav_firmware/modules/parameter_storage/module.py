@@ -1,4 +1,4 @@
-"""Loads the changed parameters at start, saves them after each change, without waiting."""
+"""Loads stored parameters at start; saves them after each change without blocking."""
 
 import json
 from collections.abc import Callable
@@ -15,7 +15,7 @@ _FINISH_S: Final = 2.0  # [s] A parameter file is a few kilobytes
 
 
 class ParameterStorageModule:
-    """One JSON object of name to value; only values that differ from their defaults."""
+    """Stores one JSON object of name to value, of the values that differ from their defaults."""
 
     def __init__(
         self,
@@ -25,7 +25,7 @@ class ParameterStorageModule:
         status_text: Queue[StatusText],
         time_us: Callable[[], int],
     ) -> None:
-        """Load what is stored; every value that no longer fits becomes a warning."""
+        """Load the stored values; each one that no longer fits becomes a warning."""
         self._storage = storage
         self._registry = registry
         self._status_text = status_text
@@ -38,15 +38,15 @@ class ParameterStorageModule:
         self._saved_version = registry.version
 
     def update(self) -> None:
-        """Begin to save what has changed; a medium that refuses is tried again next time."""
+        """Start to save changes; a failed save is retried at the next call."""
         if self._write is None or self._write.done():
-            self._attempt()
+            self._try_save()
 
     def finish(self) -> str:
-        """Save what is not saved yet and wait for it, since the vehicle is being switched off.
+        """Save unsaved changes and wait for the write; called at shutdown.
 
-        A save that has failed is made once more. Waits for `_FINISH_S` at most per write. Gives a
-        sentence when something could not be saved, else nothing.
+        A failed save is retried once. Waits at most `_FINISH_S` per write. Returns an error text,
+        empty on success.
         """
         try:
             if self._write is not None:
@@ -54,16 +54,16 @@ class ParameterStorageModule:
             self.save()
             if self._write is not None:
                 self._write.result(_FINISH_S)
-                self._look()
+                self._check_write()
         except OSError as error:
             return f"Parameters not saved: {_text(error)}"
         return ""
 
     def _await(self, write: Write) -> None:
-        """Wait for a write; one that has failed counts as never begun, so that it is made anew.
+        """Wait for a write; a failed one is dropped, so that `save` starts it again.
 
         Raises:
-            TimeoutError: if it does not end in time.
+            TimeoutError: if it does not end within `_FINISH_S`.
         """
         try:
             write.result(_FINISH_S)
@@ -72,8 +72,8 @@ class ParameterStorageModule:
                 raise
             self._write = None
 
-    def _attempt(self) -> None:
-        """Begin to save what has changed, or warn once."""
+    def _try_save(self) -> None:
+        """Start to save changes; warn once when it fails."""
         try:
             self.save()
         except OSError as error:
@@ -82,23 +82,26 @@ class ParameterStorageModule:
             self._failed = True
 
     def save(self) -> None:
-        """Begin to save now, behind what is being saved.
+        """Start to save now, after any write in progress.
 
         Raises:
-            OSError: if the medium refuses this, or has refused the last; what was stored before
-                stays.
+            OSError: if this write cannot start, or the last one failed; the stored values stay.
         """
-        self._look()
+        self._check_write()
         version = self._registry.version
         if version == (self._saved_version if self._write is None else self._writing_version):
             return
         contents = json.dumps(self._registry.changed(), indent=2, sort_keys=True) + "\n"
         self._write = self._storage.save(FILE_NAME, contents.encode())
         self._writing_version = version
-        self._look()
+        self._check_write()
 
-    def _look(self) -> None:
-        """Take the outcome of the last write, if there is one by now."""
+    def _check_write(self) -> None:
+        """Take the result of the last write if it has ended.
+
+        Raises:
+            OSError: if it failed.
+        """
         write = self._write
         if write is None or not write.done():
             return
@@ -114,9 +117,9 @@ class ParameterStorageModule:
         except (OSError, ValueError) as error:
             return [f"Parameters not loaded: {error}"]
         if not isinstance(stored, dict):
-            return ["Parameters not loaded: the file holds no object"]
+            return ["Parameters not loaded: the file contains no JSON object"]
         numbers = {name: value for name, value in stored.items() if _is_number(value)}
-        faults = [f"{name}: {stored[name]!r} is no number" for name in stored.keys() - numbers]
+        faults = [f"{name}: {stored[name]!r} is not a number" for name in stored.keys() - numbers]
         return faults + self._registry.load(numbers)
 
     def _warn(self, text: str) -> None:
@@ -124,7 +127,7 @@ class ParameterStorageModule:
 
 
 def _text(error: OSError) -> str:
-    return error.strerror or str(error) or "the medium does not answer"
+    return error.strerror or str(error) or "the storage does not answer"
 
 
 def _is_number(value: object) -> bool:

@@ -1,4 +1,4 @@
-"""Shell of the payload: orders and the vehicle's state in; answers, pictures and status out."""
+"""Connects camera and gimbal to the bus: orders and vehicle state in, answers and status out."""
 
 import math
 from typing import Final
@@ -8,15 +8,13 @@ from uav_firmware.cal.camera import CameraDevice, Recorder, Seeker, Streamer
 from uav_firmware.lib.geo import LocalFrame
 from uav_firmware.lib.rotation import yaw_of
 from uav_firmware.modules.payload.camera import panorama_work
-from uav_firmware.modules.payload.camera.flight_end import FlightEnd
 from uav_firmware.modules.payload.camera.lens import lens
-from uav_firmware.modules.payload.camera.live_view import LiveView
 from uav_firmware.modules.payload.camera.panorama_work import Report
 from uav_firmware.modules.payload.camera.pictures import Pictures
 from uav_firmware.modules.payload.camera.storage import Storage
-from uav_firmware.modules.payload.camera.video import Films
+from uav_firmware.modules.payload.camera.video import LiveView, VideoRecording
 from uav_firmware.modules.payload.gimbal import gimbal_orders
-from uav_firmware.modules.payload.orders import MissionOrders, carry_out
+from uav_firmware.modules.payload.orders import FlightEnd, MissionOrders, execute
 from uav_firmware.modules.payload.params import PayloadParams
 from uav_firmware.modules.payload.parts import Parts
 from uav_firmware.modules.payload.reports import camera_status, gimbal_status, tracking_state
@@ -48,7 +46,7 @@ from uav_firmware.msg.vectors import Quaternion
 from uav_firmware.parameters import Registry
 
 PERIOD_US: Final = 40_000  # [us] 25 Hz
-_AUTOPILOT: Final = 1  # Component that the mission's orders come from
+_AUTOPILOT: Final = 1  # Component id of the mission's orders
 _WARNING: Final = 4  # MAV_SEVERITY
 _INFO: Final = 6
 _PROGRESS_UNKNOWN: Final = 255
@@ -107,9 +105,9 @@ class PayloadModule:
         self._parts = Parts(
             params, Storage(params.storage_mib), seeker=seeker, images_url=images_url
         )
-        self._pictures = Pictures(self._parts, device, boot_time_utc_us, self._warn)
-        self._films = Films(self._parts, recorder, boot_time_utc_us, self._inform)
-        self._live_view = LiveView(self._parts, streamer, boot_time_utc_us, self._warn)
+        self._pictures = Pictures(self._parts, device, boot_time_utc_us, self._publish_warning)
+        self._video = VideoRecording(self._parts, recorder, boot_time_utc_us, self._publish_info)
+        self._live_view = LiveView(self._parts, streamer, boot_time_utc_us, self._publish_warning)
         self._mission_orders = MissionOrders()
         self._flight_end = FlightEnd()
         self._last_us: int | None = None
@@ -121,7 +119,7 @@ class PayloadModule:
             return
         self._last_us = now_us
         self._read_params()
-        situation = self._look(now_us)
+        situation = self._situation(now_us)
         attitude = self._attitude.value
         self._parts.q_ned_frd = _LEVEL if attitude is None else attitude.q_ned_frd
         self._take_orders(situation)
@@ -136,7 +134,7 @@ class PayloadModule:
         self._parts.params = params = self._registry.read(PayloadParams)
         self._camera_lens.publish(lens(params.image_width_px))
 
-    def _look(self, now_us: int) -> Situation:
+    def _situation(self, now_us: int) -> Situation:
         attitude, local = self._attitude.value, self._local_position.value
         status = self._vehicle_status.value
         known = local is not None and local.position_valid and local.altitude_valid
@@ -161,7 +159,7 @@ class PayloadModule:
             gimbal_orders.take_region(self._region.value, self._parts, situation)
         text = self._flight_end.update(self._parts, situation)
         if text is not None:
-            self._say(situation.now_us, _INFO, text)
+            self._publish_text(situation.now_us, _INFO, text)
         for order in self._orders.drain():
             match order:
                 case GimbalOrder():
@@ -173,10 +171,10 @@ class PayloadModule:
                 case VehicleCommand():
                     self._answer(order, situation)
         for refusal in self._mission_orders.update(self._parts, situation):
-            self._say(situation.now_us, _WARNING, f"Mission: {refusal.reason}")
+            self._publish_text(situation.now_us, _WARNING, f"Mission: {refusal.reason}")
 
     def _answer(self, command: VehicleCommand, situation: Situation) -> None:
-        outcome = carry_out(command, self._parts, situation)
+        outcome = execute(command, self._parts, situation)
         progress = 0 if outcome.result is CommandResult.IN_PROGRESS else _PROGRESS_UNKNOWN
         self._report(Report(command, outcome.result, progress, outcome.reason), situation.now_us)
 
@@ -184,7 +182,7 @@ class PayloadModule:
         if report is None:
             return
         if report.reason:
-            self._say(now_us, _WARNING, report.reason)
+            self._publish_text(now_us, _WARNING, report.reason)
         self._command_ack.publish(
             VehicleCommandAck(
                 now_us,
@@ -207,7 +205,7 @@ class PayloadModule:
                 parts.gimbal.follow(aim_at(subject))
             if parts.tracker.update(view, situation.now_us):
                 parts.gimbal.hold()
-                self._say(situation.now_us, _WARNING, "Target lost")
+                self._publish_text(situation.now_us, _WARNING, "Target lost")
 
     def _take_pictures(self, situation: Situation) -> None:
         parts = self._parts
@@ -220,17 +218,17 @@ class PayloadModule:
             situation.now_us, situation.position_ned, mission_flown=situation.mission_flown
         ):
             self._pictures.expose(situation, q_ned_frd)
-        self._films.update(situation, q_ned_frd)
+        self._video.update(situation, q_ned_frd)
         self._live_view.update(situation, q_ned_frd)
         self._report(step.report, situation.now_us)
 
-    def _inform(self, now_us: int, text: str) -> None:
-        self._say(now_us, _INFO, text)
+    def _publish_info(self, now_us: int, text: str) -> None:
+        self._publish_text(now_us, _INFO, text)
 
-    def _warn(self, now_us: int, text: str) -> None:
-        self._say(now_us, _WARNING, text)
+    def _publish_warning(self, now_us: int, text: str) -> None:
+        self._publish_text(now_us, _WARNING, text)
 
-    def _say(self, now_us: int, severity: int, text: str) -> None:
+    def _publish_text(self, now_us: int, severity: int, text: str) -> None:
         self._status_text.publish(StatusText(now_us, severity, text))
 
     def _publish(self, situation: Situation) -> None:

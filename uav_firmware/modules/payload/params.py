@@ -11,7 +11,7 @@ class PayloadParams:
 
     gimbal_rate_max_deg: float = param(
         "MNT_SLEW_MAX", 90.0, unit="deg/s", minimum=5.0, maximum=360.0,
-        short="Fastest turn of the gimbal, in pitch and in yaw",
+        short="Largest rate of the gimbal in pitch and yaw",
     )  # fmt: skip
     manual_rate_pitch_deg: float = param(
         "MNT_RATE_PITCH", 30.0, unit="deg/s", minimum=1.0, maximum=90.0,
@@ -35,7 +35,7 @@ class PayloadParams:
     )  # fmt: skip
     video_rate_hz: float = param(
         "CAM_VIDEO_RATE", 4.0, unit="Hz", minimum=0.2, maximum=12.5,
-        short="Pictures a second of a video; read when it starts",
+        short="Frame rate of a video; read when it starts",
     )  # fmt: skip
     storage_mib: float = param(
         "CAM_STORAGE_SIZE", 16384.0, unit="MiB", minimum=1.0, maximum=1048576.0,

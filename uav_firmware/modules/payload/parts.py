@@ -1,16 +1,14 @@
-"""The parts of the payload, put together once."""
+"""State of camera and gimbal, shared by the handlers of orders."""
 
 from collections import deque
 from dataclasses import dataclass, field
 
 from uav_firmware.cal.camera import Gaze, Seeker
 from uav_firmware.modules.payload.camera.camera import Camera
-from uav_firmware.modules.payload.camera.capture_log import CaptureLedger
 from uav_firmware.modules.payload.camera.lens import lens
 from uav_firmware.modules.payload.camera.panorama import Panorama
-from uav_firmware.modules.payload.camera.storage import JPEG_BYTES_PER_PIXEL, Storage
-from uav_firmware.modules.payload.gimbal.control import GimbalControl
-from uav_firmware.modules.payload.gimbal.gimbal import Aim, Gimbal
+from uav_firmware.modules.payload.camera.storage import JPEG_BYTES_PER_PIXEL, CaptureLog, Storage
+from uav_firmware.modules.payload.gimbal.gimbal import Aim, Gimbal, GimbalControl
 from uav_firmware.modules.payload.params import PayloadParams
 from uav_firmware.modules.payload.tracking import Tracker
 from uav_firmware.msg.payload import CameraEvent
@@ -20,41 +18,41 @@ from uav_firmware.msg.vectors import Quaternion
 
 @dataclass(slots=True)
 class PanoramaWork:
-    """A panorama under way."""
+    """A panorama in progress."""
 
     panorama: Panorama
-    command: VehicleCommand  # That it answers
-    former_aim: Aim  # To go back to
-    told_us: int  # [us] When progress was last reported
+    command: VehicleCommand  # The command to acknowledge
+    previous_aim: Aim  # Restored at the end
+    reported_us: int  # [us] When progress was last reported
 
 
 @dataclass(slots=True)
 class Parts:
-    """Camera, gimbal and what belongs to them."""
+    """Camera, gimbal, tracker and their shared state."""
 
     params: PayloadParams
     storage: Storage
-    seeker: Seeker | None = None  # Finds moving things in the picture
-    stream_uri: str = ""  # Of the live view; empty when there is none
+    seeker: Seeker | None = None  # Finds moving subjects in the picture
+    stream_uri: str = ""  # Of the live view; empty without one
     is_streaming: bool = False
-    q_ned_frd: Quaternion = (1.0, 0.0, 0.0, 0.0)  # Attitude that the gimbal works against
-    images_url: str = ""  # Of the folder that the device's pictures lie in
+    q_ned_frd: Quaternion = (1.0, 0.0, 0.0, 0.0)  # Attitude of the vehicle
+    images_url: str = ""  # Of the folder of the device's pictures
     camera: Camera = field(default_factory=Camera)
     gimbal: Gimbal = field(default_factory=Gimbal)
     control: GimbalControl = field(default_factory=GimbalControl)
     tracker: Tracker = field(default_factory=Tracker)
-    ledger: CaptureLedger = field(default_factory=CaptureLedger)
+    capture_log: CaptureLog = field(default_factory=CaptureLog)
     panorama: PanoramaWork | None = None
-    neutral: bool = True  # Nobody has pointed the gimbal
+    neutral: bool = True  # No order has pointed the gimbal
     mission_orders: deque[VehicleCommand] = field(default_factory=deque)
     events: list[CameraEvent] = field(default_factory=list)  # To publish
-    erase_due: bool = False  # The device's pictures are to be removed
-    storing: int = 0  # Pictures that are exposed and not stored yet
-    is_filming: bool = False  # A film is open, or frames of one are not stored yet
+    erase_due: bool = False  # The device's pictures must be removed
+    storing: int = 0  # Pictures exposed and not stored yet
+    is_filming: bool = False  # A video file is open or not fully stored
 
     @property
     def picture_bytes(self) -> float:
-        """Size of a picture [B] that no device has stored yet."""
+        """Estimated size of a picture [B] before a device stores it."""
         width = self.params.image_width_px
         return width * (width * 3 // 4) * JPEG_BYTES_PER_PIXEL
 
@@ -65,12 +63,12 @@ class Parts:
         return Gaze(lens(params.image_width_px), self.gimbal.q_ned_camera, self.q_ned_frd)
 
     @property
-    def has_room(self) -> bool:
-        """Whether one more picture fits, besides those that are being stored."""
-        return self.storage.has_room(self.picture_bytes * (1 + self.storing))
+    def has_space(self) -> bool:
+        """Whether one more picture fits, besides those being stored."""
+        return self.storage.has_space(self.picture_bytes * (1 + self.storing))
 
     def point(self, aim: Aim) -> None:
-        """Turn the gimbal on somebody's order, which ends tracking."""
+        """Point the gimbal by order, which ends tracking."""
         self.tracker.stop()
         self.neutral = False
         self.gimbal.follow(aim)

@@ -1,4 +1,4 @@
-"""What the payload tells: pure, from its parts."""
+"""Builds the status messages of the payload. Pure."""
 
 import math
 from typing import Final
@@ -18,7 +18,7 @@ from uav_firmware.msg.vectors import Vector3
 
 _ZERO = (0.0, 0.0, 0.0)
 _UNSEEN = (math.nan, math.nan)
-_STANDS_M_S: Final = 0.2  # What is slower has no course
+_STATIONARY_M_S: Final = 0.2  # Slower targets have no course
 
 
 def camera_status(parts: Parts, now_us: int) -> CameraStatus:
@@ -29,7 +29,7 @@ def camera_status(parts: Parts, now_us: int) -> CameraStatus:
         camera.mode,
         camera.image_status,
         camera.interval_s,
-        parts.ledger.count,
+        parts.capture_log.count,
         camera.recording_since_us,
         camera.report_interval_us,
         parts.storage.total_mib,
@@ -54,7 +54,7 @@ def _stream(parts: Parts) -> VideoStream | None:
 
 
 def gimbal_status(parts: Parts, now_us: int) -> GimbalStatus:
-    """The gimbal's attitude and its controllers."""
+    """Attitude and controllers of the gimbal."""
     gimbal = parts.gimbal
     return GimbalStatus(
         now_us,
@@ -72,13 +72,13 @@ def gimbal_status(parts: Parts, now_us: int) -> GimbalStatus:
 
 
 def _course(velocity_ned: Vector3) -> float:
-    """Where a target moves to [rad]; NaN when it stands."""
+    """Course of a target [rad]; NaN when it is stationary."""
     north, east, _ = velocity_ned
-    return math.atan2(east, north) if math.hypot(north, east) > _STANDS_M_S else math.nan
+    return math.atan2(east, north) if math.hypot(north, east) > _STATIONARY_M_S else math.nan
 
 
 def tracking_state(parts: Parts, situation: Situation) -> TrackingState:
-    """What is tracked."""
+    """State of tracking."""
     tracker = parts.tracker
     target, sighting = tracker.target, tracker.sighting
     if target is None or sighting is None:

@@ -1,4 +1,4 @@
-"""What the payload knows of the vehicle at one instant, and what becomes of an order."""
+"""State of the vehicle at one instant as the payload uses it, and outcomes of orders."""
 
 import math
 from typing import Final, NamedTuple
@@ -12,10 +12,10 @@ NOWHERE: Final[Vector3] = (math.nan, math.nan, math.nan)
 
 
 class Situation(NamedTuple):
-    """One instant."""
+    """State of the vehicle at one instant."""
 
     now_us: int  # [us]
-    own: Controller  # The vehicle itself, as which its mission acts
+    own: Controller  # Sender of the mission's orders
     heading: float  # [rad]
     position_ned: Vector3 | None  # [m] None while unknown
     frame: LocalFrame | None  # About the estimate's origin
@@ -25,18 +25,18 @@ class Situation(NamedTuple):
 
     @property
     def mission_flown(self) -> bool:
-        """Whether the mission is under way."""
+        """Whether the vehicle flies its mission."""
         return self.armed and self.state is NavigationState.AUTO_MISSION
 
     @property
     def ground_down(self) -> float | None:
-        """Down coordinate [m] of a level ground at home's height."""
+        """Down coordinate [m] of level ground at the height of home."""
         return None if self.home is None else self.home.position_ned[2]
 
     def to_ned(
         self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float
     ) -> Vector3 | None:
-        """Local position [m, NED]; an altitude of NaN is home's. None while it is unknown."""
+        """Local position [m, NED]; altitude NaN means that of home. None while unknown."""
         if self.frame is None:
             return None
         if math.isnan(altitude_amsl_m):
@@ -51,25 +51,25 @@ class Situation(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """Answer to an order."""
+    """Result of an order."""
 
     result: CommandResult
-    reason: str = ""  # Sentence for the operator; empty when there is nothing to say
+    reason: str = ""  # Text for the operator, or empty
 
 
 ACCEPTED: Final = Outcome(CommandResult.ACCEPTED)
 
 
 def denied(reason: str) -> Outcome:
-    """A parameter is wrong, whenever it is sent, or the sender may not order this."""
+    """A parameter is invalid, or the sender has no control."""
     return Outcome(CommandResult.DENIED, reason)
 
 
-def not_now(reason: str) -> Outcome:
-    """Right, but at the wrong moment."""
+def temporarily_rejected(reason: str) -> Outcome:
+    """The order is valid but cannot be executed in the present state."""
     return Outcome(CommandResult.TEMPORARILY_REJECTED, reason)
 
 
 def failed(reason: str) -> Outcome:
-    """Right, but there is nothing that it could be done with."""
+    """The order is valid but the vehicle cannot execute it."""
     return Outcome(CommandResult.FAILED, reason)

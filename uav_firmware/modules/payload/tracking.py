@@ -1,10 +1,11 @@
-"""Tracking: keeps a subject, or a place on the ground, in the picture. Pure.
+"""Keeps a subject or a place on the ground in the picture. Pure.
 
-Where the camera has found a subject, the boxes in which it sees it give its place on a level ground
-at home's height, and an alpha-beta filter its way (Bar-Shalom, Li, Kirubarajan 2001, "Estimation
-with Applications to Tracking and Navigation", section 6.5.3). Without a subject the target is the
-place under the point, or under the middle of the rectangle; it does not move, and where it appears
-is computed from the attitude. Either is lost when it has been out of the picture for a while.
+When the camera detects a subject, its bounding boxes give its position on level ground at the
+height of home, and an alpha-beta filter estimates its motion (Bar-Shalom, Li, Kirubarajan 2001,
+"Estimation with Applications to Tracking and Navigation", section 6.5.3). Without a subject the
+target is the fixed place on the ground at the point, or at the centre of the rectangle, and its
+position in the picture is computed from the attitude. A target out of the picture for
+`LOST_AFTER_US` is lost.
 """
 
 import math
@@ -16,36 +17,36 @@ from uav_firmware.msg.payload import Box, TrackingMode, TrackingStatus
 from uav_firmware.msg.vectors import Quaternion, Vector3
 
 LOST_AFTER_US: Final = 3_000_000
-"""[us] Out of the picture for so long, a target is lost."""
+"""[us] A target is lost after this time out of the picture."""
 
 
 ALPHA: Final = 0.2
 BETA: Final = 0.02
-"""Gains of the filter at 25 Hz: it follows a turning tractor, and smooths a box's jitter."""
+"""Gains of the filter at 25 Hz: fast enough for a turning tractor, smooth enough for box jitter."""
 
 
 class View(NamedTuple):
-    """From where and how the camera looks."""
+    """Position and attitude of the camera."""
 
     position_ned: Vector3  # [m]
     q_ned_camera: Quaternion  # [-]
 
 
 class Target(NamedTuple):
-    """What is tracked."""
+    """A tracked target."""
 
     mode: TrackingMode
     position_ned: Vector3  # [m]
     extent: tuple[float, float]  # [-] Half width and height in the picture when chosen
     range_m: float  # [m] Slant range when chosen
     velocity_ned: Vector3 = (0.0, 0.0, 0.0)  # [m/s]
-    is_subject: bool = False  # Something that the camera has found; else a place on the ground
+    is_subject: bool = False  # Detected by the camera; else a place on the ground
 
 
 def choose(
     view: View, ground_down: float, rectangle: tuple[float, float, float, float], mode: TrackingMode
 ) -> Target | None:
-    """Target under the middle of a rectangle (left, top, right, bottom); None above the horizon."""
+    """Target at the centre of a rectangle (left, top, right, bottom); None above the horizon."""
     left, top, right, bottom = rectangle
     ray = ray_ned(view.q_ned_camera, 0.5 * (left + right), 0.5 * (top + bottom))
     place = on_ground(view.position_ned, ray, ground_down)
@@ -56,30 +57,30 @@ def choose(
 
 
 def around(x: float, y: float, radius: float) -> tuple[float, float, float, float]:
-    """Square about a point; the radius is a share of the picture's width."""
+    """Square about a point; the radius is a fraction of the picture's width."""
     tall = radius * PICTURE.right / PICTURE.down
     return (x - radius, y - tall, x + radius, y + tall)
 
 
 def aim_at(target: Target) -> Place:
-    """The order that keeps a target in the middle of the picture."""
+    """Order that keeps a target at the centre of the picture."""
     return Place(target.position_ned)
 
 
-def middle(box: Box) -> tuple[float, float]:
-    """Middle of a box in the picture."""
+def centre_of(box: Box) -> tuple[float, float]:
+    """Centre of a box in the picture."""
     return 0.5 * (box.left + box.right), 0.5 * (box.top + box.bottom)
 
 
 def predicted(target: Target, dt: float) -> Target:
-    """Where a target is after `dt` seconds on its way."""
+    """Target after `dt` [s] at its present velocity."""
     moved = tuple(p + v * dt for p, v in zip(target.position_ned, target.velocity_ned, strict=True))
     return target._replace(position_ned=(moved[0], moved[1], moved[2]))
 
 
-def corrected(target: Target, seen_ned: Vector3, dt: float) -> Target:
-    """A prediction after it has been seen at a place."""
-    errors = [seen - p for seen, p in zip(seen_ned, target.position_ned, strict=True)]
+def corrected(target: Target, measured_ned: Vector3, dt: float) -> Target:
+    """Predicted target corrected by a measured position [m, NED]."""
+    errors = [seen - p for seen, p in zip(measured_ned, target.position_ned, strict=True)]
     place = [p + ALPHA * error for p, error in zip(target.position_ned, errors, strict=True)]
     speed = [v + BETA / dt * error for v, error in zip(target.velocity_ned, errors, strict=True)]
     return target._replace(
@@ -88,7 +89,7 @@ def corrected(target: Target, seen_ned: Vector3, dt: float) -> Target:
 
 
 class Sighting(NamedTuple):
-    """Where a target is seen now."""
+    """Position of a target in the picture."""
 
     centre: tuple[float, float]  # [-] In the picture; NaN behind the camera
     extent: tuple[float, float]  # [-] Half width and height
@@ -97,7 +98,7 @@ class Sighting(NamedTuple):
 
 
 def sight(view: View, target: Target) -> Sighting:
-    """Look for a target; its size goes with the inverse of the distance."""
+    """Compute the position of a target in the picture; its size scales with 1/distance."""
     distance = math.dist(view.position_ned, target.position_ned)
     seen = in_picture(view.position_ned, view.q_ned_camera, target.position_ned)
     scale = target.range_m / distance if distance > 0.0 else math.inf
@@ -107,7 +108,7 @@ def sight(view: View, target: Target) -> Sighting:
 
 
 class Tracker:
-    """Holds a target until it is told to stop or has lost it."""
+    """Tracks a target until it is stopped or the target is lost."""
 
     def __init__(self) -> None:
         self.status = TrackingStatus.IDLE
@@ -117,20 +118,20 @@ class Tracker:
         self._is_seen = True  # The subject is in the picture
 
     def start(self, target: Target, now_us: int) -> None:
-        """Track a target instead of any former one."""
+        """Track a target; it replaces the previous one."""
         self.target, self.status, self._seen_us = target, TrackingStatus.ACTIVE, now_us
 
     def stop(self) -> None:
-        """Track nothing."""
+        """Stop tracking."""
         self.status, self.target, self.sighting = TrackingStatus.IDLE, None, None
 
     def follow(self, view: View, box: Box | None, dt: float) -> Target | None:
-        """Learn from a box where the subject is; None for what does not move."""
+        """Update a subject from its bounding box; None when the target is a fixed place."""
         target = self.target
         if target is None or not target.is_subject:
             return None
         target = predicted(target, dt)
-        ray = None if box is None else ray_ned(view.q_ned_camera, *middle(box))
+        ray = None if box is None else ray_ned(view.q_ned_camera, *centre_of(box))
         ground_down = target.position_ned[2]
         place = None if ray is None else on_ground(view.position_ned, ray, ground_down)
         self._is_seen = place is not None
@@ -138,7 +139,7 @@ class Tracker:
         return self.target
 
     def update(self, view: View, now_us: int) -> bool:
-        """Look for the target; whether it is lost, out of the picture for `LOST_AFTER_US`."""
+        """Update the sighting; return whether the target is now lost."""
         if self.target is None:
             return False
         self.sighting = sight(view, self.target)

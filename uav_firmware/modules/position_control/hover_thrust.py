@@ -48,7 +48,7 @@ class HoverThrustEstimator:
         self._doubt = 0.0  # Averaged innovations: signed, squared, in gates
 
     def update(self, thrust_up: float, acceleration_up: float, dt: float) -> float:
-        """Learn from the vertical thrust [-] asked for and the acceleration [m/s^2] it gave."""
+        """Update with the commanded vertical thrust [-] and its acceleration [m/s^2]."""
         noise = self._noise
         self._variance += noise.walk * noise.walk * dt
         slope = -GRAVITY * thrust_up / (self.hover * self.hover)

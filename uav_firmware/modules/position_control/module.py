@@ -35,7 +35,7 @@ from uav_firmware.msg.vectors import Vector3
 from uav_firmware.parameters import Registry
 
 _STALE_US: Final = 500_000  # a set-point older than this counts as none
-_BLIND_DESCENT_SPEED: Final = 0.5  # [m/s] Of an armed vehicle that nobody leads
+_BLIND_DESCENT_SPEED: Final = 0.5  # [m/s] Of an armed vehicle without a set-point
 _LONGEST_STEP_S: Final = 0.1  # after a longer pause the integrator does not move
 _ACCELERATION_NOISE: Final = 2.0  # [m/s^2] Covers the motors' lag as well as the sensor
 _LEVEL_SPEED: Final = 0.2  # [m/s] Vertical
@@ -72,7 +72,7 @@ class PositionControlModule:
         self._resets = ResetFollower()
         self._setpoint_count = 0
         self._setpoint_shift = (ZERO, ZERO)  # [m], [m/s] By resets since that set-point
-        self._last_thrust_up = 0.0  # [-] What the rotors were last asked for
+        self._last_thrust_up = 0.0  # [-] Last commanded
         self._retune()
         self._hover = HoverThrustEstimator(self._params.thrust_hover, _hover_noise(self._params))
         self._law_hover = self._params.thrust_hover  # [-] What the law flies by

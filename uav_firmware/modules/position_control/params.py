@@ -59,7 +59,7 @@ class PositionControlParams:
     )  # fmt: skip
     tilt_max_ground_deg: float = param(
         "MPC_TILTMAX_LND", 12.0, unit="deg", minimum=5.0, maximum=45.0,
-        short="Largest tilt during take-off and touch-down",
+        short="Largest tilt during takeoff and touchdown",
     )  # fmt: skip
     thrust_min: float = param(
         "MPC_THR_MIN", 0.06, unit="1", minimum=0.02, maximum=0.15,
@@ -75,7 +75,7 @@ class PositionControlParams:
     )  # fmt: skip
     thrust_xy_margin: float = param(
         "MPC_THR_XY_MARG", 0.15, unit="1", minimum=0.0, maximum=0.5,
-        short="Thrust kept for horizontal control at full climb, full thrust being 1",
+        short="Thrust reserved for horizontal control at full climb, full thrust being 1",
     )  # fmt: skip
     takeoff_ramp_time_s: float = param(
         "MPC_TKO_RAMP_T", 1.0, unit="s", minimum=0.1, maximum=5.0,

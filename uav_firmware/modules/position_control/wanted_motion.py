@@ -16,7 +16,7 @@ LEVEL: Final[Vector3] = (0.0, 0.0, 0.0)
 
 _SINK_WITHOUT_HEIGHT_M_S: Final = 0.5  # At least, as long as the speed is known
 _KNOWN_SINK_M_S: Final = 1.0  # One sigma of a vertical velocity that can be controlled
-_CERTAIN_TO_SINK: Final = 2.0  # [SD] Of it: asked for, so that it comes down whatever the error
+_CERTAIN_TO_SINK: Final = 2.0  # [SD] Of it: commanded, so that the vehicle descends with any error
 _SINK_WITHOUT_SPEED: Final = 0.3  # [m/s^2] Down: softly, since the speed is unknown
 _CLIMB_HEIGHT: Final = 0.5  # [m] More than a height estimate drifts on the ground
 _CLIMB_SPEED: Final = 0.05  # [m/s]
@@ -26,8 +26,8 @@ def observable(wanted: Motion, estimate: VehicleLocalPosition) -> Motion:
     """Unset what the estimate cannot observe.
 
     Without horizontal position the velocity is controlled; without velocity the vehicle stays
-    level, unless acceleration alone was asked for. Without height it comes down: at the speed
-    asked for as long as the accelerometer gives the vertical velocity, softly afterwards.
+    level, unless acceleration alone was commanded. Without height it descends: at the commanded
+    speed while the accelerometer gives the vertical velocity, softly afterwards.
     """
     if estimate.position_valid and estimate.velocity_valid and estimate.altitude_valid:
         return wanted

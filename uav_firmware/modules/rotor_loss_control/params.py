@@ -36,7 +36,7 @@ class RotorLossParams:
     )  # fmt: skip
     tilt_max_deg: float = param(
         "RL_TILT_MAX", 20.0, unit="deg", minimum=0.0, maximum=45.0,
-        short="Largest tilt of the thrust that is asked for on three rotors",
+        short="Largest commanded tilt of the thrust on three rotors",
         locked_while_armed=True,
     )  # fmt: skip
     tilt_pole: float = param(

@@ -1,8 +1,8 @@
 """Tells that a spinning vehicle has met the ground: it sinks no more, and something brakes it.
 
 The feet of a vehicle that spins under power on the ground walk, until it tips over; so the
-thrust has to go within tenths of a second, long before a land detector that waits for stillness
-can tell. Neither sign is enough alone: a gust stops the sinking for a moment, and the spin
+thrust has to go within tenths of a second, long before a land detector that waits for rest
+reacts. Neither sign is enough alone: a gust stops the sinking for a moment, and the spin
 changes with the thrust, but over seconds. Both together are the ground. The sign is not kept:
 should it err in the air, the vehicle falls, the sign is gone and the thrust is back.
 """

@@ -15,7 +15,7 @@ What has failed is found at leisure, over windows of a fifth of a second:
 
 and stays failed until a restart. Differences that instances have from the start are learnt within
 what a calibration leaves, so that a jump shows sooner. Of two instances that disagree the vote
-cannot say which is wrong: they are in dispute, until whoever knows more gives one up (`give_up`).
+cannot decide which is wrong: they are disputed until one is excluded (`give_up`).
 """
 
 import math
@@ -100,7 +100,7 @@ class TriadVote:
         return (x, y, z)
 
     def judge(self, window: Array, *, others_change: bool) -> list[Failed]:
-        """Judge a window of samples, shape (WINDOW, instances, 3); what has failed in it.
+        """Check a window of samples, shape (WINDOW, instances, 3); returns the failures in it.
 
         `others_change` is whether the samples of another kind of sensor have changed meanwhile.
         """

@@ -3,9 +3,9 @@
 import math
 from pathlib import Path
 
-from sim.camera.develop import develop
-from sim.camera.lens import Lens, Pose
-from sim.camera.order import Belief, Order
+from sim.camera.film.orders import EstimatedPose, Order
+from sim.camera.film.picture_file import write_picture
+from sim.camera.scene.lens import Lens, Pose
 from sim.physics.truth import quaternion_from_euler
 from sim.world.farm import Farm
 
@@ -29,7 +29,7 @@ def order(
     folder: Path, number: int, place: Pose, *, width_px: int = 640, second: str = "",
     time_s: float = MORNING_S,
 ) -> Order:  # fmt: skip
-    belief = Belief(
+    estimate = EstimatedPose(
         time_utc_us=round(time_s * 1e6) + 1000 * number,
         latitude_deg=place.latitude_deg,
         longitude_deg=place.longitude_deg,
@@ -46,7 +46,7 @@ def order(
         farm_time_s=time_s,
         pose=place,
         lens=lens(width_px),
-        belief=belief,
+        estimate=estimate,
         path=str(folder / f"{number}.jpg"),
         thumbnail_path=str(folder / "thumbnail" / f"{number}.jpg"),
         second=second,
@@ -57,5 +57,5 @@ def order(
 def taken(folder: Path, place: Pose, **choices: float | str) -> bytes:
     """The file of one picture."""
     wanted = order(folder, 0, place, **choices)  # type: ignore[arg-type]  # named as they are typed
-    develop(wanted)
+    write_picture(wanted)
     return Path(wanted.path).read_bytes()

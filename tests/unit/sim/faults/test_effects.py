@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim.config import SimulationConfig
+from sim.fault_schedule import Fault, Kind
 from sim.faults.effects import weakened
 from sim.faults.notation import read_order
-from sim.faults.schedule import Fault, Kind
 from sim.physics.truth import Motors
 from sim.sensors.readings import Readings
 from sim.simulation import Simulation

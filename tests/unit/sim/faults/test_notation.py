@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sim.fault_schedule import FIELDS, NEVER_US, Fault, FaultError, Kind
 from sim.faults.notation import Clear, faults_of, read_faults, read_order
-from sim.faults.schedule import FIELDS, NEVER_US, Fault, FaultError, Kind
 
 USED = "document: faults.toml, faults.json used"
 

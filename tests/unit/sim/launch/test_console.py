@@ -2,7 +2,7 @@ from sim.launch.console import mission_line, status_line
 
 
 def test_a_vehicle_not_heard_is_said_to_be_so() -> None:
-    assert status_line(3, None) == "vehicle 3  not heard"
+    assert status_line(3, None) == "vehicle 3  not connected"
 
 
 def test_a_status_line_tells_mode_height_and_battery() -> None:

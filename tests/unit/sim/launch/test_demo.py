@@ -3,7 +3,7 @@ from typing import Any
 
 import pytest
 
-from sim.camera.develop import develop
+from sim.camera.film.picture_file import write_picture
 from sim.launch.demo import DemoError, read_plan, show_pictures, undelivered
 from sim.launch.settings import from_environment
 from tests.unit.sim.camera.shots import order, pose
@@ -27,7 +27,7 @@ def test_the_pictures_of_this_flight_are_laid_on_sheets(tmp_path: Path) -> None:
     settings = from_environment({"STATE_DIR": str(tmp_path)})
     folder = tmp_path / "vehicle-1" / "image"
     for number in range(2):
-        develop(order(folder, number, pose(20.0, 60.0, 30.0, -90.0, 0.0), width_px=64))
+        write_picture(order(folder, number, pose(20.0, 60.0, 30.0, -90.0, 0.0), width_px=64))
     said: list[str] = []
     show_pictures(settings, {1: frozenset({"0.jpg"})}, said.append)
     (line,) = said

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from sim.camera.develop import develop
+from sim.camera.film.picture_file import write_picture
 from sim.mosaic.album import write_album
 from sim.mosaic.contact_sheet import Print, write_contact_sheet
 from sim.mosaic.georeference import Georeference
@@ -23,7 +23,7 @@ def test_pictures_that_look_down_come_on_the_map_and_all_on_the_sheet(tmp_path: 
     folder = tmp_path / "image"
     for number, pitch in enumerate((-90.0, -90.0, -20.0)):
         place = pose(10.0 + 8.0 * number, 40.0, 20.0, pitch, 90.0)
-        develop(order(folder, number, place, width_px=160))
+        write_picture(order(folder, number, place, width_px=160))
     album = write_album(3, folder, tmp_path / "out", "farm", without=frozenset({"1.jpg"}))
     assert album is not None
     assert album.mosaic is not None

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from sim.camera.develop import develop
+from sim.camera.film.picture_file import write_picture
 from sim.mosaic.folder import pictures_in, write_mosaic
 from sim.mosaic.georeference import Georeference, PictureError, georeference
 from sim.mosaic.stitch import Mosaic, stitch
@@ -33,7 +33,7 @@ def survey(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for north in (NORTH if line % 2 == 0 else NORTH[::-1])
     ]
     for number, place in enumerate(places):
-        develop(order(folder, number, place, width_px=WIDTH_PX, second="ndvi"))
+        write_picture(order(folder, number, place, width_px=WIDTH_PX, second="ndvi"))
     return folder
 
 
@@ -149,5 +149,5 @@ def test_what_is_no_picture_or_tells_no_place_is_refused_by_name(tmp_path: Path)
 
 
 def test_pictures_of_the_horizon_make_no_map(tmp_path: Path) -> None:
-    develop(order(tmp_path, 0, pose(0.0, 0.0, 10.0, -10.0, 0.0), width_px=64))
+    write_picture(order(tmp_path, 0, pose(0.0, 0.0, 10.0, -10.0, 0.0), width_px=64))
     assert write_mosaic(in_order(tmp_path), FARM, tmp_path / "map.jpg") is None

@@ -13,7 +13,7 @@ HOVER: Motors = (5065.0, 5065.0, 5065.0, 5065.0)
 STILL: Vector3 = (0.0, 0.0, 0.0)
 DENSITY = 1.15
 HUBS = ((0.1651, 0.1651), (-0.1651, -0.1651), (0.1651, -0.1651), (-0.1651, 0.1651))
-"""Forward and right [m] of each rotor, as the README has them."""
+"""Forward and right [m] of each rotor, as in docs/explanation/simulated-vehicle.md."""
 
 speeds = st.floats(-20.0, 20.0)
 rates = st.floats(-20.0, 20.0)

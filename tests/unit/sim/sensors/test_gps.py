@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
+from sim.gnss_receivers import GNSS_RECEIVERS
 from sim.physics.noise import generators
-from sim.sensors.gnss_receivers import GNSS_RECEIVERS
 from sim.sensors.gps import DELAY_US, FIRST_FIX_US, RATE_HZ, Gps
 from sim.sensors.readings import GpsReading
 from tests.unit.sim.truths import truth

@@ -189,6 +189,7 @@ def test_a_medium_that_hangs_does_not_keep_the_program_from_its_end(
     assert not storage.close()
     assert storage.thread._thread.daemon
     held.may.set()
+    monkeypatch.setattr(background, "CLOSE_S", 30.0)
     assert storage.close()
 
 

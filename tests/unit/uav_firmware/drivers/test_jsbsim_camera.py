@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from sim.camera.darkroom import Darkroom, Developed
-from sim.camera.order import Frame, Order
+from sim.camera.film.orders import Frame, Order
+from sim.camera.film.render_process import Rendered, RenderProcess
 from sim.config import SimulationConfig
-from sim.faults.schedule import Fault, Kind
+from sim.fault_schedule import Fault, Kind
 from sim.physics.truth import quaternion_from_euler
 from sim.simulation import Simulation
 from tests.unit.sim.camera.surveyor import read
@@ -38,20 +38,20 @@ def exposure(index: int = 0, time_us: int = 0, width_px: int = 1152) -> Exposure
     )
 
 
-class Notebook(Darkroom):
+class Notebook(RenderProcess):
     """Notes the orders; they end when the test says so."""
 
     def __init__(self) -> None:
         super().__init__()
         self.orders: list[Order] = []
-        self.ends: list[Developed] = []
+        self.ends: list[Rendered] = []
         self.waited = 0
 
     def begin(self, order: Order | Frame) -> None:
         assert isinstance(order, Order)
         self.orders.append(order)
 
-    def finished(self, *, wait: bool = False) -> list[Developed]:
+    def finished(self, *, wait: bool = False) -> list[Rendered]:
         self.waited += wait
         if wait and not self.ends:
             self.end()
@@ -59,17 +59,17 @@ class Notebook(Darkroom):
         return found
 
     def end(self, error: str = "") -> None:
-        self.ends += [Developed(order.number, 1000, 2, error) for order in self.orders]
+        self.ends += [Rendered(order.number, 1000, 2, error) for order in self.orders]
         self.orders.clear()
 
 
 class Rig:
-    """A camera on a simulation, with a notebook for a darkroom or a real one."""
+    """A camera on a simulation, with a notebook for a render_process or a real one."""
 
     def __init__(
         self,
         folder: Path,
-        darkroom: Darkroom,
+        render_process: RenderProcess,
         *,
         in_step: bool,
         hurried: bool = False,
@@ -85,13 +85,13 @@ class Rig:
             serial="F450-0007",
             in_step=in_step,
             hurried=hurried,
-            darkroom=darkroom,
+            render_process=render_process,
         )
 
 
 @pytest.fixture
 def real(tmp_path: Path) -> Iterator[Rig]:
-    rig = Rig(tmp_path, Darkroom(), in_step=True)
+    rig = Rig(tmp_path, RenderProcess(), in_step=True)
     yield rig
     rig.camera.close()
 
@@ -140,13 +140,13 @@ def test_the_picture_is_taken_from_the_true_place_and_attitude(tmp_path: Path) -
     rig.camera.expose(exposure()._replace(q_ned_frd=believed))
     (order,) = notebook.orders
     assert order.pose[:3] == (truth.latitude_deg, truth.longitude_deg, truth.altitude_amsl_m)
-    seen, told = order.pose.q_ned_camera, order.belief.q_ned_camera
+    seen, told = order.pose.q_ned_camera, order.estimate.q_ned_camera
     apart = 2.0 * math.degrees(
         math.acos(min(1.0, abs(sum(a * b for a, b in zip(seen, told, strict=True)))))
     )
     assert told == DOWN
     assert apart == pytest.approx(4.0, abs=0.5)  # The vehicle stands a third of a degree nose down
-    assert order.belief.serial == "F450-0007"
+    assert order.estimate.serial == "F450-0007"
 
 
 def test_an_unknown_place_is_left_out(tmp_path: Path) -> None:
@@ -154,8 +154,8 @@ def test_an_unknown_place_is_left_out(tmp_path: Path) -> None:
     rig = Rig(tmp_path, notebook, in_step=False)
     nan = math.nan
     rig.camera.expose(exposure()._replace(latitude_deg=nan, longitude_deg=nan, altitude_amsl_m=nan))
-    assert notebook.orders[0].belief.latitude_deg is None
-    assert notebook.orders[0].belief.altitude_amsl_m is None
+    assert notebook.orders[0].estimate.latitude_deg is None
+    assert notebook.orders[0].estimate.altitude_amsl_m is None
 
 
 def indices(outcomes: Sequence[Outcome]) -> list[int]:

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from sim.config import SimulationConfig
-from sim.faults.schedule import Fault, Kind
+from sim.fault_schedule import Fault, Kind
 from sim.simulation import Simulation
-from tests.unit.sim.camera.test_motion_jpeg import played
+from tests.unit.sim.camera.film.test_motion_jpeg import played
 from uav_firmware.cal.camera import Exposure, FilmGrowth, SecondPicture
 from uav_firmware.drivers.jsbsim_recorder import UNDER_WAY, JsbsimRecorder
 from uav_firmware.drivers.storage_card import image_tree

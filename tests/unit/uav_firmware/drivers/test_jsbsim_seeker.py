@@ -5,7 +5,7 @@ import math
 import pytest
 
 from sim.config import SimulationConfig
-from sim.faults.schedule import Fault, Kind
+from sim.fault_schedule import Fault, Kind
 from sim.simulation import Simulation
 from uav_firmware.cal.camera import Gaze
 from uav_firmware.drivers import jsbsim_seeker

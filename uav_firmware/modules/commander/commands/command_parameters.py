@@ -13,9 +13,9 @@ DEPTH_MAX_M: Final = 100.0  # [m] below home; missions have the same limit
 _FRAME_AMSL: Final = 0
 _FRAME_RELATIVE: Final = 3
 _FRAME_RELATIVE_INT: Final = 6
-_PERHAPS_AMSL: Final = frozenset({Command.DO_ORBIT, Command.DO_SET_HOME})
+_AMBIGUOUS: Final = frozenset({Command.DO_ORBIT, Command.DO_SET_HOME})
 """MAVSDK sends their altitude above mean sea level and leaves frame 3 in place, since PX4 does not
-look at it. Read as a height above home, it would send the vehicle up by the altitude of the site.
+use it. As a height above home it would make the vehicle climb by the altitude of the site.
 """
 NAN: Final = math.nan
 
@@ -38,7 +38,7 @@ def parameters(command: VehicleCommand) -> tuple[float, ...]:
 
 
 def unset(value: float) -> bool:
-    """NaN or 0: no wish."""
+    """Whether a parameter is unset: NaN or 0."""
     return math.isnan(value) or value == 0.0
 
 
@@ -72,7 +72,7 @@ def choice(command: VehicleCommand, number: int, *allowed: float) -> float:
 
 
 def place(command: VehicleCommand, view: VehicleView, *, zero_is_unset: bool) -> Place:
-    """Parameters 5 to 7 as a place; raises BadParameterError when it is nowhere near."""
+    """Parameters 5 to 7 as a place; raises BadParameterError when it is too far away."""
     latitude, longitude = command.param5, command.param6
     altitude = _altitude(command, view)
     if math.isnan(latitude) and math.isnan(longitude):
@@ -107,8 +107,8 @@ def _altitude(command: VehicleCommand, view: VehicleView) -> float:
 
 
 def _is_relative(command: VehicleCommand, home: HomePosition | None) -> bool:
-    """Whether an altitude is above home; in doubt it is if it lies nearer to 0 than to home."""
-    if command.frame == _FRAME_RELATIVE and command.command in _PERHAPS_AMSL:
+    """Whether an altitude is above home; if ambiguous, when it is nearer to 0 than to home."""
+    if command.frame == _FRAME_RELATIVE and command.command in _AMBIGUOUS:
         return home is not None and abs(command.param7) < abs(command.param7 - home.altitude_amsl_m)
     return command.frame != _FRAME_AMSL
 

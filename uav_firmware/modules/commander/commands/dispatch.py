@@ -1,15 +1,15 @@
-"""Decides on commands: the table is `HANDLERS`; a command that is not in it is UNSUPPORTED.
+"""Decides on commands by the table `HANDLERS`; a command that is not in it is UNSUPPORTED.
 
-Pure: a command, the moment and the mode in; a decision out. Wrong parameters are DENIED, right
-ones at the wrong moment TEMPORARILY_REJECTED.
+Pure: command, state and mode in; decision out. Wrong parameters are DENIED; valid ones that the
+state does not allow are TEMPORARILY_REJECTED.
 """
 
 import math
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from uav_firmware.modules.commander.arming import health_checks
-from uav_firmware.modules.commander.commands import flight_commands, guided_commands
+from uav_firmware.modules.commander import health_checks, mode_requirements
+from uav_firmware.modules.commander.commands import flight_commands, guidance_commands
 from uav_firmware.modules.commander.commands.command_parameters import (
     NAN,
     BadParameterError,
@@ -23,25 +23,23 @@ from uav_firmware.modules.commander.commands.decision import (
     Arm,
     Decision,
     Disarm,
-    Inject,
+    InjectFailure,
+    RequestNavigator,
     SetHome,
     SetMode,
-    Tell,
     Terminate,
     accepted,
     denied,
     failed,
-    not_now,
+    temporarily_rejected,
 )
 from uav_firmware.modules.commander.commands.flight_commands import Situation
-from uav_firmware.modules.commander.modes import requirements
-from uav_firmware.modules.commander.modes.pilot import unsafe_throttle
-from uav_firmware.modules.commander.modes.requirements import Need
+from uav_firmware.modules.commander.mode_requirements import Need
 from uav_firmware.msg.mission import FenceSwitch, MissionCurrentRequest, MissionState
 from uav_firmware.msg.status import Command, CommandResult, NavigationState, VehicleCommand
 
 FORCE: Final = 21196.0
-"""Parameter 2 of COMPONENT_ARM_DISARM that overrules the checks."""
+"""Parameter 2 of COMPONENT_ARM_DISARM that skips the checks."""
 
 _MAIN_AUTO: Final = 4.0
 _MAIN_POSITION: Final = 3.0
@@ -68,14 +66,24 @@ def decide(command: VehicleCommand, situation: Situation) -> Decision:
     handler = HANDLERS.get(command.command)
     if handler is None:
         return Decision(CommandResult.UNSUPPORTED)
-    name = Command(command.command).name
     try:
         refuse_infinite(command)
         decision = handler(command, situation)
     except BadParameterError as error:
-        return denied(f"{name} denied: {error}")
+        return denied(f"{Command(command.command).name} denied: {error}")
     if decision.result is CommandResult.ACCEPTED or not decision.reason:
         return decision
+    return _refused(command, decision)
+
+
+def decide_on_target(command: VehicleCommand, decision: Decision, refusal: str) -> Decision:
+    """Final answer to a command whose target the geofence allows, or refuses with a reason."""
+    return _refused(command, denied(refusal)) if refusal else decision
+
+
+def _refused(command: VehicleCommand, decision: Decision) -> Decision:
+    """Put the name of the command before the reason."""
+    name = Command(command.command).name
     return decision._replace(reason=f"{name} refused: {decision.reason}")
 
 
@@ -87,36 +95,36 @@ def _arm_disarm(command: VehicleCommand, situation: Situation) -> Decision:
         if not situation.armed:
             return accepted()
         if not situation.view.landed and not force:
-            return not_now("the vehicle is in the air")
+            return temporarily_rejected("the vehicle is in the air")
         return accepted(Disarm())
     if situation.armed:
         return accepted()
     if force:
-        startable = situation.mode in requirements.STARTABLE
+        startable = situation.mode in mode_requirements.STARTABLE
         return (
             accepted(Arm()) if startable else accepted(SetMode(NavigationState.AUTO_LOITER), Arm())
         )
     reason = arming_refusal(situation)
-    return accepted(Arm()) if reason is None else not_now(reason)
+    return accepted(Arm()) if reason is None else temporarily_rejected(reason)
 
 
 def arming_refusal(situation: Situation) -> str | None:
     """First reason not to arm; None when the vehicle may be armed."""
     mode, view = situation.mode, situation.view
-    positioned = Need.POSITION in requirements.needs_of(mode, view)
+    positioned = Need.POSITION in mode_requirements.needs_of(mode, view)
     failures = health_checks.failures(view, situation.params, positioned=positioned)
     if failures:
         return failures[0]
-    if mode not in requirements.STARTABLE:
+    if mode not in mode_requirements.STARTABLE:
         return f"Mode {mode.name} cannot be started from"
-    return requirements.missing(mode, view) or unsafe_throttle(mode, view.sticks)
+    return mode_requirements.missing(mode, view) or health_checks.unsafe_throttle(mode, view.sticks)
 
 
 def _check(command: VehicleCommand, situation: Situation) -> Decision:
-    """RUN_PREARM_CHECKS: they run all the time; the first that fails is told in words."""
+    """RUN_PREARM_CHECKS: reports the first check that fails."""
     refuse_set(command, 1, 2, 3, 4, 5, 6, 7)
     if situation.armed:
-        return not_now("the vehicle is armed")
+        return temporarily_rejected("the vehicle is armed")
     reason = arming_refusal(situation)
     return accepted(note="Ready to arm" if reason is None else f"Not ready: {reason}")
 
@@ -151,16 +159,16 @@ def _mission_start(command: VehicleCommand, situation: Situation) -> Decision:
         in_mission = situation._replace(mode=NavigationState.AUTO_MISSION)
         reason = arming_refusal(in_mission)
         if reason is not None:
-            return not_now(reason)
+            return temporarily_rejected(reason)
     effects = decision.effects
     if first > 0.0:
         jump = MissionCurrentRequest(situation.view.now_us, int(first), reset=True)
-        effects = (Tell(jump), SetMode(NavigationState.AUTO_MISSION))
+        effects = (RequestNavigator(jump), SetMode(NavigationState.AUTO_MISSION))
     return accepted(*effects) if situation.armed else accepted(*effects, Arm())
 
 
 def _set_current(command: VehicleCommand, situation: Situation) -> Decision:
-    """Answers in the order that the mission protocol gives."""
+    """DO_SET_MISSION_CURRENT, with the results in the order of the mission protocol."""
     refuse_set(command, 3, 4, 5, 6, 7)
     seq, reset = command.param1, command.param2
     if seq < -1.0 or not seq.is_integer():
@@ -173,21 +181,21 @@ def _set_current(command: VehicleCommand, situation: Situation) -> Decision:
     if seq >= progress.seq_total:
         return failed(f"the mission has {progress.seq_total} items")
     request = MissionCurrentRequest(situation.view.now_us, int(seq), reset=reset == 1.0)
-    return accepted(Tell(request))
+    return accepted(RequestNavigator(request))
 
 
 def _pause_continue(command: VehicleCommand, situation: Situation) -> Decision:
-    go_on = choice(command, 1, 0.0, 1.0) == 1.0
+    resume = choice(command, 1, 0.0, 1.0) == 1.0
     refuse_set(command, 2, 3, 4, 5, 6, 7)
     if not situation.armed:
-        return not_now("the vehicle is disarmed")
-    if not go_on:
+        return temporarily_rejected("the vehicle is disarmed")
+    if not resume:
         return flight_commands.change_mode(NavigationState.AUTO_LOITER, situation)
     progress = situation.view.progress
     if situation.mode is NavigationState.AUTO_MISSION:
         return accepted()
     if progress is None or progress.state != MissionState.PAUSED:
-        return not_now("no mission is paused")
+        return temporarily_rejected("no mission is paused")
     return flight_commands.change_mode(NavigationState.AUTO_MISSION, situation)
 
 
@@ -202,28 +210,32 @@ def _set_home(command: VehicleCommand, situation: Situation) -> Decision:
     if any(map(math.isnan, spot)):
         return denied("parameters 5 to 7: no place")
     if view.position is None or not view.position_valid:
-        return not_now("position unknown")
+        return temporarily_rejected("position unknown")
     yaw = NAN if unset(command.param4) else math.radians(command.param4)
     return accepted(SetHome(spot, yaw))
 
 
 def _fence_enable(command: VehicleCommand, situation: Situation) -> Decision:
-    """Only the whole fence can be switched: it has no floor, which 2 would take away."""
+    """DO_FENCE_ENABLE for the whole geofence; it has no floor that 2 could disable."""
     enabled = choice(command, 1, 0.0, 1.0) == 1.0
     refuse_set(command, 2, 3, 4, 5, 6, 7)
-    return accepted(Tell(FenceSwitch(situation.view.now_us, enabled)))
+    return accepted(RequestNavigator(FenceSwitch(situation.view.now_us, enabled)))
 
 
 def _terminate(command: VehicleCommand, situation: Situation) -> Decision:
-    wanted = choice(command, 1, 0.0, 1.0) == 1.0
+    terminate = choice(command, 1, 0.0, 1.0) == 1.0
     refuse_set(command, 2, 3, 4, 5, 6, 7)
-    if not wanted:
+    if not terminate:
         return accepted()
-    return accepted(Terminate()) if situation.armed else not_now("the vehicle is disarmed")
+    return (
+        accepted(Terminate())
+        if situation.armed
+        else temporarily_rejected("the vehicle is disarmed")
+    )
 
 
 def _inject_failure(command: VehicleCommand, situation: Situation) -> Decision:
-    """A test of the vehicle, not of the flight: only with SYS_FAILURE_EN."""
+    """INJECT_FAILURE, only with SYS_FAILURE_EN."""
     numbers = (command.param1, command.param2, 0.0 if unset(command.param3) else command.param3)
     refuse_set(command, 4, 5, 6, 7)
     for number, value in enumerate(numbers, start=1):
@@ -232,7 +244,7 @@ def _inject_failure(command: VehicleCommand, situation: Situation) -> Decision:
     if not situation.params.failure_injection:
         return denied("SYS_FAILURE_EN is 0")
     unit, failure_type, instance = map(int, numbers)
-    return accepted(Inject(unit, failure_type, instance))
+    return accepted(InjectFailure(unit, failure_type, instance))
 
 
 Handler = Callable[[VehicleCommand, Situation], Decision]
@@ -240,16 +252,16 @@ Handler = Callable[[VehicleCommand, Situation], Decision]
 HANDLERS: Final[Mapping[int, Handler]] = {
     Command.NAV_WAYPOINT: flight_commands.waypoint,
     Command.NAV_LOITER_UNLIM: flight_commands.loiter,
-    Command.NAV_LOITER_TIME: flight_commands.loiter_for_a_time,
+    Command.NAV_LOITER_TIME: flight_commands.loiter_time,
     Command.NAV_RETURN_TO_LAUNCH: flight_commands.return_home,
     Command.NAV_LAND: flight_commands.land,
     Command.NAV_TAKEOFF: flight_commands.take_off,
-    Command.DO_FOLLOW: guided_commands.follow,
-    Command.DO_ORBIT: guided_commands.orbit,
-    Command.CONDITION_YAW: guided_commands.turn,
-    Command.DO_SET_ROI_LOCATION: guided_commands.look_at,
-    Command.DO_SET_ROI_NONE: guided_commands.look_ahead,
-    Command.DO_SET_ROI: guided_commands.region_of_interest,
+    Command.DO_FOLLOW: guidance_commands.follow,
+    Command.DO_ORBIT: guidance_commands.orbit,
+    Command.CONDITION_YAW: guidance_commands.condition_yaw,
+    Command.DO_SET_ROI_LOCATION: guidance_commands.set_roi_location,
+    Command.DO_SET_ROI_NONE: guidance_commands.set_roi_none,
+    Command.DO_SET_ROI: guidance_commands.set_roi,
     Command.DO_SET_MODE: _set_mode,
     Command.DO_CHANGE_SPEED: flight_commands.change_speed,
     Command.DO_SET_HOME: _set_home,

@@ -1,9 +1,9 @@
 """Decisions on the commands that move the vehicle."""
 
 import math
-from collections.abc import Callable
 from typing import Final, NamedTuple
 
+from uav_firmware.modules.commander import mode_requirements
 from uav_firmware.modules.commander.commands.command_parameters import (
     NAN,
     BadParameterError,
@@ -18,14 +18,13 @@ from uav_firmware.modules.commander.commands.command_parameters import (
 from uav_firmware.modules.commander.commands.decision import (
     Decision,
     HoldFor,
+    RequestNavigator,
     SetMode,
-    Tell,
     accepted,
     denied,
-    not_now,
+    temporarily_rejected,
 )
 from uav_firmware.modules.commander.failsafe.actions import PILOTED
-from uav_firmware.modules.commander.modes import requirements
 from uav_firmware.modules.commander.params import CommanderParams
 from uav_firmware.modules.commander.vehicle_view import VehicleView
 from uav_firmware.msg.mission import (
@@ -43,56 +42,55 @@ _HERE: Final = Place(NAN, NAN, NAN)
 
 
 class Situation(NamedTuple):
-    """What a decision depends on."""
+    """State on which a decision depends."""
 
     view: VehicleView
     armed: bool
     mode: NavigationState
     params: CommanderParams
-    refusal_of: Callable[[ModeTarget], str | None]  # Why the geofence forbids an order
 
 
 def change_mode(state: NavigationState, situation: Situation) -> Decision:
-    """Enter a mode if what it needs is there.
+    """Change to a mode if its requirements are met.
 
-    A complete mission begins again, and a hold that is on its way to a point stops. Before
-    arming nothing moves: every mode may then be chosen, as on PX4, and it is the arming that is
-    refused while what the mode needs is missing. In flight without a fix the vehicle lands: then
-    an operator may order that landing, a pilot may take over, and nothing else ends it.
+    A complete mission begins again, and a hold that flies to a point stops. Before arming every
+    mode may be chosen, as on PX4; the arming is refused while a requirement is missing. In
+    flight without a fix the vehicle lands: then only a commanded landing or a pilot's mode
+    changes the mode.
     """
     view = situation.view
     reason = _refusal_in_flight(state, situation) if situation.armed else None
     if reason is not None:
-        return not_now(reason)
-    if state in requirements.AIRBORNE_ONLY and situation.armed and view.landed:
-        return not_now("the vehicle is on the ground")
+        return temporarily_rejected(reason)
+    if state in mode_requirements.AIRBORNE_ONLY and situation.armed and view.landed:
+        return temporarily_rejected("the vehicle is on the ground")
     complete = view.progress is not None and view.progress.state == MissionState.COMPLETE
     if state is NavigationState.AUTO_MISSION and complete:
         again = MissionCurrentRequest(view.now_us, 0, reset=True)
-        return accepted(Tell(again), SetMode(state))
+        return accepted(RequestNavigator(again), SetMode(state))
     if state is NavigationState.AUTO_LOITER and situation.mode is state:
-        return accepted(Tell(hold_here(view.now_us)), SetMode(state))
+        return accepted(RequestNavigator(hold_here(view.now_us)), SetMode(state))
     return accepted(SetMode(state))
 
 
 def _refusal_in_flight(state: NavigationState, situation: Situation) -> str | None:
-    """Why an armed vehicle cannot enter a mode by an order; None when it can.
+    """Why an armed vehicle cannot change to a mode by command; None when it can.
 
-    A hold by dead reckoning is the failsafe's, while it waits for the fix: ordered, it would put
-    off the landing for as long as the reckoning lasts.
+    Only the failsafe holds by dead reckoning, while it waits for the fix: a commanded hold would
+    delay the landing without limit.
     """
     view = situation.view
-    reason = requirements.missing(state, view)
+    reason = mode_requirements.missing(state, view)
     if reason is not None or state in PILOTED or state is NavigationState.AUTO_LAND:
         return reason
     holds = state is NavigationState.AUTO_LOITER
     if holds or situation.mode is NavigationState.AUTO_LAND:
-        return requirements.missing_for_place(view)
+        return mode_requirements.missing_for_place(view)
     return None
 
 
 def hold_here(now_us: int) -> NavigatorTarget:
-    """Order to stop and stay."""
+    """Target that stops the vehicle at its present position."""
     return NavigatorTarget(now_us, NavigationState.AUTO_LOITER, *_HERE, yaw=NAN, speed_m_s=NAN)
 
 
@@ -110,34 +108,31 @@ def _change_mode_to(
 
 
 def change_mode_for(target: ModeTarget, situation: Situation, *, note: str = "") -> Decision:
-    """Enter the mode of a target, if that can be flown.
+    """Change to the mode of a target, if the target can be flown to.
 
-    Without a position that is measured no target may lead elsewhere, neither that of a hold nor
-    that of a landing: the operator has a place in mind, and dead reckoning does not find it.
+    Without a measured position no target with a place is accepted, for a hold or a landing
+    either: dead reckoning does not find the place that the operator means.
     """
     state = target.navigation_state
-    if state in requirements.AIRBORNE_ONLY and situation.view.landed:
-        return not_now("the vehicle is on the ground")
+    if state in mode_requirements.AIRBORNE_ONLY and situation.view.landed:
+        return temporarily_rejected("the vehicle is on the ground")
     decision = change_mode(state, situation)
     if not decision.effects:
         return decision
-    if situation.armed and _leads_elsewhere(target):
-        reason = requirements.missing_for_place(situation.view)
+    if situation.armed and _has_place(target):
+        reason = mode_requirements.missing_for_place(situation.view)
         if reason is not None:
-            return not_now(reason)
-    reason = situation.refusal_of(target)
-    if reason is not None:
-        return denied(reason)
-    return accepted(Tell(target), SetMode(state), note=note)
+            return temporarily_rejected(reason)
+    return accepted(RequestNavigator(target), SetMode(state), note=note, target=target)
 
 
-def _leads_elsewhere(target: ModeTarget) -> bool:
+def _has_place(target: ModeTarget) -> bool:
     """Whether a target names a place; an altitude or a heading alone is reached from here."""
     return isinstance(target, NavigatorTarget) and not math.isnan(target.latitude_deg)
 
 
 def take_off(command: VehicleCommand, situation: Situation) -> Decision:
-    """NAV_TAKEOFF: allowed before arming; the climb then begins with it."""
+    """NAV_TAKEOFF: accepted before arming; the climb then begins at the arming."""
     refuse_set(command, 2, 3)
     spot, note = place(command, situation.view, zero_is_unset=True), ""
     home = situation.view.home
@@ -151,7 +146,7 @@ def take_off(command: VehicleCommand, situation: Situation) -> Decision:
 def land(command: VehicleCommand, situation: Situation) -> Decision:
     """NAV_LAND: at the place, or here; parameter 7 is the height of the ground there.
 
-    Parameter 1 is the height above it to climb back to when the landing is broken off.
+    Parameter 1 is the height above it to climb back to when the landing is aborted.
     """
     refuse_negative(command, 1)
     refuse_set(command, 3)
@@ -171,7 +166,7 @@ def land(command: VehicleCommand, situation: Situation) -> Decision:
 
 
 def return_home(command: VehicleCommand, situation: Situation) -> Decision:
-    """NAV_RETURN_TO_LAUNCH; coordinates, which some ground stations leave there, mean nothing."""
+    """NAV_RETURN_TO_LAUNCH; coordinates, which some ground stations send, are ignored."""
     refuse_set(command, 1, 2, 3, 4)
     return change_mode(NavigationState.AUTO_RTL, situation)
 
@@ -184,14 +179,14 @@ def loiter(command: VehicleCommand, situation: Situation) -> Decision:
         refuse_set(command, 4)
         return change_mode(NavigationState.AUTO_LOITER, situation)
     if situation.view.landed:
-        return not_now("the vehicle is on the ground")
+        return temporarily_rejected("the vehicle is on the ground")
     refuse_too_low(spot.altitude_amsl_m, situation.view)
     yaw = math.radians(command.param4)
     return _change_mode_to(NavigationState.AUTO_LOITER, situation, spot, yaw=yaw)
 
 
 def waypoint(command: VehicleCommand, situation: Situation) -> Decision:
-    """NAV_WAYPOINT: fly there and hold, which no hold time and no acceptance radius can exceed."""
+    """NAV_WAYPOINT: fly there and hold; hold time and acceptance radius have no effect."""
     for number in (1, 2):
         refuse_negative(command, number)
     refuse_set(command, 3)
@@ -200,13 +195,13 @@ def waypoint(command: VehicleCommand, situation: Situation) -> Decision:
         return denied("parameters 5 and 6: no place")
     refuse_too_low(spot.altitude_amsl_m, situation.view)
     if situation.view.landed:
-        return not_now("the vehicle is on the ground")
+        return temporarily_rejected("the vehicle is on the ground")
     yaw = math.radians(command.param4)
     return _change_mode_to(NavigationState.AUTO_LOITER, situation, spot, yaw=yaw)
 
 
-def loiter_for_a_time(command: VehicleCommand, situation: Situation) -> Decision:
-    """NAV_LOITER_TIME: hold here or at the place for parameter 1 [s]; a mission then goes on."""
+def loiter_time(command: VehicleCommand, situation: Situation) -> Decision:
+    """NAV_LOITER_TIME: hold here or at the place for parameter 1 [s]; a mission then continues."""
     if not 0.0 < command.param1 <= LONGEST_HOLD_S:
         raise BadParameterError(f"parameter 1: a time of {command.param1:g} s")
     refuse_set(command, 2, 3, 4)
@@ -214,7 +209,7 @@ def loiter_for_a_time(command: VehicleCommand, situation: Situation) -> Decision
     if math.isnan(spot.latitude_deg) and unset(command.param7):
         spot = _HERE
     if situation.view.landed:
-        return not_now("the vehicle is on the ground")
+        return temporarily_rejected("the vehicle is on the ground")
     refuse_too_low(spot.altitude_amsl_m, situation.view)
     decision = _change_mode_to(NavigationState.AUTO_LOITER, situation, spot, yaw=NAN)
     if not decision.effects:
@@ -225,7 +220,7 @@ def loiter_for_a_time(command: VehicleCommand, situation: Situation) -> Decision
 
 
 def reposition(command: VehicleCommand, situation: Situation) -> Decision:
-    """DO_REPOSITION: fly there and hold; NaN keeps what is."""
+    """DO_REPOSITION: fly there and hold; NaN keeps the present value."""
     flags = 0.0 if math.isnan(command.param2) else choice(command, 2, 0.0, 1.0)
     refuse_set(command, 3)
     speed = command.param1
@@ -235,9 +230,9 @@ def reposition(command: VehicleCommand, situation: Situation) -> Decision:
     spot = place(command, situation.view, zero_is_unset=False)
     refuse_too_low(spot.altitude_amsl_m, situation.view)
     if not situation.armed or situation.view.landed:
-        return not_now("the vehicle is on the ground")
+        return temporarily_rejected("the vehicle is on the ground")
     if flags == 0.0 and situation.mode is not NavigationState.AUTO_LOITER:
-        return not_now("not in hold, and parameter 2 does not allow the change")
+        return temporarily_rejected("not in hold, and parameter 2 does not allow the change")
     return _change_mode_to(
         NavigationState.AUTO_LOITER,
         situation,
@@ -248,7 +243,7 @@ def reposition(command: VehicleCommand, situation: Situation) -> Decision:
 
 
 def change_speed(command: VehicleCommand, situation: Situation) -> Decision:
-    """DO_CHANGE_SPEED: -1 keeps, -2 goes back to the parameters."""
+    """DO_CHANGE_SPEED: -1 keeps the speed, -2 returns to the parameters."""
     speed_type = choice(command, 1, 0.0, 1.0, 2.0, 3.0)
     speed, throttle = command.param2, command.param3
     refuse_set(command, 4, 5, 6, 7)
@@ -257,10 +252,12 @@ def change_speed(command: VehicleCommand, situation: Situation) -> Decision:
     if throttle > 0.0:
         return denied("parameter 3: a multirotor has no throttle to set")
     if not situation.armed:
-        return not_now("the vehicle is disarmed")
+        return temporarily_rejected("the vehicle is disarmed")
     if situation.mode is NavigationState.ORBIT:
-        return not_now("the speed of an orbit comes with its order")
+        return temporarily_rejected("the speed of an orbit is part of its command")
     if speed == -1.0:
         return accepted()
-    wanted = NAN if speed == -2.0 else speed
-    return accepted(Tell(SpeedRequest(situation.view.now_us, int(speed_type), wanted)))
+    requested = NAN if speed == -2.0 else speed
+    return accepted(
+        RequestNavigator(SpeedRequest(situation.view.now_us, int(speed_type), requested))
+    )

@@ -1,4 +1,4 @@
-"""What failsafes do, from nothing to the motors' stop, and the mode that each of it is."""
+"""Actions of failsafes in the order of their severity, and the mode of each."""
 
 from collections.abc import Mapping
 from enum import IntEnum
@@ -9,17 +9,17 @@ from uav_firmware.msg.status import NavigationState
 
 
 class Action(IntEnum):
-    """What a failsafe does; a greater one is worse."""
+    """Action of a failsafe; a greater one is more severe."""
 
     NONE = 0
     WARN = 1
-    POSITION = 2  # The pilot goes on in position mode
-    ALTITUDE = 3  # The pilot goes on in altitude mode
-    STABILIZED = 4  # The pilot goes on in stabilized mode
+    POSITION = 2  # The pilot continues in position mode
+    ALTITUDE = 3  # The pilot continues in altitude mode
+    STABILIZED = 4  # The pilot continues in stabilized mode
     HOLD = 5
     RETURN = 6
     LAND = 7
-    DESCEND = 8  # Land by what is left: at once, wherever it is
+    DESCEND = 8  # Land at once at the present place with the sensors left
     DISARM = 9
     TERMINATE = 10
 
@@ -43,10 +43,10 @@ PILOTED: Final = frozenset(
         NavigationState.POSCTL,
     }
 )
-"""Modes flown by sticks."""
+"""Modes in which the pilot controls the vehicle by sticks."""
 
 DEFERRED: Final = frozenset({Action.RETURN, Action.LAND})
-"""Actions that leave the operator COM_FAIL_ACT_T to step in, unless the cause is urgent."""
+"""Actions that wait COM_FAIL_ACT_T for the operator, unless the cause is urgent."""
 
 LINK_ACTIONS: Final[Mapping[int, Action]] = {
     0: Action.NONE,
@@ -57,7 +57,7 @@ LINK_ACTIONS: Final[Mapping[int, Action]] = {
     5: Action.TERMINATE,
     6: Action.DISARM,
 }
-"""NAV_DLL_ACT and NAV_RCL_ACT; 4 is not given a meaning by PX4, so the vehicle lands."""
+"""NAV_DLL_ACT and NAV_RCL_ACT; 4 has no meaning in PX4: the vehicle lands."""
 
 OFFBOARD_ACTIONS: Final[Mapping[int, Action]] = {
     0: Action.POSITION,
@@ -92,7 +92,7 @@ FENCE_ACTIONS: Final[Mapping[int, Action]] = {
 
 
 def strength_of(mode: NavigationState) -> Action:
-    """How strong a mode already is as an action; a hold may still be on its way to a place."""
+    """Action that a mode already is; a hold may still fly to a place and counts as none."""
     if mode in PILOTED or mode is NavigationState.AUTO_LOITER:
         return Action.NONE
     return max(

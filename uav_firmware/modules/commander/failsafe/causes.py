@@ -1,4 +1,4 @@
-"""What can go wrong: one table of causes, when each is present, and what it asks for.
+"""Causes of failsafes: one table of conditions, delays and actions.
 
 A cause is present once its condition has held for its delay, and clears when the condition
 does not hold any more; a condition may be stricter about clearing (hysteresis). Pure.
@@ -9,11 +9,7 @@ from collections.abc import Callable, Mapping
 from enum import Enum, auto
 from typing import Final, NamedTuple
 
-from uav_firmware.modules.commander.arming.health_checks import (
-    SENSOR_STALE_S,
-    storage_full,
-    without_fix,
-)
+from uav_firmware.modules.commander import mode_requirements
 from uav_firmware.modules.commander.failsafe.actions import (
     FENCE_ACTIONS,
     LINK_ACTIONS,
@@ -24,25 +20,29 @@ from uav_firmware.modules.commander.failsafe.actions import (
 )
 from uav_firmware.modules.commander.failsafe.params import FailsafeParams
 from uav_firmware.modules.commander.failsafe.return_time import (
-    ReturnPace,
+    ReturnSpeeds,
     battery_time_s,
     return_time_s,
 )
-from uav_firmware.modules.commander.modes import requirements
-from uav_firmware.modules.commander.modes.requirements import Need
+from uav_firmware.modules.commander.health_checks import (
+    SENSOR_STALE_S,
+    storage_full,
+    without_fix,
+)
+from uav_firmware.modules.commander.mode_requirements import Need
 from uav_firmware.modules.commander.vehicle_view import VehicleView
 from uav_firmware.msg.estimate import AidSource
 from uav_firmware.msg.geofence import FenceBreach
 from uav_firmware.msg.status import NavigationState
 
-_BATTERY_HYSTERESIS: Final = 0.02  # of a full battery: a sagging voltage does not chatter
-_TIME_HYSTERESIS: Final = 1.3  # of the time needed: a current that falls does not chatter
-_CURRENT_SETTLES_S: Final = 3.0  # [s] A climb or gust draws more for a moment
-_WIND_HYSTERESIS: Final = 0.85  # share of the threshold below which the wind has calmed down
+_BATTERY_HYSTERESIS: Final = 0.02  # Of a full battery, against a voltage that sags
+_TIME_HYSTERESIS: Final = 1.3  # Of the time needed, against a current that falls
+_CURRENT_SETTLES_S: Final = 3.0  # [s] A climb or gust draws more current for a moment
+_WIND_HYSTERESIS: Final = 0.85  # Of the threshold, below which the cause clears
 BREAKER_FLIGHTTERM: Final = 121212
 """Value of CBRK_FLIGHTTERM that keeps a lost attitude from terminating the flight."""
 
-_JUMP_TOLD_US: Final = 10_000_000  # After that a bias is as well known as before
+_JUMP_REPORTED_US: Final = 10_000_000  # After that a bias is as well known as before
 _EXCEPT_BITS: Final[Mapping[NavigationState, int]] = {
     NavigationState.AUTO_MISSION: 1,
     NavigationState.AUTO_LOITER: 2,
@@ -51,7 +51,7 @@ _EXCEPT_BITS: Final[Mapping[NavigationState, int]] = {
 
 
 class Cause(Enum):
-    """What can go wrong."""
+    """Cause of a failsafe."""
 
     LINK_LOST = auto()
     STICKS_LOST = auto()
@@ -84,52 +84,54 @@ class Cause(Enum):
     STORAGE_FULL = auto()
 
 
-class Moment(NamedTuple):
-    """What causes are judged by."""
+class Conditions(NamedTuple):
+    """State by which the causes are evaluated."""
 
     view: VehicleView
     params: FailsafeParams
     intended: NavigationState  # The mode that the operator has chosen, whatever is flown now
     airborne_s: float  # [s] Time in the air
-    pace: ReturnPace = ReturnPace()
+    return_speeds: ReturnSpeeds = ReturnSpeeds()
 
 
 class Row(NamedTuple):
     """One cause."""
 
-    text: str  # Sentence for the operator
-    holds: Callable[[Moment, bool], bool]  # The condition; True as second when it is present
-    action: Callable[[Moment], Action]
+    text: str  # Text for the operator
+    holds: Callable[[Conditions, bool], bool]  # Second argument: whether it is present
+    action: Callable[[Conditions], Action]
     delay_s: Callable[[FailsafeParams], float] = lambda _params: 0.0
     urgent: bool = False  # No time to wait for the operator
     latched: bool = False  # Forbids the next arming until it is acknowledged
 
 
-def _always(action: Action) -> Callable[[Moment], Action]:
+def _always(action: Action) -> Callable[[Conditions], Action]:
     return lambda _moment: action
 
 
-def _link_lost(moment: Moment, _present: bool) -> bool:  # noqa: FBT001  # one signature for all
+def _link_lost(moment: Conditions, _present: bool) -> bool:  # noqa: FBT001  # one signature for all
     params = moment.params
-    silent = params.link_loss_s < moment.view.ages.link < math.inf  # heard at least once
+    silent = params.link_loss_s < moment.view.ages.link < math.inf  # Received at least once
     return params.link_loss_action > 0 and silent
 
 
-def _sticks_lost(moment: Moment, _present: bool) -> bool:  # noqa: FBT001  # one signature for all
+def _sticks_lost(moment: Conditions, _present: bool) -> bool:  # noqa: FBT001  # one signature for all
     params, mode = moment.params, moment.intended
     excepted = _EXCEPT_BITS.get(mode, 7)
     relied_on = mode in PILOTED or excepted & ~params.sticks_excepted & 7 == excepted
-    heard = moment.view.ages.sticks < math.inf
-    return params.sticks_loss_action > 0 and relied_on and heard and not moment.view.sticks_fresh
+    received = moment.view.ages.sticks < math.inf
+    return params.sticks_loss_action > 0 and relied_on and received and not moment.view.sticks_fresh
 
 
-def _offboard_lost(moment: Moment, _present: bool) -> bool:  # noqa: FBT001  # one signature
+def _offboard_lost(moment: Conditions, _present: bool) -> bool:  # noqa: FBT001  # one signature
     late = moment.view.ages.offboard > moment.params.offboard_loss_s
     return moment.intended is NavigationState.OFFBOARD and late
 
 
-def _battery_below(threshold: Callable[[FailsafeParams], float]) -> Callable[[Moment, bool], bool]:
-    def holds(moment: Moment, present: bool) -> bool:  # noqa: FBT001  # one signature for all
+def _battery_below(
+    threshold: Callable[[FailsafeParams], float],
+) -> Callable[[Conditions, bool], bool]:
+    def holds(moment: Conditions, present: bool) -> bool:  # noqa: FBT001  # one signature for all
         battery = moment.view.battery
         margin = _BATTERY_HYSTERESIS if present else 0.0
         return battery is not None and battery.remaining < threshold(moment.params) + margin
@@ -137,14 +139,14 @@ def _battery_below(threshold: Callable[[FailsafeParams], float]) -> Callable[[Mo
     return holds
 
 
-def _gps_lost(moment: Moment, _present: bool) -> bool:  # noqa: FBT001  # one signature for all
+def _gps_lost(moment: Conditions, _present: bool) -> bool:  # noqa: FBT001  # one signature for all
     return without_fix(moment.view)
 
 
-def _without_gps(moment: Moment) -> Action:
-    """Brake at once, wait in hold for the fix, then land: dead reckoning leads nowhere else.
+def _gps_loss_action(moment: Conditions) -> Action:
+    """Brake at once, wait in hold for the fix, then land.
 
-    A landing goes on; on its way to a place it brakes and lands there (the navigator's part).
+    A landing continues; during its transit it brakes and lands there (by the navigator).
     """
     if moment.intended is NavigationState.AUTO_LAND:
         return Action.LAND
@@ -152,28 +154,28 @@ def _without_gps(moment: Moment) -> Action:
     return Action.WARN if piloted or not _needs(moment, Need.POSITION) else Action.LAND
 
 
-def _stopped(source: AidSource) -> Callable[[Moment, bool], bool]:
+def _stopped(source: AidSource) -> Callable[[Conditions, bool], bool]:
     return lambda moment, _present: bool(moment.view.stopped & source)
 
 
-def _needs(moment: Moment, need: Need) -> bool:
-    return need in requirements.needs_of(moment.intended, moment.view)
+def _needs(moment: Conditions, need: Need) -> bool:
+    return need in mode_requirements.needs_of(moment.intended, moment.view)
 
 
-def _position_lost(moment: Moment, _present: bool) -> bool:  # noqa: FBT001  # one signature
+def _position_lost(moment: Conditions, _present: bool) -> bool:  # noqa: FBT001  # one signature
     estimate = moment.view.position
     known = estimate is not None and estimate.position_valid and estimate.velocity_valid
     return not known and _needs(moment, Need.POSITION)
 
 
-def _altitude_lost(moment: Moment, _present: bool) -> bool:  # noqa: FBT001  # one signature
+def _altitude_lost(moment: Conditions, _present: bool) -> bool:  # noqa: FBT001  # one signature
     estimate = moment.view.position
     known = estimate is not None and estimate.altitude_valid
     return not known and _needs(moment, Need.ALTITUDE)
 
 
-def _wind_above(threshold: Callable[[FailsafeParams], float]) -> Callable[[Moment, bool], bool]:
-    def holds(moment: Moment, present: bool) -> bool:  # noqa: FBT001  # one signature for all
+def _wind_above(threshold: Callable[[FailsafeParams], float]) -> Callable[[Conditions, bool], bool]:
+    def holds(moment: Conditions, present: bool) -> bool:  # noqa: FBT001  # one signature for all
         wind, limit = moment.view.wind, threshold(moment.params)
         if wind is None or limit < 0.0:
             return False
@@ -183,78 +185,78 @@ def _wind_above(threshold: Callable[[FailsafeParams], float]) -> Callable[[Momen
     return holds
 
 
-def _motor_failed(moment: Moment, _present: bool) -> bool:  # noqa: FBT001  # one signature
+def _motor_failed(moment: Conditions, _present: bool) -> bool:  # noqa: FBT001  # one signature
     failure = moment.view.failure
     return failure is not None and failure.failed_motors != 0
 
 
-def _attitude_exceeded(moment: Moment, _present: bool) -> bool:  # noqa: FBT001  # one signature
+def _attitude_exceeded(moment: Conditions, _present: bool) -> bool:  # noqa: FBT001  # one signature
     failure = moment.view.failure
     return failure is not None and (failure.roll_exceeded or failure.pitch_exceeded)
 
 
-def _gyro_jumped(moment: Moment, _present: bool) -> bool:  # noqa: FBT001  # one signature
+def _gyro_jumped(moment: Conditions, _present: bool) -> bool:  # noqa: FBT001  # one signature
     view = moment.view
     jump_us = None if view.estimator is None else view.estimator.gyro_jump_us
-    return jump_us is not None and view.now_us - jump_us < _JUMP_TOLD_US
+    return jump_us is not None and view.now_us - jump_us < _JUMP_REPORTED_US
 
 
-def _fence_breached(moment: Moment, _present: bool) -> bool:  # noqa: FBT001  # one signature
+def _fence_breached(moment: Conditions, _present: bool) -> bool:  # noqa: FBT001  # one signature
     fence = moment.view.fence
     if fence is None or FENCE_ACTIONS[fence.action] is Action.NONE:
         return False
     return fence.breach is not FenceBreach.NONE or fence.predicted is not FenceBreach.NONE
 
 
-def _fence_action(moment: Moment) -> Action:
+def _fence_action(moment: Conditions) -> Action:
     fence = moment.view.fence
     return Action.NONE if fence is None else FENCE_ACTIONS[fence.action]
 
 
-def _flight_time_over(moment: Moment, _present: bool) -> bool:  # noqa: FBT001  # one signature
+def _flight_time_over(moment: Conditions, _present: bool) -> bool:  # noqa: FBT001  # one signature
     return 0 <= moment.params.flight_time_max_s < moment.airborne_s
 
 
-def _battery_time_short(moment: Moment, present: bool) -> bool:  # noqa: FBT001  # one signature
+def _battery_time_short(moment: Conditions, present: bool) -> bool:  # noqa: FBT001  # one signature
     params, view = moment.params, moment.view
-    needed_s = return_time_s(view, moment.pace) + params.return_margin_s
+    needed_s = return_time_s(view, moment.return_speeds) + params.return_margin_s
     more = _TIME_HYSTERESIS if present else 1.0
     return params.remaining_time_action > 0 and battery_time_s(view) <= more * needed_s
 
 
-def _storage_full(moment: Moment, _present: bool) -> bool:  # noqa: FBT001  # one signature
+def _storage_full(moment: Conditions, _present: bool) -> bool:  # noqa: FBT001  # one signature
     return moment.params.storage_check > 0 and storage_full(moment.view.storage)
 
 
-def _offboard_action(moment: Moment) -> Action:
-    """Back to the pilot, if there is one."""
+def _offboard_action(moment: Conditions) -> Action:
+    """Change to the pilot's mode, if the sticks are received."""
     action = OFFBOARD_ACTIONS[moment.params.offboard_loss_action]
     return action if action >= Action.HOLD or moment.view.sticks_fresh else Action.HOLD
 
 
-def _without_position(moment: Moment) -> Action:
+def _without_position(moment: Conditions) -> Action:
     piloted = moment.intended is NavigationState.POSCTL and moment.view.sticks_fresh
     return Action.ALTITUDE if piloted else Action.DESCEND
 
 
-def _without_altitude(moment: Moment) -> Action:
+def _without_altitude(moment: Conditions) -> Action:
     piloted = moment.intended in PILOTED and moment.view.sticks_fresh
     return Action.STABILIZED if piloted else Action.DESCEND
 
 
-def _attitude_action(moment: Moment) -> Action:
-    """Just after the take-off the motors stop; later only where flight termination is wanted."""
+def _attitude_action(moment: Conditions) -> Action:
+    """Just after the take-off the motors stop; later only where flight termination is enabled."""
     params = moment.params
     if moment.airborne_s < params.lockdown_takeoff_s:
         return Action.DISARM
     return Action.WARN if params.termination_breaker == BREAKER_FLIGHTTERM else Action.TERMINATE
 
 
-def _critical_action(moment: Moment) -> Action:
+def _critical_action(moment: Conditions) -> Action:
     return (Action.WARN, Action.WARN, Action.LAND, Action.RETURN)[moment.params.battery_action]
 
 
-def _emergency_action(moment: Moment) -> Action:
+def _emergency_action(moment: Conditions) -> Action:
     return Action.LAND if moment.params.battery_action >= 2 else Action.WARN
 
 
@@ -284,7 +286,7 @@ ROWS: Final[Mapping[Cause, Row]] = {
         _emergency_action,
         urgent=True,
     ),
-    Cause.GPS_LOST: Row("GPS lost, flying by dead reckoning", _gps_lost, _without_gps),
+    Cause.GPS_LOST: Row("GPS lost, flying by dead reckoning", _gps_lost, _gps_loss_action),
     Cause.GPS_POSITION_STOPPED: Row(
         "GPS position disagrees, not used", _stopped(AidSource.GPS_POSITION), _always(Action.WARN)
     ),
@@ -383,4 +385,4 @@ ROWS: Final[Mapping[Cause, Row]] = {
         "Storage full, flying on without a log", _storage_full, _always(Action.WARN)
     ),
 }
-"""The whole table; the README shows it."""
+"""The whole table; docs/reference/failsafes.md shows it."""

@@ -1,41 +1,41 @@
-"""The failsafe machine: which causes are present, and what is done about the worst.
+"""The failsafe machine: which causes are present, and the action for the worst of them.
 
-    CLEAR    --a cause asks for more, deferred---------> WAITING   hold; COM_FAIL_ACT_T runs
-    CLEAR    --a cause asks for more, at once----------> ACTING
-    WAITING  --no cause asks for more any longer-------> CLEAR     the intended mode goes on
-    WAITING  --the time is over------------------------> ACTING
-    WAITING  --a worse or an urgent cause asks---------> ACTING
-    WAITING, ACTING --the operator chooses a mode------> CLEAR     what is present is overruled
-    ACTING   --a cause asks for more-------------------> ACTING
+    CLEAR    --a cause demands more, deferred----------> WAITING   hold; COM_FAIL_ACT_T runs
+    CLEAR    --a cause demands more, at once-----------> ACTING
+    WAITING  --no cause demands more-------------------> CLEAR     the intended mode continues
+    WAITING  --the time has passed---------------------> ACTING
+    WAITING  --a stronger or an urgent cause-----------> ACTING
+    WAITING, ACTING --the operator chooses a mode------> CLEAR     present causes are overridden
+    ACTING   --a cause demands more--------------------> ACTING
     any      --disarmed--------------------------------> CLEAR
 
-The action is selected anew at every look, over all causes that are present and not overruled, as
-PX4's failsafe framework does: a cause whose action was covered by another one takes over when
-that one clears. A cause asks for more if its action is stronger than what is flown or waited for.
-An overruled cause acts again only after it has cleared.
+The action is selected at every update from all causes that are present and not overridden, as
+PX4's failsafe framework does: a cause whose action was weaker than another one's acts when that
+one clears. A cause demands more if its action is stronger than the present or the pending one.
+An overridden cause acts again only after it has cleared.
 """
 
 from collections.abc import Iterable, Sequence
 from enum import Enum, auto
 from typing import NamedTuple
 
-from uav_firmware.modules.commander.arming.arming_states import ArmingEvent
+from uav_firmware.modules.commander import mode_requirements
+from uav_firmware.modules.commander.arm_state_machine import ArmingEvent
 from uav_firmware.modules.commander.failsafe.actions import (
     DEFERRED,
     MODE_OF,
     Action,
     strength_of,
 )
-from uav_firmware.modules.commander.failsafe.causes import ROWS, Cause, Moment
+from uav_firmware.modules.commander.failsafe.causes import ROWS, Cause, Conditions
 from uav_firmware.modules.commander.failsafe.params import FailsafeParams
-from uav_firmware.modules.commander.failsafe.return_time import ReturnPace
-from uav_firmware.modules.commander.modes import requirements
+from uav_firmware.modules.commander.failsafe.return_time import ReturnSpeeds
 from uav_firmware.modules.commander.vehicle_view import VehicleView
 from uav_firmware.msg.status import NavigationState
 
 
 class Failsafe(Enum):
-    """Where the machine stands."""
+    """State of the machine."""
 
     CLEAR = auto()  # The intended mode is flown
     WAITING = auto()  # In hold, before the action
@@ -43,64 +43,64 @@ class Failsafe(Enum):
 
 
 class Threat(NamedTuple):
-    """A cause that has appeared and what it asks for."""
+    """A cause and the action that it demands."""
 
     cause: Cause
     action: Action
 
 
 class Reaction(NamedTuple):
-    """What comes of one look at the vehicle."""
+    """Result of one update."""
 
     threats: Sequence[Threat] = ()  # New ones, worst first
     cleared: Sequence[Cause] = ()
-    mode: NavigationState | None = None  # To be flown from now on
+    mode: NavigationState | None = None  # To change to
     event: ArmingEvent | None = None  # Stops the motors
 
 
 class FailsafeMachine:
-    """Present causes, the mode that the operator intends, and the action that waits."""
+    """Holds the present causes, the mode that the operator intends, and the pending action."""
 
     def __init__(self) -> None:
         self.state = Failsafe.CLEAR
-        self.pace = ReturnPace()
+        self.return_speeds = ReturnSpeeds()
         self._intended = NavigationState.AUTO_LOITER
-        self._since_us: dict[Cause, int] = {}  # Conditions that hold, and since when
+        self._since_us: dict[Cause, int] = {}  # Start of each condition that holds
         self._present: frozenset[Cause] = frozenset()
-        self._overruled: frozenset[Cause] = frozenset()
+        self._overridden: frozenset[Cause] = frozenset()
         self._taken = Action.NONE  # While ACTING
-        self._awaited = Action.NONE  # While WAITING: the strongest so far
+        self._pending = Action.NONE  # While WAITING: the strongest so far
         self._due_us = 0
 
-    def overrule(self) -> None:
-        """The operator has chosen a mode: what is present now shall not act again."""
+    def override(self) -> None:
+        """Override the present causes: the operator has chosen a mode."""
         self.state = Failsafe.CLEAR
-        self._overruled = self._present
+        self._overridden = self._present
 
     def clear(self) -> None:
-        """Forget all, at arming and disarming."""
+        """Reset, at arming and disarming."""
         self.state = Failsafe.CLEAR
         self._since_us.clear()
-        self._present = self._overruled = frozenset()
+        self._present = self._overridden = frozenset()
 
     def update(
         self, view: VehicleView, params: FailsafeParams, flown: NavigationState, airborne_s: float
     ) -> Reaction:
-        """Look at the vehicle once, in the air; `flown` is the present mode."""
+        """Evaluate all causes once, in the air; `flown` is the present mode."""
         if self.state is Failsafe.CLEAR:
             self._intended = flown
-        moment = Moment(view, params, self._intended, airborne_s, self.pace)
+        moment = Conditions(view, params, self._intended, airborne_s, self.return_speeds)
         before = self._present
-        self._present = self._judge(moment)
-        self._overruled &= self._present
+        self._present = self._evaluate(moment)
+        self._overridden &= self._present
         threats = _worst_first(self._present - before, moment)
         cleared = tuple(before - self._present)
-        asking = _worst_first(self._present - self._overruled, moment)
+        asking = _worst_first(self._present - self._overridden, moment)
         demands = [threat for threat in asking if threat.action > Action.WARN]
         reaction = self._react(demands, moment, flown)
         return reaction._replace(threats=threats, cleared=cleared)
 
-    def _judge(self, moment: Moment) -> frozenset[Cause]:
+    def _evaluate(self, moment: Conditions) -> frozenset[Cause]:
         """Causes whose condition has held for their delay."""
         now_us, since, present = moment.view.now_us, self._since_us, []
         for cause, row in ROWS.items():
@@ -110,7 +110,9 @@ class FailsafeMachine:
                 present.append(cause)
         return frozenset(present)
 
-    def _react(self, demands: Sequence[Threat], moment: Moment, flown: NavigationState) -> Reaction:
+    def _react(
+        self, demands: Sequence[Threat], moment: Conditions, flown: NavigationState
+    ) -> Reaction:
         worst = demands[0].action if demands else Action.NONE
         if self.state is Failsafe.ACTING:
             stronger = worst > max(strength_of(flown), self._taken)
@@ -119,29 +121,29 @@ class FailsafeMachine:
             return self._resume(moment) if self.state is Failsafe.WAITING else Reaction()
         deferred = all(_may_wait(demand) for demand in demands if demand.action is worst)
         if self.state is Failsafe.WAITING:
-            worse = worst > self._awaited
+            worse = worst > self._pending
             due = moment.view.now_us >= self._due_us
             return self._act(worst, moment) if worse or due or not deferred else Reaction()
         if not (deferred and self._can_wait(moment)):
             return self._act(worst, moment)
         self.state = Failsafe.WAITING
-        self._awaited = worst
+        self._pending = worst
         self._due_us = moment.view.now_us + round(moment.params.action_delay_s * 1e6)
         return Reaction(mode=NavigationState.AUTO_LOITER)
 
-    def _can_wait(self, moment: Moment) -> bool:
-        """Whether the vehicle can hold and the operator is to be given time."""
-        holds = requirements.missing(NavigationState.AUTO_LOITER, moment.view) is None
+    def _can_wait(self, moment: Conditions) -> bool:
+        """Whether the vehicle can hold until the operator reacts."""
+        holds = mode_requirements.missing(NavigationState.AUTO_LOITER, moment.view) is None
         return holds and moment.params.action_delay_s > 0.0
 
-    def _resume(self, moment: Moment) -> Reaction:
-        """Go back to what the operator intends, if that can be flown."""
+    def _resume(self, moment: Conditions) -> Reaction:
+        """Change back to the intended mode, if it can be flown."""
         self.state = Failsafe.CLEAR
-        missing = requirements.missing(self._intended, moment.view)
+        missing = mode_requirements.missing(self._intended, moment.view)
         return Reaction(mode=self._intended if missing is None else None)
 
-    def _act(self, action: Action, moment: Moment) -> Reaction:
-        """Take an action; what cannot be flown becomes a landing."""
+    def _act(self, action: Action, moment: Conditions) -> Reaction:
+        """Take an action; a mode that cannot be flown becomes a landing."""
         if action is Action.DISARM:
             return Reaction(event=ArmingEvent.FAILSAFE)
         if action is Action.TERMINATE:
@@ -149,14 +151,37 @@ class FailsafeMachine:
         mode = MODE_OF[action]
         self.state = Failsafe.ACTING
         self._taken = action
-        possible = requirements.missing(mode, moment.view) is None
+        possible = mode_requirements.missing(mode, moment.view) is None
         return Reaction(mode=mode if possible else NavigationState.AUTO_LAND)
 
 
-def _worst_first(causes: Iterable[Cause], moment: Moment) -> list[Threat]:
+def _worst_first(causes: Iterable[Cause], moment: Conditions) -> list[Threat]:
     threats = (Threat(cause, ROWS[cause].action(moment)) for cause in causes)
     return sorted(threats, key=lambda threat: threat.action, reverse=True)
 
 
 def _may_wait(threat: Threat) -> bool:
     return threat.action in DEFERRED and not ROWS[threat.cause].urgent
+
+
+class FailureLatch:
+    """Failures of former flights that prevent the next arming: their texts, oldest first.
+
+    A failure that shows in flight and not on the ground, such as a gyroscope that recovers at
+    rest, is kept until a restart or until the operator acknowledges it by COM_FAIL_ACK. Failed
+    motors and crashes are latched by failure_detector.
+    """
+
+    def __init__(self) -> None:
+        self.texts: tuple[str, ...] = ()
+
+    def note(self, causes: Iterable[Cause]) -> None:
+        """Add those causes of a failsafe that are latched."""
+        for cause in causes:
+            row = ROWS[cause]
+            if row.latched and row.text not in self.texts:
+                self.texts = (*self.texts, row.text)
+
+    def clear(self) -> None:
+        """Drop all: the operator has acknowledged them."""
+        self.texts = ()

@@ -47,16 +47,16 @@ class FailsafeParams:
     )  # fmt: skip
     sticks_excepted: int = param(
         "COM_RCL_EXCEPT", 7, unit="1", minimum=0, maximum=7,
-        short="Modes that go on without sticks: bit 0 mission, bit 1 hold, bit 2 offboard",
+        short="Modes that continue without sticks: bit 0 mission, bit 1 hold, bit 2 offboard",
     )  # fmt: skip
     offboard_loss_action: int = param(
         "COM_OBL_RC_ACT", 0, unit="1", minimum=0, maximum=7,
-        short="Lost set-points: 0 position, 1 altitude, 2 stabilized, 3 return, 4 land, 5 hold,"
+        short="Lost setpoints: 0 position, 1 altitude, 2 stabilized, 3 return, 4 land, 5 hold,"
         " 6 terminate, 7 disarm; hold instead of 0 to 2 without sticks",
     )  # fmt: skip
     offboard_loss_s: float = param(
         "COM_OF_LOSS_T", 1.0, unit="s", minimum=0.5, maximum=60.0,
-        short="Time without a set-point in offboard mode until they count as lost",
+        short="Time without a setpoint in offboard mode until the stream counts as lost",
     )  # fmt: skip
     motor_failure_action: int = param(
         "COM_ACT_FAIL_ACT", 2, unit="1", minimum=0, maximum=4,
@@ -64,7 +64,7 @@ class FailsafeParams:
     )  # fmt: skip
     lockdown_takeoff_s: float = param(
         "COM_LKDOWN_TKO", 3.0, unit="s", minimum=-1.0, maximum=5.0,
-        short="Time from the take-off in which a lost attitude disarms; negative never",
+        short="Time from the takeoff in which a lost attitude disarms; negative never",
     )  # fmt: skip
     termination_breaker: int = param(
         "CBRK_FLIGHTTERM", 121212, unit="1", minimum=0, maximum=121212,

@@ -1,7 +1,7 @@
-"""How long the battery lasts, and how long a return takes: pure.
+"""Time left of the battery, and time of a return: pure.
 
 Both are rough: the battery by the present current, the return straight home at the navigator's
-speeds, with a tenth on top for what is not counted.
+speeds, plus a tenth for what is not counted.
 """
 
 import math
@@ -10,12 +10,12 @@ from typing import NamedTuple
 from uav_firmware.modules.commander.vehicle_view import VehicleView
 from uav_firmware.parameters import Registry
 
-_LEAST_CURRENT_A = 0.1  # Less tells nothing of a flight
+_LEAST_CURRENT_A = 0.1  # Less is not the current of a flight
 _FACTOR = 1.1  # RTL_TIME_FACTOR as PX4 sets it
 
 
-class ReturnPace(NamedTuple):
-    """What a return is flown with; the navigator's parameters."""
+class ReturnSpeeds(NamedTuple):
+    """Speeds and heights of a return; the navigator's parameters."""
 
     cruise: float = 5.0  # [m/s] MPC_XY_CRUISE
     climb: float = 2.5  # [m/s] MPC_Z_V_AUTO_UP
@@ -37,11 +37,11 @@ _NAMES = (
 )
 
 
-def pace_of(registry: Registry) -> ReturnPace:
-    """The pace by the parameters; its defaults where there is no navigator."""
+def return_speeds(registry: Registry) -> ReturnSpeeds:
+    """Speeds by the parameters; defaults where there is no navigator."""
     if not set(_NAMES) <= set(registry.names()):
-        return ReturnPace()
-    return ReturnPace(*(float(registry.get(name)) for name in _NAMES))
+        return ReturnSpeeds()
+    return ReturnSpeeds(*(float(registry.get(name)) for name in _NAMES))
 
 
 def battery_time_s(view: VehicleView) -> float:
@@ -52,15 +52,15 @@ def battery_time_s(view: VehicleView) -> float:
     return battery.remaining * battery.capacity_ah * 3600.0 / battery.current_a
 
 
-def return_time_s(view: VehicleView, pace: ReturnPace) -> float:
-    """Time for the way home and the landing [s]; 0 when the place or home is unknown."""
+def return_time_s(view: VehicleView, speeds: ReturnSpeeds) -> float:
+    """Time of the return and the landing [s]; 0 when position or home is unknown."""
     if view.position is None or view.home is None or not view.position_valid:
         return 0.0
     north, east, down = view.position.position_ned
     home_north, home_east, home_down = view.home.position_ned
     distance = math.hypot(north - home_north, east - home_east)
     height = max(home_down - down, 0.0)
-    top = height if distance < pace.close else max(height, pace.height)
-    slow = min(top, pace.landing_height)
-    sinking = (top - slow) / pace.descent + slow / pace.landing
-    return _FACTOR * ((top - height) / pace.climb + distance / pace.cruise + sinking)
+    top = height if distance < speeds.close else max(height, speeds.height)
+    slow = min(top, speeds.landing_height)
+    sinking = (top - slow) / speeds.descent + slow / speeds.landing
+    return _FACTOR * ((top - height) / speeds.climb + distance / speeds.cruise + sinking)

@@ -1,4 +1,4 @@
-"""Wind from the tilt: what holds a hovering vehicle against the air tells how fast the air is.
+"""Wind estimate from the tilt that a vehicle needs against the drag.
 
 The rotors push along the body's axis; the acceleration that this does not explain is drag:
 
@@ -20,38 +20,40 @@ from uav_firmware.msg.vectors import Quaternion, Vector3
 
 GRAVITY: Final = 9.80665  # [m/s^2]
 TIME_CONSTANT_S: Final = 4.0
-_SETTLED: Final = 3.0  # time constants until the filter has forgotten its beginning
-_UPRIGHT: Final = 0.3  # cosine of a tilt beyond which thrust explains nothing
+_SETTLED: Final = 3.0  # Time constants until the filter has settled
+_UPRIGHT: Final = 0.3  # Cosine of the largest tilt that is used
 _DOWN: Final[Vector3] = (0.0, 0.0, 1.0)
 
 
-class Push(NamedTuple):
-    """What the air does to the vehicle, and what the rotors do against it."""
+class DragSample(NamedTuple):
+    """Drag on the vehicle and thrust against it."""
 
-    drag: tuple[float, float]  # [m/s^2] North and east: what the thrust does not explain
+    drag: tuple[
+        float, float
+    ]  # [m/s^2] North and east: acceleration that the thrust does not explain
     thrust_ratio: float  # [-] Thrust over weight
 
 
-def push_of(q_ned_frd: Quaternion, acceleration_ned: Vector3) -> Push:
+def drag_sample(q_ned_frd: Quaternion, acceleration_ned: Vector3) -> DragSample:
     """Drag and thrust of an attitude and an acceleration [m/s^2]."""
     north, east, down = rotate(q_ned_frd, _DOWN)
     lift = (GRAVITY - acceleration_ned[2]) / max(down, _UPRIGHT)
     drag = (acceleration_ned[0] + north * lift, acceleration_ned[1] + east * lift)
-    return Push(drag, lift / GRAVITY)
+    return DragSample(drag, lift / GRAVITY)
 
 
 def wind_of(
-    push: Push,
+    sample: DragSample,
     velocity: tuple[float, float],
     model: DragModel,
     density: float,
 ) -> tuple[float, float]:
-    """Wind [m/s, north and east: where the air goes to] of a steady push and velocity."""
-    drag = push.drag
+    """Wind [m/s, north and east: where the air goes to] of a steady drag and velocity."""
+    drag = sample.drag
     size = math.hypot(*drag)
     if size == 0.0:
         return velocity
-    airspeed = model.airspeed_m_s(size, density, push.thrust_ratio)
+    airspeed = model.airspeed_m_s(size, density, sample.thrust_ratio)
     return (
         velocity[0] + drag[0] / size * airspeed,
         velocity[1] + drag[1] / size * airspeed,
@@ -59,7 +61,7 @@ def wind_of(
 
 
 class WindEstimator:
-    """Low-passed drag and velocity of one flight."""
+    """Low-pass filter of drag and velocity in one flight."""
 
     def __init__(self) -> None:
         self.restart()
@@ -73,12 +75,12 @@ class WindEstimator:
     def update(
         self, q_ned_frd: Quaternion, acceleration_ned: Vector3, velocity_ned: Vector3, dt: float
     ) -> None:
-        """Take in one moment of flight."""
-        push = push_of(q_ned_frd, acceleration_ned)
-        seen = (*push.drag, push.thrust_ratio, velocity_ned[0], velocity_ned[1])
+        """Add a sample of the flight."""
+        sample = drag_sample(q_ned_frd, acceleration_ned)
+        latest = (*sample.drag, sample.thrust_ratio, velocity_ned[0], velocity_ned[1])
         share = dt / (dt + min(self._age_s, TIME_CONSTANT_S)) if self._age_s > 0.0 else 1.0
         a, b, c, d, e = (
-            old + share * (new - old) for old, new in zip(self._mean, seen, strict=True)
+            old + share * (new - old) for old, new in zip(self._mean, latest, strict=True)
         )
         self._mean = (a, b, c, d, e)
         self._age_s += dt
@@ -88,4 +90,4 @@ class WindEstimator:
         if not model.gives_airspeed or self._age_s < _SETTLED * TIME_CONSTANT_S:
             return None
         north, east, thrust_ratio, v_north, v_east = self._mean
-        return wind_of(Push((north, east), thrust_ratio), (v_north, v_east), model, density)
+        return wind_of(DragSample((north, east), thrust_ratio), (v_north, v_east), model, density)

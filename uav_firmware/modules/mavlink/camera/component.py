@@ -1,45 +1,50 @@
-"""The camera component (100): its commands, its pictures, its answers.
+"""The camera component (100): commands, answers and reports of pictures.
 
-Everything it says is sent as component 100, with that component's own sequence numbers. A
-command to all components (0) that only the camera can answer is the camera's; one that both
-could carry out is the autopilot's, so that each command has one answer.
+Its messages have component id 100 and their own sequence numbers. The camera answers a command to
+all components (0) that only it supports; the autopilot answers one that both support, so that each
+command has one answer.
 """
 
 from collections.abc import Callable, Iterable, Iterator
 from typing import Final
 
 from uav_firmware.modules.mavlink.camera.reports import CameraReports
-from uav_firmware.modules.mavlink.camera.requests import OWN, SHARED, CameraRequests, speaks
+from uav_firmware.modules.mavlink.camera.requests import (
+    OWN,
+    SHARED,
+    CameraRequests,
+    is_sent_by_camera,
+)
 from uav_firmware.modules.mavlink.commands.command_server import CommandServer, CommandSink
 from uav_firmware.modules.mavlink.commands.commands import FOR_GIMBAL, FOR_PAYLOAD
 from uav_firmware.modules.mavlink.telemetry.context import Context
 from uav_firmware.modules.mavlink.telemetry.requests import RequestServer
-from uav_firmware.modules.mavlink.topics import MavlinkTopics
 from uav_firmware.modules.mavlink.wire.addressing import CAMERA_COMPONENT, Outgoing, Sender
 from uav_firmware.modules.mavlink.wire.dialect import Message
 from uav_firmware.modules.mavlink.wire.peers import PeerTable
 from uav_firmware.msg.payload import CancelOrder
 from uav_firmware.msg.status import VehicleCommand, VehicleCommandAck
+from uav_firmware.topics import Topics
 
 KNOWN: Final = (FOR_PAYLOAD - FOR_GIMBAL) | OWN | SHARED
-"""Commands that the camera does not refuse at once."""
+"""Commands that the camera supports."""
 
 
 class CommandRouter:
-    """Hands a command to whoever carries it out: payload or commander."""
+    """Forwards a command to payload or commander."""
 
-    def __init__(self, topics: MavlinkTopics) -> None:
+    def __init__(self, topics: Topics) -> None:
         self._topics = topics
 
     def publish(self, item: VehicleCommand) -> None:
-        """Hand a command on."""
+        """Forward a command."""
         if item.command in FOR_PAYLOAD:
             self._topics.payload_order.publish(item)
         else:
             self._topics.vehicle_command.publish(item)
 
     def cancel(self, token: int) -> None:
-        """Ask for the end of a command; what nobody carries out any more is ignored."""
+        """Request cancellation of a command; ignored when it has ended."""
         self._topics.payload_order.publish(CancelOrder(0, token))
 
 
@@ -50,7 +55,7 @@ class CameraComponent:
         self,
         *,
         system_id: int,
-        topics: MavlinkTopics,
+        topics: Topics,
         peers: PeerTable,
         context: Callable[[int], Context],
         sink: CommandSink,
@@ -62,7 +67,7 @@ class CameraComponent:
         requests = RequestServer(peers, context, CAMERA_COMPONENT)
         self._commands = CommandServer(
             system_id=system_id,
-            answerers=(CameraRequests(requests, self._reports).answer,),
+            local_handlers=(CameraRequests(requests, self._reports).answer,),
             commander=sink,
             mission_length=lambda: 0,
             cancel=cancel,
@@ -71,17 +76,17 @@ class CameraComponent:
             tokens=tokens,
         )
 
-    def is_meant(self, message: Message) -> bool:
-        """Whether a command is the camera's to answer."""
+    def is_for_camera(self, message: Message) -> bool:
+        """Whether the camera answers a command."""
         if message.target_component == CAMERA_COMPONENT:
             return True
         if message.target_component != 0 or message.target_system not in {0, self._system_id}:
             return False
         number = message.command
         if number in SHARED:
-            asked = message.param1
-            # A heartbeat is each component's; the autopilot's is the one that is meant.
-            return 0.0 < asked <= 0xFFFFFF and speaks(asked)
+            message_id = message.param1
+            # Both components have a HEARTBEAT; the request means the autopilot's
+            return 0.0 < message_id <= 0xFFFFFF and is_sent_by_camera(message_id)
         return number in OWN
 
     def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
@@ -93,7 +98,7 @@ class CameraComponent:
         return _as_camera(self._commands.cancel(message, sender, now_us))
 
     def tick(self, acks: Iterable[VehicleCommandAck], now_us: int) -> list[Outgoing]:
-        """Answers of payload, pictures taken, and commands that nobody has answered."""
+        """Send answers of payload, timeouts of commands, and reports of pictures."""
         outgoing = self._commands.answers(acks, now_us)
         outgoing += self._commands.tick(now_us)
         return _as_camera(outgoing) + self._reports.tick(now_us)

@@ -1,16 +1,15 @@
-"""The gimbal manager and its device, both spoken for by the autopilot."""
+"""Builders of messages of gimbal manager and gimbal device, both served by the autopilot."""
 
 import math
 from typing import Final
 
 from uav_firmware.lib.rotation import from_euler
-from uav_firmware.modules.mavlink.telemetry.context import Context
-from uav_firmware.modules.mavlink.telemetry.conversion import boot_ms
+from uav_firmware.modules.mavlink.telemetry.context import Context, boot_ms
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
 from uav_firmware.msg.payload import GimbalFlags, GimbalStatus
 
 DEVICE_ID: Final = 1
-"""A gimbal behind the autopilot, without a component of its own."""
+"""Id of a gimbal without its own component."""
 
 CAPABILITIES: Final[int] = (
     mavlink.GIMBAL_MANAGER_CAP_FLAGS_HAS_NEUTRAL
@@ -24,11 +23,11 @@ CAPABILITIES: Final[int] = (
     | mavlink.GIMBAL_MANAGER_CAP_FLAGS_SUPPORTS_YAW_IN_EARTH_FRAME
     | mavlink.GIMBAL_MANAGER_CAP_FLAGS_CAN_POINT_LOCATION_GLOBAL
 )
-"""Only what is true: roll is held level and cannot be commanded."""
+"""Capabilities; roll is stabilised and cannot be commanded."""
 
 
 def _flags(status: GimbalStatus) -> int:
-    """Roll and pitch held against the horizon; the frame in which yaw is told."""
+    """Flags: roll and pitch locked, and the frame of yaw."""
     flags = GimbalFlags.ROLL_LOCK | GimbalFlags.PITCH_LOCK
     flags |= GimbalFlags.NEUTRAL if status.neutral else 0
     if status.yaw_locked:
@@ -71,7 +70,7 @@ def gimbal_manager_status(context: Context) -> Message | None:
 
 
 def gimbal_device_attitude_status(context: Context) -> Message | None:
-    """GIMBAL_DEVICE_ATTITUDE_STATUS in the frame that its flags name.
+    """GIMBAL_DEVICE_ATTITUDE_STATUS in the frame of its flags.
 
     Angular velocity is about the camera's axes; `delta_yaw` turns the vehicle's frame to earth's.
     """

@@ -1,12 +1,12 @@
-"""What the camera component tells of itself; its heartbeat is a second one of the vehicle."""
+"""Builders of the messages of the camera component."""
 
 import math
 from typing import Final
 
-from uav_firmware.modules.mavlink.telemetry.context import Context
-from uav_firmware.modules.mavlink.telemetry.conversion import (
+from uav_firmware.modules.mavlink.telemetry.context import (
     INT32_MAX,
     NAN,
+    Context,
     boot_ms,
     degrees_e7,
     millimetres,
@@ -26,7 +26,7 @@ FLAGS: Final[int] = (
     | mavlink.CAMERA_CAP_FLAGS_HAS_TRACKING_RECTANGLE
     | mavlink.CAMERA_CAP_FLAGS_HAS_TRACKING_GEO_STATUS
 )
-"""Only what is true: no zoom, no focus; HAS_VIDEO_STREAM where there is one."""
+"""Capabilities: no zoom, no focus; HAS_VIDEO_STREAM is added if there is a stream."""
 
 STORAGE_ID: Final = 1
 STREAM_ID: Final = 1
@@ -44,7 +44,7 @@ _MODE_OF_TRACKING: Final = {
 
 
 def heartbeat(context: Context) -> Message | None:
-    """HEARTBEAT of the camera, which flies nothing; none of one that is dead."""
+    """HEARTBEAT of the camera; None when it does not respond."""
     status = context.topics.camera_status.value
     if status is not None and not status.answers:
         return None
@@ -59,7 +59,7 @@ def heartbeat(context: Context) -> Message | None:
 
 
 def camera_information(context: Context) -> Message | None:
-    """CAMERA_INFORMATION; there is no definition file, because there are no further settings."""
+    """CAMERA_INFORMATION; no definition file, as there are no further settings."""
     lens = context.topics.camera_lens.value
     if lens is None:
         return None
@@ -100,7 +100,7 @@ def camera_settings(context: Context) -> Message | None:
 
 
 def storage_information(context: Context) -> Message | None:
-    """STORAGE_INFORMATION of the one card."""
+    """STORAGE_INFORMATION of the only storage."""
     status = context.topics.camera_status.value
     if status is None:
         return None
@@ -148,8 +148,7 @@ def _stream(context: Context) -> VideoStream | None:
 def video_stream_information(context: Context) -> Message | None:
     """VIDEO_STREAM_INFORMATION of the live view.
 
-    MAVLink has no type for Motion JPEG over HTTP; what is nearest is a stream over TCP. The URI
-    tells what it is.
+    MAVLink has no type for Motion JPEG over HTTP; the closest is a stream over TCP.
     """
     stream = _stream(context)
     if stream is None:
@@ -193,7 +192,7 @@ def _stream_flags(stream: VideoStream) -> int:
 
 
 def camera_image_captured(image: ImageCaptured, boot_time_utc_us: int) -> Message:
-    """CAMERA_IMAGE_CAPTURED; an unknown place is 0, 0."""
+    """CAMERA_IMAGE_CAPTURED; an unknown position is 0, 0."""
     return mavlink.MAVLink_camera_image_captured_message(
         time_boot_ms=boot_ms(image.time_us),
         time_utc=boot_time_utc_us + image.time_us if boot_time_utc_us > 0 else 0,
@@ -210,7 +209,7 @@ def camera_image_captured(image: ImageCaptured, boot_time_utc_us: int) -> Messag
 
 
 def camera_tracking_image_status(context: Context) -> Message | None:
-    """CAMERA_TRACKING_IMAGE_STATUS; NaN where there is nothing to tell."""
+    """CAMERA_TRACKING_IMAGE_STATUS; unknown values are NaN."""
     state = context.topics.tracking_state.value
     if state is None:
         return None
@@ -234,12 +233,12 @@ def camera_tracking_image_status(context: Context) -> Message | None:
 
 
 def camera_tracking_geo_status(context: Context) -> Message | None:
-    """CAMERA_TRACKING_GEO_STATUS; INT32_MAX and NaN where there is nothing to tell."""
+    """CAMERA_TRACKING_GEO_STATUS; unknown values are INT32_MAX and NaN."""
     state = context.topics.tracking_state.value
     if state is None:
         return None
     known = math.isfinite(state.latitude_deg)
-    local = context.topics.local_position.value
+    local = context.topics.vehicle_local_position.value
     accuracy = local.horizontal_accuracy_m if known and local is not None else NAN
     north, east, down = state.velocity_ned if known else (NAN, NAN, NAN)
     return mavlink.MAVLink_camera_tracking_geo_status_message(

@@ -1,1 +1,1 @@
-"""The command protocol: what arrives, what is answered, what is repeated."""
+"""The command protocol."""

@@ -1,19 +1,18 @@
-"""The command protocol's vehicle end: each command is carried out once and answered once.
+"""Server of the command protocol: executes and answers each command once.
 
-Sans-IO: messages and answers in, messages out, time as an argument. A command is refused here
-when it is unknown, answered here when it concerns the link, and otherwise passed to the
-commander as a VehicleCommand with a token. From then on it is pending until the commander's
-final answer, or until the commander has been silent for too long, which is a failure.
+Sans-IO. An unknown command is refused. A command of the link or the parameters is executed here.
+Any other is forwarded to the commander as a VehicleCommand with a token, and is pending until the
+commander's final answer or a timeout, which is a failure.
 
     received --refused-----------------> answered
-    received --about the link----------> answered
+    received --executed here------------> answered
     received --forwarded---------------> pending
-    pending  --the commander's answer--> answered
+    pending  --final answer------------> answered
     pending  --progress----------------> pending   limit 10 s
-    pending  --1 s since progress told-> pending   told again
-    pending  --2 s of silence----------> answered  FAILED
+    pending  --0.9 s since report------> pending   progress sent again
+    pending  --2 s without answer------> answered  FAILED
 
-COMMAND_CANCEL is passed to whoever carries the command out; the final answer then says so.
+COMMAND_CANCEL is passed on to the module that executes the command, which answers CANCELLED.
 """
 
 from collections.abc import Callable, Container, Iterable, Iterator, Sequence
@@ -21,15 +20,15 @@ from dataclasses import dataclass
 from itertools import count
 from typing import Final, Protocol, TypeAlias
 
-from uav_firmware.modules.mavlink.commands import mode_commands
-from uav_firmware.modules.mavlink.commands.command_memory import CommandMemory, comparable
+from uav_firmware.modules.mavlink.commands import modes
+from uav_firmware.modules.mavlink.commands.command_history import CommandHistory, comparable
 from uav_firmware.modules.mavlink.commands.commands import (
     BAD_FRAME,
     KNOWN,
     Command,
     from_int,
     from_long,
-    is_honoured,
+    has_no_ignored_parameter,
 )
 from uav_firmware.modules.mavlink.telemetry.requests import Answer
 from uav_firmware.modules.mavlink.wire.addressing import (
@@ -43,11 +42,11 @@ from uav_firmware.modules.mavlink.wire.dialect_extensions import MAV_CMD_DO_SET_
 from uav_firmware.msg.status import VehicleCommand, VehicleCommandAck
 
 ANSWER_LIMIT_US: Final = 2_000_000
-"""Silence of the commander after which a command has failed."""
+"""Time without an answer of the commander after which a command has failed."""
 PROGRESS_LIMIT_US: Final = 10_000_000
-"""As above, once the commander has reported progress."""
-PROGRESS_TOLD_US: Final = 900_000
-"""How often a running command's progress is told, reported or not: a sender may wait but 1 s."""
+"""The same after a report of progress."""
+PROGRESS_INTERVAL_US: Final = 900_000
+"""Interval of progress messages of a running command: a sender may time out after 1 s."""
 MAX_PENDING: Final = 64
 
 _IN_PROGRESS: Final[int] = mavlink.MAV_RESULT_IN_PROGRESS
@@ -64,40 +63,40 @@ _OPEN_TO_ALL_SYSTEMS: Final = frozenset(
     }
 )
 
-Answerer: TypeAlias = Callable[[Command, Sender, int], Answer | None]
-"""Answers commands that need no commander; None for those that it does not know."""
+LocalHandler: TypeAlias = Callable[[Command, Sender, int], Answer | None]
+"""Executes commands without the commander; returns None for unknown ones."""
 
 
 @dataclass(slots=True)
 class _Pending:
-    """A command that the commander is carrying out."""
+    """A command that the commander executes."""
 
-    number: int  # As the sender wrote it
+    number: int  # As sent
     command: Command
-    sender: Sender | None  # None when the message has no answer (SET_MODE)
+    sender: Sender | None  # None when no answer is due (SET_MODE)
     deadline_us: int
-    progress: int | None = None  # [%] As last reported; None before the first report
-    told_us: int = 0  # When the sender last heard of it
+    progress: int | None = None  # [%] None before the first report
+    reported_us: int = 0  # Time of the last progress message
 
 
 class CommandSink(Protocol):
-    """Takes commands that are to be carried out, such as a queue."""
+    """Receives commands to execute."""
 
     def publish(self, item: VehicleCommand) -> None:
-        """Hand a command on."""
+        """Forward a command."""
 
 
 class CommandServer:
     """Serves COMMAND_LONG, COMMAND_INT, COMMAND_CANCEL, SET_MODE and MISSION_SET_CURRENT.
 
-    It speaks for one component; a vehicle has one server for each.
+    Each component of the vehicle has its own server.
     """
 
     def __init__(
         self,
         *,
         system_id: int,
-        answerers: Sequence[Answerer],
+        local_handlers: Sequence[LocalHandler],
         commander: CommandSink,
         mission_length: Callable[[], int],
         cancel: Callable[[int], None] = lambda _token: None,
@@ -105,28 +104,28 @@ class CommandServer:
         known: Container[int] = KNOWN,
         tokens: Iterator[int] | None = None,
     ) -> None:
-        """Begin with nothing pending.
+        """Start without pending commands.
 
         Args:
-            system_id: Of this vehicle.
-            answerers: Asked in order before a command goes to the commander.
-            commander: The queue that the commander reads, or what leads there.
-            mission_length: Gives the number of items of the mission.
-            cancel: Tells whoever carries out the command of a token to end it.
-            component: That commands must name.
-            known: Numbers of the commands that are not refused at once.
-            tokens: Numbers for what is forwarded; servers of one vehicle share them.
+            system_id: System id of the vehicle.
+            local_handlers: Tried in order before a command is forwarded.
+            commander: Queue of the commander, or a router to it.
+            mission_length: Returns the number of items of the mission.
+            cancel: Cancels the command with a token.
+            component: Component id that commands must name.
+            known: Numbers of the supported commands.
+            tokens: Tokens of forwarded commands, shared by the servers of a vehicle.
         """
         self._component = component
         self._known = known
         self._tokens = tokens or count(1)
         self._system_id = system_id
-        self._answerers = answerers
+        self._answerers = local_handlers
         self._commander = commander
         self._mission_length = mission_length
         self._cancel = cancel
         self._pending: dict[int, _Pending] = {}
-        self._memory = CommandMemory()
+        self._history = CommandHistory()
 
     def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
         """Take COMMAND_LONG or COMMAND_INT."""
@@ -138,11 +137,11 @@ class CommandServer:
         command = from_long(message) if is_long else from_int(message)
         if command is None:
             return [_acknowledge(message.command, BAD_FRAME, sender)]
-        repeated = self._memory.is_repetition(message, sender, now_us)
+        repeated = self._history.is_repetition(message, sender, now_us)
         return self._take(command, sender, now_us, repeated=repeated)
 
     def cancel(self, message: Message, _sender: Sender, _now_us: int) -> list[Outgoing]:
-        """Take COMMAND_CANCEL; one that names no running command is ignored."""
+        """Take COMMAND_CANCEL; ignored unless the command is running."""
         if is_for_us(message, self._system_id, self._component):
             for token, pending in self._pending.items():
                 if pending.number == message.command and pending.progress is not None:
@@ -150,16 +149,16 @@ class CommandServer:
         return []
 
     def set_mode(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
-        """Take SET_MODE, which has no answer but the next HEARTBEAT."""
+        """Take SET_MODE, which has no answer."""
         if message.target_system != self._system_id:
             return []
-        command = mode_commands.from_set_mode(message.base_mode, message.custom_mode)
+        command = modes.command_from_set_mode(message.base_mode, message.custom_mode)
         if command is not None:
             self._forward(command, command, sender, now_us, answer=False)
         return []
 
     def set_current_item(self, seq: int, sender: Sender, now_us: int) -> bool:
-        """Take MISSION_SET_CURRENT, which has no acknowledgement; False when out of range."""
+        """Take MISSION_SET_CURRENT; return False when it is out of range."""
         if not 0 <= seq < self._mission_length():
             return False
         command = Command(
@@ -168,20 +167,23 @@ class CommandServer:
         return self._forward(command, command, sender, now_us, answer=False)
 
     def answers(self, acks: Iterable[VehicleCommandAck], now_us: int) -> list[Outgoing]:
-        """Turn the commander's answers into COMMAND_ACKs, each to whoever sent the command."""
+        """Translate answers of the commander to COMMAND_ACKs to the senders."""
         return [message for ack in acks for message in self._answer(ack, now_us)]
 
     def tick(self, now_us: int) -> list[Outgoing]:
-        """Fail the commands that the commander has not answered; tell of those that run."""
+        """Fail the commands that have timed out; report the progress of running ones."""
         late = [token for token, pending in self._pending.items() if pending.deadline_us <= now_us]
         outgoing = [message for token in late for message in self._finish(token, _FAILED, now_us)]
         for pending in self._pending.values():
-            if pending.progress is not None and now_us - pending.told_us >= PROGRESS_TOLD_US:
+            if (
+                pending.progress is not None
+                and now_us - pending.reported_us >= PROGRESS_INTERVAL_US
+            ):
                 outgoing += _in_progress(pending, now_us)
         return outgoing
 
     def _is_addressed(self, message: Message) -> bool:
-        """Whether a command is for this component; requests may go to every system at once."""
+        """Whether a command is for this component; requests may be for all systems."""
         if message.target_system == 0 and message.command in _OPEN_TO_ALL_SYSTEMS:
             return message.target_component in {0, self._component}
         return is_for_us(message, self._system_id, self._component)
@@ -192,27 +194,27 @@ class CommandServer:
         earlier = self._earlier(command, sender, now_us, repeated=repeated)
         if earlier is not None:
             return earlier
-        if not is_honoured(command):
+        if not has_no_ignored_parameter(command):
             return [_acknowledge(command.number, _DENIED, sender)]
-        for answerer in self._answerers:
-            answer = answerer(command, sender, now_us)
+        for handler in self._answerers:
+            answer = handler(command, sender, now_us)
             if answer is not None:
                 to = None if answer.to_all else sender.address
                 return [
                     _acknowledge(command.number, answer.result, sender),
                     *(Outgoing(message, to) for message in answer.messages),
                 ]
-        meant = self._meaning(command)
-        if isinstance(meant, int):
-            return [_acknowledge(command.number, meant, sender)]
-        if not self._forward(command, meant, sender, now_us, answer=True):
+        normalised = self._normalised(command)
+        if isinstance(normalised, int):
+            return [_acknowledge(command.number, normalised, sender)]
+        if not self._forward(command, normalised, sender, now_us, answer=True):
             return [_acknowledge(command.number, _BUSY, sender)]
         return []
 
     def _earlier(
         self, command: Command, sender: Sender, now_us: int, *, repeated: bool
     ) -> list[Outgoing] | None:
-        """Answer to a command that is running or was just answered; None for a new one."""
+        """Answer to a command that is running or was answered recently; None for a new one."""
         for pending in self._pending.values():
             if pending.sender is None or pending.number != command.number:
                 continue
@@ -220,31 +222,31 @@ class CommandServer:
                 return _in_progress(pending, now_us)
             if pending.progress is not None:
                 return [_acknowledge(command.number, _BUSY, sender)]
-        known = self._memory.answer(command, sender, now_us) if repeated else None
+        known = self._history.answer(command, sender, now_us) if repeated else None
         return None if known is None else [_acknowledge(command.number, known, sender)]
 
-    def _meaning(self, command: Command) -> Command | int:
-        """The command as the commander reads it, or the MAV_RESULT that refuses it."""
+    def _normalised(self, command: Command) -> Command | int:
+        """The command in the form of the commander, or the MAV_RESULT that refuses it."""
         if command.number == mavlink.MAV_CMD_DO_SET_MODE:
-            return mode_commands.from_do_set_mode(command) or _DENIED
+            return modes.command_from_do_set_mode(command) or _DENIED
         if command.number == MAV_CMD_DO_SET_STANDARD_MODE:
-            return mode_commands.from_standard_mode(command) or _FAILED
+            return modes.command_from_standard_mode(command) or _FAILED
         return command
 
     def _forward(
-        self, written: Command, meant: Command, sender: Sender, now_us: int, *, answer: bool
+        self, original: Command, normalised: Command, sender: Sender, now_us: int, *, answer: bool
     ) -> bool:
-        """Hand a command to the commander; False when too many are pending."""
+        """Forward a command to the commander; return False when too many are pending."""
         if len(self._pending) >= MAX_PENDING:
             return False
         token = next(self._tokens)
         self._pending[token] = _Pending(
-            number=written.number,
-            command=written,
+            number=original.number,
+            command=original,
             sender=sender if answer else None,
             deadline_us=now_us + ANSWER_LIMIT_US,
         )
-        self._commander.publish(_vehicle_command(meant, sender, token, now_us))
+        self._commander.publish(_vehicle_command(normalised, sender, token, now_us))
         return True
 
     def _answer(self, ack: VehicleCommandAck, now_us: int) -> list[Outgoing]:
@@ -258,11 +260,11 @@ class CommandServer:
         return _in_progress(pending, now_us)
 
     def _finish(self, token: int, result: int, now_us: int) -> list[Outgoing]:
-        """End a pending command with its one final answer."""
+        """Remove a pending command and send its final answer."""
         pending = self._pending.pop(token)
         if pending.sender is None:
             return []
-        self._memory.remember(pending.command, pending.sender, result, now_us)
+        self._history.store_answer(pending.command, pending.sender, result, now_us)
         return [_acknowledge(pending.number, result, pending.sender)]
 
 
@@ -293,10 +295,10 @@ def _acknowledge(number: int, result: int, sender: Sender) -> Outgoing:
 
 
 def _in_progress(pending: _Pending, now_us: int) -> list[Outgoing]:
-    """IN_PROGRESS for a command whose progress is known and whose sender awaits an answer."""
+    """IN_PROGRESS for a command with known progress whose sender awaits an answer."""
     if pending.sender is None or pending.progress is None:
         return []
-    pending.told_us = now_us
+    pending.reported_us = now_us
     answer = _acknowledge(pending.number, _IN_PROGRESS, pending.sender)
     answer.message.progress = pending.progress
     return [answer]

@@ -1,8 +1,8 @@
-"""Commands as they arrive, brought to one form whether they came as LONG or INT.
+"""One form of command for COMMAND_LONG and COMMAND_INT.
 
 COMMAND_LONG carries parameters 5 and 6 as floats, COMMAND_INT as integers: degrees times 1e7
-for a position, plain numbers otherwise. INT32_MAX, like NaN, means "not set". PX4 takes NaN and
-0 for not set where a command does not use the parameter.
+for a position, plain numbers otherwise. INT32_MAX, like NaN, means unset. As in PX4, NaN and 0
+are accepted as unset where a command does not use the parameter.
 """
 
 import math
@@ -23,33 +23,33 @@ FRAME_AMSL: Final = 0
 FRAME_MISSION: Final = 2
 FRAME_RELATIVE: Final = 3
 GLOBAL_FRAMES: Final[Mapping[int, int]] = {0: FRAME_AMSL, 5: FRAME_AMSL, 3: 3, 6: 3}
-"""MAV_FRAMEs with a position, and what their altitude is relative to."""
+"""MAV_FRAMEs with a position, and the datum of their altitude."""
 
 INT32_UNSET: Final = 0x7FFFFFFF
 _NAN_AS_INT32: Final = -0x80000000
-"""What a ground station's NaN becomes when it is cast to an integer."""
+"""NaN of a ground station cast to an integer."""
 
 BAD_FRAME: Final = MAV_RESULT_COMMAND_UNSUPPORTED_MAV_FRAME
-"""The answer to a COMMAND_INT in a frame that the vehicle does not fly in."""
+"""Answer to a COMMAND_INT in an unsupported frame."""
 
 
 class Command(NamedTuple):
-    """A command of either message."""
+    """A command from either message."""
 
     number: int  # MAV_CMD
-    parameters: Parameters  # p5 and p6 in degrees where they are a position; NaN is unset
+    parameters: Parameters  # p5 and p6 in degrees if they are a position; NaN is unset
     frame: int  # FRAME_AMSL or FRAME_RELATIVE of p7; as sent where FRAME_KEPT
 
     def parameter(self, index: int) -> float:
-        """Parameter `index` counted from 1, as MAVLink counts."""
+        """Parameter by its MAVLink number, from 1."""
         return self.parameters[index - 1]
 
 
 FORWARDED: Final = frozenset(int(command) for command in status.Command)
-"""Commands that the commander carries out; it also judges their parameters."""
+"""Commands that the commander executes; it also checks their parameters."""
 
 FOR_PAYLOAD: Final = frozenset(int(command) for command in PayloadCommand)
-"""Commands that camera and gimbal carry out; payload judges their parameters."""
+"""Commands that payload executes; it also checks their parameters."""
 
 FOR_GIMBAL: Final = frozenset(
     {
@@ -59,7 +59,7 @@ FOR_GIMBAL: Final = frozenset(
         int(PayloadCommand.DO_GIMBAL_MANAGER_CONFIGURE),
     }
 )
-"""Those of them that concern the gimbal, whose manager is the autopilot."""
+"""Gimbal commands of these; the autopilot is the gimbal manager."""
 
 POSITIONAL: Final = frozenset(
     {
@@ -79,7 +79,7 @@ POSITIONAL: Final = frozenset(
 
 _ALL: Final = frozenset(range(1, 8))
 
-ANSWERED_HERE: Final[Mapping[int, frozenset[int]]] = {
+HANDLED_HERE: Final[Mapping[int, frozenset[int]]] = {
     mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: frozenset({1, 2, 7}),
     mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: frozenset({1, 7}),
     mavlink.MAV_CMD_REQUEST_MESSAGE: _ALL,
@@ -92,24 +92,24 @@ ANSWERED_HERE: Final[Mapping[int, frozenset[int]]] = {
     mavlink.MAV_CMD_LOGGING_STOP: frozenset(),
     MAV_CMD_DO_SET_STANDARD_MODE: frozenset({1}),
 }
-"""Commands that concern the link or the parameters, or another spelling of a forwarded one: the
-parameters that have an effect. Another one that is set is refused, since it is not honoured."""
+"""Commands that this module executes, or translates to a forwarded one, with the parameters that
+have an effect. A command that sets another parameter is refused."""
 
-KNOWN: Final = FORWARDED | FOR_PAYLOAD | ANSWERED_HERE.keys()
+KNOWN: Final = FORWARDED | FOR_PAYLOAD | HANDLED_HERE.keys()
 
 
 FRAME_KEPT: Final = frozenset({int(status.Command.DO_ORBIT), int(status.Command.DO_SET_HOME)})
-"""Commands of which the commander has to see the very frame: not all clients mean what they say."""
+"""Commands whose frame the commander must see as sent, because clients use it differently."""
 
 
 def from_long(message: Message) -> Command:
-    """Read COMMAND_LONG; an altitude in it is above mean sea level."""
+    """Read COMMAND_LONG; its altitude is above mean sea level."""
     parameters = tuple(getattr(message, f"param{i}") for i in range(1, 8))
     return Command(message.command, parameters, FRAME_AMSL)
 
 
 def from_int(message: Message) -> Command | None:
-    """Read COMMAND_INT; None when its frame is not one that the vehicle flies in."""
+    """Read COMMAND_INT; None when its frame is not supported."""
     frame: int = message.frame
     if frame not in GLOBAL_FRAMES and frame != FRAME_MISSION:
         return None
@@ -134,8 +134,8 @@ def _unscaled(value: int, scale: float) -> float:
     return math.nan if value in {INT32_UNSET, _NAN_AS_INT32} else value / scale
 
 
-def is_honoured(command: Command) -> bool:
-    """Whether every parameter that is set has an effect, as far as this module can tell."""
-    honoured = ANSWERED_HERE.get(command.number, _ALL)
-    ignored = (p for i, p in enumerate(command.parameters, 1) if i not in honoured)
+def has_no_ignored_parameter(command: Command) -> bool:
+    """Whether every parameter that is set has an effect, as far as this module knows."""
+    supported = HANDLED_HERE.get(command.number, _ALL)
+    ignored = (p for i, p in enumerate(command.parameters, 1) if i not in supported)
     return all(math.isnan(parameter) or parameter == 0.0 for parameter in ignored)

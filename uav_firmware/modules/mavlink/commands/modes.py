@@ -1,12 +1,14 @@
-"""Flight modes as PX4 puts them on the wire: one table, read in every direction.
+"""Flight modes in PX4's encoding, and the commands that set them.
 
 `custom_mode` is a 32-bit number with the main mode in its third byte and the sub mode in its
 fourth (PX4's `px4_custom_mode`). Standard modes are MAVLink's MAV_STANDARD_MODE.
 """
 
+import math
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
+from uav_firmware.modules.mavlink.commands.commands import FRAME_AMSL, Command
 from uav_firmware.modules.mavlink.wire.dialect import mavlink
 from uav_firmware.msg.status import NavigationState
 
@@ -21,11 +23,15 @@ _AUTONOMOUS: Final = _GUIDED | mavlink.MAV_MODE_FLAG_AUTO_ENABLED
 
 PROPERTY_NOT_USER_SELECTABLE: Final = 2
 PROPERTY_AUTO_MODE: Final = 4
-"""MAV_MODE_PROPERTY_AUTO_MODE, which the shipped dialect does not name."""
+"""MAV_MODE_PROPERTY_AUTO_MODE, which the shipped dialect lacks."""
+_STATE = NavigationState
+_NON_STANDARD: Final = mavlink.MAV_STANDARD_MODE_NON_STANDARD
+_CUSTOM_MODE_ENABLED: Final = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+_SMALLEST_PACKED: Final = 0x10000
 
 
 class Mode(NamedTuple):
-    """How one navigation state appears on the wire."""
+    """Encoding of a navigation state."""
 
     main: int
     sub: int
@@ -36,12 +42,9 @@ class Mode(NamedTuple):
 
     @property
     def custom_mode(self) -> int:
-        """The number of HEARTBEAT.custom_mode."""
+        """Value of HEARTBEAT.custom_mode."""
         return self.main << 16 | self.sub << 24
 
-
-_STATE = NavigationState
-_NON_STANDARD: Final = mavlink.MAV_STANDARD_MODE_NON_STANDARD
 
 MODES: Final[Mapping[NavigationState, Mode]] = {
     _STATE.MANUAL: Mode(1, 0, _PILOTED, _NON_STANDARD, "Manual"),
@@ -87,7 +90,7 @@ MODES: Final[Mapping[NavigationState, Mode]] = {
 OFFERED: Final[tuple[NavigationState, ...]] = tuple(
     state for state, mode in MODES.items() if mode.offered
 )
-"""The modes of AVAILABLE_MODES in the order of their index, which begins at 1."""
+"""Modes of AVAILABLE_MODES in the order of their index, which begins at 1."""
 
 _BY_MAIN_AND_SUB: Final = {(mode.main, mode.sub): state for state, mode in MODES.items()}
 _BY_STANDARD: Final = {
@@ -95,19 +98,70 @@ _BY_STANDARD: Final = {
 }
 
 
-def from_main_and_sub(main: int, sub: int) -> NavigationState | None:
-    """Navigation state of PX4's main and sub mode; None where there is none."""
+def state_from_main_and_sub(main: int, sub: int) -> NavigationState | None:
+    """Navigation state of PX4's main and sub mode, or None."""
     return _BY_MAIN_AND_SUB.get((main, sub))
 
 
-def from_custom_mode(custom_mode: int) -> NavigationState | None:
-    """Navigation state of a packed custom mode; None where there is none."""
+def state_from_custom_mode(custom_mode: int) -> NavigationState | None:
+    """Navigation state of a packed custom mode, or None."""
     if custom_mode & 0xFFFF:
         return None
-    return from_main_and_sub(custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF)
+    return state_from_main_and_sub(custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF)
 
 
-def from_standard_mode(standard: int) -> NavigationState | None:
-    """Navigation state of a MAV_STANDARD_MODE that the vehicle can fly; None otherwise."""
+def state_from_standard_mode(standard: int) -> NavigationState | None:
+    """Navigation state of a MAV_STANDARD_MODE that the vehicle can fly, or None."""
     state = _BY_STANDARD.get(standard)
     return state if state in OFFERED else None
+
+
+def command_for(state: NavigationState) -> Command:
+    """DO_SET_MODE in the form of the commander: p1 1, p2 main mode, p3 sub mode."""
+    mode = MODES[state]
+    return Command(
+        mavlink.MAV_CMD_DO_SET_MODE,
+        (1.0, float(mode.main), float(mode.sub), 0.0, 0.0, 0.0, 0.0),
+        FRAME_AMSL,
+    )
+
+
+def command_from_do_set_mode(command: Command) -> Command | None:
+    """Read DO_SET_MODE; None when it names no mode.
+
+    p1 has the custom-mode flag, alone (MAVSDK) or with others (pymavlink's 29). p2 is the main mode
+    and p3 the sub mode, or p2 is the packed custom mode (old QGroundControl).
+    """
+    flags, main, sub, *rest = command.parameters
+    if not all(math.isnan(value) or value == 0.0 for value in rest):
+        return None  # A parameter without effect is set
+    sub = 0.0 if math.isnan(sub) else sub
+    if not all(_is_uint32(value) for value in (flags, main, sub)):
+        return None
+    if not int(flags) & _CUSTOM_MODE_ENABLED:
+        return None
+    if main >= _SMALLEST_PACKED:
+        return command_from_set_mode(_CUSTOM_MODE_ENABLED, int(main)) if sub == 0.0 else None
+    state = state_from_main_and_sub(int(main), int(sub))
+    return None if state is None else command_for(state)
+
+
+def command_from_set_mode(base_mode: int, custom_mode: int) -> Command | None:
+    """Read the message SET_MODE; None when it names no mode."""
+    if not base_mode & _CUSTOM_MODE_ENABLED:
+        return None
+    state = state_from_custom_mode(custom_mode)
+    return None if state is None else command_for(state)
+
+
+def command_from_standard_mode(command: Command) -> Command | None:
+    """Read DO_SET_STANDARD_MODE; None for a mode that the vehicle lacks."""
+    standard = command.parameter(1)
+    if not _is_uint32(standard):
+        return None
+    state = state_from_standard_mode(int(standard))
+    return None if state is None else command_for(state)
+
+
+def _is_uint32(value: float) -> bool:
+    return math.isfinite(value) and value == int(value) and 0.0 <= value <= 0xFFFFFFFF

@@ -1,1 +1,1 @@
-"""Files for peers: MAVFTP, the MAVLink file transfer protocol's vehicle end."""
+"""Server of MAVFTP, the MAVLink file transfer protocol."""

@@ -1,15 +1,15 @@
-"""One client of the file server: its sessions, its bursts, and what becomes of its requests.
+"""One client of the file server: sessions, bursts and requests.
 
-Sans-IO but for the file store: a request in, a reply out, time as an argument.
+Sans-IO but for the file store.
 """
 
 import struct
+import zlib
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final, NamedTuple
 
-from uav_firmware.cal.files import Entry, FileStore, OpenMode, Place
-from uav_firmware.modules.mavlink.files.checksum import Checksum
+from uav_firmware.cal.files import Entry, FileStore, OpenFile, OpenMode, Place
 from uav_firmware.modules.mavlink.files.codec import (
     DATA_MAX,
     Fault,
@@ -18,19 +18,22 @@ from uav_firmware.modules.mavlink.files.codec import (
     Reply,
     Request,
     acknowledge,
+    page,
+    read_place,
+    read_two_places,
     refuse,
     refuse_for,
 )
-from uav_firmware.modules.mavlink.files.listing import page
-from uav_firmware.modules.mavlink.files.names import read_place, read_two_places
-from uav_firmware.modules.mavlink.files.replies import ReplyMemory
+from uav_firmware.modules.mavlink.files.reply_cache import ReplyCache
 from uav_firmware.modules.mavlink.files.sessions import Burst, Session, SessionTable
 
+PIECE_BYTES: Final = 256 * 1024
+_ALL_ONES: Final = 0xFFFFFFFF
 MAX_WAITING: Final = 32
-"""Requests beyond it are lost, as in a full buffer."""
+"""Further requests are dropped."""
 BURST_PACKETS: Final = 96
-"""Then the client has to ask on: a burst fits into the smallest usual receive buffer."""
-LISTING_KEPT_US: Final = 2_000_000
+"""Packets per burst, which fit into the smallest usual receive buffer of a client."""
+LISTING_LIFETIME_US: Final = 2_000_000
 _CHECKSUM_COST: Final = 8
 _COSTS: Final[Mapping[int, int]] = {
     Opcode.READ_FILE: 1,
@@ -41,12 +44,47 @@ _COSTS: Final[Mapping[int, int]] = {
 _OTHER_COST: Final = 8
 _ENTRIES_PER_TOKEN: Final = 8
 _END: Final = Fault.END_OF_FILE
-
 _Handler = Callable[[Request, int], Reply | None]
 
 
+def checksum_of(data: bytes) -> int:
+    """Checksum of bytes: CRC32 of IEEE 802.3, started at zero and not inverted.
+
+    PX4, MAVSDK and pymavlink compute the same.
+    """
+    return zlib.crc32(data, _ALL_ONES) ^ _ALL_ONES
+
+
+class Checksum:
+    """Checksum of a file, computed in pieces so that it does not block the control loop."""
+
+    def __init__(self, file: OpenFile) -> None:
+        """Use an open file; it is closed at the end."""
+        self._file = file
+        self._offset = 0
+        self._state = _ALL_ONES  # zlib inverts at both ends; starting inverted undoes the first
+
+    def advance(self) -> int | None:
+        """Read the next piece; return the checksum at the end of the file, else None.
+
+        Raises:
+            OSError: if the file cannot be read.
+        """
+        piece = self._file.read(self._offset, PIECE_BYTES)
+        self._offset += len(piece)
+        self._state = zlib.crc32(piece, self._state)
+        if len(piece) == PIECE_BYTES:
+            return None
+        self._file.close()
+        return self._state ^ _ALL_ONES
+
+    def stop(self) -> None:
+        """Cancel."""
+        self._file.abandon()
+
+
 class _Listing(NamedTuple):
-    """What a folder held when its first page was asked for."""
+    """Contents of a folder when its first page was requested."""
 
     place: Place
     entries: Sequence[Entry]
@@ -59,12 +97,12 @@ class FileClient:
     def __init__(self, store: FileStore, now_us: int) -> None:
         self._store = store
         self._sessions = SessionTable()
-        self._replies = ReplyMemory()
+        self._replies = ReplyCache()
         self._waiting: deque[Request] = deque()
         self._checksum: tuple[Place, Checksum, Request] | None = None
         self._listing: _Listing | None = None
-        self._extra_cost = 0  # Of the request in hand, beyond what its kind costs
-        self.heard_us = now_us
+        self._extra_cost = 0  # Additional cost of the current request
+        self.received_us = now_us
         self._handlers: Mapping[int, _Handler] = {
             Opcode.NONE: lambda request, _now_us: acknowledge(request),
             Opcode.TERMINATE_SESSION: self._terminate,
@@ -87,22 +125,22 @@ class FileClient:
 
     @property
     def has_work(self) -> bool:
-        """Whether something waits to be done or sent."""
+        """Whether a request, burst or checksum is pending."""
         return bool(self._waiting or self._checksum) or any(s.burst for s in self._sessions)
 
     @property
     def is_idle(self) -> bool:
-        """Whether nothing is kept that the client could miss."""
+        """Whether the client has no session and no pending work."""
         return not self._sessions and not self.has_work
 
-    def ask(self, request: Request, now_us: int) -> None:
-        """Take a request in."""
-        self.heard_us = now_us
+    def add_request(self, request: Request, now_us: int) -> None:
+        """Queue a request."""
+        self.received_us = now_us
         if len(self._waiting) < MAX_WAITING:
             self._waiting.append(request)
 
     def step(self, now_us: int) -> tuple[Reply | None, int]:
-        """Do one piece of work; gives what is to be sent, and the tokens that it cost."""
+        """Do one piece of work; return the reply to send and the cost in tokens."""
         if self._waiting:
             request = self._waiting.popleft()
             self._extra_cost = 0
@@ -114,11 +152,11 @@ class FileClient:
         return self._advance_checksum(), _CHECKSUM_COST
 
     def close_idle(self, since_us: int) -> None:
-        """Close the files of which nothing has been wanted since."""
+        """Close the files without a request since a time [us]."""
         self._sessions.close_idle(since_us)
 
-    def leave(self) -> None:
-        """Close everything: the client is gone."""
+    def close(self) -> None:
+        """Close all files of a client that is dropped."""
         self._sessions.abandon_all()
         if self._checksum is not None:
             self._checksum[1].stop()
@@ -127,12 +165,12 @@ class FileClient:
         earlier = self._replies.find(request, now_us)
         if earlier is not None:
             return earlier
-        reply = self._carry_out(request, now_us)
+        reply = self._execute(request, now_us)
         if reply is not None:
-            self._replies.keep(request, reply, now_us)
+            self._replies.store(request, reply, now_us)
         return reply
 
-    def _carry_out(self, request: Request, now_us: int) -> Reply | None:
+    def _execute(self, request: Request, now_us: int) -> Reply | None:
         handler = self._handlers.get(request.opcode)
         if handler is None:
             return refuse(request, Fault.UNKNOWN_COMMAND)
@@ -161,7 +199,7 @@ class FileClient:
         known = listing is not None and listing.place == place and now_us < listing.until_us
         if request.offset == 0 or listing is None or not known:
             entries = self._store.entries(place)
-            listing = self._listing = _Listing(place, entries, now_us + LISTING_KEPT_US)
+            listing = self._listing = _Listing(place, entries, now_us + LISTING_LIFETIME_US)
             self._extra_cost = len(entries) // _ENTRIES_PER_TOKEN
         with_time = request.opcode == Opcode.LIST_DIRECTORY_WITH_TIME
         return acknowledge(request, page(listing.entries, request.offset, with_time=with_time))
@@ -179,7 +217,7 @@ class FileClient:
 
     def _open(self, request: Request, mode: OpenMode, now_us: int) -> Session:
         place = read_place(request.data)
-        session = self._sessions.fresh(place, mode, request.session)
+        session = self._sessions.reopened(place, mode, request.session)
         if session is None:
             number = request.session
             self._sessions.make_free(number, now_us)
@@ -207,7 +245,7 @@ class FileClient:
         return acknowledge(request)
 
     def _on_place(self, action: Callable[[Place, int], None]) -> _Handler:
-        """A handler that does something at the place that the request names."""
+        """Return a handler that applies an action to the path of the request."""
 
         def handler(request: Request, _now_us: int) -> Reply:
             place = read_place(request.data)
@@ -223,11 +261,11 @@ class FileClient:
         return acknowledge(request)
 
     def _begin_checksum(self, request: Request, _now_us: int) -> None:
-        """Begin a checksum; asked for again, the one under way answers the newest request."""
+        """Start a checksum; a repeated request is answered by the one in progress."""
         place = read_place(request.data)
         if self._checksum is not None:
-            former, checksum, _ = self._checksum
-            if former == place:
+            previous, checksum, _ = self._checksum
+            if previous == place:
                 self._checksum = (place, checksum, request)
                 return
             checksum.stop()
@@ -250,7 +288,7 @@ class FileClient:
         return acknowledge(request, struct.pack("<I", value))
 
     def _begin_burst(self, request: Request, now_us: int) -> Reply | None:
-        """Begin a burst, which goes on without being asked; a new one replaces the former."""
+        """Start a burst; it replaces the previous one."""
         session = self._sessions.get(request.session, now_us)
         session.used = True
         if request.offset >= session.file.size:
@@ -261,10 +299,10 @@ class FileClient:
         return self._next_packet(session, session.burst)
 
     def _next_packet(self, session: Session, burst: Burst) -> Reply:
-        """The next packet of a burst; the last one says so, at the end of the file too.
+        """The next packet of a burst; the last one is marked complete, also at the end of the file.
 
-        After the end there is no NAK: some clients would take it, coming after a packet that
-        was lost, for the failure of the whole transfer. They ask on and are told then.
+        There is no NAK at the end: after a lost packet some clients take it for a failure of the
+        whole transfer. They get it when they request beyond the end.
         """
         request = Request(
             burst.seq - 1, session.number, Opcode.BURST_READ_FILE, 0, burst.offset, b""

@@ -1,20 +1,25 @@
-"""`/etc/extras`: what the parameters mean, for ground stations, as PX4 serves it.
+"""`/etc/extras`: component metadata for ground stations, with PX4's names.
 
-A general file names the others with their checksums; the parameters are described in one file,
-compressed because a radio has to carry it. Layout: MAVLink component metadata service, versions
-1 of its general and parameter schemas.
+The general file lists the others with their checksums. One file describes the parameters; it is
+compressed for slow radio links. Layout: MAVLink component metadata service, version 1 of the
+general and parameter schemas.
 """
 
 import errno
 import json
 import lzma
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 from uav_firmware.cal.files import Entry, OpenFile, OpenMode, Place
-from uav_firmware.modules.mavlink.files.checksum import checksum_of
-from uav_firmware.modules.mavlink.files.generated import FixedStore, GeneratedFile, refusal
+from uav_firmware.modules.mavlink.commands.commands import Command
+from uav_firmware.modules.mavlink.files.client import checksum_of
+from uav_firmware.modules.mavlink.files.tree import GeneratedFile, ReadOnlyStore, refusal
+from uav_firmware.modules.mavlink.telemetry.requests import Answer
+from uav_firmware.modules.mavlink.wire.addressing import Sender
+from uav_firmware.modules.mavlink.wire.dialect import mavlink
+from uav_firmware.modules.mavlink.wire.dialect_extensions import ComponentMetadata
 from uav_firmware.parameters import Declaration, Registry
 
 FOLDER: Final[Place] = ("etc", "extras")
@@ -23,17 +28,18 @@ PARAMETERS: Final = "parameters.json.xz"
 _PARAMETER_TYPE: Final = 1  # COMP_METADATA_TYPE
 _VERSION: Final = 1
 _NO_UNITS: Final = frozenset({"", "-", "1"})
+_TARGETS: Final = {0.0: False, 1.0: False, 2.0: True}  # Whether the answer is for all peers
 
 
 def address_of(name: str) -> str:
-    """Where a client finds one of the files."""
+    """URI of a file."""
     return "mftp:///" + "/".join((*FOLDER, name))
 
 
-class MetadataFiles(FixedStore):
-    """Implements `uav_firmware.cal.files.FileStore`; the files are made when first wanted.
+class MetadataFiles(ReadOnlyStore):
+    """Implements `uav_firmware.cal.files.FileStore`; the files are generated at first use.
 
-    Parameters are registered while the vehicle is put together, and none after.
+    All parameters are registered before.
     """
 
     def __init__(self, registry: Registry) -> None:
@@ -107,3 +113,27 @@ def _parameter(declaration: Declaration) -> dict[str, Any]:
 
 def _as_json(contents: Mapping[str, Any]) -> bytes:
     return json.dumps(contents, separators=(",", ":"), allow_nan=False).encode()
+
+
+class MetadataRequest:
+    """Answers REQUEST_MESSAGE for COMPONENT_METADATA."""
+
+    def __init__(self, general_checksum: Callable[[], int]) -> None:
+        """`general_checksum` returns the checksum of the general file."""
+        self._general_checksum = general_checksum
+
+    def answer(self, command: Command, _sender: Sender, now_us: int) -> Answer | None:
+        """Answer the request; None for any other command."""
+        is_request = command.number == mavlink.MAV_CMD_REQUEST_MESSAGE
+        if not is_request or command.parameter(1) != ComponentMetadata.id:
+            return None
+        target = command.parameter(7)
+        to_all = _TARGETS.get(0.0 if math.isnan(target) else target)
+        if to_all is None:
+            return Answer(mavlink.MAV_RESULT_DENIED)
+        message = ComponentMetadata(
+            time_boot_ms=now_us // 1000 & 0xFFFFFFFF,
+            file_crc=self._general_checksum(),
+            uri=address_of(GENERAL).encode("ascii"),
+        )
+        return Answer(mavlink.MAV_RESULT_ACCEPTED, (message,), to_all)

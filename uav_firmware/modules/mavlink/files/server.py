@@ -1,7 +1,7 @@
-"""The file server: whose request it is, and when there is time for it.
+"""MAVFTP server: distributes requests to clients and limits their work.
 
-Every client (system and component) is served for itself, in turn with the others; the pace
-bounds what is done and sent, so that no number of requests takes the control loop's time.
+Clients (system and component) are served in turn; a token bucket limits work and data, which
+protects the control loop.
 """
 
 from typing import Final
@@ -12,16 +12,16 @@ from uav_firmware.modules.mavlink.files.codec import Opcode, Reply, read_request
 from uav_firmware.modules.mavlink.files.sessions import IDLE_LIMIT_US
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender, is_for_us
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
-from uav_firmware.modules.mavlink.wire.pace import Pace
+from uav_firmware.modules.mavlink.wire.token_bucket import TokenBucket
 
 MAX_CLIENTS: Final = 8
-_SILENT_US: Final = 10_000_000
+_CLIENT_TIMEOUT_US: Final = 10_000_000
 _REPLIES: Final = frozenset({Opcode.ACK, Opcode.NAK})
 _HOUSEKEEPING_US: Final = 1_000_000
 
 
-class _Seat:
-    """A client and where it is reached."""
+class _Connection:
+    """A client and its address."""
 
     __slots__ = ("client", "sender")
 
@@ -33,72 +33,79 @@ class _Seat:
 class FileServer:
     """Serves FILE_TRANSFER_PROTOCOL."""
 
-    def __init__(self, *, system_id: int, store: FileStore, pace: Pace) -> None:
-        """Take the tree of files that clients see, and the pace of bulk data."""
+    def __init__(self, *, system_id: int, store: FileStore, bucket: TokenBucket) -> None:
+        """`store` is the tree of files, `bucket` limits the rate."""
         self._system_id = system_id
         self._store = store
-        self._pace = pace
-        self._seats: dict[tuple[int, int], _Seat] = {}
+        self._bucket = bucket
+        self._connections: dict[tuple[int, int], _Connection] = {}
         self._housekeeping_us = 0
 
     def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
-        """Take a request; gives what can be sent at once."""
+        """Take a request; return the messages to send at once."""
         if not is_for_us(message, self._system_id):
             return []
         request = read_request(bytes(message.payload))
         if request.opcode in _REPLIES:
-            return []  # To answer an answer would never end
-        seat = self._seat(sender, now_us)
-        if seat is None:
+            return []  # Answering replies could loop
+        connection = self._connection(sender, now_us)
+        if connection is None:
             return []
-        seat.sender = sender
-        seat.client.ask(request, now_us)
+        connection.sender = sender
+        connection.client.add_request(request, now_us)
         return self._work(now_us)
 
     def tick(self, now_us: int) -> list[Outgoing]:
-        """Go on with what is under way."""
-        if not self._seats:
+        """Continue transfers."""
+        if not self._connections:
             return []
         if now_us >= self._housekeeping_us:
             self._housekeeping_us = now_us + _HOUSEKEEPING_US
-            for seat in self._seats.values():
-                seat.client.close_idle(now_us - IDLE_LIMIT_US)
+            for connection in self._connections.values():
+                connection.client.close_idle(now_us - IDLE_LIMIT_US)
         return self._work(now_us)
 
-    def _seat(self, sender: Sender, now_us: int) -> _Seat | None:
-        """The client that a sender is; None when as many are served as can be."""
-        seat = self._seats.get(sender.identity)
-        if seat is not None:
-            return seat
-        if len(self._seats) >= MAX_CLIENTS and not self._free_a_seat(now_us):
+    def _connection(self, sender: Sender, now_us: int) -> _Connection | None:
+        """The connection of a sender; None when there are too many clients."""
+        connection = self._connections.get(sender.identity)
+        if connection is not None:
+            return connection
+        if len(self._connections) >= MAX_CLIENTS and not self._drop_idle_client(now_us):
             return None
-        seat = _Seat(FileClient(self._store, now_us), sender)
-        self._seats[sender.identity] = seat
-        return seat
+        connection = _Connection(FileClient(self._store, now_us), sender)
+        self._connections[sender.identity] = connection
+        return connection
 
-    def _free_a_seat(self, now_us: int) -> bool:
-        """Let the client go that has been silent longest, if it can be missed."""
-        identity, seat = min(self._seats.items(), key=lambda item: item[1].client.heard_us)
-        if not seat.client.is_idle and now_us - seat.client.heard_us < _SILENT_US:
+    def _drop_idle_client(self, now_us: int) -> bool:
+        """Drop the client with the oldest request if it is idle or has timed out."""
+        identity, connection = min(
+            self._connections.items(), key=lambda item: item[1].client.received_us
+        )
+        if (
+            not connection.client.is_idle
+            and now_us - connection.client.received_us < _CLIENT_TIMEOUT_US
+        ):
             return False
-        seat.client.leave()
-        del self._seats[identity]
+        connection.client.close()
+        del self._connections[identity]
         return True
 
     def _work(self, now_us: int) -> list[Outgoing]:
-        """Serve the clients in turn while there is time and something to do."""
-        self._pace.refill(now_us)
+        """Serve the clients in turn while there are tokens and work."""
+        self._bucket.refill(now_us)
         outgoing: list[Outgoing] = []
-        busy = [seat for seat in self._seats.values() if seat.client.has_work]
+        busy = [
+            connection for connection in self._connections.values() if connection.client.has_work
+        ]
         while busy:
-            for seat in busy:
-                if not self._pace.ready:
+            for connection in busy:
+                if not self._bucket.ready:
                     return outgoing
-                reply, cost = seat.client.step(now_us)
-                self._pace.spend(cost)
+                reply, cost = connection.client.step(now_us)
+                self._bucket.spend(cost)
                 if reply is not None:
-                    outgoing.append(_message(reply, seat.sender))
-            busy = [seat for seat in busy if seat.client.has_work]
+                    outgoing.append(_message(reply, connection.sender))
+            busy = [connection for connection in busy if connection.client.has_work]
         return outgoing
 
 

@@ -1,24 +1,49 @@
-"""Files and logs of the vehicle, put together: what is served, and what becomes of an upload."""
+"""File service of the vehicle: the tree of files, MAVFTP and the log protocol."""
 
 from collections.abc import Callable, Sequence
+from typing import Final
 
-from uav_firmware.cal.files import Card
+from uav_firmware.cal.files import Card, FileStore, Place
+from uav_firmware.modules.mavlink.files import metadata_files
 from uav_firmware.modules.mavlink.files.metadata_files import MetadataFiles
-from uav_firmware.modules.mavlink.files.parameter_files import ParameterFiles
-from uav_firmware.modules.mavlink.files.roots import vehicle_tree
 from uav_firmware.modules.mavlink.files.server import FileServer
+from uav_firmware.modules.mavlink.files.tree import MountedTree
 from uav_firmware.modules.mavlink.log.server import MESSAGE_TYPES, LogServer
+from uav_firmware.modules.mavlink.parameters.parameter_files import ParameterFiles
 from uav_firmware.modules.mavlink.parameters.parameter_server import ParameterServer
 from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
-from uav_firmware.modules.mavlink.topics import MavlinkTopics
-from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender
+from uav_firmware.modules.mavlink.wire.addressing import AUTOPILOT_COMPONENT, Outgoing, Sender
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
-from uav_firmware.modules.mavlink.wire.pace import Pace
+from uav_firmware.modules.mavlink.wire.token_bucket import TokenBucket
 from uav_firmware.parameters import Registry
+from uav_firmware.topics import Topics
+
+CARD: Final[Place] = ("fs", "microsd")
+LOGS: Final[Place] = (*CARD, "log")
+IMAGES: Final[Place] = (*CARD, "image")
+IMAGES_URL: Final = f"mftp://[;comp={AUTOPILOT_COMPONENT}]/{'/'.join(IMAGES)}"
+"""URL of the folder of pictures; the autopilot serves it, not the camera."""
+LOGS_BY_SERVICE: Final[Place] = ("@MAV_LOG",)
+PARAMETERS: Final[Place] = ("@PARAM",)
+
+
+def vehicle_tree(
+    card: Card | None, parameters: ParameterFiles, metadata: MetadataFiles
+) -> MountedTree:
+    """The complete tree; without a card only parameters and metadata."""
+    mounts: dict[Place, FileStore] = {PARAMETERS: parameters, metadata_files.FOLDER: metadata}
+    if card is not None:
+        mounts |= {
+            CARD: card.files,
+            LOGS: card.logs,
+            IMAGES: card.images,
+            LOGS_BY_SERVICE: card.logs,
+        }
+    return MountedTree(mounts)
 
 
 class FileService:
-    """Serves FILE_TRANSFER_PROTOCOL and, where there is a card, the log protocol."""
+    """Serves FILE_TRANSFER_PROTOCOL and, with a card, the log protocol."""
 
     def __init__(
         self,
@@ -26,19 +51,19 @@ class FileService:
         system_id: int,
         registry: Registry,
         card: Card | None,
-        topics: MavlinkTopics,
+        topics: Topics,
         texts: StatusTexts,
         parameters: ParameterServer,
         metadata: MetadataFiles,
     ) -> None:
-        """Take what the files are about; `parameters` tells peers of an uploaded parameter file."""
+        """`parameters` saves and publishes an uploaded parameter file."""
         self._topics = topics
         self._texts = texts
         self._parameters = parameters
-        self._asides: list[Outgoing] = []
+        self._pending: list[Outgoing] = []
         files = ParameterFiles(registry, taken=self._taken, refused=self._refused)
         self._server = FileServer(
-            system_id=system_id, store=vehicle_tree(card, files, metadata), pace=Pace()
+            system_id=system_id, store=vehicle_tree(card, files, metadata), bucket=TokenBucket()
         )
         self._logs = (
             None
@@ -55,32 +80,32 @@ class FileService:
 
     @property
     def message_types(self) -> frozenset[str]:
-        """Names of the messages that are served."""
+        """Names of the messages for `handle`."""
         return frozenset(self._handlers)
 
     def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
         """Take a message of either protocol."""
         outgoing = self._handlers[message.get_type()](message, sender, now_us)
-        return outgoing + self._take_asides()
+        return outgoing + self._take_pending()
 
     def tick(self, now_us: int) -> list[Outgoing]:
-        """Go on with what is under way."""
+        """Continue transfers."""
         outgoing = self._server.tick(now_us)
         if self._logs is not None:
             outgoing += self._logs.tick(now_us)
-        return outgoing + self._take_asides()
+        return outgoing + self._take_pending()
 
     def _is_armed(self) -> bool:
         status = self._topics.vehicle_status.value
         return status is not None and status.armed
 
     def _taken(self, names: Sequence[str]) -> None:
-        self._asides += self._parameters.changed_together(names)
+        self._pending += self._parameters.on_file_upload(names)
 
-    def _refused(self, sentence: str) -> None:
-        self._asides += self._texts.say(mavlink.MAV_SEVERITY_WARNING, sentence)
+    def _refused(self, text: str) -> None:
+        self._pending += self._texts.encode(mavlink.MAV_SEVERITY_WARNING, text)
 
-    def _take_asides(self) -> list[Outgoing]:
-        """What is to be said besides the replies."""
-        asides, self._asides = self._asides, []
-        return asides
+    def _take_pending(self) -> list[Outgoing]:
+        """Messages other than replies."""
+        pending, self._pending = self._pending, []
+        return pending

@@ -1,9 +1,9 @@
 """Open files of one client, by session number.
 
-A file gets the number that its client has put into the request: MAVProxy hears answers under no
-other, and MAVSDK asks for 0 and goes on with 0 whatever the answer says. So a number that is taken
-is refused, as PX4 refuses a second file, until the file has not been wanted for a while: then its
-client has forgotten it. Each client has its own space of numbers.
+A session has the number in the client's request: MAVProxy accepts answers with no other number, and
+MAVSDK requests 0 and continues with 0 whatever the answer contains. A number in use is refused, as
+PX4 refuses a second file, until its file has been idle for `TAKE_OVER_US`. Each client has its own
+numbers.
 """
 
 from collections.abc import Iterator
@@ -17,23 +17,23 @@ from uav_firmware.modules.mavlink.files.codec import Fault, FileError
 MAX_SESSIONS: Final = 8
 """For each client."""
 IDLE_LIMIT_US: Final = 60_000_000
-"""A file of which nothing is wanted for so long is closed."""
+"""A file is closed after this time without a request."""
 TAKE_OVER_US: Final = 3_000_000
-"""A file of which nothing was wanted for so long gives its number to a new one."""
+"""The number of a file may be reused after this time without a request."""
 RECLAIM_US: Final = 10_000_000
-"""A file of which nothing was wanted for so long gives way when too many are open."""
+"""When too many files are open, those without a request for this time are closed."""
 MAX_REPETITIONS: Final = 10
-"""So often a client repeats a request for lack of an answer."""
+"""Retries of a client without an answer."""
 
 
 @dataclass(slots=True)
 class Burst:
-    """A stretch of a file that is being sent."""
+    """A burst in progress."""
 
     offset: int
-    packets: int  # How many are still to be sent
-    size: int  # [bytes] Of each
-    seq: int  # Of the next packet
+    packets: int  # Still to send
+    size: int  # [bytes] Of each packet
+    seq: int  # Sequence number of the next packet
 
 
 @dataclass(slots=True)
@@ -46,7 +46,7 @@ class Session:
     mode: OpenMode
     touched_us: int
     used: bool = False  # Whether it has been read or written
-    repetitions: int = 0  # Of its opening, under other sequence numbers
+    repetitions: int = 0  # Repeated requests to open it
     burst: Burst | None = None
 
 
@@ -62,10 +62,10 @@ class SessionTable:
     def __len__(self) -> int:
         return len(self._sessions)
 
-    def fresh(self, place: Place, mode: OpenMode, number: int) -> Session | None:
-        """The session of a number, if this opens the same file again before it was used.
+    def reopened(self, place: Place, mode: OpenMode, number: int) -> Session | None:
+        """The session of a number if the request repeats its opening before any use.
 
-        Clients that give a repeated request a new sequence number would be refused otherwise.
+        Some clients repeat a request with a new sequence number.
         """
         session = self._sessions.get(number)
         if session is None or session.used or session.repetitions >= MAX_REPETITIONS:
@@ -76,10 +76,10 @@ class SessionTable:
         return session
 
     def make_free(self, number: int, now_us: int) -> None:
-        """Make sure that a number can be given to a new session.
+        """Make a number available for a new session.
 
         Raises:
-            FileError: if it is in use, or as many files are open as may be.
+            FileError: if it is in use, or too many files are open.
         """
         holder = self._sessions.get(number)
         if holder is not None:
@@ -92,11 +92,11 @@ class SessionTable:
             raise FileError(Fault.NO_SESSIONS_AVAILABLE)
 
     def add(self, session: Session) -> None:
-        """Keep a new session."""
+        """Add a new session."""
         self._sessions[session.number] = session
 
     def get(self, number: int, now_us: int) -> Session:
-        """The session of a number, which something is wanted of now.
+        """The session of a number; its idle time restarts.
 
         Raises:
             FileError: if there is none.
@@ -112,22 +112,22 @@ class SessionTable:
 
         Raises:
             FileError: if there is none.
-            OSError: if what was written cannot be used.
+            OSError: if the written contents are refused.
         """
         session = self.get(number, now_us)
         del self._sessions[number]
         session.file.close()
 
     def close_idle(self, since_us: int) -> None:
-        """Drop the sessions of which nothing has been wanted since."""
+        """Drop the sessions without a request since a time [us]."""
         for session in self:
             if session.touched_us <= since_us:
                 self._drop(session)
 
     def close_all(self) -> None:
-        """End every session; some clients end an upload in this way.
+        """Close every session; some clients end an upload this way.
 
-        A store that refuses what was written says so itself: a reset is always acknowledged.
+        A reset is always acknowledged; a store reports refused contents itself.
         """
         for session in self:
             del self._sessions[session.number]

@@ -1,25 +1,25 @@
-"""Several file stores as one tree: each is mounted at a place.
+"""Mounts several file stores in one tree, and read-only generated files.
 
-A folder above a mount, which no store has, is there and cannot be changed. Where a mount lies
-within another store, it hides what that store has under its name.
+A folder above a mount exists and is read-only. A mount within another store hides that store's
+entry of the same name.
 """
 
 import errno
+import os
 from collections.abc import Mapping, Sequence
 
 from uav_firmware.cal.files import Entry, FileStore, OpenFile, OpenMode, Place
-from uav_firmware.modules.mavlink.files.generated import refusal
 
 
 class MountedTree:
     """Implements `uav_firmware.cal.files.FileStore` over the stores that are mounted."""
 
     def __init__(self, mounts: Mapping[Place, FileStore]) -> None:
-        """Take the stores by place."""
+        """`mounts` are the stores by place."""
         self._mounts = mounts
 
     def entries(self, place: Place) -> Sequence[Entry]:
-        """What a folder holds, the mounts in it included."""
+        """Entries of a folder, including mounts."""
         mounted = {
             mount[len(place)]
             for mount in self._mounts
@@ -63,7 +63,7 @@ class MountedTree:
         store.remove_folder(rest)
 
     def rename(self, place: Place, new_place: Place) -> None:
-        """Give a file or folder another name or place in the same store."""
+        """Rename or move a file or folder within a store."""
         store, rest = self._inner(place)
         new_store, new_rest = self._inner(new_place)
         if store is not new_store:
@@ -71,13 +71,13 @@ class MountedTree:
         store.rename(rest, new_rest)
 
     def _inner(self, place: Place) -> tuple[FileStore, Place]:
-        """Store of something that is no folder of the tree itself."""
+        """The store of a place that is not a folder of the tree itself."""
         if self._is_above_mount(place) or place in self._mounts:
             raise refusal(errno.EACCES)
         return self._find(place)
 
     def _find(self, place: Place) -> tuple[FileStore, Place]:
-        """The store that a place lies in, and the place within it."""
+        """The store of a place, and the place within it."""
         for length in range(len(place), -1, -1):
             store = self._mounts.get(place[:length])
             if store is not None:
@@ -88,3 +88,64 @@ class MountedTree:
         return any(
             len(mount) > len(place) and mount[: len(place)] == place for mount in self._mounts
         )
+
+
+def refusal(code: int) -> OSError:
+    """Return the OSError of an error number."""
+    return OSError(code, os.strerror(code))
+
+
+class ReadOnlyStore:
+    """Base of read-only stores: refuses every change of `uav_firmware.cal.files.FileStore`."""
+
+    def truncate(self, place: Place, size: int) -> None:
+        """Refused."""
+        del place, size
+        raise refusal(errno.EACCES)
+
+    def remove(self, place: Place) -> None:
+        """Refused."""
+        del place
+        raise refusal(errno.EACCES)
+
+    def make_folder(self, place: Place) -> None:
+        """Refused."""
+        del place
+        raise refusal(errno.EACCES)
+
+    def remove_folder(self, place: Place) -> None:
+        """Refused."""
+        del place
+        raise refusal(errno.EACCES)
+
+    def rename(self, place: Place, new_place: Place) -> None:
+        """Refused."""
+        del place, new_place
+        raise refusal(errno.EACCES)
+
+
+class GeneratedFile:
+    """Implements `uav_firmware.cal.files.OpenFile` on constant bytes."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+
+    @property
+    def size(self) -> int:
+        """Length [bytes]."""
+        return len(self._data)
+
+    def read(self, offset: int, count: int) -> bytes:
+        """At most `count` bytes from `offset`."""
+        return self._data[offset : offset + count]
+
+    def write(self, offset: int, chunk: bytes) -> None:
+        """Refused."""
+        del offset, chunk
+        raise refusal(errno.EACCES)
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+    def abandon(self) -> None:
+        """Nothing to release."""

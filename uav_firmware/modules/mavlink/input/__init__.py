@@ -1,1 +1,1 @@
-"""Streamed input: sticks, set-points, targets, gimbal attitudes."""
+"""Streamed input: sticks, set-points, targets, gimbal orders."""

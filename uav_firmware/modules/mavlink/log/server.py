@@ -1,29 +1,33 @@
-"""The log protocol's vehicle end: a list of flight logs, and their contents in pieces.
+"""Server of the log protocol: lists and downloads of flight logs.
 
-Sans-IO but for the file store. The numbers of the logs hold from one list to the next: a log
-that is removed in between keeps its number and gives no data.
+Sans-IO but for the file store. Log numbers are valid until the next list: a log removed in between
+keeps its number and has no data. Log 0 is the oldest. Files are `2026-03-01/09_30_00.ulg`; a second
+one of the same second is `09_30_00_2.ulg`.
 
-A stretch that ends with the log ends with its last piece. A request beyond the end is answered
-by one piece without contents, by which clients know that there is no more.
+A range that ends at the end of the log ends with its last packet. A request beyond the end is
+answered with one empty packet, which marks the end for clients.
 """
 
+import calendar
+import re
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, NamedTuple
 
-from uav_firmware.cal.files import FileStore, OpenFile, OpenMode
-from uav_firmware.modules.mavlink.log.index import Log, find_logs
+from uav_firmware.cal.files import Entry, FileStore, OpenFile, OpenMode, Place
 from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender, is_for_us
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
-from uav_firmware.modules.mavlink.wire.pace import Pace
+from uav_firmware.modules.mavlink.wire.token_bucket import TokenBucket
 
-PIECE_BYTES: Final = 90
-PIECES_PER_SECOND: Final = 2_000
-"""180 kB/s of vehicle time; unlike a file transfer, the client does not hold it back."""
-PIECES_MAX: Final = 96
+_DAY: Final = re.compile(r"(\d{4})-(\d{2})-(\d{2})")
+_LOG: Final = re.compile(r"(\d{2})_(\d{2})_(\d{2})(?:_(\d+))?\.ulg")
+PACKET_BYTES: Final = 90
+PACKETS_PER_SECOND: Final = 2_000
+"""180 kB/s in vehicle time; unlike in a file transfer, the client does not limit the rate."""
+PACKETS_MAX: Final = 96
 MAX_REQUESTS: Final = 32
 MAX_CLIENTS: Final = 4
 MESSAGE_TYPES: Final = ("LOG_REQUEST_LIST", "LOG_REQUEST_DATA", "LOG_REQUEST_END", "LOG_ERASE")
@@ -32,9 +36,41 @@ _WARNING: Final[int] = mavlink.MAV_SEVERITY_WARNING
 _INFO: Final[int] = mavlink.MAV_SEVERITY_INFO
 
 
+class Log(NamedTuple):
+    """One flight log."""
+
+    time_utc_s: int  # [s since 1970] At its beginning
+    number: int  # Of those that began in the same second, from 1
+    place: Place
+    size: int  # [bytes] When it was listed
+
+
+def find_logs(store: FileStore) -> list[Log]:
+    """All logs, oldest first.
+
+    Raises:
+        OSError: if the store cannot be read.
+    """
+    return sorted(
+        log
+        for day in store.entries(())
+        if day.is_folder and (date := _DAY.fullmatch(day.name))
+        for log in _logs_of_day(store, day, date)
+    )
+
+
+def _logs_of_day(store: FileStore, day: Entry, date: "re.Match[str]") -> Iterator[Log]:
+    for entry in store.entries((day.name,)):
+        time = _LOG.fullmatch(entry.name)
+        if time and entry.is_plain and not entry.is_folder:
+            fields = [int(part) for part in (*date.groups(), *time.groups()[:3])]
+            seconds = calendar.timegm((*fields, 0, 0, 0))
+            yield Log(seconds, int(time[4] or 1), (day.name, entry.name), entry.size)
+
+
 @dataclass(slots=True)
-class _Stretch:
-    """A part of a log that is being sent."""
+class _Range:
+    """A range of a log in transfer."""
 
     log_id: int
     offset: int
@@ -43,21 +79,21 @@ class _Stretch:
 
 @dataclass(slots=True)
 class _Client:
-    """What one client waits for."""
+    """Pending requests of one client."""
 
     sender: Sender
-    list_from: int | None = None  # First log of a list that is still to be made
+    list_from: int | None = None  # First log of a requested list
     list_to: int = 0
-    entries: deque[int] = field(default_factory=deque)  # Numbers that are still to be told
-    stretches: deque[_Stretch] = field(default_factory=deque)
-    file: tuple[int, OpenFile] | None = None  # The log that is being read
+    entries: deque[int] = field(default_factory=deque)  # Numbers still to send
+    ranges: deque[_Range] = field(default_factory=deque)
+    file: tuple[int, OpenFile] | None = None  # The open log
 
     @property
     def has_work(self) -> bool:
-        return self.list_from is not None or bool(self.entries or self.stretches)
+        return self.list_from is not None or bool(self.entries or self.ranges)
 
     def close(self) -> None:
-        """Read no more."""
+        """Close the open log."""
         if self.file is not None:
             self.file[1].abandon()
             self.file = None
@@ -74,17 +110,17 @@ class LogServer:
         is_armed: Callable[[], bool],
         texts: StatusTexts,
     ) -> None:
-        """Take the folder of logs, and a way to ask whether the vehicle is armed."""
+        """`store` is the folder of logs; `is_armed` returns whether the vehicle is armed."""
         self._system_id = system_id
         self._store = store
         self._is_armed = is_armed
         self._texts = texts
-        self._pace = Pace(PIECES_PER_SECOND, PIECES_MAX)
+        self._bucket = TokenBucket(PACKETS_PER_SECOND, PACKETS_MAX)
         self._clients: dict[tuple[int, int], _Client] = {}
         self._logs: list[Log] = []
         self._handlers: dict[str, Callable[[Message, _Client], None]] = {
-            "LOG_REQUEST_LIST": self._want_list,
-            "LOG_REQUEST_DATA": self._want_data,
+            "LOG_REQUEST_LIST": self._request_list,
+            "LOG_REQUEST_DATA": self._request_data,
         }
 
     def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
@@ -93,7 +129,7 @@ class LogServer:
             return []
         kind = message.get_type()
         if kind == "LOG_REQUEST_END":
-            self._leave(sender.identity)
+            self._drop_client(sender.identity)
             return []
         if kind == "LOG_ERASE":
             return self._erase(now_us)
@@ -103,74 +139,72 @@ class LogServer:
         return self._work(now_us)
 
     def tick(self, now_us: int) -> list[Outgoing]:
-        """Go on with what is under way."""
+        """Continue the transfers."""
         return self._work(now_us) if self._clients else []
 
     def _client(self, sender: Sender) -> _Client | None:
-        """State of a client; of too many, the one that waits for nothing makes room."""
+        """State of a client; an idle client is dropped if there are too many."""
         client = self._clients.get(sender.identity)
         if client is None:
             if len(self._clients) >= MAX_CLIENTS:
                 idle = [key for key, one in self._clients.items() if not one.has_work]
                 if not idle:
                     return None
-                self._leave(idle[0])
+                self._drop_client(idle[0])
             client = self._clients[sender.identity] = _Client(sender)
         client.sender = sender
         return client
 
-    def _leave(self, identity: tuple[int, int]) -> None:
+    def _drop_client(self, identity: tuple[int, int]) -> None:
         client = self._clients.pop(identity, None)
         if client is not None:
             client.close()
 
-    def _want_list(self, message: Message, client: _Client) -> None:
+    def _request_list(self, message: Message, client: _Client) -> None:
         client.list_from, client.list_to = message.start, message.end
         client.entries.clear()
 
-    def _want_data(self, message: Message, client: _Client) -> None:
-        """Queue a stretch; one of another log ends what was wanted of the former."""
+    def _request_data(self, message: Message, client: _Client) -> None:
+        """Queue a range; a request for another log drops the pending ranges."""
         others = [
-            one
-            for one in client.stretches
-            if one.log_id == message.id and one.offset != message.ofs
+            one for one in client.ranges if one.log_id == message.id and one.offset != message.ofs
         ]
-        client.stretches = deque(others[: MAX_REQUESTS - 1])
-        client.stretches.append(_Stretch(message.id, message.ofs, message.count))
+        client.ranges = deque(others[: MAX_REQUESTS - 1])
+        client.ranges.append(_Range(message.id, message.ofs, message.count))
 
     def _work(self, now_us: int) -> list[Outgoing]:
-        self._pace.refill(now_us)
+        self._bucket.refill(now_us)
         outgoing: list[Outgoing] = []
         busy = [client for client in self._clients.values() if client.has_work]
         while busy:
             for client in busy:
-                if not self._pace.ready:
+                if not self._bucket.ready:
                     return outgoing
-                self._pace.spend()
+                self._bucket.spend()
                 outgoing += self._step(client)
             busy = [client for client in busy if client.has_work]
         return outgoing
 
     def _step(self, client: _Client) -> list[Outgoing]:
-        """One message, or the making of a list."""
+        """Send one message, or build a list."""
         if client.list_from is not None:
-            return self._make_list(client, client.list_from)
+            return self._build_list(client, client.list_from)
         if client.entries:
             return [self._entry(client, client.entries.popleft())]
-        return self._piece(client, client.stretches[0])
+        return self._packet(client, client.ranges[0])
 
-    def _make_list(self, client: _Client, first: int) -> list[Outgoing]:
-        """Number the logs anew for a list from the beginning, or at the first request."""
+    def _build_list(self, client: _Client, first: int) -> list[Outgoing]:
+        """Number the logs again for a list from the beginning, or at the first request."""
         client.list_from = None
         if first == 0 or not self._logs:
-            self._pace.spend(_LIST_COST)
+            self._bucket.spend(_LIST_COST)
             self._find()
         last = min(client.list_to, len(self._logs) - 1)
         client.entries.extend(range(first, last + 1))
         return [] if self._logs else [self._no_entry(client)]
 
     def _find(self) -> None:
-        """Number the logs; those that cannot be read are none."""
+        """Number the logs; unreadable folders count as empty."""
         for client in self._clients.values():
             client.close()
         self._logs = []
@@ -193,52 +227,52 @@ class LogServer:
         )
 
     def _no_entry(self, client: _Client) -> Outgoing:
-        """That there are no logs."""
+        """Report that there are no logs."""
         return _to(client, mavlink.MAVLink_log_entry_message(0, 0, 0, 0, 0))
 
-    def _piece(self, client: _Client, stretch: _Stretch) -> list[Outgoing]:
-        """The next piece of a stretch; none of a log that is not there."""
+    def _packet(self, client: _Client, log_range: _Range) -> list[Outgoing]:
+        """The next packet of a range; none for a missing log."""
         if not self._logs:
             self._find()
-        data = self._read(client, stretch)
+        data = self._read(client, log_range)
         if data is None:
-            client.stretches.popleft()
+            client.ranges.popleft()
             return []
-        piece = mavlink.MAVLink_log_data_message(
-            id=stretch.log_id,
-            ofs=stretch.offset,
+        packet = mavlink.MAVLink_log_data_message(
+            id=log_range.log_id,
+            ofs=log_range.offset,
             count=len(data),
-            data=data.ljust(PIECE_BYTES, b"\x00"),
+            data=data.ljust(PACKET_BYTES, b"\x00"),
         )
-        stretch.offset += len(data)
-        stretch.left -= len(data)
-        at_end = len(data) < PIECE_BYTES or stretch.offset >= self._logs[stretch.log_id].size
-        if at_end or stretch.left <= 0:
-            client.stretches.popleft()
-        return [_to(client, piece)]
+        log_range.offset += len(data)
+        log_range.left -= len(data)
+        at_end = len(data) < PACKET_BYTES or log_range.offset >= self._logs[log_range.log_id].size
+        if at_end or log_range.left <= 0:
+            client.ranges.popleft()
+        return [_to(client, packet)]
 
-    def _read(self, client: _Client, stretch: _Stretch) -> bytes | None:
-        """Contents of the next piece; None if the log cannot be read."""
-        if stretch.log_id >= len(self._logs):
+    def _read(self, client: _Client, log_range: _Range) -> bytes | None:
+        """Contents of the next packet; None if the log cannot be read."""
+        if log_range.log_id >= len(self._logs):
             return None
-        log = self._logs[stretch.log_id]
-        count = min(PIECE_BYTES, stretch.left, max(log.size - stretch.offset, 0))
+        log = self._logs[log_range.log_id]
+        count = min(PACKET_BYTES, log_range.left, max(log.size - log_range.offset, 0))
         try:
-            if client.file is None or client.file[0] != stretch.log_id:
+            if client.file is None or client.file[0] != log_range.log_id:
                 client.close()
-                client.file = (stretch.log_id, self._store.open(log.place, OpenMode.READ))
-            return client.file[1].read(stretch.offset, count)
+                client.file = (log_range.log_id, self._store.open(log.place, OpenMode.READ))
+            return client.file[1].read(log_range.offset, count)
         except OSError:
             return None
 
     def _erase(self, now_us: int) -> list[Outgoing]:
-        """Remove all logs but the one being written; on the ground only."""
-        self._pace.refill(now_us)
-        if not self._pace.ready:
+        """Remove all logs but the one being written; refused while armed."""
+        self._bucket.refill(now_us)
+        if not self._bucket.ready:
             return []
-        self._pace.spend(_LIST_COST)
+        self._bucket.spend(_LIST_COST)
         if self._is_armed():
-            return self._texts.say(_WARNING, "Logs not erased: the vehicle is armed")
+            return self._texts.encode(_WARNING, "Logs not erased: the vehicle is armed")
         self._find()
         kept = 0
         for log in self._logs:
@@ -247,12 +281,12 @@ class LogServer:
             except OSError:
                 kept += 1
         for day in {log.place[:-1] for log in self._logs}:
-            with suppress(OSError):  # A folder that still holds something stays
+            with suppress(OSError):  # A folder that is not empty stays
                 self._store.remove_folder(day)
         erased = len(self._logs) - kept
         self._logs = []
-        said = f"{erased} logs erased" + (f", {kept} kept" if kept else "")
-        return self._texts.say(_INFO, said)
+        text = f"{erased} logs erased" + (f", {kept} kept" if kept else "")
+        return self._texts.encode(_INFO, text)
 
 
 def _to(client: _Client, message: Message) -> Outgoing:

@@ -1,7 +1,7 @@
-"""Mission items between the wire and the navigator.
+"""Conversion of mission items between messages, storage and navigator.
 
-A stored item keeps the numbers as they were uploaded, so that a download gives them back bit
-for bit. The navigator gets degrees and metres, with NaN where the uploader left a coordinate
+A stored item has the numbers as uploaded, so that a download returns them bit for bit. The
+navigator gets degrees and metres, with NaN where the uploader left a coordinate
 unset (INT32_MAX or INT32_MIN).
 """
 
@@ -24,7 +24,7 @@ _INVALID_Z: Final[int] = mavlink.MAV_MISSION_INVALID_PARAM7
 
 
 class StoredItem(NamedTuple):
-    """One item as MISSION_ITEM_INT carries it, without its address and number."""
+    """Contents of a MISSION_ITEM_INT, without target and sequence number."""
 
     frame: int  # MAV_FRAME
     command: int  # MAV_CMD
@@ -44,7 +44,7 @@ class ItemFault(NamedTuple):
 
 
 def read_item(message: Message) -> StoredItem | ItemFault:
-    """Read MISSION_ITEM_INT, or the deprecated MISSION_ITEM with its float coordinates."""
+    """Read MISSION_ITEM_INT, or the deprecated MISSION_ITEM with float coordinates."""
     is_global = message.frame in GLOBAL_FRAMES
     if not is_global and message.frame != FRAME_MISSION:
         return ItemFault(
@@ -67,7 +67,7 @@ def read_item(message: Message) -> StoredItem | ItemFault:
 
 
 def _as_integer(value: float, *, is_global: bool) -> int:
-    """A float coordinate as an integer one; what does not fit ends outside every range."""
+    """Convert a float coordinate to an integer; a value that does not fit becomes invalid."""
     if math.isnan(value):
         return INT32_UNSET
     scaled = value * (1e7 if is_global else 1.0)
@@ -75,7 +75,7 @@ def _as_integer(value: float, *, is_global: bool) -> int:
 
 
 def _fault(item: StoredItem, *, is_global: bool) -> ItemFault | None:
-    """What is wrong with the numbers of an item, if anything is."""
+    """Invalid number of an item, or None."""
     for i, parameter in enumerate(item.parameters):
         if math.isinf(parameter):
             return ItemFault(_INVALID_PARAM1 + i, f"parameter {i + 1} is infinite")
@@ -89,7 +89,7 @@ def _fault(item: StoredItem, *, is_global: bool) -> ItemFault | None:
 
 
 def to_message(item: StoredItem, seq: int, *, current: bool, mission_type: int) -> Message:
-    """MISSION_ITEM_INT of a stored item; the caller sets its target."""
+    """MISSION_ITEM_INT of a stored item; the caller sets the target."""
     return mavlink.MAVLink_mission_item_int_message(
         target_system=0,
         target_component=0,
@@ -110,12 +110,12 @@ def to_message(item: StoredItem, seq: int, *, current: bool, mission_type: int) 
 
 
 def for_navigator(items: Sequence[StoredItem]) -> tuple[MissionItem, ...]:
-    """The items in degrees and metres."""
+    """Convert items to degrees and metres."""
     return tuple(item_for_navigator(seq, item) for seq, item in enumerate(items))
 
 
 def item_for_navigator(seq: int, item: StoredItem) -> MissionItem:
-    """An item in degrees and metres."""
+    """Convert an item to degrees and metres."""
     scale = 1e7 if item.frame in GLOBAL_FRAMES else 1.0
     return MissionItem(
         seq=seq,
@@ -134,9 +134,9 @@ def item_for_navigator(seq: int, item: StoredItem) -> MissionItem:
 
 
 def plan_id(items: Sequence[StoredItem]) -> int:
-    """MAVLink's opaque id: CRC32 over the items; 0 for an empty plan and only for it.
+    """MAVLink's opaque id: CRC32 over the items; 0 only for an empty plan.
 
-    The `current` flag does not count: it moves while the plan stays the same.
+    The `current` flag is excluded, because it changes while the plan stays the same.
     """
     if not items:
         return 0

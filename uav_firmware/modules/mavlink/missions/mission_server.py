@@ -1,16 +1,16 @@
-"""The mission protocol's vehicle end: three plans, their uploads, downloads and removal.
+"""Server of the mission protocol: upload, download and removal of the three plans.
 
-Sans-IO. A download is stateless: any item may be asked for in any order, any number of times,
-by several peers at once, also while an upload is under way.
+Sans-IO. A download is stateless: several peers may request any item in any order, any number of
+times, also during an upload.
 """
 
 from collections.abc import Callable, Mapping
 from typing import Final
 
 from uav_firmware.modules.mavlink.missions.mission_items import to_message
-from uav_firmware.modules.mavlink.missions.mission_store import ACCEPTED, PlanStore, Verdict
+from uav_firmware.modules.mavlink.missions.mission_store import ACCEPTED, Outcome, PlanStore
 from uav_firmware.modules.mavlink.missions.mission_upload import (
-    ECHO_US,
+    DUPLICATE_US,
     Reply,
     UploadReceiver,
     acknowledge,
@@ -40,13 +40,13 @@ class MissionServer:
         current_seq: Callable[[], int],
         texts: StatusTexts,
     ) -> None:
-        """Begin with the plans that the stores hold.
+        """Serve the plans of the stores.
 
         Args:
             system_id: System that messages must name.
             stores: The plans, by MAV_MISSION_TYPE.
-            current_seq: Gives the item that the navigator flies.
-            texts: Where sentences for the operator go.
+            current_seq: Returns the item that the navigator flies.
+            texts: Encodes texts for the operator.
         """
         self._system_id = system_id
         self._stores = stores
@@ -69,7 +69,7 @@ class MissionServer:
 
     @property
     def message_types(self) -> frozenset[str]:
-        """Names of the messages that `handle` takes."""
+        """Names of the messages for `handle`."""
         return frozenset(self._handlers)
 
     @property
@@ -78,7 +78,7 @@ class MissionServer:
         return len(self._stores[_MISSION].items)
 
     def load(self) -> list[str]:
-        """Publish what a former run has stored; gives a sentence for each plan lost."""
+        """Load and publish the stored plans; return a text for each plan that is lost."""
         return [fault for store in self._stores.values() if (fault := store.load())]
 
     def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
@@ -89,25 +89,34 @@ class MissionServer:
         return self._handlers[message.get_type()](message, sender, now_us)
 
     def tick(self, now_us: int) -> list[Outgoing]:
-        """Ask again for items that stay away, judge, end uploads that have fallen silent."""
+        """Request missing items again, check complete plans, and time out uploads."""
         outgoing: list[Outgoing] = []
         for mission_type, upload in self._uploads.items():
             self._stores[mission_type].tick(now_us)
             if upload.is_receiving:
-                outgoing += self._told(mission_type, upload.tick(now_us))
+                outgoing += self._with_status_text(mission_type, upload.tick(now_us))
         return outgoing
+
+    def resume_uploads(self, now_us: int) -> list[Outgoing]:
+        """Continue the uploads whose check the navigator has answered."""
+        return [
+            message
+            for mission_type, upload in self._uploads.items()
+            if upload.is_checking
+            for message in self._with_status_text(mission_type, upload.tick(now_us))
+        ]
 
     def _count(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
         upload = self._uploads.get(message.mission_type)
         if upload is None:
             return [acknowledge(sender, _INVALID, message.mission_type)]
-        return self._told(message.mission_type, upload.begin(message, sender, now_us))
+        return self._with_status_text(message.mission_type, upload.begin(message, sender, now_us))
 
     def _item(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
         upload = self._uploads.get(message.mission_type)
         if upload is None:
             return [acknowledge(sender, _INVALID, message.mission_type)]
-        return self._told(message.mission_type, upload.item(message, sender, now_us))
+        return self._with_status_text(message.mission_type, upload.item(message, sender, now_us))
 
     def _request_list(self, message: Message, sender: Sender, _now_us: int) -> list[Outgoing]:
         store = self._stores.get(message.mission_type)
@@ -139,40 +148,40 @@ class MissionServer:
         return [Outgoing(answer, sender.address)]
 
     def _clear(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
-        """Remove one plan or all three; while somebody else uploads one of them, none."""
+        """Remove one plan or all three; denied while another peer uploads one of them."""
         mission_type = message.mission_type
         types = tuple(self._stores) if mission_type == _ALL_TYPES else (mission_type,)
         if mission_type not in {*self._stores, _ALL_TYPES}:
             return [acknowledge(sender, _INVALID, mission_type)]
-        if any(self._uploads[each].is_foreign(sender) for each in types):
+        if any(self._uploads[each].is_by_another(sender) for each in types):
             return [acknowledge(sender, _DENIED, mission_type)]
         if any(self._stores[each].is_writing for each in types):
-            return []  # Too late; it is sent again
+            return []  # The sender will repeat it
         frame = bytes(message.get_msgbuf() or b"")
-        if self._is_late_copy(frame, now_us) and any(self._stores[each].items for each in types):
-            return []  # What it removed has been replaced since
+        if self._is_duplicate(frame, now_us) and any(self._stores[each].items for each in types):
+            return []  # A late duplicate; the plan has been replaced since
         self._cleared = (frame, now_us)
-        verdicts: list[Verdict] = []
+        outcomes: list[Outcome] = []
 
-        def conclude(verdict: Verdict) -> Reply:
-            """One answer for all kinds, when the last is removed or not."""
-            verdicts.append(verdict)
-            if len(verdicts) < len(types):
+        def conclude(outcome: Outcome) -> Reply:
+            """Answer once, when the last removal has ended."""
+            outcomes.append(outcome)
+            if len(outcomes) < len(types):
                 return Reply()
-            failed = [each for each in verdicts if each.result != ACCEPTED]
-            worst = (failed or verdicts)[0]
+            failed = [each for each in outcomes if each.result != ACCEPTED]
+            worst = (failed or outcomes)[0]
             return Reply((acknowledge(sender, worst.result, mission_type),), worst.reason)
 
         replies = [self._uploads[each].clear(sender, now_us, conclude) for each in types]
-        return [message for reply in replies for message in self._told(types[0], reply)]
+        return [message for reply in replies for message in self._with_status_text(types[0], reply)]
 
-    def _is_late_copy(self, frame: bytes, now_us: int) -> bool:
-        """Whether a CLEAR_ALL is the same frame, number and all, as one carried out just now."""
+    def _is_duplicate(self, frame: bytes, now_us: int) -> bool:
+        """Whether a CLEAR_ALL is an identical frame to a recent one."""
         cleared, time_us = self._cleared
-        return frame == cleared != b"" and now_us - time_us < ECHO_US
+        return frame == cleared != b"" and now_us - time_us < DUPLICATE_US
 
     def _ack(self, message: Message, sender: Sender, _now_us: int) -> list[Outgoing]:
-        """An ACK ends a download (nothing to do) or cancels the sender's own upload."""
+        """Take an ACK: it ends a download, or cancels the sender's upload."""
         upload = self._uploads.get(message.mission_type)
         if upload is not None and message.type != ACCEPTED:
             upload.cancel(sender)
@@ -181,9 +190,9 @@ class MissionServer:
     def _partial(self, message: Message, sender: Sender, _now_us: int) -> list[Outgoing]:
         return [acknowledge(sender, _UNSUPPORTED, message.mission_type)]
 
-    def _told(self, mission_type: int, reply: Reply) -> list[Outgoing]:
-        """Messages of a reply, with a STATUSTEXT where there is a reason for one."""
+    def _with_status_text(self, mission_type: int, reply: Reply) -> list[Outgoing]:
+        """Messages of a reply, with a STATUSTEXT if there is a refusal."""
         if not reply.refusal:
             return list(reply.messages)
         text = f"{_NAMES[mission_type]} upload refused: {reply.refusal}"
-        return [*reply.messages, *self._texts.say(mavlink.MAV_SEVERITY_WARNING, text)]
+        return [*reply.messages, *self._texts.encode(mavlink.MAV_SEVERITY_WARNING, text)]

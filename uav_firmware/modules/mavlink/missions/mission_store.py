@@ -1,13 +1,13 @@
-"""One kind of plan (mission, fence or rally points): judged, kept over a restart, handed on.
+"""Stores one type of plan (mission, fence or rally points): check, save, publish.
 
-A plan is replaced whole or not at all, in this order: the judges agree, the medium holds the
-new one, everybody aboard sees it. Judging is spread over calls, because a long mission inside
-a fence of many corners takes longer than a control step.
+A plan is replaced as a whole or not at all, in this order: the checks pass, the storage has the new
+plan, the topic has it. The checks are spread over calls, because a long mission inside a fence with
+many corners takes longer than a control step.
 
-A medium that has not taken a plan after `WRITE_LIMIT_US` is not waited for: the plan is refused
-and the former one stays in force. Should that write end well after all, the former plan is written
-again, so that medium and vehicle agree; until then nothing else is taken. A restart meanwhile finds
-what the medium holds.
+A write that takes longer than `WRITE_LIMIT_US` is abandoned: the plan is refused and the previous
+one stays in force. If that write succeeds later, the previous plan is written again, so that
+storage and vehicle agree; until then every plan is refused. A restart in between loads the stored
+plan.
 """
 
 import errno
@@ -15,7 +15,7 @@ from collections.abc import Callable, Generator, Sequence
 from typing import Final, NamedTuple, TypeAlias
 
 from uav_firmware.cal.storage import WRITTEN, Storage, Write
-from uav_firmware.lib.stepwise import Stepwise, finished
+from uav_firmware.lib.stepwise import Stepwise
 from uav_firmware.modules.mavlink.missions import plan_file
 from uav_firmware.modules.mavlink.missions.mission_items import (
     ItemFault,
@@ -36,44 +36,46 @@ FILE_NAMES: Final = {
 }
 
 ACCEPTED: Final[int] = mavlink.MAV_MISSION_ACCEPTED
-_PACKED_PER_UNIT: Final = 8  # Items that are converted or packed in 5 us
-_UNTIL_NEXT_CALL: Final = 1_000_000
-"""Work that ends a call, whatever its budget: the medium is looked at again in the next one."""
+_PACKED_PER_UNIT: Final = 8  # Items converted or packed in 5 us
+UNTIL_NEXT_CALL: Final = 1_000_000
+"""Amount of work that ends a call; the write is checked again in the next one."""
 WRITE_LIMIT_US: Final = 15_000_000
-"""How long the medium may take for a plan; an uploader waits no longer for an item either."""
+"""Timeout of a write, equal to an uploader's timeout for an item."""
 _RETRY_US: Final = 1_000_000
 _FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT})
 
 Plan: TypeAlias = tuple[int, int, tuple[MissionItem, ...]]
-"""Time of acceptance [us], id, items."""
+"""Time of acceptance [us], id and items of a plan."""
 
 
 class PlanCheck(NamedTuple):
-    """Who judges one kind of plan before it is accepted."""
+    """Checks of one type of plan before it is accepted."""
 
-    item: Callable[[MissionItem], MissionRejection | None]  # By itself, as it comes in
-    plan: Callable[[Sequence[MissionItem]], PlanReview]  # As a whole, when it is complete
+    item: Callable[[MissionItem], MissionRejection | None]  # Of a single received item
+    plan: Callable[[tuple[MissionItem, ...]], PlanReview]  # Of the complete plan
+    stored: Callable[[Sequence[MissionItem]], MissionRejection | None] = lambda _items: None
+    """Of a stored plan at boot."""
 
 
-class Verdict(NamedTuple):
-    """What became of a whole plan."""
+class Outcome(NamedTuple):
+    """Result of storing a plan."""
 
     result: int  # MAV_MISSION_RESULT
-    plan_id: int = 0  # Of the plan stored, when accepted
-    reason: str = ""  # For the operator, when refused
+    plan_id: int = 0  # If accepted
+    reason: str = ""  # Text for the operator, if refused
 
 
-Acceptance: TypeAlias = Generator[int, None, Verdict]
-"""Stores a plan or refuses it, in steps: yields the work done, in the unit of PlanReview."""
+Acceptance: TypeAlias = Generator[int, None, Outcome]
+"""Stores or refuses a plan in steps; yields the work done, in the unit of PlanReview."""
 
 
-NO_ANSWER: Final = Verdict(
-    mavlink.MAV_MISSION_ERROR, reason="not saved: the medium does not answer"
+STORAGE_TIMEOUT: Final = Outcome(
+    mavlink.MAV_MISSION_ERROR, reason="not saved: the storage does not answer"
 )
 
 
 class PlanStore:
-    """Holds one kind of plan, as it was uploaded."""
+    """Holds one plan, as uploaded."""
 
     def __init__(
         self,
@@ -83,7 +85,7 @@ class PlanStore:
         publish: Callable[[Plan], None],
         storage: Storage | None = None,
     ) -> None:
-        """Begin with no plan; without a storage none survives a restart."""
+        """Start without a plan; without a storage none survives a restart."""
         self._check = check
         self._publish = publish
         self._storage = storage
@@ -92,19 +94,19 @@ class PlanStore:
         self.items: tuple[StoredItem, ...] = ()
         self.plan_id = 0
         self.is_writing = False
-        """Whether the medium has begun to take a plan, which no peer can give up any more."""
+        """Whether a plan is being written, which a peer cannot cancel."""
         self._writing_since_us: int | None = None
         self._is_too_slow = False
         self._now_us = 0
         self._restoring: Stepwise[None] | None = None
 
     @property
-    def is_stuck(self) -> bool:
-        """Whether a write that was given up, or its repair, has not ended: nothing is taken."""
+    def is_blocked(self) -> bool:
+        """Whether an abandoned write or its repair is in progress; every plan is refused."""
         return self._restoring is not None
 
     def tick(self, now_us: int) -> None:
-        """Look how long the medium takes, and repair what it has written too late."""
+        """Time out a write, and repair one that ended too late."""
         self._now_us = now_us
         if self._restoring is not None:
             if self._restoring.advance(1):
@@ -117,7 +119,7 @@ class PlanStore:
             self._is_too_slow = True
 
     def load(self) -> str:
-        """Publish what a former run has stored; gives a sentence when that cannot be used."""
+        """Load and publish the stored plan; return a text if it cannot be used."""
         stored: tuple[StoredItem, ...] = ()
         try:
             stored = self._read()
@@ -130,14 +132,14 @@ class PlanStore:
         return f"{self._file} is not used: {fault}" if fault else ""
 
     def fault_of(self, seq: int, item: StoredItem) -> ItemFault | None:
-        """Why an item can be no part of such a plan, wherever in it."""
+        """Why an item is not allowed in such a plan, or None."""
         rejection = self._check.item(item_for_navigator(seq, item))
         return None if rejection is None else ItemFault(rejection.result, rejection.reason)
 
     def accept(self, items: Sequence[StoredItem], now_us: int) -> Acceptance:
-        """Put a plan in the place of the former one, or refuse it and keep that one."""
-        if self.is_stuck:
-            return NO_ANSWER
+        """Replace the plan, or refuse it and keep the previous one."""
+        if self.is_blocked:
+            return STORAGE_TIMEOUT
         packing = len(items) // _PACKED_PER_UNIT
         for_flight = []
         for seq, item in enumerate(items):
@@ -146,44 +148,44 @@ class PlanStore:
         plan = tuple(for_flight)
         rejection = (yield from self._check.plan(plan)) if plan else None
         if rejection is not None:
-            return Verdict(rejection.result, reason=f"item {rejection.seq}: {rejection.reason}")
+            return Outcome(rejection.result, reason=f"item {rejection.seq}: {rejection.reason}")
         identifier = plan_id(items)
         yield packing
         contents = plan_file.encode(self._mission_type, items) if items else None
         yield packing
         try:
-            write = self._keep(contents)
+            write = self._save(contents)
             self.is_writing, self._writing_since_us, self._is_too_slow = True, None, False
             while not write.done():
                 if self._is_too_slow:
                     self._restoring = Stepwise(self._restored(write))
-                    return NO_ANSWER
-                yield _UNTIL_NEXT_CALL
+                    return STORAGE_TIMEOUT
+                yield UNTIL_NEXT_CALL
             write.result()
         except OSError as error:
             full = error.errno in _FULL
             result = mavlink.MAV_MISSION_NO_SPACE if full else mavlink.MAV_MISSION_ERROR
-            return Verdict(result, reason=f"not saved: {error.strerror or error}")
+            return Outcome(result, reason=f"not saved: {error.strerror or error}")
         finally:
             self.is_writing = False
         self._replace(now_us, tuple(items), identifier, plan)
-        return Verdict(ACCEPTED, identifier)
+        return Outcome(ACCEPTED, identifier)
 
     def _restored(self, late: Write) -> Generator[int, None, None]:
-        """Wait for a write that was given up; write the plan in force again if it ends well."""
+        """Wait for an abandoned write; write the plan in force again if it succeeds."""
         try:
             yield from _ended(late)
         except OSError:
-            return  # The medium still holds the plan in force
+            return  # The storage still has the plan in force
         while True:
             contents = plan_file.encode(self._mission_type, self.items) if self.items else None
-            yield _UNTIL_NEXT_CALL
+            yield UNTIL_NEXT_CALL
             try:
-                yield from _ended(self._keep(contents))
+                yield from _ended(self._save(contents))
             except OSError:
                 again_us = self._now_us + _RETRY_US
                 while self._now_us < again_us:
-                    yield _UNTIL_NEXT_CALL
+                    yield UNTIL_NEXT_CALL
             else:
                 return
 
@@ -197,11 +199,11 @@ class PlanStore:
         self.items, self.plan_id = items, identifier
         self._publish((now_us, identifier, for_flight))
 
-    def _keep(self, contents: bytes | None) -> Write:
+    def _save(self, contents: bytes | None) -> Write:
         if self._storage is None:
             return WRITTEN
         if contents is None:
-            return self._storage.remove(self._file)  # works on a full medium too
+            return self._storage.remove(self._file)  # Works on full storage too
         return self._storage.save(self._file, contents)
 
     def _read(self) -> tuple[StoredItem, ...]:
@@ -209,19 +211,19 @@ class PlanStore:
         return () if contents is None else plan_file.decode(self._mission_type, contents)
 
     def _fault_of_stored(self, items: Sequence[StoredItem]) -> str:
-        """Why a plan kept by a former run, maybe of another version, cannot be flown."""
+        """Why a stored plan, possibly of another version, cannot be flown."""
         if len(items) > MAX_ITEMS:
-            return f"it holds {len(items)} items, {MAX_ITEMS} fit"
-        rejection = finished(self._check.plan(for_navigator(items))) if items else None
+            return f"it has {len(items)} items, limit {MAX_ITEMS}"
+        rejection = self._check.stored(for_navigator(items)) if items else None
         return "" if rejection is None else f"item {rejection.seq}: {rejection.reason}"
 
 
 def _ended(write: Write) -> Generator[int, None, None]:
-    """Wait for a write, call by call.
+    """Wait for a write over several calls.
 
     Raises:
-        OSError: if the medium refuses it.
+        OSError: if it fails.
     """
     while not write.done():
-        yield _UNTIL_NEXT_CALL
+        yield UNTIL_NEXT_CALL
     write.result()

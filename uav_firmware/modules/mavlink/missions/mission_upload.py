@@ -1,36 +1,36 @@
-"""The receiving end of one plan's upload (mission, fence or rally points).
+"""Receiver of an upload of one plan (mission, fence or rally points).
 
-Sans-IO. The vehicle drives the transfer: it asks for each item, asks again when the item stays
-away, and gives up after a silence. Items gather in a second slot; the stored plan stays as it
-is until the last item has come and the whole plan has been accepted.
+Sans-IO. The vehicle requests each item, retries, and times out. The stored plan stays until the
+last item has arrived and the whole plan has been accepted.
 
-    idle       --COUNT------------------------> receiving   ask for item 0
-    idle       --COUNT of 0, CLEAR_ALL--------> judging     of a plan without items
-    idle       --late copy of an ended COUNT--> idle
-    receiving  --COUNT, same uploader---------> receiving   begin again
-    receiving  --COUNT or ITEM, somebody else-> receiving   DENIED to that one
-    receiving  --ITEM expected----------------> receiving   ask for the next
-    receiving  --ITEM not expected------------> receiving   ask again for the expected one
-    receiving  --last ITEM--------------------> judging
-    receiving  --ITEM that cannot be stored---> idle        refuse
+    idle       --COUNT------------------------> receiving   request item 0
+    idle       --COUNT of 0, CLEAR_ALL--------> checking    a plan without items
+    idle       --duplicate of an ended COUNT--> idle
+    receiving  --COUNT, same uploader---------> receiving   start again
+    receiving  --COUNT or ITEM, another peer--> receiving   DENIED to that peer
+    receiving  --ITEM expected----------------> receiving   request the next
+    receiving  --ITEM not expected------------> receiving   request the expected one
+    receiving  --last ITEM--------------------> checking
+    receiving  --invalid ITEM-----------------> idle        refuse
     receiving  --ACK by the uploader----------> idle
     receiving  --15 s without progress--------> idle        OPERATION_CANCELLED, STATUSTEXT
-    judging    --found good-------------------> writing
-    judging    --found bad--------------------> idle        refuse
-    judging    --COUNT, same uploader---------> receiving   begin again
-    judging    --COUNT or ITEM, somebody else-> judging     DENIED to that one
-    judging    --ACK by the uploader----------> idle
-    writing    --the medium has it------------> idle        swap, ACCEPTED
-    writing    --the medium refuses-----------> idle        refuse
-    writing    --COUNT, CLEAR_ALL, ACK--------> writing     too late; they are sent again
-    writing    --15 s without an answer-------> idle        ERROR; the former plan stays
-    idle       --COUNT, CLEAR_ALL, and the
-                 medium does not answer yet---> idle        ERROR
-    idle       --the ITEM that ended it again-> idle        the same answer again
+    checking   --accepted---------------------> writing
+    checking   --refused----------------------> idle        refuse
+    checking   --COUNT, same uploader---------> receiving   start again
+    checking   --duplicate of its COUNT-------> checking
+    checking   --COUNT or ITEM, another peer--> checking    DENIED to that peer
+    checking   --ACK by the uploader----------> idle
+    writing    --write done-------------------> idle        replace, ACCEPTED
+    writing    --write failed-----------------> idle        refuse
+    writing    --COUNT, CLEAR_ALL, ACK--------> writing     ignored, the sender repeats them
+    writing    --write timed out, 15 s--------> idle        ERROR; the previous plan stays
+    idle       --COUNT, CLEAR_ALL, and a
+                 write still in progress------> idle        ERROR
+    idle       --last ITEM repeated-----------> idle        the same answer
 
-Judging begins at once, and a plan of some hundred items is judged in the same call. A removal
-is a plan without items. What has begun to be written cannot be given up: the medium would hold
-another plan than the vehicle.
+The check starts at once; a plan of about a hundred items is checked in the same step. A removal is
+a plan without items. A write cannot be cancelled, because the storage would have another plan than
+the vehicle.
 """
 
 from collections.abc import Callable
@@ -41,9 +41,9 @@ from uav_firmware.lib.stepwise import Stepwise
 from uav_firmware.modules.mavlink.missions.mission_items import ItemFault, StoredItem, read_item
 from uav_firmware.modules.mavlink.missions.mission_store import (
     MAX_ITEMS,
-    NO_ANSWER,
+    STORAGE_TIMEOUT,
+    Outcome,
     PlanStore,
-    Verdict,
 )
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
@@ -51,16 +51,16 @@ from uav_firmware.modules.mavlink.wire.dialect_extensions import MissionAck
 
 FIRST_RETRY_US: Final = 250_000
 LAST_RETRY_US: Final = 1_000_000
-EAGER_RETRIES: Final = 4
-"""Repetitions of a request at the first interval; a ground station gives up after 1.5 s of
-silence, and a lossy link needs more than two in that time. After them the interval doubles."""
-SILENCE_LIMIT_US: Final = 15_000_000
-ECHO_US: Final = 500_000
-"""How long after a transfer a copy of what began it may still be on its way."""
-JUDGING_BUDGET: Final = 400
-"""Work of one call, in the unit of PlanReview: some 2 ms, half a control step."""
-_REASK_US: Final = 50_000
-"""Shortest time between two requests for one item, so that duplicates do not multiply."""
+FAST_RETRIES: Final = 4
+"""Retries at the first interval, then it doubles. A ground station times out after 1.5 s, and a
+lossy link needs more than two retries in that time."""
+TIMEOUT_US: Final = 15_000_000
+DUPLICATE_US: Final = 500_000
+"""Time after a transfer in which a duplicate of its first message may arrive."""
+CHECK_BUDGET: Final = 400
+"""Work of one call, in the unit of PlanReview: about 2 ms, half a control step."""
+_REQUEST_INTERVAL_MIN_US: Final = 50_000
+"""Shortest interval between requests for an item, so that duplicates do not multiply."""
 
 CANCELLED: Final[int] = mavlink.MAV_MISSION_OPERATION_CANCELLED
 _DENIED: Final[int] = mavlink.MAV_MISSION_DENIED
@@ -68,55 +68,55 @@ _DENIED: Final[int] = mavlink.MAV_MISSION_DENIED
 
 @dataclass(slots=True)
 class _Transfer:
-    """An upload that is under way."""
+    """An upload in progress."""
 
     sender: Sender
     count: int
-    opening: bytes  # The frame of its COUNT
-    progress_us: int  # When the last useful message came
-    asked_us: int  # When an item was last asked for
-    fastest_us: int = 0  # Shortest time from a request to its item so far
-    first_asked_us: int = 0  # When the item awaited was first asked for
-    retries: int = 0  # How often it was asked for again
+    opening: bytes  # Frame of its COUNT
+    progress_us: int  # Time of the last useful message
+    requested_us: int  # Time of the last request
+    fastest_us: int = 0  # Shortest time from request to item
+    first_requested_us: int = 0  # Time of the first request of the expected item
+    retries: int = 0  # Of the expected item
     items: list[StoredItem] = field(default_factory=list)
-    judging: Stepwise[Verdict] | None = None  # When all items are here
-    conclude: "Conclude | None" = None  # Of a removal: what its verdict leads to
+    check: Stepwise[Outcome] | None = None  # Once all items have arrived
+    conclude: "Conclude | None" = None  # Of a removal: makes the reply
 
     @property
     def retry_us(self) -> int:
-        """How long [us] to wait for the item; longer than this link has been seen to need."""
+        """Time [us] to the next retry, longer than the round trip of this link."""
         usual_us = min(self.fastest_us * 6 // 5, LAST_RETRY_US // 2)
         base_us = max(FIRST_RETRY_US, usual_us)
-        return min(base_us << max(0, self.retries - EAGER_RETRIES + 1), LAST_RETRY_US)
+        return min(base_us << max(0, self.retries - FAST_RETRIES + 1), LAST_RETRY_US)
 
     def take(self, item: StoredItem, now_us: int) -> None:
-        """Append the item awaited, and await the next."""
-        took_us = now_us - self.first_asked_us
+        """Append the expected item, and expect the next."""
+        took_us = now_us - self.first_requested_us
         self.fastest_us = min(self.fastest_us, took_us) if self.items else took_us
         self.items.append(item)
-        self.progress_us = self.asked_us = self.first_asked_us = now_us
+        self.progress_us = self.requested_us = self.first_requested_us = now_us
         self.retries = 0
 
 
-class _Ending(NamedTuple):
-    """How the last transfer ended, to be told again when its last item comes again."""
+class _LastTransfer(NamedTuple):
+    """Result of the last transfer, sent again when its last item is repeated."""
 
     time_us: int
     opening: bytes
     identity: tuple[int, int]
     seq: int
     item: StoredItem | ItemFault
-    verdict: Verdict
+    outcome: Outcome
 
 
 class Reply(NamedTuple):
-    """What a message or a tick leads to."""
+    """Reaction to a message or a tick."""
 
     messages: tuple[Outgoing, ...] = ()
-    refusal: str = ""  # A sentence for the operator
+    refusal: str = ""  # Text for the operator
 
 
-Conclude: TypeAlias = Callable[[Verdict], Reply]
+Conclude: TypeAlias = Callable[[Outcome], Reply]
 
 
 class UploadReceiver:
@@ -126,99 +126,103 @@ class UploadReceiver:
         self._mission_type = mission_type
         self._store = store
         self._transfer: _Transfer | None = None
-        self._ending: _Ending | None = None
+        self._last_transfer: _LastTransfer | None = None
+
+    @property
+    def is_checking(self) -> bool:
+        """Whether a complete plan is being checked or written."""
+        return self._transfer is not None and self._transfer.check is not None
 
     @property
     def is_receiving(self) -> bool:
-        """Whether a transfer is under way."""
+        """Whether a transfer is in progress."""
         return self._transfer is not None
 
-    def is_foreign(self, sender: Sender) -> bool:
-        """Whether somebody else is uploading."""
+    def is_by_another(self, sender: Sender) -> bool:
+        """Whether another peer is uploading."""
         return self._transfer is not None and self._transfer.sender.identity != sender.identity
 
     def begin(self, message: Message, sender: Sender, now_us: int) -> Reply:
         """Take MISSION_COUNT."""
         opening = bytes(message.get_msgbuf() or b"")
-        if self.is_foreign(sender):
-            return Reply((self._ack(sender, Verdict(_DENIED)),))
-        if self._is_echo(opening, now_us) or self._store.is_writing:
+        if self.is_by_another(sender):
+            return Reply((self._ack(sender, Outcome(_DENIED)),))
+        if self._is_duplicate(opening, now_us) or self._store.is_writing:
             return Reply()
-        if self._store.is_stuck:
+        if self._store.is_blocked:
             self._transfer = None
-            return self._answer(sender, NO_ANSWER)
+            return self._answer(sender, STORAGE_TIMEOUT)
         if message.count > MAX_ITEMS:
             self._transfer = None
-            verdict = Verdict(mavlink.MAV_MISSION_NO_SPACE)
-            text = f"{message.count} items, {MAX_ITEMS} fit"
-            return Reply((self._ack(sender, verdict),), text)
+            outcome = Outcome(mavlink.MAV_MISSION_NO_SPACE)
+            text = f"{message.count} items, limit {MAX_ITEMS}"
+            return Reply((self._ack(sender, outcome),), text)
         if message.count == 0:
-            return self.clear(sender, now_us, lambda verdict: self._answer(sender, verdict))
-        self._ending = None
+            return self.clear(sender, now_us, lambda outcome: self._answer(sender, outcome))
+        self._last_transfer = None
         self._transfer = _Transfer(
-            sender, message.count, opening, now_us, now_us, first_asked_us=now_us
+            sender, message.count, opening, now_us, now_us, first_requested_us=now_us
         )
         return Reply((self._request(self._transfer),))
 
     def clear(self, sender: Sender, now_us: int, conclude: Conclude) -> Reply:
-        """Remove the plan, and end an upload of it; the reply comes now or from a tick."""
+        """Remove the plan and cancel an upload; the reply comes now or from a tick."""
         removal = Stepwise(self._store.accept((), now_us))
-        self._ending = None
-        self._transfer = _Transfer(
-            sender, 0, b"", now_us, now_us, judging=removal, conclude=conclude
-        )
-        return self._judge(self._transfer, removal, now_us)
+        self._last_transfer = None
+        self._transfer = _Transfer(sender, 0, b"", now_us, now_us, check=removal, conclude=conclude)
+        return self._advance_check(self._transfer, removal, now_us)
 
     def item(self, message: Message, sender: Sender, now_us: int) -> Reply:
         """Take MISSION_ITEM_INT or MISSION_ITEM."""
         transfer = self._transfer
         if transfer is None or transfer.sender.identity != sender.identity:
             return self._unexpected(message, sender)
-        if transfer.judging is not None:
+        if transfer.check is not None:
             return Reply()
         if message.seq != len(transfer.items):
-            return self._ask_again(transfer, now_us)
+            return self._request_again(transfer, now_us)
         item = self._readable(message)
         if isinstance(item, ItemFault):
-            verdict = Verdict(item.result, reason=f"item {message.seq}: {item.reason}")
-            return self._end(transfer, item, verdict, now_us)
+            outcome = Outcome(item.result, reason=f"item {message.seq}: {item.reason}")
+            return self._end(transfer, item, outcome, now_us)
         transfer.take(item, now_us)
         if len(transfer.items) < transfer.count:
             return Reply((self._request(transfer),))
-        transfer.judging = Stepwise(self._store.accept(transfer.items, now_us))
-        return self._judge(transfer, transfer.judging, now_us)
+        transfer.check = Stepwise(self._store.accept(transfer.items, now_us))
+        return self._advance_check(transfer, transfer.check, now_us)
 
     def cancel(self, sender: Sender) -> None:
-        """Take a MISSION_ACK by the uploader: it ends its upload."""
-        if self.is_foreign(sender) or self._store.is_writing:
+        """Take a MISSION_ACK of the uploader: cancel its upload."""
+        if self.is_by_another(sender) or self._store.is_writing:
             return
         self._transfer = None
 
     def tick(self, now_us: int) -> Reply:
-        """Judge, ask again, or give up."""
+        """Continue the check, request again, or time out."""
         transfer = self._transfer
         if transfer is None:
             return Reply()
-        if transfer.judging is not None:
-            return self._judge(transfer, transfer.judging, now_us)
-        if now_us - transfer.progress_us >= SILENCE_LIMIT_US:
+        if transfer.check is not None:
+            return self._advance_check(transfer, transfer.check, now_us)
+        if now_us - transfer.progress_us >= TIMEOUT_US:
             self._transfer = None
             text = f"item {len(transfer.items)} of {transfer.count} did not arrive"
-            return Reply((self._ack(transfer.sender, Verdict(CANCELLED)),), text)
-        if now_us - transfer.asked_us < transfer.retry_us:
+            return Reply((self._ack(transfer.sender, Outcome(CANCELLED)),), text)
+        if now_us - transfer.requested_us < transfer.retry_us:
             return Reply()
-        transfer.asked_us = now_us
+        transfer.requested_us = now_us
         transfer.retries += 1
         return Reply((self._request(transfer),))
 
-    def _is_echo(self, opening: bytes, now_us: int) -> bool:
-        """Whether a COUNT is a late copy, frame number and all, of one that has been served."""
-        ending = self._ending
+    def _is_duplicate(self, opening: bytes, now_us: int) -> bool:
+        """Whether a COUNT is an identical frame to that of the transfer that has all items."""
+        transfer, last = self._transfer, self._last_transfer
+        if transfer is not None:
+            return transfer.check is not None and opening == transfer.opening != b""
         return (
-            self._transfer is None
-            and ending is not None
-            and opening == ending.opening != b""
-            and now_us - ending.time_us < ECHO_US
+            last is not None
+            and opening == last.opening != b""
+            and now_us - last.time_us < DUPLICATE_US
         )
 
     def _readable(self, message: Message) -> StoredItem | ItemFault:
@@ -228,39 +232,41 @@ class UploadReceiver:
         return self._store.fault_of(message.seq, item) or item
 
     def _unexpected(self, message: Message, sender: Sender) -> Reply:
-        """An item out of any transfer of its sender's: the last one again, or a stray."""
-        ending = self._ending
-        if ending is not None and (sender.identity, message.seq) == (ending.identity, ending.seq):
-            same = _as_text(self._readable(message)) == _as_text(ending.item)
-            return Reply((self._ack(sender, ending.verdict),)) if same else Reply()
+        """Take an item without a transfer of its sender: a repeated last one or another one."""
+        last = self._last_transfer
+        if last is not None and (sender.identity, message.seq) == (last.identity, last.seq):
+            same = _as_text(self._readable(message)) == _as_text(last.item)
+            return Reply((self._ack(sender, last.outcome),)) if same else Reply()
         busy = self._transfer is not None
-        return Reply((self._ack(sender, Verdict(_DENIED)),)) if busy else Reply()
+        return Reply((self._ack(sender, Outcome(_DENIED)),)) if busy else Reply()
 
-    def _ask_again(self, transfer: _Transfer, now_us: int) -> Reply:
-        if now_us - transfer.asked_us < _REASK_US:
+    def _request_again(self, transfer: _Transfer, now_us: int) -> Reply:
+        if now_us - transfer.requested_us < _REQUEST_INTERVAL_MIN_US:
             return Reply()
-        transfer.asked_us = now_us
+        transfer.requested_us = now_us
         return Reply((self._request(transfer),))
 
-    def _judge(self, transfer: _Transfer, judging: Stepwise[Verdict], now_us: int) -> Reply:
-        if not judging.advance(JUDGING_BUDGET):
+    def _advance_check(self, transfer: _Transfer, check: Stepwise[Outcome], now_us: int) -> Reply:
+        if not check.advance(CHECK_BUDGET):
             return Reply()
         if transfer.conclude is None:
-            return self._end(transfer, transfer.items[-1], judging.result, now_us)
+            return self._end(transfer, transfer.items[-1], check.result, now_us)
         self._transfer = None
-        return transfer.conclude(judging.result)
+        return transfer.conclude(check.result)
 
     def _end(
-        self, transfer: _Transfer, item: StoredItem | ItemFault, verdict: Verdict, now_us: int
+        self, transfer: _Transfer, item: StoredItem | ItemFault, outcome: Outcome, now_us: int
     ) -> Reply:
         sender = transfer.sender
         seq = len(transfer.items) - (not isinstance(item, ItemFault))
         self._transfer = None
-        self._ending = _Ending(now_us, transfer.opening, sender.identity, seq, item, verdict)
-        return self._answer(sender, verdict)
+        self._last_transfer = _LastTransfer(
+            now_us, transfer.opening, sender.identity, seq, item, outcome
+        )
+        return self._answer(sender, outcome)
 
-    def _answer(self, sender: Sender, verdict: Verdict) -> Reply:
-        return Reply((self._ack(sender, verdict),), verdict.reason)
+    def _answer(self, sender: Sender, outcome: Outcome) -> Reply:
+        return Reply((self._ack(sender, outcome),), outcome.reason)
 
     def _request(self, transfer: _Transfer) -> Outgoing:
         message = mavlink.MAVLink_mission_request_int_message(
@@ -271,8 +277,8 @@ class UploadReceiver:
         )
         return Outgoing(message, transfer.sender.address)
 
-    def _ack(self, sender: Sender, verdict: Verdict) -> Outgoing:
-        return acknowledge(sender, verdict.result, self._mission_type, verdict.plan_id)
+    def _ack(self, sender: Sender, outcome: Outcome) -> Outgoing:
+        return acknowledge(sender, outcome.result, self._mission_type, outcome.plan_id)
 
 
 def acknowledge(sender: Sender, result: int, mission_type: int, plan_id: int = 0) -> Outgoing:
@@ -288,5 +294,5 @@ def acknowledge(sender: Sender, result: int, mission_type: int, plan_id: int = 0
 
 
 def _as_text(item: StoredItem | ItemFault) -> str:
-    """Comparable form of an item, in which NaN equals NaN."""
+    """Comparable form of an item in which NaN equals NaN."""
     return repr(item)

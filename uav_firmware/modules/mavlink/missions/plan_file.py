@@ -1,8 +1,8 @@
-"""A plan as bytes for the vehicle's storage, and back: pure.
+"""File format of a plan in the vehicle's storage. Pure.
 
     magic "UAVP" | version | mission type | number of items | items | CRC32 over all before
 
-Little-endian. An item is laid out as the opaque id counts it, and its `current` flag.
+Little-endian. An item has the layout of `mission_items.plan_id` plus its `current` flag.
 """
 
 import struct
@@ -20,11 +20,11 @@ _CHECKSUM: Final = struct.Struct("<I")
 
 
 class PlanFileError(ValueError):
-    """The bytes are no plan of this kind; the message says why."""
+    """The file is not a valid plan of this type; the message says why."""
 
 
 def encode(mission_type: int, items: Sequence[StoredItem]) -> bytes:
-    """Bytes of a plan of some MAV_MISSION_TYPE."""
+    """Encode a plan of a MAV_MISSION_TYPE."""
     body = _HEADER.pack(_MAGIC, _VERSION, mission_type, len(items)) + b"".join(
         _ITEM.pack(
             item.frame,
@@ -42,21 +42,21 @@ def encode(mission_type: int, items: Sequence[StoredItem]) -> bytes:
 
 
 def decode(mission_type: int, contents: bytes) -> tuple[StoredItem, ...]:
-    """Items of a plan.
+    """Decode the items of a plan.
 
     Raises:
-        PlanFileError: if the bytes are cut off, damaged, or not such a plan.
+        PlanFileError: if the file is truncated, damaged, or of another type.
     """
     if len(contents) < _HEADER.size + _CHECKSUM.size:
-        raise PlanFileError("the file is cut off")
+        raise PlanFileError("the file is truncated")
     body = contents[: -_CHECKSUM.size]
     magic, version, kind, count = _HEADER.unpack_from(body)
     if magic != _MAGIC:
-        raise PlanFileError("the file is no plan")
+        raise PlanFileError("the file is not a plan")
     if version != _VERSION:
         raise PlanFileError(f"the file has version {version}, not {_VERSION}")
     if len(body) != _HEADER.size + count * _ITEM.size:
-        raise PlanFileError("the file is cut off")
+        raise PlanFileError("the file is truncated")
     if _CHECKSUM.unpack(contents[-_CHECKSUM.size :]) != (zlib.crc32(body),):
         raise PlanFileError("the file is damaged")
     if kind != mission_type:

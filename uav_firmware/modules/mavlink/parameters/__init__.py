@@ -1,1 +1,1 @@
-"""The parameter protocol and the parameters' description."""
+"""The parameter protocol, and parameters as a file."""

@@ -1,8 +1,8 @@
-"""The parameter protocol's vehicle end, PX4 style: INT32 and REAL32, bytewise, with a hash.
+"""Server of the parameter protocol as in PX4: INT32 and REAL32, bytewise encoding, hash.
 
-Sans-IO. `_HASH_CHECK` stands first in the list: CRC32 over the sorted names and raw values of
-the parameters that do not change by themselves. A ground station that already knows the values
-answers with PARAM_SET `_HASH_CHECK`, and the list stops.
+Sans-IO. The list begins with `_HASH_CHECK`: CRC32 over the sorted names and raw values of all
+parameters that are not volatile. A ground station with these values in its cache answers with
+PARAM_SET `_HASH_CHECK`, which stops the list.
 """
 
 import struct
@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Final
 
 from uav_firmware.cal.link import Address
-from uav_firmware.modules.mavlink.parameters.vehicle_facts import FACTS
 from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender, is_for_us
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
@@ -29,14 +28,24 @@ from uav_firmware.parameters import (
     ParameterTypeError,
     Registry,
     UnknownParameterError,
+    param,
 )
 
+_DJI_F450: Final = 4011
+"""PX4's airframe number."""
+_SIMULATED_IMU: Final = 1310988
+_SIMULATED_MAG: Final = 197388
+"""PX4's ids of simulated sensors, which need no calibration."""
+_STICKS_FROM_MAVLINK: Final = 1
+READ_ONLY: Final = frozenset(
+    {"SYS_AUTOSTART", "CAL_GYRO0_ID", "CAL_ACC0_ID", "CAL_MAG0_ID", "COM_RC_IN_MODE"}
+)
+"""Names of the parameters that are read only."""
 HASH_NAME: Final = "_HASH_CHECK"
 VALUES_PER_SECOND: Final = 1000
-"""Pace of the list, in vehicle time: 40 kB/s, a third of a 1 Mbit/s link."""
+"""Rate of the list in vehicle time: 40 kB/s, a third of a 1 Mbit/s link."""
 _MAX_VALUES_PER_TICK: Final = 40
 _NO_INDEX: Final = 0xFFFF
-
 _INT32: Final[int] = mavlink.MAV_PARAM_TYPE_INT32
 _REAL32: Final[int] = mavlink.MAV_PARAM_TYPE_REAL32
 _UINT32: Final[int] = mavlink.MAV_PARAM_TYPE_UINT32
@@ -52,9 +61,40 @@ _ERROR_CODES: Final[Mapping[type[ParameterError], int]] = {
 }
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleFacts:
+    """Read-only parameters that describe the vehicle.
+
+    QGroundControl's setup pages read the airframe, the calibrated sensors and the source of sticks,
+    and show a vehicle without them as not set up.
+    """
+
+    airframe: int = param(
+        "SYS_AUTOSTART", _DJI_F450, unit="1", minimum=_DJI_F450, maximum=_DJI_F450,
+        short="Airframe number of PX4; read only",
+    )  # fmt: skip
+    gyro_id: int = param(
+        "CAL_GYRO0_ID", _SIMULATED_IMU, unit="1", minimum=_SIMULATED_IMU, maximum=_SIMULATED_IMU,
+        short="Id of the calibrated gyroscope; read only",
+    )  # fmt: skip
+    accelerometer_id: int = param(
+        "CAL_ACC0_ID", _SIMULATED_IMU, unit="1", minimum=_SIMULATED_IMU, maximum=_SIMULATED_IMU,
+        short="Id of the calibrated accelerometer; read only",
+    )  # fmt: skip
+    magnetometer_id: int = param(
+        "CAL_MAG0_ID", _SIMULATED_MAG, unit="1", minimum=_SIMULATED_MAG, maximum=_SIMULATED_MAG,
+        short="Id of the calibrated magnetometer; read only",
+    )  # fmt: skip
+    sticks: int = param(
+        "COM_RC_IN_MODE", _STICKS_FROM_MAVLINK, unit="1",
+        minimum=_STICKS_FROM_MAVLINK, maximum=_STICKS_FROM_MAVLINK,
+        short="Source of sticks: 1 MANUAL_CONTROL only; read only",
+    )  # fmt: skip
+
+
 @dataclass(slots=True)
 class _Listing:
-    """A list that is being sent to one peer."""
+    """A list in progress to one peer."""
 
     next_index: int
     sent_us: int
@@ -71,7 +111,7 @@ class ParameterServer:
         save: Callable[[], None],
         texts: StatusTexts,
     ) -> None:
-        """Take the parameters, and `save`, called after a change, which may raise OSError."""
+        """`save` is called after a change and may raise OSError."""
         self._system_id = system_id
         self._registry = registry
         self._save = save
@@ -94,11 +134,11 @@ class ParameterServer:
         return self._read(message, sender)
 
     def tick(self, now_us: int) -> list[Outgoing]:
-        """Send the next values of the lists under way."""
+        """Send the next values of lists and changes."""
         if own := self._registry.take_put_back():
             self._index_names()
             self._changed.extend(own)
-        outgoing = self._told()
+        outgoing = self._next_changes()
         for address, listing in list(self._listings.items()):
             due = (now_us - listing.sent_us) * VALUES_PER_SECOND // 1_000_000
             if due == 0:
@@ -112,31 +152,31 @@ class ParameterServer:
                 del self._listings[address]
         return outgoing
 
-    def changed_together(self, names: Iterable[str]) -> list[Outgoing]:
-        """Tell every peer, tick by tick, what has been set in another way; keep it."""
+    def on_file_upload(self, names: Iterable[str]) -> list[Outgoing]:
+        """Save parameters set by a file, and send them to every peer over the next ticks."""
         self._index_names()
         self._changed.extend(names)
         return self._saved()
 
-    def forget(self, address: Address) -> None:
-        """Stop the list to a peer that is gone."""
+    def drop_peer(self, address: Address) -> None:
+        """Stop the list to a peer whose channel is closed."""
         self._listings.pop(address, None)
 
     def hash_value(self) -> int:
-        """CRC32 over the parameters as PX4 and QGroundControl compute it: no inversions."""
+        """CRC32 over the parameters as in PX4 and QGroundControl: without inversion."""
         state = 0xFFFFFFFF  # zlib inverts at both ends; starting inverted undoes the first
         for name in self._registry.names():
             if not self._registry.declaration(name).is_volatile:
                 state = zlib.crc32(name.encode("ascii") + self._raw(name), state)
         return state ^ 0xFFFFFFFF
 
-    def _told(self) -> list[Outgoing]:
-        """Some of the values that every peer is to be told."""
+    def _next_changes(self) -> list[Outgoing]:
+        """Next changed values for every peer."""
         count = min(len(self._changed), _MAX_VALUES_PER_TICK)
         return [Outgoing(self._value(self._changed.popleft())) for _ in range(count)]
 
     def _index_names(self) -> None:
-        """Number the parameters; a later registration of more makes the numbers anew."""
+        """Index the parameters; repeated when more are registered."""
         names = self._registry.names()
         if len(names) != len(self._names):
             self._names = names
@@ -158,7 +198,7 @@ class ParameterServer:
     def _set(self, message: Message, sender: Sender) -> list[Outgoing]:
         name: str = message.param_id
         if name == HASH_NAME:
-            self.forget(sender.address)
+            self.drop_peer(sender.address)
             return []
         fault = self._change(name, message)
         if fault is None:
@@ -166,17 +206,17 @@ class ParameterServer:
         error = self._error(name, self._indices.get(name, -1), fault, sender)
         if name not in self._indices:
             return [error]
-        # The error first: a client that compares the value would take it for a lost PARAM_SET.
+        # The error is first: a client that compares the value assumes a lost PARAM_SET
         return [error, Outgoing(self._value(name), sender.address)]
 
     def _change(self, name: str, message: Message) -> int | None:
-        """Change a value; gives the MAV_PARAM_ERROR when it is refused."""
+        """Change a value; return a MAV_PARAM_ERROR when it is refused."""
         try:
             is_integer = self._registry.declaration(name).is_integer
             value = _carried_value(message, is_integer=is_integer)
             if value is None:
                 return MAV_PARAM_ERROR_TYPE_MISMATCH
-            if name in FACTS:
+            if name in READ_ONLY:
                 return None if value == self._registry.get(name) else _READ_ONLY
             self._registry.set(name, value)
         except ParameterError as error:
@@ -184,12 +224,12 @@ class ParameterServer:
         return None
 
     def _saved(self) -> list[Outgoing]:
-        """Keep the values across a restart; the operator hears when that fails."""
+        """Save the values; on failure return a STATUSTEXT."""
         try:
             self._save()
         except OSError as error:
             text = f"Parameters not saved: {error.strerror}"
-            return self._texts.say(mavlink.MAV_SEVERITY_WARNING, text)
+            return self._texts.encode(mavlink.MAV_SEVERITY_WARNING, text)
         return []
 
     def _raw(self, name: str) -> bytes:
@@ -224,11 +264,10 @@ class ParameterServer:
 
 
 def _carried_value(message: Message, *, is_integer: bool) -> float | None:
-    """What a PARAM_SET sets; None when it is of another type than the parameter.
+    """Value of a PARAM_SET; None when its type does not match.
 
-    A whole number as REAL32 sets an INT32 too: MAVProxy sends it so once it has the parameters
-    from the file. The bytes of a small integer under that type are no whole number, unless it is
-    0, which is the same in both.
+    An integer as REAL32 also sets an INT32, as MAVProxy sends it after reading the parameter file.
+    The bits of a small INT32 other than 0 are not an integer as REAL32, so this is unambiguous.
     """
     raw = raw_param_value(message)
     if is_integer and message.param_type == _INT32:

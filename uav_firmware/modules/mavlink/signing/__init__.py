@@ -1,1 +1,1 @@
-"""MAVLink 2 signatures: keys, checks, set-up over a link."""
+"""MAVLink 2 signatures: keys, verification, set-up over a link."""

@@ -1,4 +1,4 @@
-"""Whom the vehicle listens to: the keys, and which link must be signed.
+"""Admission of messages by signature: keys, and which link must be signed.
 
 | link | MAV_SIGN_CFG 0 | 1 | 2 |
 |---|---|---|---|
@@ -6,41 +6,59 @@
 | loopback, while a configured peer on it has no key | open | open | any key |
 | all others | open | any key | any key |
 
-"Any key" is one that the vehicle holds; while it holds none, every link is open. On an open
-link unsigned frames are listened to; a signed one must be genuine, and is answered with the
-same key. RADIO_STATUS is listened to unsigned on every link: modems have no keys.
+"Any key" is a key of the vehicle; without one, every link is open. On an open link unsigned
+frames are admitted; a signed one must be genuine, and is answered with the same key.
+RADIO_STATUS is admitted unsigned on every link, because modems have no keys.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from uav_firmware.cal.link import Address
 from uav_firmware.modules.mavlink.signing.signature import Refusal, Signer, SigningClock
-from uav_firmware.modules.mavlink.signing.signing_params import (
-    SIGN_ALWAYS,
-    SIGN_BEYOND_LOOPBACK,
-    SIGN_NEVER,
-)
 from uav_firmware.modules.mavlink.wire.dialect import Message, is_signed, is_version_1
 from uav_firmware.modules.mavlink.wire.peers import Channel, PeerTable
-from uav_firmware.parameters import Registry, UnknownParameterError
+from uav_firmware.parameters import Registry, UnknownParameterError, param
 
+SIGN_NEVER = 0
+SIGN_BEYOND_LOOPBACK = 1
+SIGN_ALWAYS = 2
 _NO_KEY: Final = bytes(32)
 
 
-class Verdict(NamedTuple):
-    """What becomes of a received message."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SigningParams:
+    """Which links must be signed; name and values are PX4 1.17's.
 
-    refusal: Refusal | None = None  # None: it is listened to
-    signer: Signer | None = None  # The key that the sender is answered with
-    genuine: bool = False  # Signed with a key that the vehicle holds
+    The loopback interface corresponds to PX4's USB link: its senders run on the same machine. PX4's
+    default is 0; without a key the value has no effect here.
+    """
+
+    sign_cfg: int = param(
+        "MAV_SIGN_CFG",
+        SIGN_BEYOND_LOOPBACK,
+        unit="1",
+        minimum=SIGN_NEVER,
+        maximum=SIGN_ALWAYS,
+        short="Links that must be signed if the vehicle has a key: 0 none, 1 all but loopback "
+        "while a configured peer there has no key, 2 all",
+    )
 
 
-_OPEN: Final = Verdict()
+class Admission(NamedTuple):
+    """Result of the check of a received message."""
+
+    refusal: Refusal | None = None  # None: the message is admitted
+    signer: Signer | None = None  # Signs the frames to the sender
+    genuine: bool = False  # Signed with a key of the vehicle
+
+
+_OPEN: Final = Admission()
 
 
 class LinkSecurity:
-    """The vehicle's keys and the rules for their use."""
+    """The keys of the vehicle and the rules for their use."""
 
     def __init__(
         self,
@@ -51,10 +69,10 @@ class LinkSecurity:
         shared_key: bytes | None,
         clock: SigningClock,
     ) -> None:
-        """Take the keys of configured peers, and the one set by SETUP_SIGNING if there is one.
+        """Use the keys of configured peers, and the one set by SETUP_SIGNING if there is one.
 
         Raises:
-            ValueError: if a key is none.
+            ValueError: if a key is invalid.
         """
         self._registry = registry
         self._registry_version = -1
@@ -66,19 +84,19 @@ class LinkSecurity:
         self._own = {address: self._signer(key) for address, key in keys.items()}
         self._shared: Signer | None = None
         self._any: Sequence[Signer] = ()
-        self.share(shared_key)
+        self.set_shared_key(shared_key)
 
     @property
     def has_key(self) -> bool:
-        """Whether the vehicle holds any key."""
+        """Whether the vehicle has any key."""
         return bool(self._any)
 
     def has_own_key(self, address: Address) -> bool:
-        """Whether a link has a key that was configured for it."""
+        """Whether a link has its own configured key."""
         return address in self._own
 
-    def share(self, key: bytes | None) -> None:
-        """Take the key for all links without one of their own; None or zeros takes it away.
+    def set_shared_key(self, key: bytes | None) -> None:
+        """Set the key of all links without their own; None or zeros remove it.
 
         Raises:
             ValueError: if the key is not 32 bytes.
@@ -89,7 +107,7 @@ class LinkSecurity:
         self._registry_version = -1
 
     def refresh(self) -> None:
-        """Follow the parameter and the keys: which of the configured peers is sent signatures."""
+        """Apply MAV_SIGN_CFG and the keys to the channels."""
         if self._registry.version == self._registry_version:
             return
         self._registry_version = self._registry.version
@@ -97,45 +115,45 @@ class LinkSecurity:
         self._loopback_open = any(
             is_loopback(channel.address) and channel.address not in self._own
             for channel in self._peers
-            if not channel.learnt
+            if not channel.discovered
         )
         for channel in self._peers:
             if self._must_sign(channel.address):
-                channel.signer = channel.signer or self._answering(channel.address)
-            elif not channel.learnt:
+                channel.signer = channel.signer or self._default_signer(channel.address)
+            elif not channel.discovered:
                 channel.signer = None
 
-    def judge(self, message: Message, address: Address, channel: Channel | None) -> Verdict:
-        """Whether a message from an address is listened to."""
+    def check(self, message: Message, address: Address, channel: Channel | None) -> Admission:
+        """Check whether a message from an address is admitted."""
         if self._mode == SIGN_NEVER:
             return _OPEN
         own = self._own.get(address)
         if is_signed(message):
-            return self._judge_signature(message, self._any if own is None else (own,))
+            return self._verify_signature(message, self._any if own is None else (own,))
         if message.get_type() == "RADIO_STATUS":
-            return _OPEN if channel is None else Verdict(signer=channel.signer)
+            return _OPEN if channel is None else Admission(signer=channel.signer)
         if not self._must_sign(address):
             return _OPEN
-        return Verdict(Refusal.VERSION_1 if is_version_1(message) else Refusal.UNSIGNED)
+        return Admission(Refusal.VERSION_1 if is_version_1(message) else Refusal.UNSIGNED)
 
     def _configured_mode(self) -> int:
-        """MAV_SIGN_CFG, or its default in a vehicle that does not declare it."""
+        """MAV_SIGN_CFG, or its default if it is not declared."""
         try:
             return int(self._registry.get("MAV_SIGN_CFG"))
         except UnknownParameterError:
             return SIGN_BEYOND_LOOPBACK
 
     @staticmethod
-    def _judge_signature(message: Message, signers: Sequence[Signer]) -> Verdict:
+    def _verify_signature(message: Message, signers: Sequence[Signer]) -> Admission:
         frame = bytes(message.get_msgbuf())
         system, component = message.get_srcSystem(), message.get_srcComponent()
         for signer in signers:
-            refusal = signer.judge(frame, system, component)
+            refusal = signer.verify(frame, system, component)
             if refusal is None:
-                return Verdict(signer=signer, genuine=True)
+                return Admission(signer=signer, genuine=True)
             if refusal is not Refusal.BAD_SIGNATURE:
-                return Verdict(refusal)
-        return Verdict(Refusal.BAD_SIGNATURE)
+                return Admission(refusal)
+        return Admission(Refusal.BAD_SIGNATURE)
 
     def _must_sign(self, address: Address) -> bool:
         if self._mode == SIGN_NEVER:
@@ -144,17 +162,17 @@ class LinkSecurity:
             return True
         return not (self._loopback_open and is_loopback(address))
 
-    def _answering(self, address: Address) -> Signer:
-        """The key for a peer that has said nothing yet."""
+    def _default_signer(self, address: Address) -> Signer:
+        """Key for a peer that has sent no message yet."""
         return self._own.get(address) or self._shared or self._any[0]
 
     def _signer(self, key: bytes) -> Signer:
-        """One object per key: what was heard on one link is not heard again on another."""
+        """One signer per key, so that a frame of one link is a replay on another."""
         if key not in self._signers:
             self._signers[key] = Signer(key, self._clock)
         return self._signers[key]
 
 
 def is_loopback(address: Address) -> bool:
-    """Whether a numeric IPv4 address is one that only this machine itself can have sent from."""
+    """Whether a numeric IPv4 address belongs to the loopback interface."""
     return address[0].startswith("127.")

@@ -1,12 +1,12 @@
-"""MAVLink 2 signatures: a frame is from who holds the key, and is heard once.
+"""MAVLink 2 signatures: authenticate frames and refuse replays.
 
 A signed frame ends in a trailer of 13 bytes: link id (1), time (6, little endian, in units of
-10 us since 2015-01-01 UTC), mark (6). The mark is the first 48 bits of SHA-256 over the secret
-key and the whole frame up to the mark (MAVLink guide, "Message Signing").
+10 us since 2015-01-01 UTC), signature (6). The signature is the first 48 bits of SHA-256 over the
+secret key and the frame up to the signature (MAVLink guide, "Message Signing").
 
-Nothing of a frame is believed, and nothing kept of it, before its mark has been found right.
-pymavlink 2.4.50 does it the other way round, so that one forged frame with a time in the far
-future locks the genuine sender out.
+The signature is verified before any field of the frame is used or stored. pymavlink 2.4.50 stores
+the time first, so that one forged frame with a time in the far future locks the genuine sender
+out.
 """
 
 import hashlib
@@ -21,19 +21,19 @@ TICK_US: Final = 10
 EPOCH_US: Final = 1_420_070_400_000_000
 """2015-01-01 00:00 UTC [us since 1970]."""
 LATEST: Final = (1 << 48) - (1 << 44)
-"""Times beyond (the year 2098) are refused: a clock pushed to its end could not go on."""
+"""Later times (beyond the year 2098) are refused, because the clock could not advance further."""
 NEW_STREAM_WINDOW: Final = 60_000_000 // TICK_US
-"""How far behind the own clock the first frame of a stream may be [ticks]: one minute."""
+"""Largest lag of the first frame of a stream behind the own clock [ticks]: one minute."""
 MAX_STREAMS: Final = 256
-"""Streams kept for a key; only who holds the key can make one."""
+"""Streams stored per key; only a holder of the key can create one."""
 
-_MARK_LENGTH: Final = 6
+_SIGNATURE_LENGTH: Final = 6
 _TIME: Final = slice(-12, -6)
 _LINK: Final = -13
 
 
 class Refusal(Enum):
-    """Why a whole, undamaged frame is not listened to."""
+    """Reason why a frame with a valid checksum is refused."""
 
     UNSIGNED = "unsigned"
     BAD_SIGNATURE = "bad signature"
@@ -42,7 +42,7 @@ class Refusal(Enum):
 
 
 class Stream(NamedTuple):
-    """Frames whose times must rise."""
+    """Source of frames with increasing times."""
 
     link: int
     system: int
@@ -50,86 +50,88 @@ class Stream(NamedTuple):
 
 
 class SigningClock:
-    """The time of signatures: that of the world, but never back and never twice the same.
+    """Time of signatures: UTC, strictly increasing.
 
-    A world clock that is wrong or was never set is put right by the newest genuine frame, and
-    by what was kept of an earlier run.
+    The newest genuine frame and the stored state of an earlier run correct a world clock that is
+    wrong or not set.
     """
 
-    def __init__(self, world_us: Callable[[], int], *, used: int = 0, heard: int = 0) -> None:
-        """Start at the world's time or later.
+    def __init__(self, world_us: Callable[[], int], *, used: int = 0, observed: int = 0) -> None:
+        """Start at the world time or later.
 
         Args:
-            world_us: Gives the world's time [us since 1970].
-            used: A time that no earlier run has gone beyond in sending [ticks].
-            heard: A time that an earlier run has certainly reached [ticks].
+            world_us: Returns the world time [us since 1970].
+            used: A time that no frame sent by an earlier run exceeds [ticks].
+            observed: A time that an earlier run has reached [ticks].
         """
         self._world_us = world_us
         self._used = used
-        self._heard = heard
+        self._observed = observed
 
     @property
     def used(self) -> int:
-        """Time of the newest frame that was sent, or one that it must be above [ticks]."""
+        """Lower bound of the time of the next frame to send [ticks]."""
         return self._used
 
     def now(self) -> int:
-        """The present time, as far as it is known [ticks]."""
-        return max((self._world_us() - EPOCH_US) // TICK_US, self._heard)
+        """Best estimate of the present time [ticks]."""
+        return max((self._world_us() - EPOCH_US) // TICK_US, self._observed)
 
     def next(self) -> int:
-        """A time for the next frame to be sent [ticks]."""
+        """Time for the next frame to send [ticks]."""
         self._used = max(self._used + 1, self.now())
         return self._used
 
-    def hear(self, time: int) -> None:
-        """Take note of the time in a genuine frame, or of one set by hand [ticks]."""
-        self._heard = max(self._heard, time)
+    def observe(self, time: int) -> None:
+        """Advance to the time of a genuine frame or of SETUP_SIGNING [ticks]."""
+        self._observed = max(self._observed, time)
 
 
 class Signer:
-    """One secret key: marks what is sent, judges what is heard."""
+    """Signs and verifies frames with one secret key."""
 
     def __init__(self, key: bytes, clock: SigningClock) -> None:
-        """Take a key.
+        """Use a key.
 
         Raises:
-            ValueError: if it is not 32 bytes, or all of them zero, which means no key.
+            ValueError: if it is not 32 bytes, or all zeros, which means no key.
         """
         if len(key) != KEY_LENGTH:
             raise ValueError(f"a signing key has {KEY_LENGTH} bytes, not {len(key)}")
         if not any(key):
-            raise ValueError("a signing key of zeros is none")
+            raise ValueError("a signing key must not be all zeros")
         self._key = key
         self._clock = clock
         self._newest: dict[Stream, int] = {}
 
     def sign(self, frame: bytes, link: int) -> bytes:
-        """Complete a frame whose header says that it is signed."""
+        """Append the signature to a frame whose header has the signed flag."""
         body = frame + bytes((link,)) + self._clock.next().to_bytes(6, "little")
-        return body + self._mark(body)
+        return body + self._signature(body)
 
-    def judge(self, frame: bytes, system: int, component: int) -> Refusal | None:
-        """Why a signed frame is refused; None for a genuine one, which is then taken note of."""
-        if not hmac.compare_digest(self._mark(frame[:-_MARK_LENGTH]), frame[-_MARK_LENGTH:]):
+    def verify(self, frame: bytes, system: int, component: int) -> Refusal | None:
+        """Return why a signed frame is refused; None for a genuine one, whose time is stored."""
+        if not hmac.compare_digest(
+            self._signature(frame[:-_SIGNATURE_LENGTH]), frame[-_SIGNATURE_LENGTH:]
+        ):
             return Refusal.BAD_SIGNATURE
         time = int.from_bytes(frame[_TIME], "little")
         stream = Stream(frame[_LINK], system, component)
-        if time > LATEST or not self._is_news(stream, time):
+        if time > LATEST or not self._is_newer(stream, time):
             return Refusal.REPLAYED
         self._newest[stream] = time
-        self._clock.hear(time)
+        self._clock.observe(time)
         return None
 
-    def _is_news(self, stream: Stream, time: int) -> bool:
+    def _is_newer(self, stream: Stream, time: int) -> bool:
         newest = self._newest.get(stream)
         if newest is not None:
             return time > newest
         oldest = self._clock.now() - NEW_STREAM_WINDOW
         if len(self._newest) >= MAX_STREAMS:
-            # Below the window a new stream is refused anyway: such an entry guards nothing.
+            # Entries below the window are useless: a new stream there is refused anyway
             self._newest = {one: last for one, last in self._newest.items() if last >= oldest}
         return time >= oldest and len(self._newest) < MAX_STREAMS
 
-    def _mark(self, covered: bytes) -> bytes:
-        return hashlib.sha256(self._key + covered).digest()[:_MARK_LENGTH]
+    def _signature(self, covered: bytes) -> bytes:
+        return hashlib.sha256(self._key + covered).digest()[:_SIGNATURE_LENGTH]

@@ -1,7 +1,7 @@
-"""SETUP_SIGNING(256): a key, or none, set over a link that is trusted with it.
+"""SETUP_SIGNING(256): sets or removes a key over a trusted link.
 
-The message carries the secret in the clear, so it is never forwarded, answered or repeated in
-words, and which links may bring it is told by configuration: none unless asked for.
+The message carries the secret in the clear, so it is never forwarded, answered or logged. The
+configuration names the trusted links; by default there is none.
 """
 
 from enum import Enum
@@ -21,15 +21,15 @@ class SetupTrust(Enum):
     """Which links may set the key."""
 
     NEVER = "never"
-    SIGNED = "signed"  # Whoever signs with a key that the vehicle holds
-    LOOPBACK = "loopback"  # These, and the programs of this machine
+    SIGNED = "signed"  # Senders that sign with a key of the vehicle
+    LOOPBACK = "loopback"  # These, and programs of this machine
 
 
 _YEAR: Final = 365 * 24 * 3600 * 100_000  # [ticks]
 
 
 class SigningSetup:
-    """Judges SETUP_SIGNING and carries it out."""
+    """Checks and executes SETUP_SIGNING."""
 
     def __init__(
         self,
@@ -49,10 +49,10 @@ class SigningSetup:
         self._clock = clock
         self._vehicle_status = vehicle_status
         self._texts = texts
-        self._storing: tuple[bytes, int] | None = None  # Key and time that the medium takes
+        self._storing: tuple[bytes, int] | None = None  # Key and time being stored
 
     def handle(self, message: Message, sender: Sender, _now_us: int) -> list[Outgoing]:
-        """Take the key, or say why not; the sender learns it by STATUSTEXT alone."""
+        """Set the key or refuse it; the result is a STATUSTEXT."""
         if not is_for_us(message, self._system_id):
             return []
         key = bytes(message.secret_key)
@@ -60,18 +60,18 @@ class SigningSetup:
         if refusal is not None:
             return self._refuse(refusal)
         try:
-            self._store.keep_key(key if any(key) else None)
+            self._store.save_key(key if any(key) else None)
         except OSError as error:
             return self._refuse(_unstored(error))
         self._storing = (key, message.initial_timestamp)
         return self.tick()
 
     def tick(self) -> list[Outgoing]:
-        """Use a key once it is stored: one lost by a restart would lock its sender out."""
+        """Use a key once it is stored: losing it in a restart would lock its sender out."""
         if self._storing is None:
             return []
         try:
-            if not self._store.settle():
+            if not self._store.poll():
                 return []
         except OSError as error:
             self._storing = None
@@ -79,16 +79,16 @@ class SigningSetup:
         (key, timestamp), self._storing = self._storing, None
         if (self._store.state.key or bytes(len(key))) != key:
             return self._refuse("it cannot be stored")
-        self._security.share(key)
+        self._security.set_shared_key(key)
         self._security.refresh()
-        self._clock.hear(timestamp)
-        return self._texts.say(
+        self._clock.observe(timestamp)
+        return self._texts.encode(
             mavlink.MAV_SEVERITY_NOTICE,
             "Signing key set" if any(key) else "Signing key removed",
         )
 
     def _refuse(self, reason: str) -> list[Outgoing]:
-        return self._texts.say(mavlink.MAV_SEVERITY_WARNING, f"SETUP_SIGNING refused: {reason}")
+        return self._texts.encode(mavlink.MAV_SEVERITY_WARNING, f"SETUP_SIGNING refused: {reason}")
 
     def _refusal(self, message: Message, sender: Sender) -> str | None:
         status = self._vehicle_status.value

@@ -1,8 +1,8 @@
-"""What of the signatures must survive a restart: the time, and the key that was set over a link.
+"""Stores the time of signatures and the key of SETUP_SIGNING across restarts.
 
-The stored time lies ahead of the one in use, and is moved before that reaches it. A run that
-begins above it can use no time twice, however the one before has ended; and what the stored
-time lay ahead of, the run before has certainly reached.
+The stored time is ahead of the one in use, and advances before that reaches it. A run that starts
+above it uses no time twice, even after a crash. The stored time less its lead is a time that the
+previous run has reached.
 """
 
 import json
@@ -14,45 +14,45 @@ from uav_firmware.modules.mavlink.signing.signature import KEY_LENGTH, LATEST, T
 
 FILE_NAME: Final = "signing.json"
 AHEAD: Final = 120_000_000 // TICK_US
-"""How far the stored time lies ahead of the one in use [ticks]: two minutes."""
+"""Lead of the stored time over the one in use [ticks]: two minutes."""
 RENEW_WITHIN: Final = AHEAD // 2
-"""It is moved when less than this is left [ticks]: once a minute, as MAVLink asks."""
+"""The stored time advances below this lead [ticks]: once a minute, as MAVLink requires."""
 
 
 class SigningStoreError(ValueError):
-    """What is stored cannot be understood."""
+    """The stored state is invalid."""
 
 
 @dataclass(frozen=True, slots=True)
 class SigningState:
-    """What is kept."""
+    """The stored state."""
 
-    sent_before: int = 0  # [10 us since 2015] No frame was sent at or after this time
+    sent_before: int = 0  # [10 us since 2015] All frames were sent before this
     key: bytes | None = None  # Set by SETUP_SIGNING
 
     @property
     def reached(self) -> int:
-        """A time that has certainly been in use [ticks]."""
+        """A time that has been reached [ticks]."""
         return max(self.sent_before - AHEAD, 0)
 
 
 class SigningStore:
-    """The state of the signatures in the vehicle's storage."""
+    """Loads and saves the state of the signatures."""
 
     def __init__(self, storage: Storage | None) -> None:
-        """Use a storage; without one nothing is kept."""
+        """Use a storage; without one nothing is stored."""
         self._storage = storage
         self._write: Write = WRITTEN
         self._writing = SigningState()
         self.state = SigningState()
-        """What the medium has for certain."""
+        """The state known to be stored."""
 
     def load(self) -> SigningState:
-        """Read what an earlier run has left.
+        """Load the state of an earlier run.
 
         Raises:
-            SigningStoreError: if it cannot be understood.
-            OSError: if it is there and cannot be read.
+            SigningStoreError: if it is invalid.
+            OSError: if it exists and cannot be read.
         """
         contents = None if self._storage is None else self._storage.load(FILE_NAME)
         if contents is not None:
@@ -60,33 +60,33 @@ class SigningStore:
         return self.state
 
     def is_due(self, used: int) -> bool:
-        """Whether the stored time must be moved, `used` [ticks] being in use."""
+        """Whether the stored time must advance; `used` [ticks] is the time in use."""
         return self._writing.sent_before - used < RENEW_WITHIN
 
     def renew(self, used: int) -> None:
-        """Begin to move the stored time ahead of the one in use [ticks].
+        """Start to store a time ahead of the one in use [ticks].
 
         Raises:
-            OSError: if the medium refuses at once.
+            OSError: if the write cannot start.
         """
         self._save(SigningState(used + AHEAD, self._writing.key))
 
-    def keep_key(self, key: bytes | None) -> None:
-        """Begin to keep a key, or none.
+    def save_key(self, key: bytes | None) -> None:
+        """Start to store a key, or its removal.
 
         Raises:
-            OSError: if the medium refuses at once; the former key stays.
+            OSError: if the write cannot start; the previous key stays.
         """
         self._save(SigningState(self._writing.sent_before, key))
 
-    def settle(self, *, wait: bool = False) -> bool:
-        """Take the outcome of what is being written; whether nothing is.
+    def poll(self, *, wait: bool = False) -> bool:
+        """Complete a finished write; return whether no write is in progress.
 
         Args:
-            wait: Wait for it: at the start, never in the control loop.
+            wait: Block until it has finished; at the start only.
 
         Raises:
-            OSError: if the medium has refused it; what was stored before stays.
+            OSError: if the write has failed; the previous state stays.
         """
         if not (wait or self._write.done()):
             return False
@@ -106,7 +106,7 @@ class SigningStore:
             self._write = self._storage.save(FILE_NAME, json.dumps(document).encode())
         self._writing = state
         if self._write.done():
-            self.settle()
+            self.poll()
 
 
 def _read(contents: bytes) -> SigningState:
@@ -115,7 +115,7 @@ def _read(contents: bytes) -> SigningState:
         sent_before, text = document["sent_before"], document["key"]
         key = None if text is None else bytes.fromhex(text)
     except (ValueError, TypeError, KeyError) as error:
-        raise SigningStoreError(f"{FILE_NAME} cannot be understood: {error}") from None
+        raise SigningStoreError(f"{FILE_NAME} is invalid: {error}") from None
     if type(sent_before) is not int or not 0 <= sent_before <= LATEST + AHEAD:
         raise SigningStoreError(f"{FILE_NAME}: sent_before is {sent_before!r}")
     if key is not None and (len(key) != KEY_LENGTH or not any(key)):

@@ -1,1 +1,1 @@
-"""What the vehicle sends by itself: messages, rates, schedules."""
+"""Telemetry: streamed messages, their rates and schedules."""

@@ -1,17 +1,20 @@
-"""Telemetry that is sent at once when something changes, besides its regular rate."""
+"""Telemetry that is also sent at once on a change, and MISSION_ITEM_REACHED."""
 
 from collections.abc import Callable, Hashable
 from typing import Any, Final, NamedTuple
 
 from uav_firmware.bus import Topic
 from uav_firmware.modules.mavlink.telemetry.streams import stream_key
-from uav_firmware.modules.mavlink.topics import MavlinkTopics
-from uav_firmware.modules.mavlink.wire.addressing import CAMERA_COMPONENT
+from uav_firmware.modules.mavlink.wire.addressing import CAMERA_COMPONENT, Outgoing
 from uav_firmware.modules.mavlink.wire.dialect import mavlink
 from uav_firmware.msg.geofence import Fence, RallyPoints
 from uav_firmware.msg.mission import Mission, MissionProgress
 from uav_firmware.msg.payload import CameraStatus, GimbalStatus
 from uav_firmware.msg.status import HomePosition, LandDetected, VehicleStatus
+from uav_firmware.topics import Topics
+
+REPETITIONS: Final = 3
+REPETITION_US: Final = 500_000
 
 
 def _status_key(status: VehicleStatus) -> Hashable:
@@ -36,7 +39,7 @@ def _progress_key(progress: MissionProgress) -> Hashable:
 
 
 def _capture_key(status: CameraStatus) -> Hashable:
-    return status[2:8]  # All that CAMERA_CAPTURE_STATUS tells, but for the room that is left
+    return status[2:8]  # Fields of CAMERA_CAPTURE_STATUS other than the free space
 
 
 def _camera_mode_key(status: CameraStatus) -> Hashable:
@@ -52,9 +55,9 @@ def _gimbal_control_key(status: GimbalStatus) -> Hashable:
 
 
 class _Watch(NamedTuple):
-    """One topic, what of it counts as a change, and what is sent then (as `stream_key`)."""
+    """A topic, the part that is compared, and the messages sent on a change (stream keys)."""
 
-    topic: Callable[[MavlinkTopics], Topic[Any]]
+    topic: Callable[[Topics], Topic[Any]]
     key: Callable[[Any], Hashable]
     message_ids: tuple[int, ...]
 
@@ -70,7 +73,7 @@ _WATCHES: Final = (
         _landed_key,
         (mavlink.MAVLINK_MSG_ID_HEARTBEAT, mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE),
     ),
-    _Watch(lambda topics: topics.home, _home_key, (mavlink.MAVLINK_MSG_ID_HOME_POSITION,)),
+    _Watch(lambda topics: topics.home_position, _home_key, (mavlink.MAVLINK_MSG_ID_HOME_POSITION,)),
     _Watch(lambda topics: topics.mission, _plan_key, (mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,)),
     _Watch(lambda topics: topics.fence, _plan_key, (mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,)),
     _Watch(
@@ -107,18 +110,18 @@ _WATCHES: Final = (
 
 
 class ChangeDetector:
-    """Tells which messages are to be sent at once.
+    """Detects which messages must be sent at once.
 
-    A topic's count is compared first: most steps publish nothing, and then nothing is done.
+    The count of a topic is compared first, because it is unchanged in most steps.
     """
 
-    def __init__(self, topics: MavlinkTopics) -> None:
+    def __init__(self, topics: Topics) -> None:
         self._watched = [(watch, watch.topic(topics)) for watch in _WATCHES]
         self._counts = [0] * len(self._watched)
         self._keys: list[Hashable] = [None] * len(self._watched)
 
     def take(self) -> list[int]:
-        """Ids of the messages whose contents have changed since the last call, each once."""
+        """Keys of the messages whose contents have changed since the last call."""
         changed: dict[int, None] = {}
         for i, (watch, topic) in enumerate(self._watched):
             if topic.count == self._counts[i]:
@@ -129,3 +132,37 @@ class ChangeDetector:
                 self._keys[i] = key
                 changed.update(dict.fromkeys(watch.message_ids))
         return list(changed)
+
+
+class ReachedReporter:
+    """Sends MISSION_ITEM_REACHED to every peer, repeated because it is not acknowledged."""
+
+    def __init__(self) -> None:
+        self._reached_count = 0
+        self._mission = (0, 0)  # Id and time of acceptance
+        self._seq = 0
+        self._left = 0
+        self._due_us = 0
+
+    def tick(self, progress: MissionProgress | None, now_us: int) -> list[Outgoing]:
+        """Messages due now; a newer item or another mission ends the repetitions."""
+        if progress is None:
+            return []
+        mission = (progress.mission_id, progress.mission_time_us)
+        if progress.reached_count != self._reached_count:
+            new = progress.latest_reached[self._reached_count - progress.reached_count :]
+            self._reached_count, self._mission = progress.reached_count, mission
+            self._left, self._due_us = REPETITIONS, now_us + REPETITION_US
+            self._seq = progress.seq_reached
+            return [_reached_message(seq) for seq in new]
+        if mission != self._mission:
+            self._mission, self._left = mission, 0
+        if self._left == 0 or now_us < self._due_us:
+            return []
+        self._left -= 1
+        self._due_us = now_us + REPETITION_US
+        return [_reached_message(self._seq)]
+
+
+def _reached_message(seq: int) -> Outgoing:
+    return Outgoing(mavlink.MAVLink_mission_item_reached_message(seq=seq))

@@ -1,18 +1,18 @@
-"""What moves the vehicle: sticks that come in, motor commands that go out."""
+"""Builders of messages about sticks and motor commands."""
 
 from typing import Final
 
-from uav_firmware.modules.mavlink.telemetry.context import Context
-from uav_firmware.modules.mavlink.telemetry.conversion import (
+from uav_firmware.modules.mavlink.telemetry.context import (
     UINT8_MAX,
     UINT16_MAX,
     UINT32_MAX,
+    Context,
     boot_ms,
     saturated,
 )
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
 
-STICKS_FRESH_US: Final = 1_000_000
+STICKS_TIMEOUT_US: Final = 1_000_000
 _CENTRE_US: Final = 1500
 _REACH_US: Final = 500
 _CHANNELS: Final = 18
@@ -24,12 +24,11 @@ _OUTPUTS: Final = 32
 def rc_channels(context: Context) -> Message:
     """RC_CHANNELS: the sticks as pulse widths in PX4's order roll, pitch, throttle, yaw.
 
-    Without fresh sticks no channel is received, which is what the count of 0 tells. There is
-    no radio whose signal strength could be known.
+    Without recent sticks the channel count is 0. There is no radio, so no signal strength.
     """
     sticks = context.topics.manual_control_setpoint.value
     pulses: list[int] = []
-    if sticks is not None and context.now_us - sticks.time_us <= STICKS_FRESH_US:
+    if sticks is not None and context.now_us - sticks.time_us <= STICKS_TIMEOUT_US:
         deflections = (sticks.right, sticks.forward, sticks.up, sticks.yaw)
         pulses = [_CENTRE_US + round(_REACH_US * deflection) for deflection in deflections]
     channels = [*pulses, *[UINT16_MAX] * (_CHANNELS - len(pulses))]
@@ -39,7 +38,7 @@ def rc_channels(context: Context) -> Message:
 
 
 def servo_output_raw(context: Context) -> Message | None:
-    """SERVO_OUTPUT_RAW: each motor command as the pulse width that would carry it [us]."""
+    """SERVO_OUTPUT_RAW: motor commands as equivalent pulse widths [us]."""
     motors = context.topics.actuator_motors.value
     if motors is None:
         return None

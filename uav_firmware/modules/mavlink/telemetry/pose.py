@@ -1,13 +1,13 @@
-"""Where the vehicle is and how it moves, as the estimator believes."""
+"""Builders of messages about estimated position, velocity and attitude."""
 
 import math
 from typing import Final
 
 from uav_firmware.lib.rotation import rotate_inverse, to_euler
-from uav_firmware.modules.mavlink.telemetry.context import Context
-from uav_firmware.modules.mavlink.telemetry.conversion import (
+from uav_firmware.modules.mavlink.telemetry.context import (
     NAN,
     UINT16_MAX,
+    Context,
     boot_ms,
     compass_centidegrees,
     degrees_e7,
@@ -20,7 +20,7 @@ from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
 
 def attitude(context: Context) -> Message | None:
     """ATTITUDE: Euler angles and body rates."""
-    value = context.topics.attitude.value
+    value = context.topics.vehicle_attitude.value
     if value is None:
         return None
     roll, pitch, yaw = to_euler(value.q_ned_frd)
@@ -38,7 +38,7 @@ def attitude(context: Context) -> Message | None:
 
 def attitude_quaternion(context: Context) -> Message | None:
     """ATTITUDE_QUATERNION: scalar first, NED to body by MAVLink's convention of zero rotation."""
-    value = context.topics.attitude.value
+    value = context.topics.vehicle_attitude.value
     if value is None:
         return None
     q, rate = value.q_ned_frd, value.rate_frd
@@ -55,8 +55,8 @@ def attitude_quaternion(context: Context) -> Message | None:
 
 
 def local_position_ned(context: Context) -> Message | None:
-    """LOCAL_POSITION_NED about the estimator's origin; not sent without a position."""
-    value = context.topics.local_position.value
+    """LOCAL_POSITION_NED about the estimator's origin; None without a valid position."""
+    value = context.topics.vehicle_local_position.value
     if value is None or not (value.position_valid and value.altitude_valid):
         return None
     position, velocity = value.position_ned, value.velocity_ned
@@ -72,11 +72,14 @@ def local_position_ned(context: Context) -> Message | None:
 
 
 def odometry(context: Context) -> Message | None:
-    """ODOMETRY: place and attitude in NED, velocity and rates in the body frame.
+    """ODOMETRY: position and attitude in NED, velocity and rates in the body frame.
 
-    Of the covariances only the variances of the position are known, so the velocity's are NaN.
+    Only the variances of the position are known; other covariances are NaN.
     """
-    local, attitude = context.topics.local_position.value, context.topics.attitude.value
+    local, attitude = (
+        context.topics.vehicle_local_position.value,
+        context.topics.vehicle_attitude.value,
+    )
     if local is None or attitude is None or not (local.position_valid and local.altitude_valid):
         return None
     x, y, z = local.position_ned
@@ -107,7 +110,7 @@ def odometry(context: Context) -> Message | None:
 
 
 def _upper_triangle(diagonal: tuple[float, ...]) -> list[float]:
-    """Rows of the upper right triangle of a matrix, NaN beside its diagonal."""
+    """Rows of the upper right triangle of a matrix, NaN off the diagonal."""
     return [
         diagonal[row] if row == column else NAN
         for row in range(len(diagonal))
@@ -120,18 +123,18 @@ _UNKNOWN_COVARIANCE: Final = [NAN] * 21
 
 def _relative_altitude_m(context: Context, altitude_amsl_m: float) -> float:
     """Height above home, above the local origin before home is known, else 0 [m]."""
-    home, local = context.topics.home.value, context.topics.local_position.value
+    home, local = context.topics.home_position.value, context.topics.vehicle_local_position.value
     if home is not None:
         return altitude_amsl_m - home.altitude_amsl_m
     return -local.position_ned[2] if local is not None else 0.0
 
 
 def global_position_int(context: Context) -> Message | None:
-    """GLOBAL_POSITION_INT; not sent before the position is known."""
-    value = context.topics.global_position.value
+    """GLOBAL_POSITION_INT; None before the position is known."""
+    value = context.topics.vehicle_global_position.value
     if value is None:
         return None
-    local = context.topics.local_position.value
+    local = context.topics.vehicle_local_position.value
     velocity = local.velocity_ned if local is not None else (0.0, 0.0, 0.0)
     known_heading = local is not None and local.heading_valid
     return mavlink.MAVLink_global_position_int_message(
@@ -148,8 +151,8 @@ def global_position_int(context: Context) -> Message | None:
 
 
 def gps_global_origin(context: Context) -> Message | None:
-    """GPS_GLOBAL_ORIGIN: the place of the local origin."""
-    value = context.topics.local_position.value
+    """GPS_GLOBAL_ORIGIN: the position of the local origin."""
+    value = context.topics.vehicle_local_position.value
     if value is None or not (value.position_valid and value.altitude_valid):
         return None
     return mavlink.MAVLink_gps_global_origin_message(
@@ -161,8 +164,8 @@ def gps_global_origin(context: Context) -> Message | None:
 
 
 def home_position(context: Context) -> Message | None:
-    """HOME_POSITION with the heading at which home was set; no approach vector."""
-    home = context.topics.home.value
+    """HOME_POSITION with the heading when home was set; no approach vector."""
+    home = context.topics.home_position.value
     if home is None:
         return None
     x, y, z = home.position_ned
@@ -182,11 +185,11 @@ def home_position(context: Context) -> Message | None:
 
 
 def vfr_hud(context: Context) -> Message | None:
-    """VFR_HUD once the altitude is known: MAVProxy does not survive a NaN here.
+    """VFR_HUD once the altitude is known, because MAVProxy crashes on a NaN here.
 
-    There is no airspeed sensor, so airspeed is 0; so is a velocity that is not known.
+    Airspeed is 0, as there is no sensor; an unknown velocity is 0 too.
     """
-    local = context.topics.local_position.value
+    local = context.topics.vehicle_local_position.value
     if local is None or not local.altitude_valid:
         return None
     motors = context.topics.actuator_motors.value
@@ -205,7 +208,7 @@ def vfr_hud(context: Context) -> Message | None:
 
 def altitude(context: Context) -> Message | None:
     """ALTITUDE; terrain and clearance are not measured (NaN)."""
-    local = context.topics.local_position.value
+    local = context.topics.vehicle_local_position.value
     if local is None or not local.altitude_valid:
         return None
     amsl_m = local.origin_altitude_amsl_m - local.position_ned[2]

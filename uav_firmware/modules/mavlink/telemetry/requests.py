@@ -1,4 +1,4 @@
-"""Requests about the link: one message now, a message every so often, how often it comes."""
+"""Message requests: REQUEST_MESSAGE, SET_ and GET_MESSAGE_INTERVAL, and deprecated ones."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -6,11 +6,11 @@ from typing import Final, NamedTuple
 
 from uav_firmware.modules.mavlink.commands.commands import Command
 from uav_firmware.modules.mavlink.telemetry.context import Context
-from uav_firmware.modules.mavlink.telemetry.identity import autopilot_version, available_modes
+from uav_firmware.modules.mavlink.telemetry.link import autopilot_version, available_modes
 from uav_firmware.modules.mavlink.telemetry.streams import (
     BUILDERS,
     MIN_INTERVAL_US,
-    built,
+    build,
     stream_key,
 )
 from uav_firmware.modules.mavlink.wire.addressing import AUTOPILOT_COMPONENT, Sender
@@ -27,14 +27,14 @@ _TO_ALL: Final = 2.0
 _TARGETS: Final = frozenset({0.0, 1.0, _TO_ALL})
 _INTERVAL_OFF: Final = -1
 _LONGEST_INTERVAL_US: Final = 2**31 - 1
-"""MESSAGE_INTERVAL tells of intervals in an int32 [us]: what it cannot tell is not taken."""
+"""Limit of MESSAGE_INTERVAL's int32 [us]."""
 
 _SLOWEST_HEARTBEAT_US: Final = 1_000_000
-"""By the protocol a heartbeat is sent once a second, whatever anybody asks [us]."""
+"""Longest interval of a heartbeat that may be set [us]: the protocol requires 1 Hz."""
 
 
 class Answer(NamedTuple):
-    """The result of a request, and the messages that were asked for."""
+    """Result of a command, and the requested messages."""
 
     result: int  # MAV_RESULT
     messages: tuple[Message, ...] = ()
@@ -50,9 +50,9 @@ class RequestServer:
         context: Callable[[int], Context],
         component: int = AUTOPILOT_COMPONENT,
     ) -> None:
-        """Take the peers whose rates may be set, and a maker of contexts from the time [us].
+        """Serve requests to `component`.
 
-        `component` is the one whose messages are asked for.
+        `context` builds the context at a time [us].
         """
         self._component = component
         self._peers = peers
@@ -67,17 +67,17 @@ class RequestServer:
         }
 
     def answer(self, command: Command, sender: Sender, now_us: int) -> Answer | None:
-        """Answer a request; None when the command is none of these."""
+        """Answer a request; None for any other command."""
         handler = self._answers.get(command.number)
         return None if handler is None else handler(command, sender, now_us)
 
     def _request_message(self, command: Command, _sender: Sender, now_us: int) -> Answer:
-        message_id, target = whole(command.parameter(1)), _target(command)
+        message_id, target = as_index(command.parameter(1)), _target(command)
         if message_id is None or target is None:
             return Answer(_DENIED)
         to_all = target == _TO_ALL
         if message_id == mavlink.MAVLINK_MSG_ID_AVAILABLE_MODES:
-            index = whole(command.parameter(2))
+            index = as_index(command.parameter(2))
             modes = tuple(available_modes(index)) if index is not None else ()
             return Answer(_ACCEPTED, modes, to_all) if modes else Answer(_DENIED)
         if message_id == mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
@@ -85,7 +85,7 @@ class RequestServer:
         builder = BUILDERS.get(self._key(message_id))
         if builder is None:
             return Answer(_UNSUPPORTED)
-        messages = built(builder, self._context(now_us))
+        messages = build(builder, self._context(now_us))
         return Answer(_ACCEPTED, messages, to_all) if messages else Answer(_NOT_YET)
 
     def _version(self, _command: Command, _sender: Sender, now_us: int) -> Answer:
@@ -98,27 +98,27 @@ class RequestServer:
         return self._one(mavlink.MAVLINK_MSG_ID_HOME_POSITION, command, sender, now_us)
 
     def _one(self, message_id: int, command: Command, sender: Sender, now_us: int) -> Answer:
-        """Answer an older command for one message as REQUEST_MESSAGE is answered."""
-        asked = (float(message_id), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        return self._request_message(command._replace(parameters=asked), sender, now_us)
+        """Answer a deprecated command for one message like REQUEST_MESSAGE."""
+        parameters = (float(message_id), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        return self._request_message(command._replace(parameters=parameters), sender, now_us)
 
     def _set_interval(self, command: Command, sender: Sender, now_us: int) -> Answer:
-        message_id, target = whole(command.parameter(1)), _target(command)
+        message_id, target = as_index(command.parameter(1)), _target(command)
         interval = command.parameter(2)
         if message_id is None or target is None or not _is_interval(interval):
             return Answer(_DENIED)
         key = self._key(message_id)
         if key not in BUILDERS:
             return Answer(_UNSUPPORTED)
-        if message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT and not _keeps_alive(interval):
+        if message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT and not _is_heartbeat_interval(interval):
             return Answer(_DENIED)
         for channel in self._channels(sender, to_all=target == _TO_ALL):
             _apply_interval(channel, key, round(interval), now_us)
         return Answer(_ACCEPTED)
 
     def _get_interval(self, command: Command, sender: Sender, _now_us: int) -> Answer:
-        """Answer with MESSAGE_INTERVAL: -1 for a message that is off, 0 for one unknown."""
-        message_id, target = whole(command.parameter(1)), _target(command)
+        """Answer with MESSAGE_INTERVAL: -1 for a message that is off, 0 for an unknown one."""
+        message_id, target = as_index(command.parameter(1)), _target(command)
         if message_id is None or target is None or message_id > 0xFFFF:
             return Answer(_DENIED)
         channel, key = self._peers.get(sender.address), self._key(message_id)
@@ -141,7 +141,7 @@ class RequestServer:
 
 
 def _apply_interval(channel: Channel, key: int, interval_us: int, now_us: int) -> None:
-    """Set an interval as SET_MESSAGE_INTERVAL writes it: 0 default, -1 off, else [us]."""
+    """Set an interval in the encoding of SET_MESSAGE_INTERVAL: 0 default, -1 off, else [us]."""
     if interval_us == 0:
         interval_us = channel.schedule.default_interval_us(key)
     elif interval_us == _INTERVAL_OFF:
@@ -151,15 +151,15 @@ def _apply_interval(channel: Channel, key: int, interval_us: int, now_us: int) -
     channel.schedule.set_interval(key, interval_us, now_us)
 
 
-def whole(value: float) -> int | None:
-    """A message id or an index; None when the number is not a whole one from 0."""
+def as_index(value: float) -> int | None:
+    """Convert a message id or index; None unless it is an integer from 0."""
     if not math.isfinite(value) or value != int(value) or not 0.0 <= value <= 0xFFFFFF:
         return None
     return int(value)
 
 
 def _target(command: Command) -> float | None:
-    """Response target: 0 or 1 the requester, 2 everybody; None for anything else."""
+    """Response target: 0 or 1 the requester, 2 all peers; None for another value."""
     target = 0.0 if math.isnan(command.parameter(7)) else command.parameter(7)
     return target if target in _TARGETS else None
 
@@ -168,5 +168,5 @@ def _is_interval(interval: float) -> bool:
     return 0.0 <= interval <= _LONGEST_INTERVAL_US or interval == _INTERVAL_OFF
 
 
-def _keeps_alive(interval: float) -> bool:
+def _is_heartbeat_interval(interval: float) -> bool:
     return 0.0 <= interval <= _SLOWEST_HEARTBEAT_US

@@ -1,8 +1,8 @@
-"""When each message is due to one peer.
+"""Schedule of the streams to one peer.
 
-Due times lie on a grid of whole intervals of vehicle time, shifted by a phase that depends on
-the message alone. Peers with the same rate are therefore due in the same control step and
-share one packed payload, while different messages of the same rate spread over the steps.
+Due times are multiples of the interval in vehicle time plus a phase that depends on the message
+only. Peers with the same rate are therefore due in the same control step and share a packed
+payload, while different messages of the same rate are spread over the steps.
 """
 
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ from heapq import heapify, heapreplace
 from typing import Final
 
 LONGEST_INTERVAL_US: Final = 1_000_000
-"""What counts as the interval of one to whom nothing is sent [us]."""
+"""Shortest interval of a schedule without streams [us]."""
 
 _PHASE_STEPS: Final = 23
 _PHASE_STEP_US: Final = 4000
@@ -19,15 +19,15 @@ _PHASE_STEP_US: Final = 4000
 
 @cache
 def _phase_us(message_id: int) -> int:
-    """Shift of a message's grid [us]: below a tenth of a second, spread by a prime."""
+    """Phase of a message [us]: below 0.1 s, spread by a prime."""
     return message_id * 7 % _PHASE_STEPS * _PHASE_STEP_US
 
 
 class Schedule:
-    """Intervals of one peer's messages and what is due next."""
+    """Intervals and due times of the streams to one peer."""
 
     def __init__(self, default_intervals_us: Mapping[int, int]) -> None:
-        """Begin with the defaults: message id to interval [us]."""
+        """Start with the defaults: message id to interval [us]."""
         self._defaults = default_intervals_us
         self._intervals = dict(default_intervals_us)
         self._due = sorted((0, message_id) for message_id in self._intervals)  # A heap [us]
@@ -35,11 +35,11 @@ class Schedule:
         self.shortest_interval_us = self._shortest_interval_us()
 
     def interval_us(self, message_id: int) -> int:
-        """Present interval [us]; 0 when the message is not sent."""
+        """Current interval [us]; 0 when the message is off."""
         return self._intervals.get(message_id, 0)
 
     def default_interval_us(self, message_id: int) -> int:
-        """Interval [us] that the message has unasked; 0 when it is not sent."""
+        """Default interval [us]; 0 when the message is off by default."""
         return self._defaults.get(message_id, 0)
 
     def set_interval(self, message_id: int, interval_us: int, now_us: int) -> None:
@@ -57,7 +57,7 @@ class Schedule:
         return min(self._intervals.values(), default=LONGEST_INTERVAL_US)
 
     def take_due(self, now_us: int) -> list[int]:
-        """Messages due at `now_us`; each is due again at the next point of its grid."""
+        """Return the messages due at `now_us`, and schedule each one again."""
         taken: list[int] = []
         due = self._due
         while due and due[0][0] <= now_us:

@@ -1,13 +1,17 @@
-"""What the sensors measure, and the simulator's truth where there is one."""
+"""Builders of messages about sensors, and of the simulator's ground truth.
+
+MAVLink has a message for the hygrometer only; other farm sensors use NAMED_VALUE_FLOAT.
+"""
 
 import math
 from typing import Final
 
 from uav_firmware.lib.atmosphere import altitude_from_pressure
-from uav_firmware.modules.mavlink.telemetry.context import Context
-from uav_firmware.modules.mavlink.telemetry.conversion import (
+from uav_firmware.modules.mavlink.telemetry.context import (
     NAN,
     UINT8_MAX,
+    UINT16_MAX,
+    Context,
     boot_ms,
     compass_centidegrees,
     degrees_e7,
@@ -18,23 +22,31 @@ from uav_firmware.modules.mavlink.telemetry.conversion import (
     uint32,
 )
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
-from uav_firmware.msg.sensors import SensorBaro, SensorMag
+from uav_firmware.msg.sensors import SensorBaro, SensorImu, SensorMag
+from uav_firmware.msg.vectors import Vector3
 
 STANDARD_GRAVITY: Final = 9.80665
 """[m/s^2] CGPM 1901."""
 _ACCEL_AND_GYRO: Final = 0b111_111
 _MAG: Final = 0b111 << 6
 _PRESSURE_HEIGHT_TEMPERATURE: Final = 1 << 9 | 1 << 11 | 1 << 12
+_NO_BARO: Final = SensorBaro(time_us=0, pressure_pa=NAN, temperature_c=NAN)
+_NO_MAG: Final = SensorMag(time_us=0, field_frd=(NAN, NAN, NAN))
+SAMPLE_TIMEOUT_US: Final = 3_000_000
+"""Older samples are not sent."""
+SAMPLE_US: Final = 40_000
+_DECAY: Final = 0.96
+"""Weight of the previous mean per sample: a time constant of one second at 25 Hz."""
 
 
 def _pressure_altitude_m(pressure_pa: float) -> float:
-    """Height in the standard atmosphere [m]; NaN without a pressure."""
+    """Altitude in the standard atmosphere [m]; NaN without a pressure."""
     return altitude_from_pressure(pressure_pa) if pressure_pa > 0.0 else NAN
 
 
 def gps_raw_int(context: Context) -> Message | None:
-    """GPS_RAW_INT; alt_ellipsoid is 0 where the receiver does not tell the geoid's height."""
-    gps = context.topics.gps.value
+    """GPS_RAW_INT; alt_ellipsoid is 0 when the receiver does not report it."""
+    gps = context.topics.sensor_gps.value
     if gps is None:
         return None
     north, east, _ = gps.velocity_ned
@@ -59,7 +71,7 @@ def gps_raw_int(context: Context) -> Message | None:
 
 def scaled_pressure(context: Context) -> Message | None:
     """SCALED_PRESSURE: static pressure [hPa] and the sensor's temperature."""
-    baro = context.topics.baro.value
+    baro = context.topics.sensor_baro.value
     if baro is None:
         return None
     return mavlink.MAVLink_scaled_pressure_message(
@@ -71,33 +83,29 @@ def scaled_pressure(context: Context) -> Message | None:
 
 
 def distance_sensor(context: Context) -> Message | None:
-    """DISTANCE_SENSOR of the range finder; beyond its reach it tells one centimetre more."""
-    sample = context.topics.range_finder.value
+    """DISTANCE_SENSOR of the range finder; out of range is reported as maximum plus 1 cm."""
+    sample = context.topics.sensor_range.value
     if sample is None:
         return None
-    reach_cm = round(sample.maximum_m * 1e2)
-    heard = math.isfinite(sample.distance_m)
+    maximum_cm = round(sample.maximum_m * 1e2)
+    in_range = math.isfinite(sample.distance_m)
     return mavlink.MAVLink_distance_sensor_message(
         time_boot_ms=boot_ms(sample.time_us),
         min_distance=round(sample.minimum_m * 1e2),
-        max_distance=reach_cm,
-        current_distance=uint16(sample.distance_m * 1e2) if heard else reach_cm + 1,
+        max_distance=maximum_cm,
+        current_distance=uint16(sample.distance_m * 1e2) if in_range else maximum_cm + 1,
         type=mavlink.MAV_DISTANCE_SENSOR_LASER,
         id=0,
         orientation=mavlink.MAV_SENSOR_ROTATION_PITCH_270,
         covariance=UINT8_MAX,
-        signal_quality=100 if heard else 1,
+        signal_quality=100 if in_range else 1,
     )
 
 
-_NO_BARO: Final = SensorBaro(time_us=0, pressure_pa=NAN, temperature_c=NAN)
-_NO_MAG: Final = SensorMag(time_us=0, field_frd=(NAN, NAN, NAN))
-
-
 def highres_imu(context: Context) -> Message | None:
-    """HIGHRES_IMU: the newest value of each sensor; `fields_updated` names what holds."""
+    """HIGHRES_IMU: the newest value of each sensor; `fields_updated` marks the valid ones."""
     topics = context.topics
-    imu, mag, baro = topics.imu.value, topics.mag.value, topics.baro.value
+    imu, mag, baro = topics.sensor_imu.value, topics.sensor_mag.value, topics.sensor_baro.value
     if imu is None:
         return None
     pressure, field = baro or _NO_BARO, (mag or _NO_MAG).field_frd
@@ -123,8 +131,8 @@ def highres_imu(context: Context) -> Message | None:
 
 
 def scaled_imu(context: Context) -> Message | None:
-    """SCALED_IMU: specific force [mG], rate [mrad/s], field [mgauss], 0 where not measured."""
-    imu, mag = context.topics.imu.value, context.topics.mag.value
+    """SCALED_IMU: specific force [mG], rate [mrad/s], field [mgauss]; 0 if not measured."""
+    imu, mag = context.topics.sensor_imu.value, context.topics.sensor_mag.value
     if imu is None:
         return None
     force = [int16(axis * 1e3 / STANDARD_GRAVITY) for axis in imu.specific_force_frd]
@@ -134,8 +142,8 @@ def scaled_imu(context: Context) -> Message | None:
 
 
 def vibration(context: Context) -> Message | None:
-    """VIBRATION: mean change between accelerometer samples; no sensor clips here."""
-    if context.topics.imu.value is None:
+    """VIBRATION: mean change between accelerometer samples; clipping is not counted."""
+    if context.topics.sensor_imu.value is None:
         return None
     x, y, z = context.vibration_frd
     return mavlink.MAVLink_vibration_message(
@@ -150,8 +158,8 @@ def vibration(context: Context) -> Message | None:
 
 
 def hil_state_quaternion(context: Context) -> Message | None:
-    """HIL_STATE_QUATERNION: ground truth, only where the vehicle is simulated."""
-    truth = context.topics.truth.value
+    """HIL_STATE_QUATERNION: ground truth of a simulated vehicle."""
+    truth = context.topics.sensor_truth.value
     if truth is None:
         return None
     velocity, force = truth.velocity_ned, truth.acceleration_frd
@@ -175,3 +183,57 @@ def hil_state_quaternion(context: Context) -> Message | None:
         yacc=int16(force[1] * milli_g),
         zacc=int16(force[2] * milli_g),
     )
+
+
+def hygrometer_sensor(context: Context) -> Message | None:
+    """HYGROMETER_SENSOR: hundredths of a degree and of a percent; UINT16_MAX without humidity."""
+    sample = context.topics.sensor_hygrometer.value
+    if sample is None or context.now_us - sample.time_us > SAMPLE_TIMEOUT_US:
+        return None
+    humidity = sample.relative_humidity_percent
+    return mavlink.MAVLink_hygrometer_sensor_message(
+        id=0,
+        temperature=int16(sample.air_temperature_c * 1e2),
+        humidity=uint16(humidity * 1e2) if math.isfinite(humidity) else UINT16_MAX,
+    )
+
+
+def named_values(context: Context) -> tuple[Message, ...] | None:
+    """NAMED_VALUE_FLOAT of soil and light; soil moisture in percent by volume."""
+    sample = context.topics.sensor_ground.value
+    if sample is None or context.now_us - sample.time_us > SAMPLE_TIMEOUT_US:
+        return None
+    values = (
+        ("soil_moist", sample.soil_moisture * 1e2),
+        ("temp_soil", sample.soil_temperature_c),
+        ("light", sample.illuminance_lx),
+    )
+    return tuple(
+        mavlink.MAVLink_named_value_float_message(boot_ms(sample.time_us), name.encode(), value)
+        for name, value in values
+    )
+
+
+class VibrationMeter:
+    """Exponential mean of the change of specific force between samples, per body axis [m/s^2].
+
+    Uses 25 samples a second to save processor time.
+    """
+
+    def __init__(self) -> None:
+        self.level_frd: Vector3 = (0.0, 0.0, 0.0)
+        self._last: Vector3 | None = None
+        self._due_us = 0
+
+    def update(self, imu: SensorImu | None, now_us: int) -> None:
+        """Take the newest inertial sample."""
+        if now_us < self._due_us or imu is None:
+            return
+        self._due_us = now_us + SAMPLE_US
+        force, last = imu.specific_force_frd, self._last or imu.specific_force_frd
+        x, y, z = (
+            _DECAY * level + (1.0 - _DECAY) * abs(new - old)
+            for level, new, old in zip(self.level_frd, force, last, strict=True)
+        )
+        self.level_frd = (x, y, z)
+        self._last = force

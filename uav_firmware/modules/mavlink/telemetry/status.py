@@ -1,13 +1,14 @@
-"""State of the vehicle as a whole: HEARTBEAT, SYS_STATUS, battery, estimator, mode."""
+"""Builders of messages about the vehicle's status: HEARTBEAT, battery, estimator, mode."""
 
 from typing import Final
 
 from uav_firmware.modules.mavlink.commands.modes import MODES
-from uav_firmware.modules.mavlink.telemetry.context import BatteryThresholds, Context
-from uav_firmware.modules.mavlink.telemetry.conversion import (
+from uav_firmware.modules.mavlink.telemetry.context import (
     INT16_MAX,
     NAN,
     UINT16_MAX,
+    BatteryThresholds,
+    Context,
     boot_ms,
     int8,
     int16,
@@ -23,7 +24,7 @@ _CELLS_UNKNOWN: Final = [UINT16_MAX] * 9
 
 
 def _system_status(status: VehicleStatus) -> int:
-    """MAV_STATE: critical while a failsafe flies, else by arming."""
+    """MAV_STATE: critical during a failsafe, else by arming."""
     if status.navigation_state is NavigationState.TERMINATION:
         return int(mavlink.MAV_STATE_FLIGHT_TERMINATION)
     if status.failsafe:
@@ -32,7 +33,7 @@ def _system_status(status: VehicleStatus) -> int:
 
 
 def heartbeat(context: Context) -> Message:
-    """HEARTBEAT; before the commander has spoken, of a vehicle that boots."""
+    """HEARTBEAT; state BOOT until the commander has published a status."""
     status = context.topics.vehicle_status.value
     base_mode = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
     custom_mode, system_status = 0, mavlink.MAV_STATE_BOOT
@@ -52,9 +53,9 @@ def heartbeat(context: Context) -> Message:
 
 
 def flight_information(context: Context) -> Message | None:
-    """FLIGHT_INFORMATION: times of this flight since boot, as PX4 gives them, 0 when disarmed.
+    """FLIGHT_INFORMATION: times of this flight since boot, as in PX4; 0 when disarmed.
 
-    A flight is named by the UTC time of its arming, which no two share.
+    The id of a flight is the UTC time of its arming.
     """
     status = context.topics.vehicle_status.value
     if status is None:
@@ -69,11 +70,11 @@ def flight_information(context: Context) -> Message | None:
 
 
 def sys_status(context: Context) -> Message | None:
-    """SYS_STATUS; PREARM_CHECK is healthy when arming would be accepted, in flight while all is."""
+    """SYS_STATUS; PREARM_CHECK is healthy when the preflight checks pass."""
     status = context.topics.vehicle_status.value
     if status is None:
         return None
-    battery = context.topics.battery.value
+    battery = context.topics.battery_status.value
     ready = _PREARM_CHECK if status.preflight_checks_pass else 0
     return mavlink.MAVLink_sys_status_message(
         onboard_control_sensors_present=status.sensors_present | _PREARM_CHECK,
@@ -93,7 +94,7 @@ def sys_status(context: Context) -> Message | None:
 
 
 def system_time(context: Context) -> Message:
-    """SYSTEM_TIME: world time and time since boot, both of the vehicle's clock."""
+    """SYSTEM_TIME: UTC and time since boot, both of the vehicle's clock."""
     known = context.boot_time_utc_us > 0
     return mavlink.MAVLink_system_time_message(
         time_unix_usec=context.boot_time_utc_us + context.now_us if known else 0,
@@ -131,7 +132,7 @@ def _time_remaining_s(battery: BatteryStatus) -> int:
 
 def battery_status(context: Context) -> Message | None:
     """BATTERY_STATUS of the one pack; cell voltages are not measured."""
-    battery = context.topics.battery.value
+    battery = context.topics.battery_status.value
     if battery is None:
         return None
     return mavlink.MAVLink_battery_status_message(
@@ -169,7 +170,7 @@ def estimator_status(context: Context) -> Message | None:
 
 
 def current_mode(context: Context) -> Message | None:
-    """CURRENT_MODE; the mode flown is also the intended one."""
+    """CURRENT_MODE; the intended mode is the current one."""
     status = context.topics.vehicle_status.value
     if status is None:
         return None

@@ -1,8 +1,7 @@
-"""STATUSTEXT: sentences for the operator, cut into as many messages as they need.
+"""STATUSTEXT: texts for the operator, split into chunks.
 
-A text of more than 50 bytes travels in chunks with a common id and a running number; the last
-chunk is shorter than 50 bytes, so that the reader knows that it is the last (MAVLink
-common.xml, STATUSTEXT).
+A text of more than 50 bytes is sent in chunks with a common id and a sequence number; the last
+chunk is shorter than 50 bytes, which marks the end (MAVLink common.xml, STATUSTEXT).
 """
 
 from typing import Final
@@ -16,13 +15,13 @@ _CUT: Final = b"..."
 
 
 class StatusTexts:
-    """Makes STATUSTEXTs for every peer; numbers the long ones."""
+    """Encodes texts as STATUSTEXTs to every peer; assigns ids to long ones."""
 
     def __init__(self) -> None:
         self._last_id = 0
 
-    def say(self, severity: int, text: str) -> list[Outgoing]:
-        """Messages of one text; `severity` is a MAV_SEVERITY."""
+    def encode(self, severity: int, text: str) -> list[Outgoing]:
+        """Return the messages of one text; `severity` is a MAV_SEVERITY."""
         encoded = text.encode("ascii", errors="replace").replace(b"\x00", b" ")
         if len(encoded) <= CHUNK_BYTES:
             return [_chunk(severity, encoded, 0, 0)]

@@ -1,53 +1,65 @@
-"""Telemetry as a table: message, default rates, builder.
+"""Table of streams: message, default rates, builder.
 
 The rates are PX4's: those of its normal mode for a ground station (UDP 14550), and those of
 its onboard mode for a companion computer or the broker (UDP 14540), some 450 messages a second.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final, NamedTuple, TypeAlias
 
 from uav_firmware.modules.mavlink.camera import gimbal_messages, messages
 from uav_firmware.modules.mavlink.telemetry import (
     controls,
-    environment,
     guidance,
     link,
     pose,
     sensors,
     status,
-    targets,
 )
 from uav_firmware.modules.mavlink.telemetry.context import Context
 from uav_firmware.modules.mavlink.wire.addressing import AUTOPILOT_COMPONENT, CAMERA_COMPONENT
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.wire.dialect_extensions import ProtocolVersion
-from uav_firmware.modules.mavlink.wire.link_params import LinkParams
 from uav_firmware.modules.mavlink.wire.peers import Profile
+from uav_firmware.parameters import param
 
 Builder: TypeAlias = Callable[[Context], Message | tuple[Message, ...] | None]
-"""Makes a message, or several of a kind; None while the vehicle does not know the contents."""
-
+"""Builds one or more messages of a type; None while the contents are unknown."""
 MIN_INTERVAL_US: Final = 4000
-"""Shortest interval that a peer may ask for: one control step."""
+"""Shortest interval that a peer may request: one control step."""
 
 
-def built(builder: Builder, context: Context) -> tuple[Message, ...]:
-    """What a builder makes now; nothing while the contents are unknown."""
-    made = builder(context)
-    if made is None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkParams:
+    """Modes of the links; read at the start, as in PX4."""
+
+    ground_station_mode: int = param(
+        "MAV_0_MODE", 0, unit="1", minimum=0, maximum=2,
+        short="Streams to the ground station: 0 normal, 1 heartbeat only, 2 onboard",
+    )  # fmt: skip
+    onboard_mode: int = param(
+        "MAV_1_MODE", 2, unit="1", minimum=0, maximum=2,
+        short="Streams to the broker or companion: 0 normal, 1 heartbeat only, 2 onboard",
+    )  # fmt: skip
+
+
+def build(builder: Builder, context: Context) -> tuple[Message, ...]:
+    """Messages of a builder; empty while the contents are unknown."""
+    result = builder(context)
+    if result is None:
         return ()
-    return made if isinstance(made, tuple) else (made,)
+    return result if isinstance(result, tuple) else (result,)
 
 
 def stream_key(component: int, message_id: int) -> int:
-    """What a stream is called in schedules: two components may send the same message."""
+    """Key of a stream in schedules; two components may send the same message."""
     return message_id if component == AUTOPILOT_COMPONENT else component << 24 | message_id
 
 
 def component_of(key: int) -> int:
-    """Component that a stream is sent by."""
+    """Component that sends a stream."""
     return key >> 24 or AUTOPILOT_COMPONENT
 
 
@@ -57,15 +69,15 @@ def message_of(key: int) -> int:
 
 
 class LinkMode(IntEnum):
-    """What a link carries unprompted: the values of MAV_0_MODE and MAV_1_MODE, as PX4's."""
+    """Values of MAV_0_MODE and MAV_1_MODE, as in PX4."""
 
     NORMAL = 0
-    CUSTOM = 1  # HEARTBEAT alone; everything else is to be asked for
+    CUSTOM = 1  # HEARTBEAT only; other messages on request
     ONBOARD = 2
 
 
 class Stream(NamedTuple):
-    """One kind of telemetry message."""
+    """One telemetry message."""
 
     message_id: int
     ground_station_hz: float  # [Hz] 0: only on request
@@ -75,7 +87,7 @@ class Stream(NamedTuple):
 
     @property
     def key(self) -> int:
-        """The stream's name in schedules."""
+        """Key in schedules."""
         return stream_key(self.component, self.message_id)
 
     def rate_hz(self, mode: LinkMode) -> float:
@@ -112,8 +124,8 @@ STREAMS: Final[tuple[Stream, ...]] = (
     Stream(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, 5, 10, sensors.gps_raw_int),
     Stream(mavlink.MAVLINK_MSG_ID_SCALED_IMU, 0, 0, sensors.scaled_imu),
     Stream(mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE, 1, 1, sensors.scaled_pressure),
-    Stream(mavlink.MAVLINK_MSG_ID_HYGROMETER_SENSOR, 0.2, 1, environment.hygrometer_sensor),
-    Stream(mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT, 0.2, 1, environment.named_values),
+    Stream(mavlink.MAVLINK_MSG_ID_HYGROMETER_SENSOR, 0.2, 1, sensors.hygrometer_sensor),
+    Stream(mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT, 0.2, 1, sensors.named_values),
     Stream(mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR, 0.5, 10, sensors.distance_sensor),
     Stream(mavlink.MAVLINK_MSG_ID_ATTITUDE, 15, 100, pose.attitude),
     Stream(mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION, 10, 50, pose.attitude_quaternion),
@@ -126,15 +138,21 @@ STREAMS: Final[tuple[Stream, ...]] = (
     Stream(mavlink.MAVLINK_MSG_ID_RC_CHANNELS, 5, 20, controls.rc_channels),
     Stream(mavlink.MAVLINK_MSG_ID_VFR_HUD, 4, 10, pose.vfr_hud),
     Stream(
-        mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED, 1.5, 10, targets.position_target_local_ned
+        mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED,
+        1.5,
+        10,
+        guidance.position_target_local_ned,
     ),
     Stream(
-        mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT, 1, 10, targets.position_target_global_int
+        mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
+        1,
+        10,
+        guidance.position_target_global_int,
     ),
-    Stream(mavlink.MAVLINK_MSG_ID_ATTITUDE_TARGET, 2, 10, targets.attitude_target),
+    Stream(mavlink.MAVLINK_MSG_ID_ATTITUDE_TARGET, 2, 10, guidance.attitude_target),
     Stream(mavlink.MAVLINK_MSG_ID_ORBIT_EXECUTION_STATUS, 2, 5, guidance.orbit_execution_status),
     Stream(mavlink.MAVLINK_MSG_ID_FENCE_STATUS, 1, 1, guidance.fence_status),
-    Stream(mavlink.MAVLINK_MSG_ID_WIND_COV, 0.5, 10, targets.wind_cov),
+    Stream(mavlink.MAVLINK_MSG_ID_WIND_COV, 0.5, 10, guidance.wind_cov),
     Stream(mavlink.MAVLINK_MSG_ID_HIGHRES_IMU, 0, 50, sensors.highres_imu),
     Stream(mavlink.MAVLINK_MSG_ID_ODOMETRY, 0, 30, pose.odometry),
     Stream(mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION, 0, 0, sensors.hil_state_quaternion),
@@ -172,10 +190,10 @@ CAMERA_STREAMS: Final[tuple[Stream, ...]] = tuple(
         (mavlink.MAVLINK_MSG_ID_VIDEO_STREAM_STATUS, 0, messages.video_stream_status),
     )
 )
-"""What the camera component sends, at the same rates on both links."""
+"""Streams of the camera component, with the same rates on both links."""
 
 BUILDERS: Final[Mapping[int, Builder]] = {s.key: s.builder for s in STREAMS + CAMERA_STREAMS}
-"""By `stream_key`, which for the autopilot's own messages is the message id."""
+"""Builders by `stream_key`, which is the message id for messages of the autopilot."""
 
 DEFAULT_INTERVALS_US: Final[Mapping[LinkMode, Mapping[int, int]]] = {
     mode: {
@@ -185,11 +203,11 @@ DEFAULT_INTERVALS_US: Final[Mapping[LinkMode, Mapping[int, int]]] = {
     }
     for mode in LinkMode
 }
-"""Default interval [us] of each message that a link carries unasked."""
+"""Default interval [us] of each stream by link mode."""
 
 
 def default_intervals_us(params: LinkParams) -> Mapping[Profile, Mapping[int, int]]:
-    """Default intervals [us] of each kind of peer, as the parameters choose them."""
+    """Default intervals [us] by profile of the peer."""
     return {
         Profile.GROUND_STATION: DEFAULT_INTERVALS_US[LinkMode(params.ground_station_mode)],
         Profile.ONBOARD: DEFAULT_INTERVALS_US[LinkMode(params.onboard_mode)],

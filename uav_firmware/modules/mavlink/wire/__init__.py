@@ -1,1 +1,1 @@
-"""Frames in and out: dialect, peers, reception, transmission."""
+"""Frames: dialect, peers, reception, dispatch, transmission."""

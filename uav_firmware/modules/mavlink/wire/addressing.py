@@ -1,4 +1,4 @@
-"""Who said something and to whom an answer goes."""
+"""Senders, recipients and the vehicle's own components."""
 
 from typing import Final, NamedTuple
 
@@ -10,11 +10,11 @@ AUTOPILOT_COMPONENT: Final = 1
 CAMERA_COMPONENT: Final = 100
 """MAV_COMP_ID_CAMERA."""
 OWN_COMPONENTS: Final = frozenset({AUTOPILOT_COMPONENT, CAMERA_COMPONENT})
-"""What speaks for this vehicle; what else has its system id is a computer on board."""
+"""Components of this module; another component of the system is a companion computer."""
 
 
 class Sender(NamedTuple):
-    """The origin of a received message: its MAVLink ids and the way back."""
+    """Origin of a received message: MAVLink ids and network address."""
 
     system: int
     component: int
@@ -22,7 +22,7 @@ class Sender(NamedTuple):
 
     @property
     def identity(self) -> tuple[int, int]:
-        """System and component, which stay the same when the address changes."""
+        """System and component id, which do not change with the address."""
         return (self.system, self.component)
 
 
@@ -31,7 +31,7 @@ class Outgoing(NamedTuple):
 
     message: Message
     to: Address | None = None
-    component: int = AUTOPILOT_COMPONENT  # That says it
+    component: int = AUTOPILOT_COMPONENT  # Source component
 
 
 def is_for_us(message: Message, system_id: int, own_component: int = AUTOPILOT_COMPONENT) -> bool:

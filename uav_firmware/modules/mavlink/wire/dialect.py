@@ -1,4 +1,4 @@
-"""MAVLink as bytes: messages to payloads, payloads to frames, datagrams to messages.
+"""Codec of MAVLink: messages to payloads, payloads to frames, datagrams to messages.
 
 The only file of the firmware that imports pymavlink, and of pymavlink only the generated
 `development` dialect as a codec. Messages are pymavlink's generated classes; everywhere else
@@ -8,10 +8,9 @@ A message is packed once into a `Payload` and framed per peer, because only the 
 number differs between peers. Most messages are plain numbers; these are packed here, in half of
 the time that pymavlink's own `pack` takes.
 
-A datagram is searched for whole frames with a right checksum. Nothing is carried over from
-one datagram to the next, so a hostile or broken datagram cannot swallow the frames of the
-following one. Both protocol versions are read, because a client may begin with version 1;
-everything is sent as version 2.
+A datagram is searched for complete frames with a valid checksum. No state is carried over to the
+next datagram, so a hostile or broken one cannot hide the frames that follow. Both protocol
+versions are read, because a client may begin with version 1; version 2 is sent.
 """
 
 import struct
@@ -57,17 +56,17 @@ class Payload(NamedTuple):
 
 
 class Parsed(NamedTuple):
-    """What a datagram held."""
+    """Contents of a datagram."""
 
     messages: list[Message]
-    faults: int  # Stretches of bytes that were no valid frame
+    faults: int  # Byte ranges that are not a valid frame
 
 
 _parser = mavlink.MAVLink(None)
 
 
 def register(message_class: type[Message]) -> type[Message]:
-    """Make the codec know a message class that the shipped dialect lacks or has shorter."""
+    """Add a message class that the shipped dialect lacks, or replace a shorter one."""
     mavlink.mavlink_map[message_class.id] = message_class
     return message_class
 
@@ -81,16 +80,16 @@ def pack(message: Message) -> Payload:
     kind: Any = type(message)
     numbers = _numbers_of(kind)
     if numbers is None:
-        body = _packed_by_its_class(message)
+        body = _packed_by_pymavlink(message)
     else:
         body = kind.unpacker.pack(*numbers(message))
-    # The id of the class: BATTERY_STATUS and others have a field of the name `id`.
+    # The id of the class, because BATTERY_STATUS and others have a field `id`
     return Payload(kind.id, kind.crc_extra, body.rstrip(b"\x00") or body[:1])
 
 
 @cache
 def _numbers_of(kind: type[Message]) -> Callable[[Message], tuple[float, ...]] | None:
-    """Give what reads the fields of a message class in their order on the wire.
+    """Return a function that reads the fields of a message class in wire order.
 
     None for a class that has arrays or texts, or a single field.
     """
@@ -101,8 +100,8 @@ def _numbers_of(kind: type[Message]) -> Callable[[Message], tuple[float, ...]] |
     return numbers
 
 
-def _packed_by_its_class(message: Message) -> bytes:
-    message._pack = _only_payload  # noqa: SLF001 - the one seam before header and checksum
+def _packed_by_pymavlink(message: Message) -> bytes:
+    message._pack = _only_payload  # noqa: SLF001 - the only hook before header and checksum
     try:
         body: bytes = message.pack(None)
     finally:
@@ -113,7 +112,7 @@ def _packed_by_its_class(message: Message) -> bytes:
 def _only_payload(
     _codec: None, _crc_extra: int, payload: bytes, *, force_mavlink1: bool = False
 ) -> bytes:
-    """Stand in for pymavlink's framing, which would be done once per peer for nothing."""
+    """Replace pymavlink's framing, which is done per peer here."""
     del force_mavlink1
     return payload
 
@@ -121,7 +120,7 @@ def _only_payload(
 def frame(
     payload: Payload, sequence: int, system: int, component: int, *, signed: bool = False
 ) -> bytes:
-    """Frame a payload as MAVLink 2; a signed frame still needs its signature behind it."""
+    """Frame a payload as MAVLink 2; the caller appends the signature of a signed frame."""
     identifier = payload.message_id
     covered = (
         _HEADER_V2.pack(
@@ -141,21 +140,21 @@ def frame(
 
 
 def is_signed(message: Message) -> bool:
-    """Whether a received message came in a frame with a signature, right or wrong."""
+    """Whether a received frame has a signature, valid or not."""
     flags: int = message.get_header().incompat_flags
     return bool(flags & _SIGNED_FLAG)
 
 
 def is_version_1(message: Message) -> bool:
-    """Whether a received message came in a frame of the old version, which cannot be signed."""
+    """Whether a received frame is of version 1, which cannot be signed."""
     marker: int = message.get_msgbuf()[0]
     return marker == _MARKER_V1
 
 
 def parse(datagram: bytes) -> Parsed:
-    """Find the messages in a datagram, skipping whatever is no valid frame.
+    """Decode the messages in a datagram; skip bytes that are not a valid frame.
 
-    Messages whose id the dialect does not know cannot be checked and are skipped whole.
+    Messages with an unknown id cannot be checked and are skipped.
     """
     messages: list[Message] = []
     faults = 0
@@ -174,7 +173,7 @@ def parse(datagram: bytes) -> Parsed:
 
 
 def _frame_length(datagram: bytes, position: int) -> int:
-    """Length of the frame that begins at `position`, or 0 where no whole frame does."""
+    """Length of the complete frame at `position`, or 0 if there is none."""
     remaining = len(datagram) - position
     marker = datagram[position]
     if marker == _MARKER_V1 and remaining >= _OVERHEAD_V1:
@@ -182,7 +181,7 @@ def _frame_length(datagram: bytes, position: int) -> int:
     elif marker == _MARKER_V2 and remaining >= _OVERHEAD_V2:
         flags = datagram[position + 2]
         if flags & ~_SIGNED_FLAG:
-            return 0  # An incompatibility that we do not know: the frame must be dropped
+            return 0  # Unknown incompatibility flag: the frame must be dropped
         signature = _SIGNATURE_LENGTH if flags & _SIGNED_FLAG else 0
         length = datagram[position + 1] + _OVERHEAD_V2 + signature
     else:
@@ -191,14 +190,14 @@ def _frame_length(datagram: bytes, position: int) -> int:
 
 
 def _next_marker(datagram: bytes, position: int) -> int:
-    """Position of the next byte that may begin a frame; the end where there is none."""
+    """Position of the next frame marker, or the end of the datagram."""
     while position < len(datagram) and datagram[position] not in {_MARKER_V1, _MARKER_V2}:
         position += 1
     return position
 
 
 def _decode(frame_bytes: bytes) -> Message | None:
-    """Decode one whole frame; None when its checksum is wrong."""
+    """Decode one frame; None when its checksum is wrong."""
     try:
         return _parser.decode(bytearray(frame_bytes))
     except mavlink.MAVError:

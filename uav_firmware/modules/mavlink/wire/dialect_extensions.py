@@ -1,7 +1,7 @@
-"""Messages and values that MAVLink has and the shipped dialect lacks.
+"""Messages and values of MAVLink that the shipped dialect lacks.
 
-Extension fields stand at the end of a payload and do not change CRC_EXTRA, so a peer with the
-shipped dialect reads these messages and cuts the fields it does not know. Definitions: MAVLink
+Extension fields are at the end of a payload and do not change CRC_EXTRA, so a peer with the
+shipped dialect reads these messages without the fields it does not know. Definitions: MAVLink
 common.xml and development.xml, messages 42, 44, 47, 80 and 300.
 """
 
@@ -33,7 +33,7 @@ def _extended(base: Any, names: list[str]) -> dict[str, Any]:
 
 
 class _Extended(mavlink.MAVLink_message):  # type: ignore[misc]  # pymavlink is untyped
-    """A generated message with further fields, built by name or in the order of `fieldnames`."""
+    """A generated message with additional fields, build by name or in the order of `fieldnames`."""
 
     def __init__(self, *values: Any, **named: Any) -> None:
         super().__init__(self.id, self.msgname)
@@ -62,7 +62,7 @@ class _Extended(mavlink.MAVLink_message):  # type: ignore[misc]  # pymavlink is 
 
 
 def _extend(base: Any, names: list[str]) -> Any:
-    """Make and register a class like `base` with `names` appended."""
+    """Register a copy of `base` with `names` appended."""
     attributes = {
         "__doc__": f"{base.msgname} with {', '.join(names)}.",
         "id": base.id,
@@ -81,10 +81,10 @@ MissionCurrent: Final = _extend(
 
 
 class ParamValue(_Extended):
-    """PARAM_VALUE(22) whose value is given as its four raw bytes.
+    """PARAM_VALUE(22) with the value as four raw bytes.
 
-    An integer parameter travels as its bits inside the float field. Taken through a Python
-    float, bits that look like a signalling NaN (-5,000,000 does) come out changed.
+    The float field carries the bits of an integer parameter. A Python float changes bits that form
+    a signalling NaN (those of -5,000,000 do).
     """
 
     id = 22
@@ -96,7 +96,7 @@ class ParamValue(_Extended):
 
 
 def raw_param_value(message: Any) -> bytes:
-    """The four bytes of a received PARAM_SET's value, which open its payload."""
+    """The four bytes of the value of a received PARAM_SET, which are first in its payload."""
     frame = message.get_msgbuf()
     start = (
         mavlink.HEADER_LEN_V2 if frame[0] == mavlink.PROTOCOL_MARKER_V2 else mavlink.HEADER_LEN_V1
@@ -107,7 +107,7 @@ def raw_param_value(message: Any) -> bytes:
 
 @register
 class CommandCancel(_Extended):
-    """COMMAND_CANCEL(80): ends a long-running command."""
+    """COMMAND_CANCEL(80): cancels a long-running command."""
 
     id = 80
     msgname = "COMMAND_CANCEL"
@@ -124,7 +124,7 @@ class CommandCancel(_Extended):
 
 @register
 class ComponentMetadata(_Extended):
-    """COMPONENT_METADATA(397): where a component's general metadata file lies."""
+    """COMPONENT_METADATA(397): URI of a component's general metadata file."""
 
     id = 397
     msgname = "COMPONENT_METADATA"
@@ -141,7 +141,7 @@ class ComponentMetadata(_Extended):
 
 @register
 class ProtocolVersion(_Extended):
-    """PROTOCOL_VERSION(300): which versions of MAVLink are spoken, as numbers times 100."""
+    """PROTOCOL_VERSION(300): supported versions of MAVLink, times 100."""
 
     id = 300
     msgname = "PROTOCOL_VERSION"

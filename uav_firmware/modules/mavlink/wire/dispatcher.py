@@ -1,89 +1,73 @@
-"""Which server takes which message: one table."""
+"""Dispatches each received message to the server that handles it."""
 
 from collections.abc import Callable, Iterable, Mapping
 from itertools import count
-from typing import Final, NamedTuple, TypeAlias
+from typing import Final, TypeAlias
 
 from uav_firmware.cal.files import Card
 from uav_firmware.cal.link import Address
 from uav_firmware.cal.storage import Storage
 from uav_firmware.modules.mavlink.camera.component import CameraComponent, CommandRouter
 from uav_firmware.modules.mavlink.commands.command_server import CommandServer
-from uav_firmware.modules.mavlink.commands.power_commands import PowerAction, PowerCommands
-from uav_firmware.modules.mavlink.commands.storage_commands import StorageCommands
-from uav_firmware.modules.mavlink.files.metadata_files import MetadataFiles
+from uav_firmware.modules.mavlink.commands.preflight_commands import (
+    PowerAction,
+    PowerCommands,
+    StorageCommands,
+)
+from uav_firmware.modules.mavlink.files.metadata_files import MetadataFiles, MetadataRequest
 from uav_firmware.modules.mavlink.files.service import FileService
-from uav_firmware.modules.mavlink.input.follow_target import FollowInput
-from uav_firmware.modules.mavlink.input.gimbal import GimbalInput
-from uav_firmware.modules.mavlink.input.manual_control import ManualInput
 from uav_firmware.modules.mavlink.input.setpoints import SetpointInput
+from uav_firmware.modules.mavlink.input.streamed_input import FollowInput, GimbalInput, ManualInput
 from uav_firmware.modules.mavlink.log.stream import LogStream
 from uav_firmware.modules.mavlink.missions.mission_server import MissionServer
-from uav_firmware.modules.mavlink.missions.mission_store import Plan, PlanCheck, PlanStore
-from uav_firmware.modules.mavlink.parameters.metadata_request import MetadataRequest
+from uav_firmware.modules.mavlink.missions.mission_store import Plan, PlanStore
+from uav_firmware.modules.mavlink.missions.plan_checks import PlanChecker
 from uav_firmware.modules.mavlink.parameters.parameter_server import ParameterServer
 from uav_firmware.modules.mavlink.telemetry.context import Context
+from uav_firmware.modules.mavlink.telemetry.link import answer_ping, answer_timesync
 from uav_firmware.modules.mavlink.telemetry.requests import RequestServer
 from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
-from uav_firmware.modules.mavlink.telemetry.timesync import answer_ping, answer_timesync
-from uav_firmware.modules.mavlink.topics import MavlinkTopics
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender, is_for_us
 from uav_firmware.modules.mavlink.wire.dialect import Message, mavlink
 from uav_firmware.modules.mavlink.wire.peers import PeerTable
 from uav_firmware.msg.geofence import Fence, RallyPoints
-from uav_firmware.msg.mission import Mission
+from uav_firmware.msg.mission import Mission, PlanType
 from uav_firmware.msg.status import StatusText
 from uav_firmware.parameters import Registry
+from uav_firmware.topics import Topics
 
 Handler: TypeAlias = Callable[[Message, Sender, int], list[Outgoing]]
-"""Takes a message, its sender and the time [us]; gives what is to be sent."""
+"""Takes a message, its sender and the time [us]; returns the messages to send."""
 
 _COMMANDING_TYPES: Final = frozenset({mavlink.MAV_TYPE_GCS, mavlink.MAV_TYPE_ONBOARD_CONTROLLER})
 
 
-class PlanChecks(NamedTuple):
-    """Who judges the plans that are uploaded."""
-
-    mission: PlanCheck
-    fence: PlanCheck
-    rally_points: PlanCheck
-
-
-def _stores(
-    topics: MavlinkTopics, checks: PlanChecks, storage: Storage | None
-) -> dict[int, PlanStore]:
-    """The plans, by MAV_MISSION_TYPE; the fence first, because the others are judged by it."""
-    kinds: Mapping[int, tuple[PlanCheck, Callable[[Plan], None]]] = {
-        mavlink.MAV_MISSION_TYPE_FENCE: (
-            checks.fence,
-            lambda plan: topics.fence.publish(Fence(*plan)),
-        ),
-        mavlink.MAV_MISSION_TYPE_RALLY: (
-            checks.rally_points,
-            lambda plan: topics.rally_points.publish(RallyPoints(*plan)),
-        ),
-        mavlink.MAV_MISSION_TYPE_MISSION: (
-            checks.mission,
-            lambda plan: topics.mission.publish(Mission(*plan)),
-        ),
+def _stores(topics: Topics, checker: PlanChecker, storage: Storage | None) -> dict[int, PlanStore]:
+    """The plans, by MAV_MISSION_TYPE; the fence first: the others are checked against it."""
+    published: Mapping[PlanType, Callable[[Plan], None]] = {
+        PlanType.FENCE: lambda plan: topics.fence.publish(Fence(*plan)),
+        PlanType.RALLY_POINTS: lambda plan: topics.rally_points.publish(RallyPoints(*plan)),
+        PlanType.MISSION: lambda plan: topics.mission.publish(Mission(*plan)),
     }
     return {
-        mission_type: PlanStore(mission_type, check=check, publish=publish, storage=storage)
-        for mission_type, (check, publish) in kinds.items()
+        plan_type: PlanStore(
+            plan_type, check=checker.check_of(plan_type), publish=publish, storage=storage
+        )
+        for plan_type, publish in published.items()
     }
 
 
 class Dispatcher:
-    """Owns the servers; hands each message to the one that takes it."""
+    """Owns the servers of the protocols."""
 
     def __init__(
         self,
         *,
         system_id: int,
         registry: Registry,
-        topics: MavlinkTopics,
+        topics: Topics,
         peers: PeerTable,
-        checks: PlanChecks,
+        checker: PlanChecker,
         storage: Storage | None,
         context: Callable[[int], Context],
         save_parameters: Callable[[], None],
@@ -95,9 +79,10 @@ class Dispatcher:
         self._system_id = system_id
         self._topics = topics
         self._texts = texts
+        self._checker = checker
         self._missions = MissionServer(
             system_id=system_id,
-            stores=_stores(topics, checks, storage),
+            stores=_stores(topics, checker, storage),
             current_seq=self._current_seq,
             texts=texts,
         )
@@ -113,7 +98,7 @@ class Dispatcher:
         )
         self._commands = CommandServer(
             system_id=system_id,
-            answerers=(
+            local_handlers=(
                 MetadataRequest(lambda: metadata.general_checksum).answer,
                 RequestServer(peers, context).answer,
                 StorageCommands(registry, save_parameters, topics.vehicle_status).answer,
@@ -172,13 +157,17 @@ class Dispatcher:
         }
 
     def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
-        """Serve a message; one that nobody takes is ignored."""
+        """Serve a message; one without a handler is ignored."""
         handler = self._handlers.get(message.get_type())
         return [] if handler is None else handler(message, sender, now_us)
 
+    def resume_uploads(self, now_us: int) -> list[Outgoing]:
+        """Go on with the plans whose check the navigator has answered."""
+        return self._missions.resume_uploads(now_us) if self._checker.receive() else []
+
     def tick(self, now_us: int) -> list[Outgoing]:
-        """Everything that is due without having been asked for just now."""
-        acks = self._topics.command_ack.drain()
+        """Messages that are due from all servers."""
+        acks = self._topics.vehicle_command_ack.drain()
         outgoing = self._commands.answers(acks, now_us)
         outgoing += self._commands.tick(now_us)
         outgoing += self._camera.tick(acks, now_us)
@@ -188,40 +177,40 @@ class Dispatcher:
         outgoing += self._log_stream.tick(now_us)
         return outgoing
 
-    def forget(self, addresses: Iterable[Address]) -> None:
-        """Drop what is kept for peers that are gone."""
+    def drop_peers(self, addresses: Iterable[Address]) -> None:
+        """Drop the state of peers whose channel is closed."""
         for address in addresses:
-            self._parameters.forget(address)
-            self._log_stream.forget(address)
+            self._parameters.drop_peer(address)
+            self._log_stream.drop_peer(address)
 
     def _command(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
-        """Hand a command to the one component that answers it."""
-        server = self._camera if self._camera.is_meant(message) else self._commands
+        """Pass a command to the component that answers it."""
+        server = self._camera if self._camera.is_for_camera(message) else self._commands
         return server.handle(message, sender, now_us)
 
     def _cancel(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
-        """A command is cancelled wherever it runs."""
+        """Cancel a command of either component."""
         outgoing = self._commands.cancel(message, sender, now_us)
         return outgoing + self._camera.cancel(message, sender, now_us)
 
     def _heartbeat(self, message: Message, _sender: Sender, now_us: int) -> list[Outgoing]:
-        """Note that whoever commands the vehicle (ground station or broker) is there."""
+        """Publish the time of a heartbeat of a ground station or an onboard controller."""
         if message.type in _COMMANDING_TYPES:
             self._topics.ground_station_heartbeat.publish(now_us)
         return []
 
     def _current_seq(self) -> int:
-        """Item that the navigator flies; 0 until it has taken the mission over."""
+        """Item that the navigator flies; 0 until it has loaded the mission."""
         progress, mission = self._topics.mission_progress.value, self._topics.mission.value
         if progress is None or mission is None or not progress.is_of(mission):
             return 0
         return min(progress.seq_current, len(mission.items) - 1)
 
     def _set_current(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
-        """MISSION_SET_CURRENT has no acknowledgement: a failure is told in words."""
+        """Take MISSION_SET_CURRENT; it has no acknowledgement, so a failure is a STATUSTEXT."""
         if not is_for_us(message, self._system_id):
             return []
         if self._commands.set_current_item(message.seq, sender, now_us):
             return []
         text = f"Mission has no item {message.seq}"
-        return self._texts.say(mavlink.MAV_SEVERITY_WARNING, text)
+        return self._texts.encode(mavlink.MAV_SEVERITY_WARNING, text)

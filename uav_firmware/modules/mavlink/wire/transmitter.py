@@ -1,4 +1,4 @@
-"""Frames what is to be said and hands it to the link, once per peer that it is for."""
+"""Packs messages, frames them per peer and sends them on the link."""
 
 import struct
 from collections.abc import Iterable
@@ -6,7 +6,7 @@ from typing import Final
 
 from uav_firmware.cal.link import Link
 from uav_firmware.modules.mavlink.telemetry.context import Context
-from uav_firmware.modules.mavlink.telemetry.streams import BUILDERS, built, component_of, message_of
+from uav_firmware.modules.mavlink.telemetry.streams import BUILDERS, build, component_of, message_of
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing
 from uav_firmware.modules.mavlink.wire.dialect import Payload, frame, mavlink, pack
 from uav_firmware.modules.mavlink.wire.peers import Channel, PeerTable
@@ -15,9 +15,9 @@ _HEARTBEAT: Final = mavlink.MAVLINK_MSG_ID_HEARTBEAT
 
 
 class Transmitter:
-    """Sends to the channels of a peer table; a message is packed once for all of them.
+    """Sends messages to peers; a message is packed once for all of them.
 
-    One frame goes into one datagram, as PX4 does, because some readers look for no second.
+    A datagram has one frame, as with PX4, because some readers ignore further ones.
     """
 
     def __init__(self, link: Link, system_id: int, peers: PeerTable) -> None:
@@ -34,13 +34,13 @@ class Transmitter:
                 self._frame(payload, channel, component)
 
     def stream(self, context: Context) -> None:
-        """Send every peer the telemetry that is due; where nobody listens, only HEARTBEAT."""
+        """Send every peer the streams that are due; an unreachable peer gets HEARTBEAT only."""
         packed: dict[int, tuple[Payload, ...]] = {}
         for channel in self._peers:
             if channel.schedule.next_due_us > context.now_us:
                 continue
             keys = channel.schedule.take_due(context.now_us)
-            if channel.is_deaf(context.now_us):
+            if channel.is_unreachable(context.now_us):
                 keys = [key for key in keys if message_of(key) == _HEARTBEAT]
             for key in keys:
                 if key not in packed:
@@ -49,20 +49,19 @@ class Transmitter:
                     self._frame(payload, channel, component_of(key))
 
     def broadcast(self, keys: Iterable[int], context: Context) -> None:
-        """Send telemetry to every peer now, whether due or not."""
+        """Send streams to every peer now."""
         for key in keys:
             for payload in self._build(key, context):
                 for channel in self._peers:
                     self._frame(payload, channel, component_of(key))
 
     def _build(self, key: int, context: Context) -> tuple[Payload, ...]:
-        """Payloads of a telemetry message; none while its contents are unknown.
+        """Payloads of a stream; none while its contents are unknown.
 
-        A value that fits no field (an estimate run off to infinity) costs that message, not
-        the flight.
+        A message with a value that does not fit its field (a diverged estimate) is dropped.
         """
         try:
-            return tuple([pack(message) for message in built(BUILDERS[key], context)])
+            return tuple([pack(message) for message in build(BUILDERS[key], context)])
         except (struct.error, OverflowError, ValueError):
             self.unpackable += 1
             return ()

@@ -1,14 +1,17 @@
-"""Geofence and rally points in local metres, and what they say of plans and orders."""
+"""Geofence and rally points in local metres, and the check of plans and targets by them."""
 
 import math
 from collections.abc import Sequence
 from typing import Any
 
 from uav_firmware.bus import Topic
+from uav_firmware.lib import fence_rules
+from uav_firmware.lib.geo import LocalFrame
+from uav_firmware.lib.mission_rules import POSITIONAL, altitude_amsl, unset
 from uav_firmware.modules.navigator.flight import Flight
-from uav_firmware.modules.navigator.geofence import check, fence_items
-from uav_firmware.modules.navigator.geofence.geofence import Disc, Geofence
-from uav_firmware.modules.navigator.mission.route import POSITIONAL, altitude_amsl, target_of, unset
+from uav_firmware.modules.navigator.geofence import check
+from uav_firmware.modules.navigator.geofence.geofence import Area, Disc, Geofence, Polygon
+from uav_firmware.modules.navigator.mission.route import target_of
 from uav_firmware.modules.navigator.modes.orbit import Circle, circle_of
 from uav_firmware.msg.geofence import Fence, RallyPoints
 from uav_firmware.msg.guidance import OrbitTarget
@@ -23,8 +26,8 @@ from uav_firmware.msg.mission import (
 from uav_firmware.msg.vectors import Vector3
 
 
-class AreaKeeper:
-    """Keeps a flight's fence and rally points up to date."""
+class LocalGeofence:
+    """Keeps the geofence and the rally points of a flight up to date."""
 
     def __init__(self, fence: Topic[Fence], rally_points: Topic[RallyPoints]) -> None:
         self._fence = fence
@@ -33,14 +36,14 @@ class AreaKeeper:
         self.version = 0  # Grows with every change
         self._armed = False
 
-    def follow_arming(self, flight: Flight, *, armed: bool) -> None:
-        """A geofence that was switched off is back when the flight is over."""
+    def update_arming(self, flight: Flight, *, armed: bool) -> None:
+        """Enable a disabled geofence again after the disarming."""
         if self._armed and not armed:
             flight.switch_fence(enabled=True)
         self._armed = armed
 
     def update(self, flight: Flight) -> None:
-        """Work all out again when a plan, the origin, home or a parameter has changed."""
+        """Convert again when a plan, the origin, home or a parameter has changed."""
         state = (
             self._fence.count,
             self._rally.count,
@@ -60,7 +63,7 @@ class AreaKeeper:
         fence, frame, params = self._fence.value, flight.frame, flight.params
         if not flight.fence_enabled:
             return Geofence()
-        areas = () if fence is None or frame is None else fence_items.areas_of(fence.items, frame)
+        areas = () if fence is None or frame is None else _areas_of(fence.items, frame)
         around_home = None
         if params.fence_distance > 0.0 and flight.home is not None:
             around_home = Disc(
@@ -81,10 +84,29 @@ class AreaKeeper:
         if fence is None or flight.frame is None or home is None:
             return None
         for item in fence.items:
-            if item.command == fence_items.RETURN_POINT:
+            if item.command == fence_rules.RETURN_POINT:
                 north, east, _ = _point(item, flight)
                 return (north, east, home.position_ned[2])
         return None
+
+
+def _areas_of(items: Sequence[MissionItem], frame: LocalFrame) -> tuple[Area, ...]:
+    """Areas of checked fence items."""
+    areas: list[Area] = []
+    index = 0
+    while index < len(items):
+        item = items[index]
+        if item.command in fence_rules.CIRCLES:
+            inclusion = item.command == fence_rules.CIRCLE_INCLUSION
+            areas.append(Disc(inclusion, fence_rules.point_of(item, frame), item.param1))
+        elif item.command in fence_rules.POLYGONS:
+            corners = items[index : index + int(item.param1)]
+            inclusion = item.command == fence_rules.POLYGON_INCLUSION
+            points = tuple(fence_rules.point_of(corner, frame) for corner in corners)
+            areas.append(Polygon(inclusion, points))
+            index += len(corners) - 1
+        index += 1
+    return tuple(areas)
 
 
 def _point(item: MissionItem, flight: Flight) -> Vector3:
@@ -93,7 +115,7 @@ def _point(item: MissionItem, flight: Flight) -> Vector3:
 
 
 def review_mission(items: Sequence[MissionItem], flight: Flight) -> PlanReview:
-    """First item that leaves the geofence, or None; without a home nothing is judged."""
+    """First item that leaves the geofence, or None; without a home nothing is checked."""
     home = flight.home
     if home is None or flight.frame is None:
         return None
@@ -105,40 +127,40 @@ def review_mission(items: Sequence[MissionItem], flight: Flight) -> PlanReview:
             return (math.nan, math.nan, height)
         return (north, east, height)
 
-    surroundings = check.Surroundings(
+    context = check.FenceContext(
         lambda item: item.command in POSITIONAL,
         locate,
         home.position_ned[:2],
         flight.fence,
         flight.params.orbit_radius,
     )
-    return (yield from check.review_mission(items, surroundings))
+    return (yield from check.review_mission(items, context))
 
 
 def review_rally_points(items: Sequence[MissionItem], flight: Flight) -> PlanReview:
-    """First item that is no rally point, or lies outside the geofence; None when all are good."""
-    rejection = fence_items.check_rally_points(items)
+    """First item that is no rally point or lies outside the geofence, or None."""
+    rejection = fence_rules.check_rally_points(items)
     if rejection is not None or flight.frame is None:
         return rejection
     work = check.work_of(flight.fence)
     for item in items:
-        if not flight.fence.allows(fence_items.point_of(item, flight.frame)):
+        if not flight.fence.allows(fence_rules.point_of(item, flight.frame)):
             return MissionRejection(item.seq, MissionResult.INVALID, "lies outside the geofence")
         yield work
     return None
 
 
 def refusal_of(target: ModeTarget, flight: Flight) -> str | None:
-    """Why the geofence forbids an order; None when it does not."""
+    """Why the geofence forbids a target; None when it allows it."""
     here = flight.rest_point()
     if isinstance(target, OrbitTarget):
         circle = circle_of(target, flight)
         entry, _ = circle.entry(here, flight.yaw.yaw)
-        return _circle_refusal(circle, flight) or _way_refusal(here, entry, flight)
+        return _circle_refusal(circle, flight) or _path_refusal(here, entry, flight)
     if not isinstance(target, NavigatorTarget):
         return None
     goal = flight.to_ned(target.latitude_deg, target.longitude_deg, target.altitude_amsl_m)
-    return None if goal == here else _way_refusal(here, goal, flight)
+    return None if goal == here else _path_refusal(here, goal, flight)
 
 
 def _circle_refusal(circle: Circle, flight: Flight) -> str | None:
@@ -147,6 +169,6 @@ def _circle_refusal(circle: Circle, flight: Flight) -> str | None:
     return "the circle leaves the geofence"
 
 
-def _way_refusal(here: Vector3, goal: Vector3, flight: Flight) -> str | None:
+def _path_refusal(here: Vector3, goal: Vector3, flight: Flight) -> str | None:
     height = flight.height_of(goal[2])
-    return check.way_fault(flight.fence, here, goal, height) or None
+    return check.path_fault(flight.fence, here, goal, height) or None

@@ -1,7 +1,7 @@
-"""Plans and orders against the geofence, before they are accepted: pure.
+"""Checks missions and targets against the geofence before they are accepted: pure.
 
-Legs are straight from item to item; what a turn cuts off a corner lies between them. The way to
-the first position is judged when it begins at home, with a take-off.
+Legs are straight from item to item; a turn stays between two legs. The leg to the first position
+is checked when it begins at home, with a take-off.
 """
 
 import math
@@ -18,14 +18,14 @@ from uav_firmware.msg.mission import (
 )
 from uav_firmware.msg.vectors import Vector3
 
-_SIDES_PER_UNIT: Final = 16  # Sides of a polygon that a leg is held against in 5 us
+_SIDES_PER_UNIT: Final = 16  # Sides of a polygon that a leg is compared with in 5 us
 
 Locate: TypeAlias = Callable[[MissionItem], Vector3]
-"""North and east [m] and height above home [m] of an item; NaN where it keeps what is."""
+"""North and east [m] and height above home [m] of an item; NaN keeps the present value."""
 
 
-class Surroundings(NamedTuple):
-    """What a mission is judged by."""
+class FenceContext(NamedTuple):
+    """What the check of a mission depends on."""
 
     positional: Callable[[MissionItem], bool]  # Whether an item is flown to
     locate: Locate
@@ -34,20 +34,20 @@ class Surroundings(NamedTuple):
     orbit_radius: float  # [m] Of circles that give none
 
 
-def review_mission(items: Sequence[MissionItem], surroundings: Surroundings) -> PlanReview:
-    """First item that leaves the fence, on the way to it or at it; None when all stay within.
+def review_mission(items: Sequence[MissionItem], context: FenceContext) -> PlanReview:
+    """First item that leaves the geofence, on its leg or at its position, or None.
 
-    Where the mission itself has switched the fence off, it may leave it.
+    Between DO_FENCE_ENABLE items that disable and enable it, the geofence is not checked.
     """
-    if surroundings.fence == Geofence():
+    if context.fence == Geofence():
         return None
-    whole, without = surroundings, surroundings._replace(fence=Geofence())
-    work = work_of(surroundings.fence)
+    whole, without = context, context._replace(fence=Geofence())
+    work = work_of(context.fence)
     before: Point | None = None
     for item in items:
         if item.command == MissionCommand.DO_FENCE_ENABLE:
-            surroundings = whole if item.param1 == 1.0 else without
-        reason, before = _step(item, items, before, surroundings)
+            context = whole if item.param1 == 1.0 else without
+        reason, before = _step(item, items, before, context)
         if reason:
             name = MissionCommand(item.command).name
             text = f"item {item.seq} ({name}): {reason}"
@@ -57,7 +57,7 @@ def review_mission(items: Sequence[MissionItem], surroundings: Surroundings) -> 
 
 
 def work_of(fence: Geofence) -> int:
-    """Work of one look at the fence, in the unit of PlanReview."""
+    """Work of one check by the geofence, in the unit of PlanReview."""
     return 1 + fence.sides // _SIDES_PER_UNIT
 
 
@@ -65,39 +65,39 @@ def _step(
     item: MissionItem,
     items: Sequence[MissionItem],
     before: Point | None,
-    surroundings: Surroundings,
+    context: FenceContext,
 ) -> tuple[str, Point | None]:
-    """What is wrong with an item, and where the vehicle is after it."""
-    fence = surroundings.fence
+    """Fault of an item, and the position after it."""
+    fence = context.fence
     if item.command == MissionCommand.DO_JUMP:
-        target = _position_from(items[int(item.param1) :], surroundings)
-        allowed = _way_allowed(before, target, fence)
-        return "" if allowed else "the way of the jump leaves the geofence", before
+        target = _position_from(items[int(item.param1) :], context)
+        allowed = _leg_allowed(before, target, fence)
+        return "" if allowed else "the leg of the jump leaves the geofence", before
     if item.command == MissionCommand.NAV_RETURN_TO_LAUNCH:
-        allowed = _way_allowed(before, surroundings.home, fence)
-        return "" if allowed else "the way home leaves the geofence", surroundings.home
-    if not surroundings.positional(item):
+        allowed = _leg_allowed(before, context.home, fence)
+        return "" if allowed else "the return leaves the geofence", context.home
+    if not context.positional(item):
         return "", before
-    north, east, height = surroundings.locate(item)
+    north, east, height = context.locate(item)
     if not math.isnan(height) and not fence.height_allowed(height):
         return f"{height:g} m above home is beyond GF_MAX_VER_DIST", before
     if item.command == MissionCommand.NAV_TAKEOFF and before is None:
-        before = surroundings.home
+        before = context.home
     place = before if math.isnan(north) else (north, east)
     if item.command == MissionCommand.NAV_LOITER_TURNS and place is not None:
-        return _step_round(item, place, before, surroundings)
+        return _step_round(item, place, before, context)
     return _fault(before, place, fence), place
 
 
 def _step_round(
-    item: MissionItem, centre: Point, before: Point | None, surroundings: Surroundings
+    item: MissionItem, centre: Point, before: Point | None, context: FenceContext
 ) -> tuple[str, Point | None]:
     unset = math.isnan(item.param3) or item.param3 == 0.0
-    radius = surroundings.orbit_radius if unset else item.param3
+    radius = context.orbit_radius if unset else item.param3
     circle = _Turns(centre, radius, item.param1)
-    if not surroundings.fence.circle_allowed(centre, abs(radius)):
+    if not context.fence.circle_allowed(centre, abs(radius)):
         return "its circle leaves the geofence", before
-    return _fault(before, circle.entry(before), surroundings.fence), circle.exit(before)
+    return _fault(before, circle.entry(before), context.fence), circle.exit(before)
 
 
 class _Turns(NamedTuple):
@@ -131,27 +131,27 @@ def _fault(before: Point | None, place: Point | None, fence: Geofence) -> str:
         return ""
     if not fence.allows(place):
         return "lies outside the geofence"
-    return "" if _way_allowed(before, place, fence) else "the way there leaves the geofence"
+    return "" if _leg_allowed(before, place, fence) else "the path there leaves the geofence"
 
 
-def _way_allowed(start: Point | None, end: Point | None, fence: Geofence) -> bool:
+def _leg_allowed(start: Point | None, end: Point | None, fence: Geofence) -> bool:
     if start is None or end is None:
         return True
     return fence.line_allowed(start, end)
 
 
-def _position_from(items: Sequence[MissionItem], surroundings: Surroundings) -> Point | None:
+def _position_from(items: Sequence[MissionItem], context: FenceContext) -> Point | None:
     for item in items:
-        if surroundings.positional(item):
-            north, east, _ = surroundings.locate(item)
+        if context.positional(item):
+            north, east, _ = context.locate(item)
             return None if math.isnan(north) else (north, east)
     return None
 
 
-def way_fault(fence: Geofence, start: Vector3, end: Vector3, height: float) -> str:
-    """Why a straight way to a point [m, NED] is not allowed; empty when it is.
+def path_fault(fence: Geofence, start: Vector3, end: Vector3, height: float) -> str:
+    """Why a straight path to a point [m, NED] is not allowed; empty when it is.
 
-    From outside, only the end counts: the vehicle must be able to come back.
+    From outside the geofence only the end is checked, so that the vehicle can return.
     """
     here, there = (start[0], start[1]), (end[0], end[1])
     if not fence.height_allowed(height):
@@ -159,5 +159,5 @@ def way_fault(fence: Geofence, start: Vector3, end: Vector3, height: float) -> s
     if not fence.allows(there):
         return "the target lies outside the geofence"
     if fence.allows(here) and not fence.line_allowed(here, there):
-        return "the way there leaves the geofence"
+        return "the path there leaves the geofence"
     return ""

@@ -1,10 +1,10 @@
-"""The shortest way between two places that stays within the geofence: pure.
+"""The shortest path between two points within the geofence: pure.
 
-A shortest way among polygons turns at their corners only (visibility graph; Lozano-Perez and
+A shortest path among polygons turns at their corners only (visibility graph; Lozano-Perez and
 Wesley, "An algorithm for planning collision-free paths among polyhedral obstacles", 1979). Each
-corner is moved off the boundary by a clearance, on the side that is allowed; a circle counts as
-a polygon about it or in it. The graph is searched by A* (Hart, Nilsson and Raphael, 1968), and
-each line is judged only when the search comes to it. Horizontal metres north and east.
+corner is moved off the boundary by a clearance to the allowed side; a circle is approximated by
+a polygon. The graph is searched by A* (Hart, Nilsson and Raphael, 1968), and each line is checked
+only when the search needs it. Horizontal metres north and east.
 """
 
 import heapq
@@ -16,48 +16,48 @@ from typing import Final
 from uav_firmware.modules.navigator.geofence.geofence import Area, Disc, Geofence, Point, Polygon
 
 CLEARANCES_M: Final = (3.0, 1.5, 0.75)
-"""Distances to the fence that are tried, one after the other."""
+"""Distances to the geofence, tried in this order."""
 _CIRCLE_CORNERS: Final = 12
-_SHARPEST: Final = 0.35  # Sine of half an angle; sharper corners are kept off no farther
-_KEPT_SHARE: Final = 0.6  # of the clearance, that a corner has to every other boundary
-_LOOKS: Final = 60_000  # At sides and circles, for each clearance: at most some 50 ms
+_SHARPEST: Final = 0.35  # Sine of half an angle; limits the clearance of sharper corners
+_KEPT_SHARE: Final = 0.6  # Of the clearance: distance of a corner to every other boundary
+_CHECKS_MAX: Final = 60_000  # Checks of sides and circles for each clearance: some 50 ms at most
 
 
-def way_round(fence: Geofence, start: Point, goal: Point) -> tuple[Point, ...] | None:
-    """Points to turn at on the way from start to goal; None when no way is found.
+def find_detour(fence: Geofence, start: Point, goal: Point) -> tuple[Point, ...] | None:
+    """Points at which the path from start to goal turns; None when no path is found.
 
-    Empty when the straight way is allowed. None as well from or to a place that is not allowed,
-    and when the fence is so large that the search would take too long.
+    Empty when the straight path is allowed. None also from or to a point that is not allowed,
+    and when the geofence is so large that the search would take too long.
     """
     if fence.line_allowed(start, goal):
         return ()
     if not (fence.allows(start) and fence.allows(goal)):
         return None
     size = 1 + len(fence.areas) + fence.sides
-    if (2 * fence.sides + _CIRCLE_CORNERS * len(fence.areas)) * size > _LOOKS:
+    if (2 * fence.sides + _CIRCLE_CORNERS * len(fence.areas)) * size > _CHECKS_MAX:
         return None
     for clearance in CLEARANCES_M:
         corners = tuple(_corners(fence, clearance))
-        turns = _search(fence, start, goal, corners, _LOOKS // (2 * size))
+        turns = _search(fence, start, goal, corners, _CHECKS_MAX // (2 * size))
         if turns is not None:
             return turns
     return None
 
 
 def length(start: Point, turns: tuple[Point, ...], goal: Point) -> float:
-    """Length [m] of a way."""
+    """Length [m] of a path."""
     return sum(math.dist(a, b) for a, b in itertools.pairwise((start, *turns, goal)))
 
 
 def _corners(fence: Geofence, clearance: float) -> Iterator[Point]:
     areas = fence.areas if fence.around_home is None else (*fence.areas, fence.around_home)
     for area in areas:
-        for corner in _kept_off(area, clearance):
+        for corner in _clear_of(area, clearance):
             if fence.allows(corner) and fence.margin(corner) >= _KEPT_SHARE * clearance:
                 yield corner
 
 
-def _kept_off(area: Area, clearance: float) -> Iterator[Point]:
+def _clear_of(area: Area, clearance: float) -> Iterator[Point]:
     """Corners of an area, moved off its boundary to either side."""
     if isinstance(area, Disc):
         yield from _about_circle(area, clearance)
@@ -105,35 +105,35 @@ def _direction(start: Point, end: Point) -> Point:
 def _search(
     fence: Geofence, start: Point, goal: Point, corners: tuple[Point, ...], lines: int
 ) -> tuple[Point, ...] | None:
-    """A* over start, corners and goal, judging `lines` lines at most."""
+    """A* over start, corners and goal, with `lines` checks of lines at most."""
     places = (start, *corners, goal)
     last = len(places) - 1
-    come_from: dict[int, int] = {}
-    flown = {0: 0.0}
+    previous: dict[int, int] = {}
+    costs = {0: 0.0}
     done: set[int] = set()
     waiting = [(math.dist(start, goal), 0)]
     while waiting and lines > 0:
         _, here = heapq.heappop(waiting)
         if here == last:
-            return _turns(places, come_from, last)
+            return _turns(places, previous, last)
         if here in done:
             continue
         done.add(here)
         for there in range(1, last + 1):
-            way = flown[here] + math.dist(places[here], places[there])
-            if there in done or way >= flown.get(there, math.inf):
+            cost = costs[here] + math.dist(places[here], places[there])
+            if there in done or cost >= costs.get(there, math.inf):
                 continue
             lines -= 1
             if fence.line_allowed(places[here], places[there]):
-                flown[there], come_from[there] = way, here
-                heapq.heappush(waiting, (way + math.dist(places[there], goal), there))
+                costs[there], previous[there] = cost, here
+                heapq.heappush(waiting, (cost + math.dist(places[there], goal), there))
     return None
 
 
-def _turns(places: tuple[Point, ...], come_from: dict[int, int], last: int) -> tuple[Point, ...]:
-    way: list[Point] = []
-    at = come_from[last]
+def _turns(places: tuple[Point, ...], previous: dict[int, int], last: int) -> tuple[Point, ...]:
+    turns: list[Point] = []
+    at = previous[last]
     while at != 0:
-        way.append(places[at])
-        at = come_from[at]
-    return tuple(reversed(way))
+        turns.append(places[at])
+        at = previous[at]
+    return tuple(reversed(turns))

@@ -1,8 +1,8 @@
-"""Where the vehicle may be: polygons, circles, a height and a distance from home. Pure.
+"""The geofence: polygons, circles, a height and a distance from home. Pure.
 
 A place is allowed when it lies in any of the inclusion areas (or there is none), in no exclusion
-area and within the distance from home. Lines and circles are judged exactly: they are cut where
-they cross a boundary, and the middle of each part is looked up. Horizontal metres north and
+area and within the distance from home. Lines and circles are checked exactly: they are cut where
+they cross a boundary, and the middle of each part is checked. Horizontal metres north and
 east; heights above home.
 """
 
@@ -18,7 +18,7 @@ Point: TypeAlias = tuple[float, float]
 """North and east [m]."""
 
 _ON_THE_LINE_M = 1e-9
-_HEIGHT_SLACK_M = 0.01  # [m] a target exactly at the limit is allowed
+_HEIGHT_SLACK_M = 0.01  # [m] A target exactly at the limit is allowed
 
 
 class Disc(NamedTuple):
@@ -37,7 +37,7 @@ class Disc(NamedTuple):
         return abs(math.dist(point, self.centre) - self.radius)
 
     def cuts_of_line(self, start: Point, end: Point) -> Iterator[float]:
-        """Shares of the way from start to end at which it crosses the circle."""
+        """Fractions of the line from start to end at which it crosses the circle."""
         dn, de = end[0] - start[0], end[1] - start[1]
         n, e = start[0] - self.centre[0], start[1] - self.centre[1]
         yield from _roots(dn * dn + de * de, n * dn + e * de, n * n + e * e - self.radius**2)
@@ -78,7 +78,7 @@ class Polygon(NamedTuple):
         return min(_distance_to_side(point, *side) for side in self.sides())
 
     def cuts_of_line(self, start: Point, end: Point) -> Iterator[float]:
-        """Shares of the way from start to end at which it crosses a side."""
+        """Fractions of the line from start to end at which it crosses a side."""
         dn, de = end[0] - start[0], end[1] - start[1]
         for (n1, e1), (n2, e2) in self.sides():
             sn, se = n2 - n1, e2 - e1
@@ -159,7 +159,7 @@ class Geofence:
         return FenceBreach.NONE if self.height_allowed(height) else FenceBreach.MAX_ALTITUDE
 
     def line_allowed(self, start: Point, end: Point) -> bool:
-        """Whether all of the straight way lies where the vehicle may be."""
+        """Whether the whole straight line is allowed."""
 
         def at(share: float) -> Point:
             return (

@@ -1,4 +1,4 @@
-"""Whether the vehicle is, or will come to rest, where it may not be."""
+"""Whether the vehicle is outside the geofence, or would stop outside it."""
 
 import math
 from typing import Final
@@ -7,15 +7,15 @@ from uav_firmware.modules.navigator.flight import Flight
 from uav_firmware.msg.geofence import FenceAction, FenceBreach, GeofenceStatus
 from uav_firmware.msg.vectors import Vector3
 
-PERIOD_US: Final = 100_000  # [us] 10 Hz: at 12 m/s a metre, within the reaction foreseen
-_REACTION_S: Final = 0.3  # [s] until a failsafe's hold brakes
-_REACTION_ON_ROUTE_S: Final = 0.1  # [s] on a route that the navigator itself will brake on
-_STOP_SHARE: Final = 0.75  # of v^2 / a, what a stop from a steady speed takes
+PERIOD_US: Final = 100_000  # [us] 10 Hz: a metre at 12 m/s, within the reaction time below
+_REACTION_S: Final = 0.3  # [s] Until the hold of a failsafe brakes
+_REACTION_ON_ROUTE_S: Final = 0.1  # [s] On a route on which the navigator itself brakes
+_STOP_SHARE: Final = 0.75  # Of v^2 / a: the distance of a stop from a steady speed
 _STOP_SHARE_ON_ROUTE: Final = 0.5
 
 
-class GeofenceWatch:
-    """Counts breaches; judges ten times a second."""
+class GeofenceMonitor:
+    """Checks ten times a second, and counts breaches."""
 
     def __init__(self) -> None:
         self.status: GeofenceStatus | None = None
@@ -23,7 +23,7 @@ class GeofenceWatch:
         self._since_us = 0
         self._due_us = 0
 
-    def update(self, flight: Flight, *, on_route: bool) -> GeofenceStatus | None:
+    def update(self, flight: Flight, *, route_checked: bool) -> GeofenceStatus | None:
         """New status when one is due; None in between."""
         if flight.now_us < self._due_us or flight.estimate is None:
             return None
@@ -33,7 +33,7 @@ class GeofenceWatch:
         if flight.estimate.position_valid:
             margin = flight.fence.margin((flight.position[0], flight.position[1]))
             if not flight.landed:
-                breach, predicted = _judge(flight, on_route=on_route)
+                breach, predicted = _check(flight, route_checked=route_checked)
         was = self.status.breach if self.status is not None else FenceBreach.NONE
         if breach is not FenceBreach.NONE and was is FenceBreach.NONE:
             self._count += 1
@@ -52,13 +52,13 @@ class GeofenceWatch:
         return self.status
 
 
-def _judge(flight: Flight, *, on_route: bool) -> tuple[FenceBreach, FenceBreach]:
+def _check(flight: Flight, *, route_checked: bool) -> tuple[FenceBreach, FenceBreach]:
     fence, position = flight.fence, flight.position
     here = (position[0], position[1])
     breach = fence.breach(here, flight.height_of(position[2]))
     predicted = breach
     if breach is FenceBreach.NONE and flight.params.fence_prediction:
-        stop = _stopping_point(flight, on_route=on_route)
+        stop = _stopping_point(flight, route_checked=route_checked)
         there = (stop[0], stop[1])
         predicted = fence.breach(there, flight.height_of(stop[2]))
         if predicted is FenceBreach.NONE and not fence.line_allowed(here, there):
@@ -66,10 +66,10 @@ def _judge(flight: Flight, *, on_route: bool) -> tuple[FenceBreach, FenceBreach]
     return breach, predicted
 
 
-def _stopping_point(flight: Flight, *, on_route: bool) -> Vector3:
-    """Where the vehicle would come to rest [m, NED] if it were told to stop."""
-    reaction = _REACTION_ON_ROUTE_S if on_route else _REACTION_S
-    share = _STOP_SHARE_ON_ROUTE if on_route else _STOP_SHARE
+def _stopping_point(flight: Flight, *, route_checked: bool) -> Vector3:
+    """Where the vehicle would come to rest [m, NED] after a command to stop."""
+    reaction = _REACTION_ON_ROUTE_S if route_checked else _REACTION_S
+    share = _STOP_SHARE_ON_ROUTE if route_checked else _STOP_SHARE
     north, east, down = flight.position
     if flight.estimate is None or not flight.estimate.velocity_valid:
         return (north, east, down)

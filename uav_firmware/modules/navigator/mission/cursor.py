@@ -1,4 +1,4 @@
-"""Which item of the mission is next, what has been reached, and how often a jump was taken.
+"""Current item of the mission, items reached, and repetitions of jumps.
 
 NO_MISSION --load--> NOT_STARTED --begin--> ACTIVE <--begin/pause--> PAUSED
 ACTIVE --past the last item--> COMPLETE --reset--> NOT_STARTED
@@ -16,11 +16,11 @@ from uav_firmware.msg.mission import (
     MissionState,
 )
 
-_REACHED_KEPT: Final = 8  # More than can be reached between two looks at the progress
+_REACHED_KEPT: Final = 8  # More than can be reached between two messages
 
 
 class MissionCursor:
-    """Position in a mission; knows nothing of flying."""
+    """Current item and progress of a mission."""
 
     def __init__(self) -> None:
         self.items: tuple[MissionItem, ...] = ()
@@ -43,22 +43,22 @@ class MissionCursor:
         return self.items[self.seq]
 
     def load(self, mission: Mission) -> None:
-        """Take another mission, from its beginning."""
+        """Replace the mission and begin at its first item."""
         self.items, self.mission_id = mission.items, mission.mission_id
         self._time_us = mission.time_us
         self.rewind(0)
 
     def rewind(self, seq: int) -> None:
-        """Begin at an item as if nothing had been flown."""
+        """Begin at an item, with progress and jumps reset."""
         self.reached, self.begun, self.complete = -1, False, False
         self._jumps_taken.clear()
-        self.seq = self._landing_of(seq)
+        self.seq = self._take_jumps(seq)
 
     def select(self, seq: int, *, reset: bool) -> None:
         """DO_SET_MISSION_CURRENT: fly `seq` next (-1: as before).
 
-        An item that is named leaves completion behind; a reset does so without one, and lets
-        every jump be taken as often as at the beginning.
+        A named item ends completion; a reset does so without an item, and resets the
+        repetitions of all jumps.
         """
         self._selections += 1
         target = self.seq if seq < 0 else self._resolved(seq)
@@ -75,14 +75,14 @@ class MissionCursor:
 
     def advance(self) -> None:
         """Go on to the next item; past the last one the mission is complete."""
-        following = self._landing_of(self.seq + 1)
+        following = self._take_jumps(self.seq + 1)
         if following >= len(self.items):
             self.complete = True
         else:
             self.seq = following
 
     def progress(self, now_us: int, *, active: bool) -> MissionProgress:
-        """What to tell the others."""
+        """Progress of the mission, to be published."""
         return MissionProgress(
             now_us,
             self.mission_id,
@@ -106,9 +106,9 @@ class MissionCursor:
         return MissionState.PAUSED if self.begun else MissionState.NOT_STARTED
 
     def _resolved(self, seq: int) -> int:
-        """Where a jump that is chosen leads, whatever is left of its repetitions.
+        """Item that follows from a selected jump, whatever is left of its repetitions.
 
-        Jumps that lead only to each other lead past the end.
+        Jumps that lead only to each other end the mission.
         """
         for _ in range(len(self.items)):
             if seq >= len(self.items) or self.items[seq].command != MissionCommand.DO_JUMP:
@@ -116,12 +116,12 @@ class MissionCursor:
             seq = int(self.items[seq].param1)
         return len(self.items)
 
-    def landing_of(self, seq: int) -> int:
+    def item_after_jumps(self, seq: int) -> int:
         """Item that would be flown if `seq` came next; past the end when there is none."""
         return self._follow_jumps(seq, dict(self._jumps_taken))
 
-    def _landing_of(self, seq: int) -> int:
-        """The same, and the jumps on the way are taken."""
+    def _take_jumps(self, seq: int) -> int:
+        """As `item_after_jumps`, and count the jumps as taken."""
         return self._follow_jumps(seq, self._jumps_taken)
 
     def _follow_jumps(self, seq: int, jumps_taken: dict[int, int]) -> int:

@@ -1,18 +1,16 @@
-"""Mission mode: carries out the items one after the other; the table of kinds stands at its end."""
+"""Mission mode: carries out the items in their order; the table of commands is at the end."""
 
 import math
 from collections.abc import Callable, Mapping
 from typing import ClassVar
 
+from uav_firmware.lib.mission_rules import HOVERING, PAYLOAD, altitude_amsl, unset
 from uav_firmware.lib.resets import EstimateStep
 from uav_firmware.modules.navigator.flight import Flight, Speeds
 from uav_firmware.modules.navigator.mission.cursor import MissionCursor
 from uav_firmware.modules.navigator.mission.route import (
     AHEAD,
-    HOVERING,
-    PAYLOAD,
     Route,
-    altitude_amsl,
     awaited_before,
     build,
     following,
@@ -20,7 +18,6 @@ from uav_firmware.modules.navigator.mission.route import (
     speeds_after,
     stop_pictures,
     target_of,
-    unset,
 )
 from uav_firmware.modules.navigator.mission.tasks import (
     DelayTask,
@@ -30,12 +27,12 @@ from uav_firmware.modules.navigator.mission.tasks import (
     TurnTask,
     WaypointTask,
 )
-from uav_firmware.modules.navigator.modes.heading_commands import take_region_of_interest
 from uav_firmware.modules.navigator.modes.land import Land
-from uav_firmware.modules.navigator.modes.mode import NavigatorMode
+from uav_firmware.modules.navigator.modes.navigator_mode import NavigatorMode
 from uav_firmware.modules.navigator.modes.orbit import Circle, Orbit
-from uav_firmware.modules.navigator.modes.return_home import ReturnHome
+from uav_firmware.modules.navigator.modes.return_to_launch import ReturnToLaunch
 from uav_firmware.modules.navigator.modes.takeoff import Takeoff
+from uav_firmware.modules.navigator.modes.yaw_commands import apply_region_of_interest
 from uav_firmware.msg.guidance import RegionOfInterest
 from uav_firmware.msg.mission import (
     Mission,
@@ -48,15 +45,15 @@ _NO_ROUTE = Route((), ())
 
 
 class MissionMode(NavigatorMode):
-    """AUTO_MISSION; finished when the last item is reached. Goes on where it was left."""
+    """AUTO_MISSION; finished when the last item is reached. Resumes at the current item."""
 
     def __init__(self) -> None:
         self.cursor = MissionCursor()
         self._task: Task | None = None
         self._route = _NO_ROUTE
-        self._held = False  # The item is reached and waits to be told to go on
+        self._held = False  # The item is reached and waits for a command to continue
         self._speeds = Speeds()
-        self._keeps_yaw = False  # The next leg is flown with the heading that was turned to
+        self._keeps_yaw = False  # The next leg keeps the heading of a CONDITION_YAW
 
     def load(self, mission: Mission) -> None:
         """Replace the mission; a mode that is active must be activated again."""
@@ -64,7 +61,7 @@ class MissionMode(NavigatorMode):
         self._held, self._speeds = False, Speeds()
 
     def select(self, seq: int, *, reset: bool) -> bool:
-        """Choose the item to fly next; whether an active mode must be activated again."""
+        """Set the current item; whether an active mode must be activated again."""
         before = self.cursor.seq
         self.cursor.select(seq, reset=reset)
         if reset:
@@ -75,8 +72,8 @@ class MissionMode(NavigatorMode):
         return True
 
     def on_activation(self, flight: Flight, target: ModeTarget | None) -> None:
-        """Go on at the current item; after one that waited, at the next."""
-        del target  # a mission brings its own
+        """Resume at the current item, or at the next after an item that waited."""
+        del target  # A mission has its own targets
         self.finished = False
         if self._held:
             self.cursor.advance()
@@ -86,19 +83,19 @@ class MissionMode(NavigatorMode):
         flight.hold()
 
     def on_inactivation(self, flight: Flight) -> None:
-        """Keep what was commanded for the mission."""
+        """Keep the speeds that were commanded for the mission."""
         super().on_inactivation(flight)
         self._speeds = flight.speeds
         self._task = None
 
     def on_active(self, flight: Flight) -> None:
-        """Begin the current item or see whether it is reached: one item a step."""
+        """Begin the current item or check whether it is reached: one item a step."""
         item = self.cursor.item
         self.finished = self.cursor.complete
         if item is None:
             return
         self.cursor.begun = True
-        self._build_on(flight)
+        self._extend_route(flight)
         if self._task is None:
             self._task = self._BEGIN[MissionCommand(item.command)](self, item, flight)
         elif self._held:
@@ -109,29 +106,29 @@ class MissionMode(NavigatorMode):
             self._reach(item, flight)
 
     def on_speeds(self, flight: Flight) -> None:
-        """Fly the rest of the route with the speeds commanded."""
+        """Fly the rest of the route with the commanded speeds."""
         item = self.cursor.item
         if item is None or item.seq not in self._route.seqs:
             super().on_speeds(flight)
             return
         passed = self._route.seqs.index(item.seq)
         seqs, waypoints = self._route.seqs[:passed], self._route.waypoints[:passed]
-        rest = build(self.cursor.items, item.seq, flight, self.cursor.landing_of)
+        rest = build(self.cursor.items, item.seq, flight, self.cursor.item_after_jumps)
         self._route = Route(seqs, waypoints).followed_by(rest)
         flight.path.reshape(self._route.waypoints)
 
-    def _build_on(self, flight: Flight) -> None:
-        """Build the route on where the vehicle has nearly come to the end of what is built."""
+    def _extend_route(self, flight: Flight) -> None:
+        """Extend the route when the vehicle comes near its end."""
         route = self._route
         if route.rest is None or len(route.waypoints) - flight.path.passed >= AHEAD:
             return
-        items, landing = self.cursor.items, self.cursor.landing_of
+        items, landing = self.cursor.items, self.cursor.item_after_jumps
         more = build(items, route.rest, flight, landing, route.speeds)
         self._route = route.followed_by(more)
         flight.path.extend(more.waypoints)
 
-    def sits(self, flight: Flight) -> bool:
-        """On the ground only items that fly leave it."""
+    def stays_on_ground(self, flight: Flight) -> bool:
+        """Only a take-off or a waypoint leaves the ground."""
         item = self.cursor.item
         flying = item is not None and (
             item.command in HOVERING or item.command == MissionCommand.NAV_TAKEOFF
@@ -139,7 +136,7 @@ class MissionMode(NavigatorMode):
         return flight.landed and (not flying or self._held)
 
     def on_reset(self, flight: Flight, step: EstimateStep) -> None:
-        """Fly a circle or a climb on from where the vehicle is; items stay on the earth."""
+        """Continue a circle or a climb at the present position; items stay fixed to the earth."""
         match self._task:
             case Orbit() as orbit:
                 orbit.follow_reset(flight)
@@ -156,7 +153,7 @@ class MissionMode(NavigatorMode):
         self._task = None
         self.cursor.advance()
         if self.cursor.seq <= item.seq:
-            self._route = _NO_ROUTE  # a jump back: the route lies behind
+            self._route = _NO_ROUTE  # A jump back ends the route
         self.finished = self.cursor.complete
         if self.finished and not flight.landed:
             flight.hold()
@@ -164,7 +161,7 @@ class MissionMode(NavigatorMode):
     def _fly_to(self, item: MissionItem, flight: Flight, *, stopping: bool = False) -> Task:
         """Join the route being flown, or begin one."""
         if item.seq not in self._route.seqs or stopping:
-            route = build(self.cursor.items, item.seq, flight, self.cursor.landing_of)
+            route = build(self.cursor.items, item.seq, flight, self.cursor.item_after_jumps)
             if stopping:
                 first = route.waypoints[0]._replace(tolerance=0.0)
                 route = route._replace(waypoints=(first, *route.waypoints[1:]))
@@ -192,9 +189,9 @@ class MissionMode(NavigatorMode):
         return Land(flight, target, item.param4)
 
     def _return(self, item: MissionItem, flight: Flight) -> Task:
-        flight.payload_orders.append(stop_pictures(item))
+        flight.payload_commands.append(stop_pictures(item))
         self._route = _NO_ROUTE
-        return ReturnHome(flight)
+        return ReturnToLaunch(flight)
 
     def _delay(self, item: MissionItem, flight: Flight) -> Task:
         self._route = _NO_ROUTE
@@ -221,21 +218,21 @@ class MissionMode(NavigatorMode):
         flight.face(math.nan)
         return ToAltitudeTask(flight, target_of(item, flight))
 
-    def _fly_on(self, item: MissionItem, flight: Flight) -> MissionItem | None:
-        """Go on to the next position while an item waits; None where there is none to fly to."""
-        goal = following(self.cursor.items, item.seq, self.cursor.landing_of)
+    def _fly_to_next(self, item: MissionItem, flight: Flight) -> MissionItem | None:
+        """Fly to the next position during a condition; None when no position follows."""
+        goal = following(self.cursor.items, item.seq, self.cursor.item_after_jumps)
         if goal is None or goal.command not in HOVERING or flight.landed:
             return None
         if goal.seq not in self._route.seqs:
             self._fly_to(goal, flight)
         return goal
 
-    def _wait_on_the_way(self, item: MissionItem, flight: Flight) -> Task:
-        self._fly_on(item, flight)
+    def _delay_on_the_leg(self, item: MissionItem, flight: Flight) -> Task:
+        self._fly_to_next(item, flight)
         return DelayTask(item, flight)
 
     def _wait_for_distance(self, item: MissionItem, flight: Flight) -> Task | None:
-        goal = self._fly_on(item, flight)
+        goal = self._fly_to_next(item, flight)
         return None if goal is None else DistanceTask(item, target_of(goal, flight))
 
     def _turn(self, item: MissionItem, flight: Flight) -> Task:
@@ -244,25 +241,25 @@ class MissionMode(NavigatorMode):
         return TurnTask(item, flight)
 
     def _set_home(self, item: MissionItem, flight: Flight) -> None:
-        flight.home_orders.append(item)
+        flight.home_commands.append(item)
 
     def _switch_fence(self, item: MissionItem, flight: Flight) -> None:
         flight.switch_fence(enabled=item.param1 == 1.0)
 
-    def _pass_mark(self, item: MissionItem, flight: Flight) -> None:
-        """DO_LAND_START only marks where the way to a landing begins."""
+    def _ignore(self, item: MissionItem, flight: Flight) -> None:
+        """DO_LAND_START only marks where the approach to a landing begins."""
 
-    def _order_payload(self, item: MissionItem, flight: Flight) -> None:
-        flight.payload_orders.append(item)
+    def _command_payload(self, item: MissionItem, flight: Flight) -> None:
+        flight.payload_commands.append(item)
 
-    def _look(self, item: MissionItem, flight: Flight) -> None:
+    def _set_region_of_interest(self, item: MissionItem, flight: Flight) -> None:
         none = item.command == MissionCommand.DO_SET_ROI_NONE or (
             item.command == MissionCommand.DO_SET_ROI and unset(item.param1)
         )
         home = flight.home.altitude_amsl_m if flight.home is not None else 0.0
         place = (item.x, item.y, altitude_amsl(item, home))
         region = (math.nan, math.nan, math.nan) if none else place
-        take_region_of_interest(flight, RegionOfInterest(flight.now_us, *region))
+        apply_region_of_interest(flight, RegionOfInterest(flight.now_us, *region))
 
     _BEGIN: ClassVar[
         Mapping[MissionCommand, Callable[["MissionMode", MissionItem, Flight], Task | None]]
@@ -277,15 +274,15 @@ class MissionMode(NavigatorMode):
         MissionCommand.NAV_LAND: _land,
         MissionCommand.NAV_RETURN_TO_LAUNCH: _return,
         MissionCommand.NAV_DELAY: _delay,
-        MissionCommand.CONDITION_DELAY: _wait_on_the_way,
+        MissionCommand.CONDITION_DELAY: _delay_on_the_leg,
         MissionCommand.CONDITION_DISTANCE: _wait_for_distance,
         MissionCommand.CONDITION_YAW: _turn,
         MissionCommand.DO_CHANGE_SPEED: _change_speed,
         MissionCommand.DO_SET_HOME: _set_home,
-        MissionCommand.DO_LAND_START: _pass_mark,
+        MissionCommand.DO_LAND_START: _ignore,
         MissionCommand.DO_FENCE_ENABLE: _switch_fence,
-        MissionCommand.DO_SET_ROI: _look,
-        MissionCommand.DO_SET_ROI_LOCATION: _look,
-        MissionCommand.DO_SET_ROI_NONE: _look,
-        **dict.fromkeys(PAYLOAD, _order_payload),
+        MissionCommand.DO_SET_ROI: _set_region_of_interest,
+        MissionCommand.DO_SET_ROI_LOCATION: _set_region_of_interest,
+        MissionCommand.DO_SET_ROI_NONE: _set_region_of_interest,
+        **dict.fromkeys(PAYLOAD, _command_payload),
     }

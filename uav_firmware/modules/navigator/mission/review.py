@@ -1,10 +1,18 @@
-"""Whether the stored mission can be flown, kept up to date as home, fence and parameters change."""
+"""Checks of plans, a part at a time, so that no control step waits for a long one."""
 
 from collections.abc import Callable, Hashable, Sequence
 from typing import Final, TypeAlias
 
+from uav_firmware.bus import Queue
 from uav_firmware.lib.stepwise import Stepwise
-from uav_firmware.msg.mission import MissionItem, MissionRejection, PlanReview
+from uav_firmware.msg.mission import (
+    MissionItem,
+    MissionRejection,
+    PlanCheckRequest,
+    PlanCheckResult,
+    PlanReview,
+    PlanType,
+)
 
 BUDGET: Final = 200
 """Work of one step, in the unit of PlanReview: some 1 ms."""
@@ -12,28 +20,65 @@ BUDGET: Final = 200
 Items: TypeAlias = Sequence[MissionItem]
 
 
+class PlanChecks:
+    """Answers requests for the check of an upload."""
+
+    def __init__(
+        self,
+        requests: Queue[PlanCheckRequest],
+        results: Queue[PlanCheckResult],
+        review: Callable[[PlanType, tuple[MissionItem, ...]], PlanReview],
+    ) -> None:
+        self._requests = requests
+        self._results = results
+        self._review = review
+        self._work: dict[PlanType, tuple[int, Stepwise[MissionRejection | None]]] = {}
+
+    def update(self) -> None:
+        """Check a part of each plan and publish the results that are complete.
+
+        A geofence is checked before the plans that arrive with it, so that it is in force when
+        they are checked.
+        """
+        for request in self._requests.drain():
+            review = Stepwise(self._review(request.plan_type, request.items))
+            self._work[request.plan_type] = (request.request_id, review)
+        is_fence_first = PlanType.FENCE in self._work
+        for plan_type in (PlanType.FENCE,) if is_fence_first else tuple(self._work):
+            request_id, work = self._work[plan_type]
+            if work.advance(BUDGET):
+                del self._work[plan_type]
+                self._results.publish(PlanCheckResult(request_id, plan_type, work.result))
+
+
 class MissionReview:
-    """Judges anew what has been judged under other circumstances; meanwhile the old word holds."""
+    """Whether the stored mission can be flown, kept up to date.
+
+    It is checked again when the conditions (home, geofence, parameters) change; the former
+    result stands until the new one is complete.
+    """
 
     def __init__(self) -> None:
         self.rejection: MissionRejection | None = None
         self._items: Items = ()
-        self._circumstances: Hashable = None
+        self._conditions: Hashable = None
         self._work: Stepwise[MissionRejection | None] | None = None
+        self._accepted: tuple[Items, Hashable] = ((), None)
 
-    def trust(self, items: Items, circumstances: Hashable) -> None:
-        """Note that these very items have just been found good."""
-        self._items, self._circumstances = items, circumstances
-        self._work, self.rejection = None, None
+    def note_accepted(self, items: Items, conditions: Hashable) -> None:
+        """Note an upload that passed the check, so that it is not checked again when stored."""
+        self._accepted = (items, conditions)
 
     def update(
-        self, items: Items, circumstances: Hashable, judge: Callable[[Items], PlanReview]
+        self, items: Items, conditions: Hashable, review: Callable[[Items], PlanReview]
     ) -> str:
-        """Judge a part of what is new; gives a reason not to fly that was not there before."""
-        if items is not self._items or circumstances != self._circumstances:
+        """Check a part of what has changed; returns a new reason not to fly, or an empty text."""
+        if items is not self._items or conditions != self._conditions:
             self.rejection = self.rejection if items is self._items else None
-            self._items, self._circumstances = items, circumstances
-            self._work = Stepwise(judge(items))
+            self._items, self._conditions = items, conditions
+            accepted, under = self._accepted
+            is_checked = items is accepted and conditions == under
+            self._work = None if is_checked else Stepwise(review(items))
         if self._work is None or not self._work.advance(BUDGET):
             return ""
         before, self.rejection = self.rejection, self._work.result

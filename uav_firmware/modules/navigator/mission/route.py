@@ -1,9 +1,9 @@
-"""Which waypoints are flown in one go, and how: pure.
+"""Which waypoints are flown without a stop: pure.
 
-A route begins at an item and goes on while waypoints are flown through. It ends in a stop: at
+A route begins at an item and continues while waypoints are flown through. It ends in a stop: at
 a hold time, at an item that is no waypoint, at the last item, and where `autocontinue` is off.
-Changes of speed in between take effect on the legs after them. A position behind an item that
-waits on the way is a stop too.
+Changes of speed in between apply to the legs after them. A position after a condition is a stop
+too.
 
 A route is built piece by piece, `CHUNK` waypoints at a time and well ahead of the vehicle, so
 that no control step does work that grows with the length of the mission.
@@ -13,30 +13,17 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from uav_firmware.lib.mission_rules import HOVERING, PAYLOAD, altitude_amsl, unset
 from uav_firmware.lib.smoothing import Waypoint
 from uav_firmware.modules.navigator.flight import Flight, Speeds
 from uav_firmware.msg.mission import MissionCommand, MissionItem
 from uav_firmware.msg.vectors import Vector3
 
 TURN_SHARE = 0.3
-"""Part of the acceptance radius that a turn may cut; estimate and tracking errors get the rest."""
+"""Part of the acceptance radius that a turn may cut; the rest is for errors."""
 
-HOVERING = frozenset(
-    {
-        MissionCommand.NAV_WAYPOINT,
-        MissionCommand.NAV_LOITER_UNLIM,
-        MissionCommand.NAV_LOITER_TIME,
-        MissionCommand.NAV_SPLINE_WAYPOINT,
-    }
-)
 PASSED = frozenset({MissionCommand.NAV_WAYPOINT, MissionCommand.NAV_SPLINE_WAYPOINT})
 """Items that may be flown through."""
-POSITIONAL = HOVERING | {
-    MissionCommand.NAV_LAND,
-    MissionCommand.NAV_TAKEOFF,
-    MissionCommand.NAV_LOITER_TURNS,
-    MissionCommand.NAV_LOITER_TO_ALT,
-}
 LOOKING = frozenset(
     {
         MissionCommand.DO_SET_ROI,
@@ -44,22 +31,6 @@ LOOKING = frozenset(
         MissionCommand.DO_SET_ROI_NONE,
     }
 )
-PAYLOAD = frozenset(
-    {
-        MissionCommand.DO_DIGICAM_CONTROL,
-        MissionCommand.DO_MOUNT_CONFIGURE,
-        MissionCommand.DO_MOUNT_CONTROL,
-        MissionCommand.DO_SET_CAM_TRIGG_DIST,
-        MissionCommand.SET_CAMERA_MODE,
-        MissionCommand.DO_GIMBAL_MANAGER_PITCHYAW,
-        MissionCommand.DO_GIMBAL_MANAGER_CONFIGURE,
-        MissionCommand.IMAGE_START_CAPTURE,
-        MissionCommand.IMAGE_STOP_CAPTURE,
-        MissionCommand.VIDEO_START_CAPTURE,
-        MissionCommand.VIDEO_STOP_CAPTURE,
-    }
-)
-"""Items that camera and gimbal carry out."""
 INSTANT = (
     LOOKING
     | PAYLOAD
@@ -71,19 +42,16 @@ INSTANT = (
     }
 )
 """Items that take no time and do not interrupt a route."""
-ON_THE_WAY = frozenset({MissionCommand.CONDITION_DELAY, MissionCommand.CONDITION_DISTANCE})
-"""Items that wait while the vehicle flies on to the next position, which is then a stop."""
+CONDITIONS = frozenset({MissionCommand.CONDITION_DELAY, MissionCommand.CONDITION_DISTANCE})
+"""Conditions: the vehicle flies to the next position meanwhile and stops there."""
 
 CHUNK = 24
 """Waypoints that are built in one step."""
 AHEAD = 12
-"""Waypoints left of a route at which it is built on: more than shape the speed of a leg."""
+"""A route with fewer waypoints left is extended: more than shape the speed of a leg."""
 
-_FRAME_RELATIVE = 3
-
-
-BEHIND_A_JUMP = -2
-"""In a route: a position that is flown to once more, after a jump back."""
+AFTER_JUMP = -2
+"""In a route: a position that is flown to again after a jump back."""
 
 
 class Route(NamedTuple):
@@ -91,8 +59,8 @@ class Route(NamedTuple):
 
     seqs: tuple[int, ...]  # [-] Item of each waypoint; -1: a climb from the ground
     waypoints: tuple[Waypoint, ...]
-    rest: int | None = None  # [-] Item at which the route goes on; None: it ends in a stop
-    speeds: Speeds = Speeds()  # With which it goes on
+    rest: int | None = None  # [-] Item at which the route continues; None: it ends in a stop
+    speeds: Speeds = Speeds()  # With which it continues
 
     def followed_by(self, more: "Route") -> "Route":
         """This route and its continuation."""
@@ -101,18 +69,8 @@ class Route(NamedTuple):
         )
 
 
-def unset(value: float) -> bool:
-    """Whether a parameter carries no wish: MAVLink uses NaN and, where 0 means nothing, 0."""
-    return math.isnan(value) or value == 0.0
-
-
-def altitude_amsl(item: MissionItem, home_altitude_amsl_m: float) -> float:
-    """Altitude of an item above mean sea level [m]."""
-    return item.z + (home_altitude_amsl_m if item.frame == _FRAME_RELATIVE else 0.0)
-
-
 def target_of(item: MissionItem, flight: Flight) -> Vector3:
-    """Local position of an item [m, NED]; an unset part is where the vehicle comes to rest."""
+    """Local position of an item [m, NED]; unset parts are those of the rest point."""
     home = flight.home.altitude_amsl_m if flight.home is not None else 0.0
     here = unset(item.x) and unset(item.y) and item.command not in HOVERING
     latitude, longitude = (math.nan, math.nan) if here else (item.x, item.y)
@@ -120,7 +78,7 @@ def target_of(item: MissionItem, flight: Flight) -> Vector3:
 
 
 def stop_pictures(item: MissionItem) -> MissionItem:
-    """IMAGE_STOP_CAPTURE in the place of an item: a way home takes no more pictures."""
+    """IMAGE_STOP_CAPTURE with the header of an item: a return takes no more pictures."""
     nothing = math.nan
     return item._replace(
         command=MissionCommand.IMAGE_STOP_CAPTURE,
@@ -160,23 +118,23 @@ def flown_through(item: MissionItem, following: MissionItem | None) -> bool:
 
 
 def following(
-    items: Sequence[MissionItem], seq: int, landing: Callable[[int], int]
+    items: Sequence[MissionItem], seq: int, resolve_jumps: Callable[[int], int]
 ) -> MissionItem | None:
-    """Next item that is neither instant nor waits on the way; `landing` follows the jumps."""
+    """Next item that is neither instant nor a condition; `resolve_jumps` follows the jumps."""
     for _ in items:
-        seq = landing(seq + 1)
+        seq = resolve_jumps(seq + 1)
         if seq >= len(items):
             return None
-        if items[seq].command not in INSTANT | ON_THE_WAY:
+        if items[seq].command not in INSTANT | CONDITIONS:
             return items[seq]
     return None
 
 
 def awaited_before(items: Sequence[MissionItem], seq: int) -> bool:
-    """Whether an item is carried out on the way, after another one has waited there."""
+    """Whether an item comes after a condition on the same leg."""
     for item in reversed(items[:seq]):
         if item.command not in INSTANT:
-            return item.command in ON_THE_WAY
+            return item.command in CONDITIONS
     return False
 
 
@@ -184,26 +142,26 @@ def build(
     items: Sequence[MissionItem],
     seq: int,
     flight: Flight,
-    landing: Callable[[int], int],
+    resolve_jumps: Callable[[int], int],
     speeds: Speeds | None = None,
 ) -> Route:
     """Route from item `seq` on, with the present speeds or those given; `CHUNK` waypoints at most.
 
-    `landing` tells which item is flown if one comes next. After a jump back the route is built
-    anew; up to there it leads on to the first position behind the jump.
+    `resolve_jumps` gives the item that is flown when an index comes next. After a jump back the
+    route is built anew; until then it leads to the first position after the jump.
     """
     seqs: list[int] = []
     waypoints: list[Waypoint] = []
     speeds = flight.speeds if speeds is None else speeds
-    awaited = False  # An item on the way has to be over before the next position is left
+    awaited = False  # A condition has to be met before the next position is left
     while True:
         item = items[seq]
         if item.command == MissionCommand.DO_CHANGE_SPEED and not awaited:
             speeds = speeds_after(item, speeds)
-        elif item.command in ON_THE_WAY:
+        elif item.command in CONDITIONS:
             awaited = True
         elif item.command not in INSTANT:
-            goal = following(items, seq, landing)
+            goal = following(items, seq, resolve_jumps)
             through = not awaited and flown_through(item, goal)
             tolerance = TURN_SHARE * radius_of(item, flight) if through else 0.0
             waypoints.append(
@@ -214,10 +172,10 @@ def build(
                 return Route(tuple(seqs), tuple(waypoints))
             if goal.seq <= seq:
                 behind = Waypoint(target_of(goal, flight), 0.0, flight.limits_with(speeds))
-                return Route((*seqs, BEHIND_A_JUMP), (*waypoints, behind))
+                return Route((*seqs, AFTER_JUMP), (*waypoints, behind))
             if len(seqs) >= CHUNK:
-                return Route(tuple(seqs), tuple(waypoints), landing(seq + 1), speeds)
-        seq = landing(seq + 1)
+                return Route(tuple(seqs), tuple(waypoints), resolve_jumps(seq + 1), speeds)
+        seq = resolve_jumps(seq + 1)
 
 
 def from_the_ground(route: Route, flight: Flight) -> Route:

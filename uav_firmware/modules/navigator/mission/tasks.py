@@ -1,26 +1,26 @@
-"""What carries out one item of a mission until it is reached."""
+"""Tasks: each carries out one item of a mission until it is reached."""
 
 import math
 from typing import Protocol
 
 from uav_firmware.modules.navigator.flight import Flight
 from uav_firmware.modules.navigator.mission.route import Route, radius_of
-from uav_firmware.modules.navigator.modes.heading_commands import order_turn
+from uav_firmware.modules.navigator.modes.yaw_commands import start_turn
 from uav_firmware.msg.mission import MissionCommand, MissionItem
 from uav_firmware.msg.vectors import Vector3
 
-_MISSED_BY_M = 3.0  # [m] beyond the acceptance radius: the vehicle turns back
+_MISSED_BY_M = 3.0  # [m] Beyond the acceptance radius the waypoint is flown to again
 
 
 class Task(Protocol):
-    """An item being carried out."""
+    """An item that is carried out."""
 
     def step(self, flight: Flight) -> bool:
         """Whether the item is reached."""
 
 
 class WaypointTask:
-    """Passes a waypoint, or stops at it for its hold time."""
+    """Flies through a waypoint, or stops at it for its hold time."""
 
     def __init__(self, item: MissionItem, route: Route) -> None:
         self._index = route.seqs.index(item.seq)
@@ -41,7 +41,7 @@ class WaypointTask:
         return flight.now_us - self._since_us >= round(self._hold_s * 1e6)
 
     def missed(self, flight: Flight) -> bool:
-        """Whether the set-point has gone on though the vehicle never came near."""
+        """Whether the set-point has passed the waypoint without the vehicle."""
         if self._stops or self._since_us is not None or flight.path.passed <= self._index:
             return False
         away = math.dist(flight.path.state.position, self._position)
@@ -55,7 +55,7 @@ class WaypointTask:
 
 
 class DistanceTask:
-    """CONDITION_DISTANCE: waits until the next position is near, or the vehicle rests."""
+    """CONDITION_DISTANCE: waits until the next position is near, or the set-point at rest."""
 
     def __init__(self, item: MissionItem, goal: Vector3) -> None:
         self._distance = item.param1
@@ -67,10 +67,10 @@ class DistanceTask:
 
 
 class TurnTask:
-    """CONDITION_YAW: turns on the spot."""
+    """CONDITION_YAW: turns at the present position."""
 
     def __init__(self, item: MissionItem, flight: Flight) -> None:
-        order_turn(
+        start_turn(
             flight,
             math.radians(item.param1),
             rate=math.radians(item.param2),
@@ -84,7 +84,7 @@ class TurnTask:
 
 
 class ToAltitudeTask:
-    """NAV_LOITER_TO_ALT: level to the place, then straight to the height."""
+    """NAV_LOITER_TO_ALT: level to the position, then vertically to the altitude."""
 
     def __init__(self, flight: Flight, goal: Vector3) -> None:
         here = flight.rest_point()
@@ -92,7 +92,7 @@ class ToAltitudeTask:
         flight.fly(flight.stop_at((goal[0], goal[1], here[2])), flight.stop_at(goal))
 
     def step(self, flight: Flight) -> bool:
-        """Whether the height is reached at the place."""
+        """Whether the altitude is reached at the position."""
         radius = flight.params.acceptance_radius
         return flight.path.resting and flight.arrived(self._goal, radius)
 

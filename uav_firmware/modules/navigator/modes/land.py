@@ -1,10 +1,10 @@
-"""Landing: over to the point, down fast, then slowly, then slower still until it stands.
+"""Landing: level to the target, then down in three speeds until the vehicle has landed.
 
     TRANSIT --over the point--> DESCENT --MPC_LAND_ALT3--> TOUCHDOWN --landed--> done
 
 DESCENT slows to MPC_LAND_SPEED at MPC_LAND_ALT2 above the landing point and keeps sinking, so
 that a wrong height of the ground only makes it longer. With a motor lost the vehicle spins as it
-comes down, and TOUCHDOWN takes half the speed.
+descends, and TOUCHDOWN takes half the speed.
 """
 
 import math
@@ -12,15 +12,18 @@ from enum import Enum, auto
 
 from uav_firmware.lib.resets import EstimateStep
 from uav_firmware.modules.navigator.flight import Flight
+from uav_firmware.modules.navigator.modes.navigator_mode import NavigatorMode
+from uav_firmware.msg.mission import ModeTarget, NavigatorTarget
 from uav_firmware.msg.vectors import Vector3
 
+_WARNING = 4  # MAV_SEVERITY
 _CRAWL_SHARE = 0.6  # of MPC_LAND_SPEED, for the last stretch
-_SPINNING_CRAWL_SHARE = 0.3  # The friction of the first foot is a blow in proportion to the sink
+_SPINNING_CRAWL_SHARE = 0.3  # The friction of the first foot grows with the sink speed
 _OVER_THE_POINT_M = 1.0  # [m] horizontal error at which the descent may begin
 
 
 class LandPhase(Enum):
-    """Where a landing stands."""
+    """Phase of a landing."""
 
     TRANSIT = auto()
     DESCENT = auto()
@@ -39,14 +42,14 @@ class Land:
         flight.fly(flight.stop_at(self._over))
 
     def follow_reset(self, flight: Flight, step: EstimateStep) -> None:
-        """Land where the vehicle is, whatever the estimate calls that place from now on."""
+        """Land at the present position after a reset of the estimate."""
         north, east, _ = step.position_ned
         self._over = (self._over[0] + north, self._over[1] + east, self._over[2])
         if self.phase is LandPhase.TRANSIT:
             flight.fly(flight.stop_at(self._over))
 
     def step(self, flight: Flight) -> bool:
-        """Whether the vehicle stands on the ground."""
+        """Whether the vehicle has landed."""
         params = flight.params
         height = self._ground_down - flight.position[2]
         if self.phase is LandPhase.TRANSIT and self._over_the_point(flight):
@@ -76,3 +79,44 @@ def land_here(flight: Flight, yaw_deg: float = math.nan) -> Land:
     """Land where the set-point comes to rest, on ground as high as home."""
     here = flight.rest_point()
     return Land(flight, (here[0], here[1], flight.home_down(0.0)), yaw_deg)
+
+
+class LandMode(NavigatorMode):
+    """AUTO_LAND; lands at the target, or where it is.
+
+    During the transit it lands where it comes to rest as soon as the position is no longer
+    measured, also if a fix returns: the operator can command the target again.
+    """
+
+    def __init__(self) -> None:
+        self._here = True
+        self._land: Land | None = None
+
+    def on_activation(self, flight: Flight, target: ModeTarget | None) -> None:
+        """Begin the transit to the landing point."""
+        self.finished = False
+        self._here = not isinstance(target, NavigatorTarget)
+        if not isinstance(target, NavigatorTarget):
+            self._land = land_here(flight)
+            return
+        goal = flight.to_ned(target.latitude_deg, target.longitude_deg, target.altitude_amsl_m)
+        if math.isnan(target.altitude_amsl_m):
+            goal = (goal[0], goal[1], flight.home_down(0.0))
+        flight.abort_down = goal[2] - target.abort_height_m
+        self._land = Land(flight, goal, math.degrees(target.yaw))
+
+    def on_reset(self, flight: Flight, step: EstimateStep) -> None:
+        """Continue a landing without a target at the present position."""
+        if self._land is not None and self._here:
+            self._land.follow_reset(flight, step)
+
+    def on_active(self, flight: Flight) -> None:
+        """Run the landing; without a measured position the transit ends."""
+        if self._land is None or self.finished:
+            return
+        travels = not self._here and self._land.phase is LandPhase.TRANSIT
+        if travels and not flight.position_measured:
+            self._here = True
+            self._land = land_here(flight)
+            flight.report(_WARNING, "No GPS fix to reach the landing place by: landing here")
+        self.finished = self._land.step(flight)

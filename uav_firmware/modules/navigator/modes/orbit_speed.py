@@ -1,4 +1,4 @@
-"""How fast a circle may be flown, and where the nose points on it: pure.
+"""Speed limit and heading on a circle: pure.
 
 On a circle of radius r at speed v and slope a, acceleration and jerk are
 
@@ -6,7 +6,7 @@ On a circle of radius r at speed v and slope a, acceleration and jerk are
     along   a                    j - v^3 / r^2
 
 so v^2 / r and a each within 1/sqrt(2) of the acceleration allowed, and the three parts of the
-jerk each within a third of it, keep to both.
+jerk each within a third of it, satisfy both limits.
 """
 
 import math
@@ -22,7 +22,7 @@ CENTRIPETAL_MAX_M_S2: Final = 2.0
 """[m/s^2] PX4's limit too: a tilt of 12 degrees, which leaves room against wind."""
 _TILT_SHARE: Final = 0.5  # of the largest tilt, for the circle; wind and corrections get the rest
 _TURN_SHARE: Final = 0.9  # of the largest yaw rate, so that the nose can catch up
-_CLIPPED_M_S: Final = 0.01  # [m/s] less than this is not worth telling
+_CLIPPED_M_S: Final = 0.01  # [m/s] A smaller reduction is not reported
 
 _OFFSETS: Final[Mapping[OrbitHeading, tuple[float, float]]] = {
     OrbitHeading.TOWARDS_CENTRE: (math.pi, 0.0),
@@ -34,15 +34,15 @@ _OFFSETS: Final[Mapping[OrbitHeading, tuple[float, float]]] = {
 
 
 class OrbitSpeed(NamedTuple):
-    """What a circle is flown with."""
+    """Limits for the flight along a circle."""
 
     limits: Limits  # Along the circle; its speed is the one flown
-    clipped_by: str  # What allows no more; empty when the speed is the one asked for
+    clipped_by: str  # The limit that applies; empty when the speed is the commanded one
 
 
 def speed_on(
     radius: float,
-    wanted: float,
+    commanded: float,
     limits: MotionLimits,
     *,
     tilt_max: float,
@@ -52,7 +52,7 @@ def speed_on(
 
     Args:
         radius: [m], of either sign.
-        wanted: speed asked for [m/s].
+        commanded: commanded speed [m/s].
         limits: of the vehicle's motion; their speed is the most that the controller allows.
         tilt_max: [rad].
         yaw_rate_max: [rad/s], infinite when the nose does not turn with the circle.
@@ -68,23 +68,23 @@ def speed_on(
         (_TURN_SHARE * yaw_rate_max * size, "the yaw rate"),
     )
     ceiling, reason = min(ceilings)
-    speed = min(wanted, ceiling)
+    speed = min(commanded, ceiling)
     slope = min(
         CENTRIPETAL_MAX_M_S2,
         limits.acceleration_horizontal / math.sqrt(2.0),
         limits.jerk * size / (9.0 * speed),
     )
-    clipped = wanted > ceiling + _CLIPPED_M_S
+    clipped = commanded > ceiling + _CLIPPED_M_S
     return OrbitSpeed(Limits(speed, slope, limits.jerk / 3.0), reason if clipped else "")
 
 
 def turns_with_the_circle(heading: OrbitHeading) -> bool:
-    """Whether the nose turns as the vehicle goes round."""
+    """Whether the heading turns with the bearing."""
     return heading in _OFFSETS
 
 
 def heading_at(heading: OrbitHeading, bearing: float, radius: float) -> float:
-    """Heading [rad] of a vehicle at a bearing from the centre [rad]; NaN where it is its own."""
+    """Heading [rad] at a bearing from the centre [rad]; NaN where it does not depend on it."""
     if heading not in _OFFSETS:
         return math.nan
     constant, with_sense = _OFFSETS[heading]

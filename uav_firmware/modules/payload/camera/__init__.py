@@ -1,1 +1,1 @@
-"""The camera: orders, states, exposures, video, panoramas."""
+"""The camera: orders, states, pictures, video, panoramas."""

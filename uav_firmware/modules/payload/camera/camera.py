@@ -1,7 +1,7 @@
-"""The camera: when it exposes, what it refuses. Pure: orders, time and place in, pictures due out.
+"""Decides when the camera exposes and which orders it refuses. Pure.
 
-A picture takes `EXPOSURE_US` until it is stored. Single pictures that come faster wait, up to
-`WAITING_MAX` of them. What a mission began rests while the mission is not flown.
+The camera needs `EXPOSURE_US` per picture. Up to `WAITING_MAX` single pictures queue. A series that
+a mission started pauses while the mission is not flown.
 """
 
 import math
@@ -22,7 +22,7 @@ EXPOSURE_US: Final = 200_000
 """[us] From the exposure until the next one is possible."""
 WAITING_MAX: Final = 8
 DEFAULT_INTERVAL_S: Final = 1.0
-"""[s] Of a series that is ordered without one."""
+"""[s] Interval of a series that does not specify one."""
 _ENDLESS: Final = 0
 
 
@@ -33,7 +33,7 @@ class _Series:
     interval_us: int  # [us] 0 by distance
     distance_m: float  # [m] 0 by time
     left: int  # [-] Pictures still to take; endless when 0
-    next_us: int  # [us] When the next is due
+    next_us: int  # [us] When the next one is due
     from_mission: bool
     last_ned: Vector3 | None = None  # [m] Where the last one was taken
 
@@ -46,22 +46,22 @@ class Camera:
         self.mode = CameraMode.IMAGE
         self.recording_since_us = -1
         self.report_interval_us = 0
-        self.answers = True  # The device does
-        self.memory_full = False  # The device cannot expose before it has stored something
-        self._waiting = 0  # Pictures to take as soon as possible
+        self.answers = True  # Whether the device responds
+        self.memory_full = False  # The device must store pictures before it can expose
+        self._waiting = 0  # Queued pictures
         self._series: _Series | None = None
         self._ready_us = 0  # When the next exposure is possible
         self._exposing = False
 
-    def shoot(self, *, limited: bool = True) -> None:
+    def take_picture(self, *, limited: bool = True) -> None:
         """Take one picture as soon as possible.
 
         Raises:
-            CameraBusyError: if the camera is at something else, or too many pictures wait.
+            CameraBusyError: if the camera is busy, or too many pictures are queued.
         """
         if limited and self._waiting >= WAITING_MAX:
-            raise CameraBusyError(f"{self._waiting} pictures wait")
-        self._become(CameraEvent.SHOOT)
+            raise CameraBusyError(f"{self._waiting} pictures are queued")
+        self._apply_event(CameraEvent.SHOOT)
         self._waiting += 1
 
     def begin_series(
@@ -70,48 +70,48 @@ class Camera:
         """Take `count` pictures (0: until stopped), the first at once.
 
         Raises:
-            CameraBusyError: if the camera is at something else.
+            CameraBusyError: if the camera is busy.
         """
-        self._become(CameraEvent.BEGIN_SERIES)
+        self._apply_event(CameraEvent.BEGIN_SERIES)
         unset = math.isnan(interval_s) or interval_s == 0.0
         interval = DEFAULT_INTERVAL_S if unset else max(interval_s, INTERVAL_MIN_S)
         self._series = _Series(round(interval * 1e6), 0.0, count, now_us, from_mission)
 
     def begin_distance(self, distance_m: float, *, at_once: bool, from_mission: bool) -> None:
-        """Take a picture every `distance_m` [m], counted from the first or from here.
+        """Take a picture every `distance_m` [m], measured from the first or from here.
 
         Raises:
-            CameraBusyError: if the camera is at something else.
+            CameraBusyError: if the camera is busy.
         """
-        self._become(CameraEvent.BEGIN_DISTANCE)
+        self._apply_event(CameraEvent.BEGIN_DISTANCE)
         self._series = _Series(0, distance_m, _ENDLESS, 0, from_mission)
         if at_once:
             self._waiting += 1
 
     def begin_panorama(self) -> None:
-        """Let only `expose_in_panorama` take pictures from now on.
+        """Reserve the camera for `expose_in_panorama`.
 
         Raises:
-            CameraBusyError: if the camera is at something else.
+            CameraBusyError: if the camera is busy.
         """
-        self._become(CameraEvent.BEGIN_PANORAMA)
+        self._apply_event(CameraEvent.BEGIN_PANORAMA)
 
     def expose_in_panorama(self, now_us: int) -> bool:
-        """Expose if the camera is ready; whether it did."""
+        """Expose if the camera is ready; return whether it did."""
         if self.memory_full or now_us < self._ready_us:
             return False
         self._ready_us = now_us + EXPOSURE_US
         return True
 
     def stop(self) -> None:
-        """Take no more pictures, whatever was begun."""
+        """Stop taking pictures."""
         self._waiting = 0
         self._series = None
         if self.state is not CameraState.IDLE:
-            self._become(CameraEvent.STOP)
+            self._apply_event(CameraEvent.STOP)
 
     def stop_series(self) -> bool:
-        """End pictures by time or distance; whether there were any to end."""
+        """Stop a series by time or distance; return whether there was one."""
         if self._series is None:
             return False
         self.stop()
@@ -119,17 +119,17 @@ class Camera:
 
     @property
     def ends_by_itself(self) -> bool:
-        """Whether what the camera is at comes to an end without an order."""
+        """Whether the camera becomes idle without an order."""
         endless = self._series is not None and self._series.left == _ENDLESS
         return self.state is not CameraState.IDLE and not endless
 
     def update(self, now_us: int, position_ned: Vector3 | None, *, mission_flown: bool) -> bool:
-        """Whether a picture is exposed now; then the caller takes it.
+        """Return whether a picture is exposed now; the caller then takes it.
 
         Args:
             now_us: [us].
-            position_ned: [m] None while unknown; then distances do not count.
-            mission_flown: what a mission began goes on.
+            position_ned: [m] None while unknown; distances are then not measured.
+            mission_flown: whether a series of the mission continues.
         """
         self._exposing = now_us < self._ready_us
         if (
@@ -144,7 +144,7 @@ class Camera:
             if series is not None:
                 series.last_ned = position_ned
         elif series is None:
-            self._become(CameraEvent.SAVED)
+            self._apply_event(CameraEvent.SAVED)
             return False
         elif series.from_mission and not mission_flown:
             series.next_us = max(series.next_us, now_us)
@@ -156,7 +156,7 @@ class Camera:
         return True
 
     def _due(self, series: _Series, now_us: int, position_ned: Vector3 | None) -> bool:
-        """Whether the series wants a picture now; notes that it gets it."""
+        """Whether a picture of the series is due now; if so, count it."""
         if series.distance_m > 0.0:
             return _far_enough(series, position_ned)
         if now_us < series.next_us:
@@ -170,7 +170,7 @@ class Camera:
 
     @property
     def image_status(self) -> ImageStatus:
-        """As CAMERA_CAPTURE_STATUS tells it; pictures by distance count as a series."""
+        """Status for CAMERA_CAPTURE_STATUS; pictures by distance count as a series."""
         if self._series is not None:
             exposing = self._exposing
             return ImageStatus.SERIES_CAPTURING if exposing else ImageStatus.SERIES_WAITING
@@ -182,21 +182,21 @@ class Camera:
         return self._series.interval_us * 1e-6 if self._series is not None else 0.0
 
     def start_video(self, rate_hz: float, now_us: int) -> None:
-        """Record from now on, and report the status `rate_hz` times a second.
+        """Start to record, and report the status `rate_hz` times a second.
 
         Raises:
-            CameraBusyError: if it records already.
+            CameraBusyError: if it is recording.
         """
         if self.recording_since_us >= 0:
-            raise CameraBusyError("the camera records already")
+            raise CameraBusyError("the camera is already recording")
         self.recording_since_us = now_us
         self.report_interval_us = round(1e6 / rate_hz) if rate_hz > 0.0 else 0
 
     def stop_video(self) -> None:
-        """Record no more."""
+        """Stop recording."""
         self.recording_since_us, self.report_interval_us = -1, 0
 
-    def _become(self, event: CameraEvent) -> None:
+    def _apply_event(self, event: CameraEvent) -> None:
         self.state = after(self.state, event)
 
 
@@ -209,7 +209,7 @@ def _far_enough(series: _Series, position_ned: Vector3 | None) -> bool:
     flown = math.dist(series.last_ned, position_ned)
     if flown < series.distance_m:
         return False
-    # What was flown too far counts for the next one, so that steps do not add up.
+    # The excess distance counts for the next picture, so that errors do not add up
     share = series.distance_m / flown if flown < 2.0 * series.distance_m else 1.0
     last = [a + share * (b - a) for a, b in zip(series.last_ned, position_ned, strict=True)]
     series.last_ned = (last[0], last[1], last[2])

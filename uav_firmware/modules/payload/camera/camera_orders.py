@@ -1,6 +1,6 @@
-"""Orders to the camera: what each command does. The table stands at the end.
+"""Handlers of camera commands; the table is at the end.
 
-Every handler has checked parameters before it, and tells by its outcome what it did.
+Parameters are checked before a handler runs; the handler returns the outcome.
 """
 
 import math
@@ -18,7 +18,7 @@ from uav_firmware.modules.payload.situation import (
     Situation,
     denied,
     failed,
-    not_now,
+    temporarily_rejected,
 )
 from uav_firmware.msg.payload import (
     Box,
@@ -36,7 +36,7 @@ _STORAGE_FULL: Final = failed("the storage is full")
 
 
 def from_mission(command: VehicleCommand) -> bool:
-    """Whether the vehicle's own mission commands."""
+    """Whether a command comes from the vehicle's own mission."""
     return command.token == 0
 
 
@@ -46,30 +46,30 @@ def _start_capture(command: VehicleCommand, parts: Parts, situation: Situation) 
     sequence = 0 if unset(command.param4) else int(command.param4)
     own = from_mission(command)
     sender = Controller(command.source_system, command.source_component)
-    if not own and parts.ledger.is_repeated(sender, sequence, situation.now_us):
+    if not own and parts.capture_log.is_repeated(sender, sequence, situation.now_us):
         return ACCEPTED
-    if not parts.has_room:
+    if not parts.has_space:
         return _STORAGE_FULL
     if count == 1:
-        parts.camera.shoot(limited=not own)
-        parts.ledger.note(sender, sequence, situation.now_us)
+        parts.camera.take_picture(limited=not own)
+        parts.capture_log.note(sender, sequence, situation.now_us)
     else:
         parts.camera.begin_series(command.param2, count, situation.now_us, from_mission=own)
     return ACCEPTED
 
 
 def _stop_capture(_command: VehicleCommand, parts: Parts, _situation: Situation) -> Outcome:
-    """IMAGE_STOP_CAPTURE; a panorama that it ends has failed."""
+    """IMAGE_STOP_CAPTURE; a panorama in progress fails."""
     parts.camera.stop()
     return ACCEPTED
 
 
 def _trigger_by_distance(command: VehicleCommand, parts: Parts, _situation: Situation) -> Outcome:
-    """DO_SET_CAM_TRIGG_DIST: 0 stops, after one more picture if parameter 3 asks for it."""
+    """DO_SET_CAM_TRIGG_DIST: 0 stops, after one more picture if parameter 3 is 1."""
     at_once, own = command.param3 == 1.0, from_mission(command)
     if unset(command.param1):
         return _stop_by_distance(parts, at_once=at_once)
-    if not parts.has_room:
+    if not parts.has_space:
         return _STORAGE_FULL
     parts.camera.begin_distance(command.param1, at_once=at_once, from_mission=own)
     return ACCEPTED
@@ -78,27 +78,27 @@ def _trigger_by_distance(command: VehicleCommand, parts: Parts, _situation: Situ
 def _stop_by_distance(parts: Parts, *, at_once: bool) -> Outcome:
     parts.camera.stop()
     if at_once:
-        if not parts.has_room:
+        if not parts.has_space:
             return _STORAGE_FULL
-        parts.camera.shoot()
+        parts.camera.take_picture()
     return ACCEPTED
 
 
 def _digicam(command: VehicleCommand, parts: Parts, _situation: Situation) -> Outcome:
-    """DO_DIGICAM_CONTROL: the old way to take a picture."""
+    """DO_DIGICAM_CONTROL: deprecated command to take a picture."""
     if command.param5 != 1.0:
         return ACCEPTED
-    if not parts.has_room:
+    if not parts.has_space:
         return _STORAGE_FULL
-    parts.camera.shoot(limited=not from_mission(command))
+    parts.camera.take_picture(limited=not from_mission(command))
     return ACCEPTED
 
 
 def _start_video(command: VehicleCommand, parts: Parts, situation: Situation) -> Outcome:
-    """VIDEO_START_CAPTURE; a mission may start what already runs."""
+    """VIDEO_START_CAPTURE; a mission may start a recording that already runs."""
     if from_mission(command) and parts.camera.recording_since_us >= 0:
         return ACCEPTED
-    if not parts.has_room:
+    if not parts.has_space:
         return _STORAGE_FULL
     rate = 0.0 if math.isnan(command.param2) else command.param2
     parts.camera.start_video(rate, situation.now_us)
@@ -111,7 +111,7 @@ def _stop_video(_command: VehicleCommand, parts: Parts, _situation: Situation) -
 
 
 def _start_streaming(_command: VehicleCommand, parts: Parts, _situation: Situation) -> Outcome:
-    """VIDEO_START_STREAMING; who asks again is served already."""
+    """VIDEO_START_STREAMING; accepted when already streaming."""
     if not parts.stream_uri:
         return failed("there is no live view")
     parts.is_streaming = True
@@ -135,19 +135,19 @@ def _reset_settings(command: VehicleCommand, parts: Parts, _situation: Situation
 
 
 def _format(command: VehicleCommand, parts: Parts, situation: Situation) -> Outcome:
-    """STORAGE_FORMAT: parameter 2 removes the pictures, 3 only their log; 2 implies 3."""
+    """STORAGE_FORMAT: parameter 2 removes the pictures, 3 only the capture log; 2 implies 3."""
     erases, resets = command.param2 == 1.0, command.param3 == 1.0
     if not (erases or resets):
         return ACCEPTED
     camera = parts.camera
     busy = camera.state is not CameraState.IDLE or parts.storing > 0 or parts.is_filming
     if busy or camera.recording_since_us >= 0:
-        return not_now("the camera takes pictures")
+        return temporarily_rejected("the camera takes pictures")
     if erases:
         parts.erase_due = True
         parts.storage.format()
         parts.storage.total_mib = parts.params.storage_mib
-    parts.ledger.reset()
+    parts.capture_log.reset()
     parts.events.append(CaptureLogReset(situation.now_us))
     return ACCEPTED
 
@@ -171,13 +171,13 @@ def _track(
 ) -> Outcome:
     ground = situation.ground_down
     if situation.position_ned is None or ground is None:
-        return not_now("position unknown")
+        return temporarily_rejected("position unknown")
     view = tracking.View(situation.position_ned, parts.gimbal.q_ned_camera)
     target = tracking.choose(view, ground, rectangle, mode)
     if target is None:
         return failed("no ground is seen there")
     if parts.panorama is not None:
-        return not_now("a panorama is being taken")
+        return temporarily_rejected("a panorama is being taken")
     parts.point(tracking.aim_at(target))
     if parts.seeker is not None and parts.seeker.lock(Box(*rectangle), parts.gaze):
         target = target._replace(is_subject=True)
@@ -186,7 +186,7 @@ def _track(
 
 
 def _stop_tracking(_command: VehicleCommand, parts: Parts, _situation: Situation) -> Outcome:
-    """CAMERA_STOP_TRACKING: the gimbal stays as it points now."""
+    """CAMERA_STOP_TRACKING: the gimbal holds its direction."""
     if parts.tracker.target is not None:
         parts.tracker.stop()
         parts.gimbal.hold()
@@ -195,10 +195,10 @@ def _stop_tracking(_command: VehicleCommand, parts: Parts, _situation: Situation
 
 
 def _panorama(command: VehicleCommand, parts: Parts, situation: Situation) -> Outcome:
-    """PANORAMA_CREATE, by the gimbal while the vehicle holds its place."""
+    """PANORAMA_CREATE, by the gimbal while the vehicle holds its position."""
     if situation.state is not NavigationState.AUTO_LOITER:
-        return not_now("a panorama needs a vehicle that holds its place")
-    if not parts.has_room:
+        return temporarily_rejected("a panorama needs the vehicle in Hold mode")
+    if not parts.has_space:
         return _STORAGE_FULL
     vertical = 0.0 if math.isnan(command.param2) else command.param2
     gimbal = parts.gimbal

@@ -1,8 +1,8 @@
-"""Geometry of the picture: pure.
+"""Geometry of the picture. Pure.
 
-The camera's frame is forward (along the optical axis), right, down, as the vehicle's. A point of
-the picture has coordinates from 0, 0 (top left) to 1, 1 (bottom right); a pinhole without
-distortion joins the two (Hartley and Zisserman 2004, "Multiple View Geometry", section 6.1).
+The camera frame is forward (along the optical axis), right, down. A point of the picture has
+coordinates from 0, 0 (top left) to 1, 1 (bottom right). Projection by a pinhole camera without
+distortion (Hartley and Zisserman 2004, "Multiple View Geometry", section 6.1).
 """
 
 import math
@@ -13,7 +13,7 @@ from uav_firmware.msg.payload import CameraLens
 from uav_firmware.msg.vectors import Quaternion, Vector3
 
 FARTHEST_M: Final = 2_000.0
-"""[m] A ray that meets the ground farther off is as good as level."""
+"""[m] A ray that meets the ground beyond this distance counts as level."""
 
 FOCAL_LENGTH_MM: Final = 4.5
 SENSOR_MM: Final = (6.3, 4.725)
@@ -31,20 +31,20 @@ PICTURE: Final = Picture(0.5 * SENSOR_MM[0] / FOCAL_LENGTH_MM, 0.5 * SENSOR_MM[1
 
 
 def lens(width_px: int) -> CameraLens:
-    """The lens with pictures `width_px` wide, three quarters as high."""
+    """Return the lens for pictures `width_px` wide and three quarters as high."""
     return CameraLens(FOCAL_LENGTH_MM, *SENSOR_MM, width_px, width_px * 3 // 4)
 
 
 def ray_ned(q_ned_camera: Quaternion, x: float, y: float) -> Vector3:
-    """Direction in NED [-, not normalised] of what is seen at a point of the picture."""
+    """Direction in NED [-, not normalised] of the ray through a point of the picture."""
     in_camera = (1.0, (2.0 * x - 1.0) * PICTURE.right, (2.0 * y - 1.0) * PICTURE.down)
     return rotate(q_ned_camera, in_camera)
 
 
 def on_ground(position_ned: Vector3, ray: Vector3, ground_down: float) -> Vector3 | None:
-    """Where a ray from a position meets the level ground at `ground_down` [m, NED].
+    """Intersection of a ray from a position with level ground at `ground_down` [m, NED].
 
-    None when it points above the horizon, starts below the ground, or meets it too far off.
+    None when it points above the horizon, starts below the ground, or exceeds `FARTHEST_M`.
     """
     height = ground_down - position_ned[2]
     if not (ray[2] > 0.0 < height):
@@ -58,7 +58,7 @@ def on_ground(position_ned: Vector3, ray: Vector3, ground_down: float) -> Vector
 def in_picture(
     position_ned: Vector3, q_ned_camera: Quaternion, point_ned: Vector3
 ) -> tuple[float, float] | None:
-    """Where a point [m, NED] is seen, also beyond the edges; None when it lies behind."""
+    """Picture coordinates of a point [m, NED], also beyond the edges; None behind the camera."""
     away = tuple(there - here for there, here in zip(point_ned, position_ned, strict=True))
     forward, right, down = rotate_inverse(q_ned_camera, (away[0], away[1], away[2]))
     if forward <= 0.0:
@@ -70,6 +70,6 @@ def in_picture(
 
 
 def direction_to(position_ned: Vector3, point_ned: Vector3) -> tuple[float, float]:
-    """Pitch (up positive) and yaw from north [rad] of the way to a point."""
+    """Pitch (up positive) and yaw from north [rad] of the direction to a point."""
     north, east, down = (t - h for t, h in zip(point_ned, position_ned, strict=True))
     return math.atan2(-down, math.hypot(north, east)), math.atan2(east, north)

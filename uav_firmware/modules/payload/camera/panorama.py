@@ -1,8 +1,8 @@
-"""A panorama: the directions of its pictures and the way from one to the next. Pure.
+"""Directions of the pictures of a panorama, and their sequence. Pure.
 
-DJI's panoramas, which AFarCloud's are: a full circle is 8 pictures at 45 degrees, a half circle
-5, from 90 degrees left to 90 degrees right. Other angles get the same steps, and a vertical
-angle gets rows at most 30 degrees apart.
+AFarCloud's panoramas are DJI's: a full circle is 8 pictures at 45 degrees, a half circle 5, from
+90 degrees left to 90 degrees right. Other angles use the same steps; a vertical angle has rows at
+most 30 degrees apart.
 """
 
 import math
@@ -16,16 +16,16 @@ from uav_firmware.modules.payload.gimbal.gimbal import PITCH_MAX, PITCH_MIN, Ang
 STEP_DEG: Final = 45.0
 ROW_STEP_DEG: Final = 30.0
 STEEPEST_DEG: Final = -45.0
-"""[deg] Steeper than that a picture shows the ground that its neighbours show."""
+"""[deg] Below this pitch neighbouring pictures show the same ground."""
 ALL_ROUND_DEG: Final = -10.0
-"""[deg] Pitch in its stead: the land all round with a strip of sky."""
+"""[deg] Pitch used instead: the horizon with a strip of sky."""
 SETTLE_US: Final = 200_000
-"""[us] For the picture to stand still once the gimbal has arrived."""
+"""[us] Wait after the gimbal has arrived."""
 _FULL_DEG: Final = 360.0
 
 
 class Phase(Enum):
-    """What a panorama does now."""
+    """Current activity of a panorama."""
 
     TURNING = "turning"
     SHOOTING = "shooting"
@@ -35,12 +35,12 @@ class Phase(Enum):
 def directions(
     horizontal_deg: float, vertical_deg: float, pitch: float, yaw: float
 ) -> tuple[tuple[float, float], ...]:
-    """Pitch and yaw from north [rad] of each picture, about the present ones.
+    """Pitch and yaw from north [rad] of each picture, centred on the present direction.
 
-    One row of a gimbal that looks steeply down is raised to `ALL_ROUND_DEG`.
+    A single row below `STEEPEST_DEG` is raised to `ALL_ROUND_DEG`.
 
     Raises:
-        ValueError: if rows would lie beyond the range of the gimbal.
+        ValueError: if a row is outside the gimbal's range of pitch.
     """
     if horizontal_deg >= _FULL_DEG:
         offsets = [math.radians(STEP_DEG * i) for i in range(round(_FULL_DEG / STEP_DEG))]
@@ -50,12 +50,12 @@ def directions(
         pitch = math.radians(ALL_ROUND_DEG)
     pitches = [pitch + offset for offset in _spread(vertical_deg, ROW_STEP_DEG)]
     if min(pitches) < PITCH_MIN - 1e-6 or max(pitches) > PITCH_MAX + 1e-6:
-        raise ValueError("its rows lie beyond the gimbal's range of pitch")
+        raise ValueError("a row is outside the gimbal's range of pitch")
     return tuple((row, wrap_pi(yaw + offset)) for row in pitches for offset in offsets)
 
 
 def _spread(angle_deg: float, step_deg: float) -> list[float]:
-    """Angles [rad] from minus half to half, at most a step apart; 0 is one picture."""
+    """Angles [rad] from minus half to plus half, at most a step apart; [0] for an angle of 0."""
     steps = math.ceil(angle_deg / step_deg - 1e-9)
     if steps <= 0:
         return [0.0]
@@ -63,14 +63,14 @@ def _spread(angle_deg: float, step_deg: float) -> list[float]:
 
 
 class Panorama:
-    """Goes through the directions; `phase` says what is to be done now."""
+    """Steps through the directions; `phase` is the current activity."""
 
     def __init__(
         self, shots: Sequence[tuple[float, float]], rate_yaw: float, rate_pitch: float
     ) -> None:
         self._shots = shots
         self._rates = (rate_pitch, rate_yaw)
-        self._since_us: int | None = None  # Since when the gimbal stands
+        self._since_us: int | None = None  # When the gimbal arrived
         self.taken = 0
 
     @property
@@ -80,12 +80,12 @@ class Panorama:
 
     @property
     def aim(self) -> Angles:
-        """Where the next picture is taken."""
+        """Direction of the next picture."""
         pitch, yaw = self._shots[min(self.taken, len(self._shots) - 1)]
         return Angles(pitch, yaw, locked=True, rate_pitch=self._rates[0], rate_yaw=self._rates[1])
 
     def phase(self, now_us: int, *, settled: bool) -> Phase:
-        """What is to be done, with a gimbal that has arrived or not."""
+        """Return the activity; `settled` is whether the gimbal has arrived."""
         if self.taken >= len(self._shots):
             return Phase.DONE
         if not settled:
@@ -97,6 +97,6 @@ class Panorama:
         return Phase.SHOOTING
 
     def note_picture(self) -> None:
-        """The picture of this direction is taken."""
+        """Count the picture of the current direction as taken."""
         self.taken += 1
         self._since_us = None

@@ -1,4 +1,4 @@
-"""Leads camera and gimbal through a panorama, and reports on it."""
+"""Executes a panorama with camera and gimbal and reports its progress."""
 
 from typing import Final, NamedTuple
 
@@ -9,13 +9,13 @@ from uav_firmware.modules.payload.situation import Situation
 from uav_firmware.msg.status import CommandResult, NavigationState, VehicleCommand
 
 CANCELLED: Final = 6
-"""MAV_RESULT_CANCELLED, newer than the results of other commands."""
-TELL_US: Final = 500_000
-"""[us] Progress is reported at least so often."""
+"""MAV_RESULT_CANCELLED, which `CommandResult` does not contain."""
+PROGRESS_INTERVAL_US: Final = 500_000
+"""[us] Longest interval between progress reports."""
 
 
 class Report(NamedTuple):
-    """Answer to the command that asked for the panorama."""
+    """Acknowledgement of the command that started the panorama."""
 
     command: VehicleCommand
     result: int  # [-] MAV_RESULT
@@ -24,20 +24,20 @@ class Report(NamedTuple):
 
 
 class PanoramaStep(NamedTuple):
-    """What a step has brought."""
+    """Result of a step."""
 
-    exposed: bool = False  # A picture is taken now
+    exposed: bool = False  # A picture is taken in this step
     report: Report | None = None
 
 
 def step(parts: Parts, situation: Situation) -> PanoramaStep:
-    """Go on with the panorama, if there is one."""
+    """Continue the panorama if one is in progress."""
     work = parts.panorama
     if work is None:
         return PanoramaStep()
-    hindrance = _hindrance(parts, situation)
-    if hindrance is not None:
-        reason = f"Panorama ended: {hindrance}"
+    failure = _failure_reason(parts, situation)
+    if failure is not None:
+        reason = f"Panorama ended: {failure}"
         return PanoramaStep(report=_end(parts, work, CommandResult.FAILED, reason))
     panorama, exposed = work.panorama, False
     phase = panorama.phase(situation.now_us, settled=parts.gimbal.settled)
@@ -47,23 +47,23 @@ def step(parts: Parts, situation: Situation) -> PanoramaStep:
         if panorama.phase(situation.now_us, settled=False) is Phase.DONE:
             return PanoramaStep(exposed, _end(parts, work, CommandResult.ACCEPTED))
         parts.gimbal.follow(panorama.aim)
-    if not exposed and situation.now_us - work.told_us < TELL_US:
+    if not exposed and situation.now_us - work.reported_us < PROGRESS_INTERVAL_US:
         return PanoramaStep()
-    work.told_us = situation.now_us
+    work.reported_us = situation.now_us
     return PanoramaStep(exposed, Report(work.command, CommandResult.IN_PROGRESS, panorama.progress))
 
 
-def _hindrance(parts: Parts, situation: Situation) -> str | None:
-    """Why a panorama cannot go on, or None."""
+def _failure_reason(parts: Parts, situation: Situation) -> str | None:
+    """Why the panorama cannot continue, or None."""
     if situation.state is not NavigationState.AUTO_LOITER:
         return "the vehicle moves"
     if parts.camera.state is not CameraState.PANORAMA:
         return "capture was stopped"
-    return None if parts.has_room else "the storage is full"
+    return None if parts.has_space else "the storage is full"
 
 
 def cancel(parts: Parts, token: int) -> Report | None:
-    """Break off the panorama that a command has asked for."""
+    """Cancel the panorama that the command with this token started."""
     work = parts.panorama
     if work is None or work.command.token != token:
         return None
@@ -71,9 +71,9 @@ def cancel(parts: Parts, token: int) -> Report | None:
 
 
 def _end(parts: Parts, work: PanoramaWork, result: int, reason: str = "") -> Report:
-    """Let camera and gimbal go; the gimbal turns back to where it looked."""
+    """End the panorama and restore the previous aim of the gimbal."""
     parts.panorama = None
     if parts.camera.state is CameraState.PANORAMA:
         parts.camera.stop()
-    parts.gimbal.follow(work.former_aim)
+    parts.gimbal.follow(work.previous_aim)
     return Report(work.command, result, work.panorama.progress, reason)

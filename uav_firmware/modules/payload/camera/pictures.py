@@ -1,54 +1,83 @@
-"""From the shutter to the report: what is exposed is told once, when it is stored or lost."""
+"""Takes pictures and reports each one once, when it is stored or lost."""
 
+import math
 from collections.abc import Callable
 from typing import Final
 
-from uav_firmware.cal.camera import CameraDevice, Exposure, Outcome
-from uav_firmware.modules.payload.camera.exposure import exposure_of
+from uav_firmware.cal.camera import CameraDevice, Exposure, Outcome, SecondPicture
+from uav_firmware.modules.payload.camera.lens import lens
 from uav_firmware.modules.payload.camera.storage import MIB
 from uav_firmware.modules.payload.parts import Parts
-from uav_firmware.modules.payload.situation import Situation
+from uav_firmware.modules.payload.situation import NOWHERE, Situation
 from uav_firmware.msg.payload import ImageCaptured
 from uav_firmware.msg.vectors import Quaternion
 
-Say = Callable[[int, str], None]
-"""Tells the operator something, at a time [us]."""
-
+PublishText = Callable[[int, str], None]
+"""Publishes a status text at a time [us]."""
 _FULL: Final = "Camera storage is full"
 
 
-class Pictures:
-    """Exposes with the device, or reckons pictures where there is none.
+def exposure_of(
+    parts: Parts,
+    situation: Situation,
+    q_ned_frd: Quaternion,
+    *,
+    boot_time_utc_us: int,
+    image_index: int,
+    width_px: int,
+) -> Exposure:
+    """Describe a picture taken now, `width_px` wide; a UTC time of 0 is unknown."""
+    now_us, position, home = situation.now_us, situation.position_ned, situation.home
+    place = NOWHERE if position is None else situation.to_geodetic(position)
+    return Exposure(
+        now_us,
+        boot_time_utc_us + now_us if boot_time_utc_us else 0,
+        image_index,
+        lens(width_px),
+        *place,
+        math.nan if home is None else place[2] - home.altitude_amsl_m,
+        parts.gimbal.q_ned_camera,
+        q_ned_frd,
+        SecondPicture(parts.params.second_picture),
+    )
 
-    Reports keep the order of the exposures, whichever of them fail.
+
+class Pictures:
+    """Exposes with the device; without one it only counts pictures and their estimated size.
+
+    Reports have the order of the exposures, also when some fail.
     """
 
     def __init__(
-        self, parts: Parts, device: CameraDevice | None, boot_time_utc_us: int, say: Say
+        self,
+        parts: Parts,
+        device: CameraDevice | None,
+        boot_time_utc_us: int,
+        publish_text: PublishText,
     ) -> None:
         self._parts = parts
         self._device = device
         self._boot_time_utc_us = boot_time_utc_us
-        self._say = say
-        self._told: dict[int, ImageCaptured] = {}  # By index: what will be reported
+        self._publish_text = publish_text
+        self._pending: dict[int, ImageCaptured] = {}  # Reports not published yet, by index
         self._ended: set[int] = set()
-        self._full_told = False
-        self._seen_bytes = 0  # On the card when it was last looked at
-        self._look_at_storage(0)
+        self._full_reported = False
+        self._used_bytes = 0  # Used on the device at the last check
+        self._read_storage(0)
 
     def expose(self, situation: Situation, q_ned_frd: Quaternion) -> None:
-        """Take a picture, whether it succeeds or not."""
+        """Take a picture."""
         parts, now_us = self._parts, situation.now_us
         exposure = exposure_of(
             parts,
             situation,
             q_ned_frd,
             boot_time_utc_us=self._boot_time_utc_us,
-            image_index=parts.ledger.next_index(),
+            image_index=parts.capture_log.next_index(),
             width_px=parts.params.image_width_px,
         )
         index = exposure.image_index
-        self._told[index] = ImageCaptured(
+        self._pending[index] = ImageCaptured(
             now_us,
             index,
             exposure.latitude_deg,
@@ -67,7 +96,7 @@ class Pictures:
         self._stop_when_full(now_us)
 
     def collect(self, now_us: int) -> None:
-        """Take what the device has stored, and report it."""
+        """Report the pictures that the device has stored or lost."""
         device = self._device
         if device is None:
             return
@@ -78,29 +107,29 @@ class Pictures:
         self._parts.camera.answers = device.answers
 
     def erase(self, now_us: int) -> None:
-        """Remove pictures from the device, some at each call while `Parts.erase_due` holds."""
-        self._parts.erase_due = self._full_told = False
+        """Remove pictures from the device, some per call until `Parts.erase_due` is false."""
+        self._parts.erase_due = self._full_reported = False
         if self._device is None:
             return
         try:
             self._parts.erase_due = not self._device.erase()
         except OSError as error:
-            self._say(now_us, f"Camera storage cannot be formatted: {reason_of(error)}")
-        self._look_at_storage(now_us)
+            self._publish_text(now_us, f"Camera storage cannot be formatted: {reason_of(error)}")
+        self._read_storage(now_us)
 
     def _begin(self, device: CameraDevice, exposure: Exposure) -> None:
         try:
             device.expose(exposure)
         except OSError as error:
-            self._say(exposure.time_us, f"Camera failed: {reason_of(error)}")
+            self._publish_text(exposure.time_us, f"Camera failed: {reason_of(error)}")
             self._end(exposure.image_index, url="", succeeded=False)
         else:
-            self._parts.storing = len(self._told) - len(self._ended)
+            self._parts.storing = len(self._pending) - len(self._ended)
 
     def _take(self, outcome: Outcome, now_us: int) -> None:
         picture = outcome.picture
         if picture is None:
-            self._say(now_us, f"Picture {outcome.image_index} lost: {outcome.reason}")
+            self._publish_text(now_us, f"Picture {outcome.image_index} lost: {outcome.reason}")
             self._end(outcome.image_index, url="", succeeded=False)
             return
         self._parts.storage.add(picture.size_bytes)
@@ -109,44 +138,44 @@ class Pictures:
         self._stop_when_full(now_us)
 
     def _end(self, index: int, *, url: str, succeeded: bool) -> None:
-        """Note the end of a picture, and report those whose turn it is."""
-        self._told[index] = self._told[index]._replace(succeeded=succeeded, file_url=url)
+        """Complete a picture, and report completed ones in order."""
+        self._pending[index] = self._pending[index]._replace(succeeded=succeeded, file_url=url)
         self._ended.add(index)
-        while self._told and (first := next(iter(self._told))) in self._ended:
+        while self._pending and (first := next(iter(self._pending))) in self._ended:
             self._ended.remove(first)
-            self._parts.events.append(self._told.pop(first))
-        self._parts.storing = len(self._told) - len(self._ended)
+            self._parts.events.append(self._pending.pop(first))
+        self._parts.storing = len(self._pending) - len(self._ended)
 
     def _stop_when_full(self, now_us: int) -> None:
-        if self._parts.has_room:
-            self._full_told = False
+        if self._parts.has_space:
+            self._full_reported = False
             return
         self._parts.camera.stop()
-        if not self._full_told:
-            self._full_told = True
-            self._say(now_us, _FULL)
+        if not self._full_reported:
+            self._full_reported = True
+            self._publish_text(now_us, _FULL)
 
     def _note_removals(self, device: CameraDevice) -> None:
-        """Give back the room of files that somebody has removed from the card."""
+        """Subtract the size of files that were removed from the device by others."""
         try:
             used = device.used_bytes
         except OSError:
-            return  # It was told when the card was first looked at
-        if used < self._seen_bytes:
-            self._parts.storage.remove(self._seen_bytes - used)
-        self._seen_bytes = used
+            return  # Reported at the first check
+        if used < self._used_bytes:
+            self._parts.storage.remove(self._used_bytes - used)
+        self._used_bytes = used
 
-    def _look_at_storage(self, now_us: int) -> None:
-        """Begin with the room that is taken already."""
+    def _read_storage(self, now_us: int) -> None:
+        """Read the space that is used on the device."""
         if self._device is None:
             return
         try:
-            self._seen_bytes = self._device.used_bytes
-            self._parts.storage.used_mib = self._seen_bytes / MIB
+            self._used_bytes = self._device.used_bytes
+            self._parts.storage.used_mib = self._used_bytes / MIB
         except OSError as error:
-            self._say(now_us, f"Camera storage cannot be read: {reason_of(error)}")
+            self._publish_text(now_us, f"Camera storage cannot be read: {reason_of(error)}")
 
 
 def reason_of(error: OSError) -> str:
-    """A sentence for the operator."""
+    """Reason for the operator."""
     return error.strerror or str(error)

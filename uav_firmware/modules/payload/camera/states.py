@@ -1,6 +1,6 @@
-"""What the camera may begin when: one table.
+"""State machine of the camera's shutter.
 
-Video is recorded besides, in any of these states.
+Video can be recorded in any of these states.
 """
 
 from collections.abc import Mapping
@@ -9,23 +9,23 @@ from typing import Final
 
 
 class CameraState(Enum):
-    """What the shutter is busy with."""
+    """Activity of the shutter."""
 
     IDLE = "idle"
-    SINGLE = "single"  # Single pictures, until the last of them is saved
-    SERIES = "series"  # A picture every so many seconds
-    DISTANCE = "distance"  # A picture every so many metres
-    PANORAMA = "panorama"  # Pictures all round, the gimbal turning between
+    SINGLE = "single"  # Single pictures, until the last one is saved
+    SERIES = "series"  # Pictures at an interval of time
+    DISTANCE = "distance"  # Pictures at an interval of distance
+    PANORAMA = "panorama"  # Pictures in several directions, the gimbal turns between
 
 
 class CameraEvent(Enum):
-    """What changes the state."""
+    """Cause of a transition."""
 
-    SHOOT = "shoot"
+    SHOOT = "take_picture"
     BEGIN_SERIES = "begin series"
     BEGIN_DISTANCE = "begin distance"
     BEGIN_PANORAMA = "begin panorama"
-    SAVED = "saved"  # No picture waits any more
+    SAVED = "saved"  # No picture is queued
     STOP = "stop"  # By command, by count, by a full storage, by the end of the flight
 
 
@@ -46,11 +46,11 @@ TRANSITIONS: Final[Mapping[tuple[CameraState, CameraEvent], CameraState]] = {
 
 
 class CameraBusyError(Exception):
-    """An event that the state does not allow; the state stays. Becomes TEMPORARILY_REJECTED."""
+    """An event has no transition; the state stays. Becomes TEMPORARILY_REJECTED."""
 
 
 def after(state: CameraState, event: CameraEvent) -> CameraState:
-    """State after an event.
+    """Return the state after an event.
 
     Raises:
         CameraBusyError: if the table has no such transition.

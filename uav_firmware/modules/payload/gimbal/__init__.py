@@ -1,1 +1,1 @@
-"""The gimbal: where the camera points, and who may point it."""
+"""The gimbal: attitude, control and orders."""

@@ -1,4 +1,4 @@
-"""Orders to the gimbal: who may give them and what they mean. The table stands at the end."""
+"""Handlers of gimbal commands and of streamed gimbal orders; the table is at the end."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -6,9 +6,9 @@ from typing import Final
 
 from uav_firmware.lib.payload_rules import MOUNT_NEUTRAL, MOUNT_PLACE, unset
 from uav_firmware.lib.rotation import wrap_pi
-from uav_firmware.modules.payload.gimbal.control import NOBODY
 from uav_firmware.modules.payload.gimbal.gimbal import (
     NEUTRAL,
+    NO_CONTROLLER,
     PITCH_MAX,
     PITCH_MIN,
     Aim,
@@ -24,7 +24,7 @@ from uav_firmware.modules.payload.situation import (
     Outcome,
     Situation,
     denied,
-    not_now,
+    temporarily_rejected,
 )
 from uav_firmware.msg.guidance import RegionOfInterest
 from uav_firmware.msg.payload import Controller, GimbalFlags, GimbalOrder, PayloadCommand
@@ -32,16 +32,16 @@ from uav_firmware.msg.status import VehicleCommand
 
 Handler = Callable[[VehicleCommand, Parts, Situation], Outcome]
 
-_PANORAMA: Final = not_now("a panorama is being taken")
+_PANORAMA: Final = temporarily_rejected("a panorama is being taken")
 _RELATIVE_FRAME: Final = 3
 
 
 def aim_of(
     pitch: float, yaw: float, rate_pitch: float, rate_yaw: float, flags: int, gimbal: Gimbal
 ) -> Aim:
-    """What an order of angles and rates [rad, rad/s] with GIMBAL_MANAGER_FLAGS asks for.
+    """Translate angles and rates [rad, rad/s] with GIMBAL_MANAGER_FLAGS to an aim.
 
-    With an angle, a rate is the fastest on the way to it; without, the gimbal keeps turning.
+    With an angle, a rate limits the turn to it; without one, the gimbal keeps turning.
     """
     if flags & GimbalFlags.NEUTRAL:
         return NEUTRAL
@@ -67,11 +67,11 @@ def aim_of(
 
 
 def take_stream(order: GimbalOrder, parts: Parts) -> bool:
-    """Follow a streamed order; False when it cannot be meant or its sender is not in control.
+    """Execute a streamed order; False when it is invalid or its sender is not in control.
 
-    Pitch beyond the range ends at the range: a stick has nobody to tell.
+    Pitch beyond the range is limited, because a stream has no answer.
     """
-    if not parts.control.admits(order.source) or parts.panorama is not None:
+    if not parts.control.may_point(order.source) or parts.panorama is not None:
         return False
     if any(map(math.isinf, (order.pitch, order.yaw, order.pitch_rate, order.yaw_rate))):
         return False
@@ -86,7 +86,7 @@ def take_stream(order: GimbalOrder, parts: Parts) -> bool:
 
 
 def _scaled(order: GimbalOrder, params: PayloadParams) -> GimbalOrder:
-    """A manual order in radians: full deflection is the end of the range, or the manual rate."""
+    """Manual order in radians: full deflection is the end of the range, or the manual rate."""
     return order._replace(
         pitch=order.pitch * (PITCH_MAX if order.pitch > 0.0 else -PITCH_MIN),
         yaw=order.yaw * math.pi,
@@ -96,7 +96,7 @@ def _scaled(order: GimbalOrder, params: PayloadParams) -> GimbalOrder:
 
 
 def take_region(region: RegionOfInterest, parts: Parts, situation: Situation) -> None:
-    """Look at the place that the nose is told to look at, or level and ahead again."""
+    """Look at the region of interest, or level and forward when it is cleared."""
     if parts.panorama is not None:
         return
     if math.isnan(region.latitude_deg):
@@ -122,11 +122,11 @@ def _configure(command: VehicleCommand, parts: Parts, situation: Situation) -> O
 
 
 def _pitch_yaw(command: VehicleCommand, parts: Parts, situation: Situation) -> Outcome:
-    """DO_GIMBAL_MANAGER_PITCHYAW; the mission takes control by it."""
+    """DO_GIMBAL_MANAGER_PITCHYAW; the mission takes control with it."""
     sender = _sender(command, situation)
     if sender == situation.own:
-        parts.control = parts.control.taken_by(sender)
-    elif not parts.control.admits(sender):
+        parts.control = parts.control.with_primary(sender)
+    elif not parts.control.may_point(sender):
         return denied("the sender is not in control of the gimbal")
     if parts.panorama is not None:
         return _PANORAMA
@@ -137,12 +137,12 @@ def _pitch_yaw(command: VehicleCommand, parts: Parts, situation: Situation) -> O
 
 
 def _mount_control(command: VehicleCommand, parts: Parts, situation: Situation) -> Outcome:
-    """DO_MOUNT_CONTROL, which knows no control: it takes what is free."""
+    """DO_MOUNT_CONTROL, which has no concept of control: it takes control if that is free."""
     sender = _sender(command, situation)
-    if sender == situation.own or parts.control.primary == NOBODY:
-        parts.control = parts.control.taken_by(sender)
-    elif not parts.control.admits(sender):
-        return denied("somebody else is in control of the gimbal")
+    if sender == situation.own or parts.control.primary == NO_CONTROLLER:
+        parts.control = parts.control.with_primary(sender)
+    elif not parts.control.may_point(sender):
+        return denied("another controller is in control of the gimbal")
     if parts.panorama is not None:
         return _PANORAMA
     if command.param7 == MOUNT_PLACE:
@@ -161,13 +161,13 @@ def _look_at(command: VehicleCommand, parts: Parts, situation: Situation) -> Out
         altitude += math.nan if situation.home is None else situation.home.altitude_amsl_m
     place = situation.to_ned(command.param5, command.param6, altitude)
     if place is None:
-        return not_now("position unknown")
+        return temporarily_rejected("position unknown")
     parts.point(Place(place))
     return ACCEPTED
 
 
 def _mount_configure(command: VehicleCommand, parts: Parts, _situation: Situation) -> Outcome:
-    """DO_MOUNT_CONFIGURE: all axes are stabilised already; neutral is carried out."""
+    """DO_MOUNT_CONFIGURE: only neutral has an effect, as all axes are always stabilised."""
     if command.param1 == MOUNT_NEUTRAL and parts.panorama is None:
         parts.point(NEUTRAL)
     return ACCEPTED

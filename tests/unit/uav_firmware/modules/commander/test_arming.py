@@ -7,14 +7,14 @@ import pytest
 
 from tests.support.toy_vehicle import NAN, ToyVehicle, at, item, takeoff, waypoint
 from tests.unit.uav_firmware.modules.navigator.test_modes import airborne
-from uav_firmware.modules.commander.arming.arming_states import (
+from uav_firmware.modules.commander.arm_state_machine import (
     TRANSITIONS,
     Arming,
     ArmingEvent,
     IllegalArmingError,
     after,
 )
-from uav_firmware.modules.commander.arming.sensor_watch import SensorBit
+from uav_firmware.modules.commander.health_report import SensorBit
 from uav_firmware.msg.estimate import WindEstimate
 from uav_firmware.msg.failure import FailureDetectorStatus
 from uav_firmware.msg.geofence import Fence
@@ -135,7 +135,7 @@ FAULTS = [
 
 
 @pytest.mark.parametrize(("fault", "sentence", "bit"), FAULTS)
-def test_a_fault_keeps_the_vehicle_disarmed_and_says_why(
+def test_a_fault_keeps_the_vehicle_disarmed_and_is_reported(
     fault: Callable[[ToyVehicle], None], sentence: str, bit: SensorBit
 ) -> None:
     vehicle = ToyVehicle()
@@ -153,7 +153,7 @@ def test_a_fault_keeps_the_vehicle_disarmed_and_says_why(
     assert not after_fault.sensors_health & SensorBit.PREARM_CHECK
 
 
-def test_a_sound_vehicle_is_told_as_sound_while_it_flies_and_lands() -> None:
+def test_a_healthy_vehicle_is_reported_healthy_in_flight_and_landing() -> None:
     vehicle = airborne()
     place = at(40.0, 0.0)
     values = (-1.0, 1.0, 0.0, NAN, place["x"], place["y"], NAN)
@@ -170,7 +170,7 @@ def test_a_sound_vehicle_is_told_as_sound_while_it_flies_and_lands() -> None:
 
 
 @pytest.mark.parametrize("setting", [0, 1])
-def test_a_full_storage_alone_keeps_nobody_on_the_ground(setting: int) -> None:
+def test_a_full_storage_alone_does_not_prevent_arming(setting: int) -> None:
     vehicle = ToyVehicle()
     vehicle.run(1.0)
     vehicle.registry.set("COM_ARM_SDCARD", setting)

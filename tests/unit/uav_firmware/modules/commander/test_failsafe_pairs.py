@@ -1,6 +1,6 @@
 """Any two causes, in any order of appearing and clearing: neither hides the other.
 
-The machine is judged by a table of its own: which modes are enough for which action.
+The machine is compared with a table of its own: which modes are enough for which action.
 """
 
 import itertools
@@ -10,9 +10,9 @@ from typing import Any, Final
 import pytest
 
 from tests.support.estimates import local_position
-from uav_firmware.modules.commander.arming.arming_states import ArmingEvent
+from uav_firmware.modules.commander.arm_state_machine import ArmingEvent
 from uav_firmware.modules.commander.failsafe.actions import Action
-from uav_firmware.modules.commander.failsafe.causes import ROWS, Cause, Moment
+from uav_firmware.modules.commander.failsafe.causes import ROWS, Cause, Conditions
 from uav_firmware.modules.commander.failsafe.machine import Failsafe, FailsafeMachine
 from uav_firmware.modules.commander.failsafe.params import FailsafeParams
 from uav_firmware.modules.commander.vehicle_view import SensorAges, VehicleView
@@ -194,7 +194,7 @@ class Flight:
 
 def action_of(cause: Cause) -> Action:
     """What a cause asks for on a mission."""
-    moment = Moment(RAISE[cause](healthy(10_000_000)), PARAMS, State.AUTO_MISSION, 10.0)
+    moment = Conditions(RAISE[cause](healthy(10_000_000)), PARAMS, State.AUTO_MISSION, 10.0)
     return ROWS[cause].action(moment)
 
 
@@ -207,7 +207,7 @@ def test_every_cause_is_tried() -> None:
 def test_a_cause_that_stays_is_acted_upon_whatever_came_before_it_and_went(
     first: Cause, gap_s: float
 ) -> None:
-    """The first appears, then the second, the first clears; the second must have its way."""
+    """The first appears, then the second; the first clears: the second one's action is flown."""
     for second in RAISE:
         flight = Flight()
         flight.pass_time(gap_s, {first})
@@ -220,7 +220,7 @@ def test_a_cause_that_stays_is_acted_upon_whatever_came_before_it_and_went(
 
 
 @pytest.mark.parametrize("first", list(RAISE), ids=lambda cause: cause.name)
-def test_nothing_stronger_is_flown_than_what_was_asked_for(first: Cause) -> None:
+def test_no_stronger_action_is_flown_than_the_demanded_one(first: Cause) -> None:
     for second in RAISE:
         flight = Flight()
         flight.pass_time(2.0 * WAIT_S, {first, second})
@@ -233,20 +233,20 @@ def test_nothing_stronger_is_flown_than_what_was_asked_for(first: Cause) -> None
             assert flight.mode is State.AUTO_RTL
 
 
-@pytest.mark.parametrize("overruled", list(RAISE), ids=lambda cause: cause.name)
-def test_who_overrules_one_cause_has_not_overruled_the_next(overruled: Cause) -> None:
+@pytest.mark.parametrize("overridden", list(RAISE), ids=lambda cause: cause.name)
+def test_an_override_of_one_cause_is_none_of_the_next(overridden: Cause) -> None:
     for later in RAISE:
         flight = Flight()
-        flight.pass_time(2.0 * WAIT_S, {overruled})
-        flight.machine.overrule()
+        flight.pass_time(2.0 * WAIT_S, {overridden})
+        flight.machine.override()
         flight.mode, flight.event = State.AUTO_MISSION, None
-        flight.pass_time(2.0, {overruled})
+        flight.pass_time(2.0, {overridden})
         assert flight.machine.state is Failsafe.CLEAR
         assert flight.mode is State.AUTO_MISSION
-        flight.pass_time(2.0 * WAIT_S, {overruled, later})
+        flight.pass_time(2.0 * WAIT_S, {overridden, later})
         wanted = action_of(later)
-        implied = later is Cause.BATTERY_LOW or overruled is Cause.BATTERY_EMERGENCY
-        if wanted in ENOUGH and later is not overruled and not implied and flight.event is None:
+        implied = later is Cause.BATTERY_LOW or overridden is Cause.BATTERY_EMERGENCY
+        if wanted in ENOUGH and later is not overridden and not implied and flight.event is None:
             assert flight.mode in ENOUGH[wanted], later
 
 

@@ -5,9 +5,9 @@ import math
 import pytest
 
 from tests.support.toy_vehicle import ToyVehicle
-from uav_firmware.modules.commander.modes.control_mode import control_of
-from uav_firmware.modules.commander.modes.pilot import TakeOver, unsafe_throttle
-from uav_firmware.modules.commander.modes.requirements import REQUIREMENTS
+from uav_firmware.modules.commander.health_checks import unsafe_throttle
+from uav_firmware.modules.commander.mode_changes import StickOverride
+from uav_firmware.modules.commander.mode_requirements import REQUIREMENTS, control_of
 from uav_firmware.msg.control_mode import (
     ControlLevel,
     ControlSource,
@@ -63,7 +63,7 @@ def test_every_other_mode_is_the_navigators() -> None:
 
 
 def test_a_stick_takes_over_when_it_leaves_the_centre_and_not_while_it_is_held() -> None:
-    watch, held = TakeOver(), CENTRED._replace(right=0.5)
+    watch, held = StickOverride(), CENTRED._replace(right=0.5)
     # Held from the start, centred, moved, held on, lost, held again.
     seen = [
         watch.moved(sticks, 0.3, NavigationState.AUTO_LOITER)
@@ -73,7 +73,7 @@ def test_a_stick_takes_over_when_it_leaves_the_centre_and_not_while_it_is_held()
 
 
 def test_the_throttle_takes_nothing_over() -> None:
-    watch = TakeOver()
+    watch = StickOverride()
     watch.moved(CENTRED, 0.3, NavigationState.AUTO_LOITER)
     assert not watch.moved(CENTRED._replace(up=-1.0), 0.3, NavigationState.AUTO_LOITER)
 

@@ -35,7 +35,7 @@ class Vehicle:
         return [text for _, text in self._lines]
 
 
-def test_arming_and_mode_are_told_once() -> None:
+def test_arming_and_mode_are_logged_once() -> None:
     vehicle = Vehicle()
     vehicle.status.publish(vehicle_status(ready=False))
     assert vehicle.lines() == ["mode AUTO_LOITER"]
@@ -48,7 +48,7 @@ def test_arming_and_mode_are_told_once() -> None:
     assert vehicle.lines() == ["disarmed"]
 
 
-def test_landed_states_and_items_are_told_as_they_change() -> None:
+def test_landed_states_and_items_are_logged_on_change() -> None:
     vehicle = Vehicle()
     vehicle.land.publish(
         LandDetected(0, landed=True, ground_contact=True, landed_state=LandedState.ON_GROUND)
@@ -62,7 +62,7 @@ def test_landed_states_and_items_are_told_as_they_change() -> None:
     assert vehicle.lines() == ["landed state TAKEOFF", "mission item 0 reached"]
 
 
-def test_texts_reach_the_console_as_well_as_the_link() -> None:
+def test_status_texts_reach_console_and_link() -> None:
     vehicle = Vehicle()
     vehicle.texts.publish(StatusText(3, 4, "Battery low"))
     assert vehicle.lines() == ["Battery low"]

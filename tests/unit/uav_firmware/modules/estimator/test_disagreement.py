@@ -54,7 +54,7 @@ class Trial:
 
     @property
     def baro_bias_m(self) -> float:
-        core = self.rig.module.navigation.core
+        core = self.rig.module.estimator.core
         assert core is not None
         return core.state.baro_bias_m
 

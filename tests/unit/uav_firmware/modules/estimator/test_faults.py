@@ -372,7 +372,7 @@ def test_no_message_in_any_order_breaks_an_aligned_estimator(
     fly(rig, 1.6)
     for message in hostile:
         publish(rig, message)
-    core = rig.module.navigation.core
+    core = rig.module.estimator.core
     assert core is not None
     assert core.state.is_finite()
     assert np.isfinite(core.ekf.covariance).all()
@@ -397,7 +397,7 @@ def test_parameters_change_in_flight() -> None:
     rig.module.update()
     rig.imu.publish(readings.imu._replace(time_us=readings.imu.time_us + 4000))
     rig.module.update()
-    assert rig.module.navigation.gps.horizontal.gate == 1.0
+    assert rig.module.estimator.gps.horizontal.gate == 1.0
 
 
 @pytest.mark.parametrize(

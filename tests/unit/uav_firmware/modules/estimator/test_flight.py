@@ -37,7 +37,7 @@ def fly(
                 ]
             )
         )
-        core = rig.module.navigation.core
+        core = rig.module.estimator.core
         assert core is not None
         horizontal = rig.position.horizontal_accuracy_m
         sigmas.append(
@@ -88,7 +88,7 @@ def test_innovations_are_as_large_as_expected() -> None:
     for readings in flight.steps(50.0):
         rig.feed(readings)
         if readings.gps is not None and readings.truth.time_us > FLYING_S * 1e6:
-            gps = rig.module.navigation.gps
+            gps = rig.module.estimator.gps
             ratios.append((gps.velocity.ratio, gps.horizontal.ratio, gps.vertical.ratio))
     normalised = 5.0 * np.array(ratios)  # Standard deviations; the gate is five
     assert (normalised < 3.0).mean(axis=0).min() > 0.95
@@ -120,7 +120,7 @@ def test_at_rest_tilt_is_never_known_better_than_the_accelerometer() -> None:
     rig = Rig()
     for readings in Flight(5, start_s=100.0).steps(40.0):
         rig.feed(readings)
-    core = rig.module.navigation.core
+    core = rig.module.estimator.core
     assert core is not None
     bias = 0.05  # [m/s^2] EKF2_ABIAS_INIT
     assert min(core.ekf.sigma(6), core.ekf.sigma(7)) > 0.9 * bias / GRAVITY

@@ -12,7 +12,7 @@ from uav_firmware.modules.land_detector.signs import (
 LIMITS = Thresholds(
     vertical_speed=0.25, horizontal_speed=1.5, rotation=0.35, thrust=0.12, lift_thrust=0.09
 )
-STANDING = Observation((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.08, 0.0, led_down=0.7)
+STANDING = Observation((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.08, 0.0, commanded_sink=0.7)
 
 
 def test_at_rest_without_thrust_it_stands() -> None:
@@ -26,9 +26,9 @@ def test_at_rest_without_thrust_it_stands() -> None:
         STANDING._replace(velocity_ned=(0.0, 0.0, 0.7)),
         STANDING._replace(velocity_ned=(0.0, 0.0, -0.7)),
         STANDING._replace(velocity_ned=(2.0, 0.0, 0.0)),
-        STANDING._replace(led_down=0.0),
-        STANDING._replace(led_down=-1.0),
-        STANDING._replace(led_down=0.3, velocity_ned=(0.0, 0.0, 0.2)),  # It follows a slow descent
+        STANDING._replace(commanded_sink=0.0),
+        STANDING._replace(commanded_sink=-1.0),
+        STANDING._replace(commanded_sink=0.3, velocity_ned=(0.0, 0.0, 0.2)),  # It follows
     ],
 )
 def test_thrust_or_motion_is_no_ground(flying: Observation) -> None:

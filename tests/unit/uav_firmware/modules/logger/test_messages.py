@@ -4,24 +4,24 @@ import io
 import math
 import re
 import struct
-from pathlib import Path
 from typing import Any, get_type_hints
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pyulog import ULog  # type: ignore[import-untyped]  # pyulog tells no types
+from pyulog import ULog  # type: ignore[import-untyped]  # pyulog has no types
 
-from tests.unit.uav_firmware.modules.logger.logbook import Logbook
+from tests.support import pages
 from uav_firmware.modules.logger import ulog
 from uav_firmware.modules.logger.collector import recorder
 from uav_firmware.modules.logger.states import TRANSITIONS
-from uav_firmware.modules.logger.streams import STREAMS, LoggerTopics, Stream
+from uav_firmware.modules.logger.streams import STREAMS, Stream
 from uav_firmware.msg.estimate import AidSource, EstimateResets
 from uav_firmware.msg.sensors import SensorBaro, SensorGps
 from uav_firmware.msg.status import LandedState, NavigationState
+from uav_firmware.topics import Topics
 
-README = Path(ulog.__file__).with_name("README.md").read_text(encoding="utf-8")
+PAGE = pages.text("reference/flight-log.md")
 NUMBER = st.floats(-1e6, 1e6, width=32)
 SMALL = st.integers(0, 200)
 VECTOR = st.tuples(NUMBER, NUMBER, NUMBER)
@@ -44,11 +44,9 @@ VALUES: dict[Any, st.SearchStrategy[Any]] = {
 
 def message_type(stream: Stream) -> Any:
     """The NamedTuple that a stream's topic carries."""
-    topics = Logbook(None).logger_topics
-    name = next(
-        name for name in LoggerTopics.__slots__ if stream.topic(topics) is getattr(topics, name)
-    )
-    return get_type_hints(LoggerTopics)[name].__args__[0]
+    topics = Topics()
+    name = next(name for name in Topics.__slots__ if stream.topic(topics) is getattr(topics, name))
+    return get_type_hints(Topics)[name].__args__[0]
 
 
 def instances(kind: Any) -> st.SearchStrategy[Any]:
@@ -95,7 +93,7 @@ def as_stored(value: float, kind: str) -> float:
 
 
 @pytest.mark.parametrize("stream", STREAMS, ids=lambda stream: stream.message.name)
-def test_every_field_reads_back_under_its_name(stream: Stream) -> None:
+def test_every_field_is_read_back_by_name(stream: Stream) -> None:
     kinds = [field.kind for field in stream.message.fields for _ in range(field.length)]
 
     @settings(max_examples=20)
@@ -118,7 +116,7 @@ def by_name(name: str) -> Stream:
     return next(stream for stream in STREAMS if stream.message.name == name)
 
 
-def test_the_barometers_altitude_falls_with_pressure() -> None:
+def test_barometric_altitude_decreases_with_pressure() -> None:
     stream = by_name("vehicle_air_data")
     low = read(stream, SensorBaro(0, 101_325.0, 15.0))
     high = read(stream, SensorBaro(0, 95_000.0, 15.0))
@@ -145,7 +143,7 @@ def gps(**changes: Any) -> SensorGps:
     )._replace(**changes)
 
 
-def test_the_receivers_position_stands_in_the_units_of_both_ages() -> None:
+def test_gps_position_is_logged_in_old_and_new_units() -> None:
     found = read(by_name("vehicle_gps_position"), gps())
     assert found["latitude_deg"] == 40.4434
     assert found["lat"] == 404_434_000
@@ -153,37 +151,37 @@ def test_the_receivers_position_stands_in_the_units_of_both_ages() -> None:
     assert found["alt"] == 650_500
 
 
-def test_the_receivers_speed_and_course_are_those_of_its_velocity() -> None:
+def test_gps_speed_and_course_match_its_velocity() -> None:
     found = read(by_name("vehicle_gps_position"), gps())
     assert found["vel_m_s"] == 5.0
     assert found["cog_rad"] == pytest.approx(math.atan2(4.0, 3.0))
 
 
-def test_thrust_points_up_which_is_negative() -> None:
+def test_thrust_is_negative_upwards() -> None:
     thrust = by_name("vehicle_thrust_setpoint")
     value = message_type(thrust)(time_us=0, torque_frd=(0.0, 0.0, 0.0), thrust=0.5)
     assert read(thrust, value)["xyz[2]"] == -0.5
 
 
-def test_motors_that_are_not_there_are_not_zero() -> None:
+def test_unused_motors_are_nan() -> None:
     stream = by_name("actuator_motors")
     found = read(stream, message_type(stream)(time_us=0, control=(0.0, 0.1, 0.2, 0.3)))
     assert found["control[0]"] == 0.0
     assert math.isnan(found["control[4]"])
 
 
-def test_no_two_messages_share_a_name() -> None:
+def test_message_names_are_unique() -> None:
     listed = [stream.message.name for stream in STREAMS]
     assert len(set(listed)) == len(listed)
 
 
-def test_the_readme_tells_every_rate() -> None:
-    rows = re.findall(r"^\| `([a-z_]+)` \| (\d+) \| (\d+) \|$", README, re.MULTILINE)
+def test_the_page_lists_every_rate() -> None:
+    rows = re.findall(r"^\| `([a-z_]+)` \| (\d+) \| (\d+) \|$", PAGE, re.MULTILINE)
     table = [(stream.message.name, stream.rate_hz, stream.high_rate_hz) for stream in STREAMS]
     assert [(name, int(rate), int(high)) for name, rate, high in rows] == table
 
 
-def test_the_readme_draws_every_transition() -> None:
+def test_the_page_draws_every_transition() -> None:
     for state, event in TRANSITIONS:
-        assert state.name in README
-        assert event.name in README
+        assert state.name in PAGE
+        assert event.name in PAGE

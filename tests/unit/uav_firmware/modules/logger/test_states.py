@@ -1,4 +1,4 @@
-"""When a log is wanted, and the table of states."""
+"""SDLOG_MODE and the state machine of the log file."""
 
 import itertools
 
@@ -22,7 +22,7 @@ from uav_firmware.modules.logger.states import (
         (2, True, True, True, True),
     ],
 )
-def test_each_mode_wants_its_times(
+def test_each_mode_logs_at_its_times(
     mode: int, before: bool, in_flight: bool, after: bool, second_flight: bool
 ) -> None:
     assert wanted(mode, armed=False, flown=False) is before
@@ -31,18 +31,18 @@ def test_each_mode_wants_its_times(
     assert wanted(mode, armed=True, flown=True) is second_flight
 
 
-def test_an_event_that_the_table_does_not_name_changes_nothing() -> None:
+def test_an_event_without_a_transition_changes_nothing() -> None:
     for state, event in itertools.product(Logging, LoggingEvent):
         if (state, event) not in TRANSITIONS:
             assert next_state(state, event) is state
 
 
-def test_every_state_comes_to_rest_when_no_log_is_wanted() -> None:
+def test_every_state_becomes_idle_when_no_log_is_wanted() -> None:
     for state in Logging:
         once = next_state(state, LoggingEvent.UNWANTED)
         assert next_state(once, LoggingEvent.UNWANTED) is Logging.IDLE
 
 
-def test_a_refused_log_is_not_tried_again_in_the_same_flight() -> None:
-    refused = next_state(Logging.RECORDING, LoggingEvent.REFUSED)
-    assert next_state(refused, LoggingEvent.WANTED) is refused
+def test_a_failed_log_is_not_retried_in_the_same_flight() -> None:
+    failed = next_state(Logging.RECORDING, LoggingEvent.STORAGE_ERROR)
+    assert next_state(failed, LoggingEvent.WANTED) is failed

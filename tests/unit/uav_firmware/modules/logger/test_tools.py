@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.unit.uav_firmware.modules.logger.logbook import UTC_US, Logbook
+from tests.unit.uav_firmware.modules.logger.harness import UTC_US, LoggerHarness
 from uav_firmware.drivers.log_folder import LogFolder
 from uav_firmware.msg.status import StatusText
 
@@ -15,10 +15,10 @@ from uav_firmware.msg.status import StatusText
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = LogFolder(tmp_path_factory.mktemp("vehicle") / "log")
-    book = Logbook(folder)
-    book.run(5.0)
-    book.topics.status_text.publish(StatusText(book.time_us, 6, "Armed"))
-    book.fly(3.0)
+    harness = LoggerHarness(folder)
+    harness.run(5.0)
+    harness.topics.status_text.publish(StatusText(harness.time_us, 6, "Armed"))
+    harness.fly(3.0)
     (path,) = folder.files()
     return path
 
@@ -35,14 +35,14 @@ def output(tool: str, *arguments: str) -> str:
     return run.stdout
 
 
-def test_the_file_is_named_after_the_worlds_time(log: Path) -> None:
+def test_the_file_name_is_utc_time(log: Path) -> None:
     began_us = UTC_US + 3_000_000
     assert abs(log.stat().st_size - 20_000) < 15_000
     assert log.parent.name == "2026-02-25"
     assert log.name == f"06_13_{began_us // 1_000_000 % 60:02d}.ulg"
 
 
-def test_ulog_info_sums_it_up(log: Path) -> None:
+def test_ulog_info_reads_it(log: Path) -> None:
     text = output("ulog_info", str(log))
     assert "sys_name: PX4" in text
     assert "No Dropouts" in text

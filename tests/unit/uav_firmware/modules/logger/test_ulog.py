@@ -8,7 +8,7 @@ import struct
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pyulog import ULog  # type: ignore[import-untyped]  # pyulog tells no types
+from pyulog import ULog  # type: ignore[import-untyped]  # pyulog has no types
 
 from uav_firmware.modules.logger import ulog
 
@@ -40,7 +40,7 @@ def record(message_fields: tuple[ulog.Field, ...], identifier: int, *values: flo
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_value_of_every_kind_reads_back(kind: str) -> None:
+def test_values_of_every_type_are_read_back(kind: str) -> None:
     layout = ulog.fields(f"uint64_t timestamp; {kind} one; {kind}[3] three")
 
     @given(st.tuples(*(KINDS[kind] for _ in range(4))))
@@ -58,7 +58,7 @@ def test_a_value_of_every_kind_reads_back(kind: str) -> None:
     reads_back()
 
 
-def test_not_known_stays_not_known() -> None:
+def test_nan_stays_nan() -> None:
     layout = ulog.fields("uint64_t timestamp; float x")
     log = read(
         ulog.format_definition("thing", layout),
@@ -69,18 +69,18 @@ def test_not_known_stays_not_known() -> None:
 
 
 @given(st.integers(0, 2**64 - 1))
-def test_the_header_tells_when_the_log_begins(time_us: int) -> None:
+def test_the_header_contains_the_start_time(time_us: int) -> None:
     assert ULog(io.BytesIO(ulog.header(time_us))).start_timestamp == time_us
 
 
 @given(WORDS, st.integers(-(2**31), 2**32 - 1))
-def test_information_reads_back(text: str, number: int) -> None:
+def test_information_is_read_back(text: str, number: int) -> None:
     log = read(ulog.information("words", text), ulog.information("count", number))
     assert log.msg_info_dict == {"words": text, "count": number}
 
 
 @given(st.lists(st.lists(WORDS, min_size=1, max_size=3), min_size=1, max_size=3))
-def test_a_list_of_information_reads_back(lists: list[list[str]]) -> None:
+def test_an_information_list_is_read_back(lists: list[list[str]]) -> None:
     parts = [
         ulog.information_part("boot_console", text, continued=number > 0)
         for texts in lists
@@ -96,7 +96,7 @@ def test_parameters_keep_value_and_type(whole: int, fraction: float) -> None:
     assert isinstance(log.initial_parameters["A_WHOLE"], int)
 
 
-def test_the_default_of_a_parameter_stands_beside_its_value() -> None:
+def test_the_default_of_a_parameter_is_logged_with_its_value() -> None:
     log = read(ulog.parameter("MPC_XY_P", 0.5), ulog.parameter_default("MPC_XY_P", 0.75))
     assert log.has_default_parameters
     assert log.initial_parameters["MPC_XY_P"] == 0.5
@@ -117,30 +117,30 @@ def test_a_parameter_that_changes_in_flight_keeps_its_first_value() -> None:
 
 
 @given(WORDS, st.integers(0, 7), st.integers(0, 2**63))
-def test_a_sentence_keeps_severity_and_time(sentence: str, severity: int, time_us: int) -> None:
+def test_a_text_keeps_severity_and_time(text: str, severity: int, time_us: int) -> None:
     (found,) = read(
-        ulog.subscription(0, "thing"), ulog.text(severity, time_us, sentence)
+        ulog.subscription(0, "thing"), ulog.text(severity, time_us, text)
     ).logged_messages
-    assert (found.message, found.timestamp) == (sentence, time_us)
+    assert (found.message, found.timestamp) == (text, time_us)
     assert found.log_level == ord(str(severity))
 
 
 @given(st.text(max_size=5000), st.integers())
-def test_no_sentence_is_too_long_or_too_odd(sentence: str, severity: int) -> None:
-    encoded = ulog.text(severity, 0, sentence)
+def test_any_text_is_encoded(text: str, severity: int) -> None:
+    encoded = ulog.text(severity, 0, text)
     assert struct.unpack_from("<H", encoded)[0] == len(encoded) - 3
     assert len(encoded) <= ulog.TEXT_MAX + 12
 
 
-def test_synchronisation_is_where_readers_look_for_it() -> None:
+def test_readers_find_the_synchronisation_bytes() -> None:
     assert ulog.synchronisation()[3:] == ULog.SYNC_BYTES
 
 
 @pytest.mark.parametrize(
     "declaration", ["", "float", "float[] x", "long x", "float x y", "float[3]x", "char[4] name"]
 )
-def test_a_field_that_is_none_is_named(declaration: str) -> None:
-    with pytest.raises(ulog.FormatError, match="is no field"):
+def test_an_invalid_field_is_named_in_the_error(declaration: str) -> None:
+    with pytest.raises(ulog.FormatError, match="is not a field"):
         ulog.fields(declaration)
 
 

@@ -1,4 +1,4 @@
-"""What shaped sticks ask for: direction first, then size."""
+"""Stick laws: direction first, then magnitude."""
 
 import math
 
@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from uav_firmware.lib.rotation import rotate, tilt_of, to_euler
 from uav_firmware.modules.manual_control import laws
 from uav_firmware.modules.manual_control.laws import DescentSlope, ThrottleCurve
-from uav_firmware.modules.manual_control.sticks import in_circle
+from uav_firmware.modules.manual_control.sticks import limited_to_circle
 from uav_firmware.msg.control_mode import ManualControlSetpoint
 
 TILT = math.radians(35.0)
@@ -27,18 +27,18 @@ def test_forward_lowers_the_nose_and_right_lowers_the_right_side() -> None:
 
 
 @given(sticks, sticks, yaws)
-def test_the_tilt_is_the_share_of_the_sticks_and_the_heading_stays(
+def test_tilt_is_proportional_to_deflection_and_heading_stays(
     x: float, y: float, yaw: float
 ) -> None:
-    forward, right = in_circle(x, y)
+    forward, right = limited_to_circle(x, y)
     q = laws.attitude(forward, right, yaw, TILT)
     assert tilt_of(q) == pytest.approx(math.hypot(forward, right) * TILT, abs=1e-6)
     assert math.cos(to_euler(q)[2] - yaw) > math.cos(TILT * TILT)
 
 
 @given(sticks, sticks, yaws)
-def test_attitude_and_acceleration_mean_the_same_tilt(x: float, y: float, yaw: float) -> None:
-    forward, right = in_circle(x, y)
+def test_attitude_and_acceleration_give_the_same_tilt(x: float, y: float, yaw: float) -> None:
+    forward, right = limited_to_circle(x, y)
     up = rotate(laws.attitude(forward, right, yaw, TILT), (0.0, 0.0, -1.0))
     north, east, down = laws.tilt_acceleration(forward, right, yaw, TILT)
     assert down == 0.0
@@ -47,7 +47,7 @@ def test_attitude_and_acceleration_mean_the_same_tilt(x: float, y: float, yaw: f
     )
 
 
-def test_up_climbs_and_down_sinks() -> None:
+def test_up_climbs_and_down_descends() -> None:
     assert laws.climb_velocity(1.0, 3.0, 1.5) == -3.0
     assert laws.climb_velocity(-1.0, 3.0, 1.5) == 1.5
     assert laws.climb_velocity(0.0, 3.0, 1.5) == 0.0
@@ -63,7 +63,7 @@ def test_thrust_rises_with_the_stick_and_hovers_in_the_centre(up: float) -> None
     assert (thrust > CURVE.hover) == (up > 0.0) or abs(up) < 1e-12
 
 
-def test_on_the_ground_the_stick_down_stops_the_thrust() -> None:
+def test_stick_down_on_the_ground_gives_zero_thrust() -> None:
     assert laws.thrust(-1.0, CURVE, landed=True) == 0.0
     assert laws.thrust(-0.5, CURVE, landed=True) > 0.0
 
@@ -76,6 +76,6 @@ def test_body_rates_have_the_signs_of_the_sticks() -> None:
 
 
 @given(st.floats(-5.0, 50.0), st.floats(-5.0, 50.0))
-def test_the_nearer_the_ground_the_slower(a: float, b: float) -> None:
+def test_descent_is_slower_near_the_ground(a: float, b: float) -> None:
     low, high = sorted((a, b))
     assert SLOPE.slow <= SLOPE.limit(low) <= SLOPE.limit(high) <= SLOPE.fast

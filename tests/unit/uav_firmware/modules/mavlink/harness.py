@@ -1,22 +1,20 @@
-"""A MAVLink module over an in-memory link, with a vehicle's topics and a scripted peer."""
+"""A MAVLink module on an in-memory link, with topics of a vehicle and scripted peers."""
 
 import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from uav_firmware.bus import Queue, Topic
 from uav_firmware.cal.link import Address, Link
 from uav_firmware.cal.storage import Storage
-from uav_firmware.modules.mavlink.commands.power_commands import PowerAction
-from uav_firmware.modules.mavlink.missions.mission_store import PlanCheck
+from uav_firmware.modules.mavlink.commands.preflight_commands import PowerAction
+from uav_firmware.modules.mavlink.missions.plan_checks import PlanRules
 from uav_firmware.modules.mavlink.module import MavlinkModule
 from uav_firmware.modules.mavlink.signing.signature import Signer
-from uav_firmware.modules.mavlink.topics import MavlinkTopics
+from uav_firmware.modules.mavlink.telemetry.streams import LinkParams
 from uav_firmware.modules.mavlink.wire.dialect import frame, mavlink, pack, parse
-from uav_firmware.modules.mavlink.wire.dispatcher import PlanChecks
-from uav_firmware.modules.mavlink.wire.link_params import LinkParams
 from uav_firmware.modules.mavlink.wire.peers import Peer, Profile
 from uav_firmware.modules.mavlink.wire.reception import SigningOptions
+from uav_firmware.modules.navigator.mission.review import PlanChecks
 from uav_firmware.msg.actuators import ActuatorMotors
 from uav_firmware.msg.battery import BatteryStatus
 from uav_firmware.msg.estimate import (
@@ -28,7 +26,7 @@ from uav_firmware.msg.estimate import (
 )
 from uav_firmware.msg.geofence import FenceAction, FenceBreach, GeofenceStatus
 from uav_firmware.msg.guidance import OrbitStatus
-from uav_firmware.msg.mission import MissionItem, MissionRejection, PlanReview
+from uav_firmware.msg.mission import MissionItem, MissionRejection, PlanReview, PlanType
 from uav_firmware.msg.payload import (
     CameraLens,
     CameraMode,
@@ -65,6 +63,7 @@ from uav_firmware.msg.status import (
     VehicleStatus,
 )
 from uav_firmware.parameters import Registry
+from uav_firmware.topics import Topics
 
 Check = Callable[[Sequence[MissionItem]], MissionRejection | None]
 
@@ -72,36 +71,16 @@ STEP_US = 4000
 TICK_US = 20_000
 GROUND: Address = ("192.0.2.2", 14550)
 BROKER: Address = ("192.0.2.3", 14540)
-STRANGER: Address = ("192.0.2.9", 50000)
+UNKNOWN_PEER: Address = ("192.0.2.9", 50000)
 SYSTEM = 7
 
 LATITUDE_DEG, LONGITUDE_DEG, ALTITUDE_M = 40.4434, -3.7382, 650.0
 ZERO = (0.0, 0.0, 0.0)
 
 
-def empty_topics() -> MavlinkTopics:
+def empty_topics() -> Topics:
     """Topics on which nothing has been published."""
-    return MavlinkTopics(
-        attitude=Topic(),
-        local_position=Topic(),
-        global_position=Topic(),
-        estimator_status=Topic(),
-        gps=Topic(),
-        imu=Topic(),
-        baro=Topic(),
-        battery=Topic(),
-        vehicle_status=Topic(),
-        land_detected=Topic(),
-        home=Topic(),
-        mission_progress=Topic(),
-        trajectory_setpoint=Topic(),
-        actuator_motors=Topic(),
-        truth=Topic(),
-        command_ack=Queue(),
-        status_text=Queue(),
-        vehicle_command=Queue(),
-        mission=Topic(),
-    )
+    return Topics()
 
 
 def status(
@@ -186,18 +165,18 @@ TRACKING = TrackingState(
 )
 
 
-def flying_topics() -> MavlinkTopics:
+def flying_topics() -> Topics:
     """Topics of a vehicle in the air, 10 m above home."""
     topics = empty_topics()
-    topics.attitude.publish(VehicleAttitude(0, (0.5, 0.5, 0.5, 0.5), (0.1, 0.2, 0.3)))
-    topics.local_position.publish(LOCAL)
-    topics.global_position.publish(
+    topics.vehicle_attitude.publish(VehicleAttitude(0, (0.5, 0.5, 0.5, 0.5), (0.1, 0.2, 0.3)))
+    topics.vehicle_local_position.publish(LOCAL)
+    topics.vehicle_global_position.publish(
         VehicleGlobalPosition(0, LATITUDE_DEG, LONGITUDE_DEG, ALTITUDE_M + 10.0, 0.5, 0.8)
     )
     topics.estimator_status.publish(
         EstimatorStatus(0, 831, 0.1, 0.2, 0.3, 0.4, 0.5, 0.8, ZERO, aligned=True)
     )
-    topics.gps.publish(
+    topics.sensor_gps.publish(
         SensorGps(
             time_us=0,
             time_utc_us=0,
@@ -215,22 +194,26 @@ def flying_topics() -> MavlinkTopics:
             altitude_ellipsoid_m=ALTITUDE_M + 61.6,
         )
     )
-    topics.imu.publish(SensorImu(0, ZERO, (0.0, 0.0, -9.81)))
-    topics.baro.publish(SensorBaro(0, 93_000.0, 21.5))
-    topics.range_finder.publish(SensorRange(0, 10.0, 0.1, 40.0))
-    topics.hygrometer.publish(SensorHygrometer(4_900_000, 21.37, 54.32))
-    topics.ground_sample.publish(SensorGround(4_900_000, 0.23, 17.5, 65_000.0))
-    topics.battery.publish(BatteryStatus(0, 11.8, 14.5, 1.2, 5.0, 0.76))
+    topics.sensor_imu.publish(SensorImu(0, ZERO, (0.0, 0.0, -9.81)))
+    topics.sensor_baro.publish(SensorBaro(0, 93_000.0, 21.5))
+    topics.sensor_range.publish(SensorRange(0, 10.0, 0.1, 40.0))
+    topics.sensor_hygrometer.publish(SensorHygrometer(4_900_000, 21.37, 54.32))
+    topics.sensor_ground.publish(SensorGround(4_900_000, 0.23, 17.5, 65_000.0))
+    topics.battery_status.publish(BatteryStatus(0, 11.8, 14.5, 1.2, 5.0, 0.76))
     topics.vehicle_status.publish(status(armed=True))
     topics.land_detected.publish(
         LandDetected(0, landed=False, ground_contact=False, landed_state=LandedState.IN_AIR)
     )
-    topics.home.publish(HomePosition(0, LATITUDE_DEG, LONGITUDE_DEG, ALTITUDE_M, ZERO, 0.0))
+    topics.home_position.publish(
+        HomePosition(0, LATITUDE_DEG, LONGITUDE_DEG, ALTITUDE_M, ZERO, 0.0)
+    )
     topics.trajectory_setpoint.publish(
         TrajectorySetpoint(0, (3.0, 8.0, -10.0), (math.nan,) * 3, (math.nan,) * 3, 0.0, math.nan)
     )
-    topics.attitude_setpoint.publish(VehicleAttitudeSetpoint(0, (1.0, 0.0, 0.0, 0.0), 0.0, 0.3))
-    topics.rates_setpoint.publish(VehicleRatesSetpoint(0, (0.1, -0.2, 0.3), 0.3))
+    topics.vehicle_attitude_setpoint.publish(
+        VehicleAttitudeSetpoint(0, (1.0, 0.0, 0.0, 0.0), 0.0, 0.3)
+    )
+    topics.vehicle_rates_setpoint.publish(VehicleRatesSetpoint(0, (0.1, -0.2, 0.3), 0.3))
     topics.orbit_status.publish(
         OrbitStatus(
             0,
@@ -252,7 +235,7 @@ def flying_topics() -> MavlinkTopics:
     )
     topics.wind.publish(WindEstimate(0, 3.0, -4.0))
     topics.actuator_motors.publish(ActuatorMotors(0, (0.5, 0.5, 0.5, 0.5)))
-    topics.truth.publish(
+    topics.sensor_truth.publish(
         SensorTruth(
             time_us=0,
             latitude_deg=LATITUDE_DEG,
@@ -268,15 +251,28 @@ def flying_topics() -> MavlinkTopics:
     return topics
 
 
-def judged_by(check: Check) -> PlanChecks:
-    """Let a function judge whole plans of every kind."""
+Review = Callable[[Sequence[MissionItem]], PlanReview]
+
+
+def rules_of(check: Check) -> dict[PlanType, PlanRules]:
+    """Accept every item, and the stored plans that a function accepts."""
+    return dict.fromkeys(
+        PlanType, PlanRules(lambda _item, _home: None, lambda items, _: check(items))
+    )
+
+
+def accept_all(_items: Sequence[MissionItem]) -> None:
+    """Accept every plan."""
+
+
+def reviewing(check: Check) -> Review:
+    """Check a plan in one call."""
 
     def review(items: Sequence[MissionItem]) -> PlanReview:
         yield 1
         return check(items)
 
-    judge = PlanCheck(lambda _: None, review)
-    return PlanChecks(judge, judge, judge)
+    return review
 
 
 class MemoryLink:
@@ -285,7 +281,7 @@ class MemoryLink:
     def __init__(self) -> None:
         self.incoming: list[tuple[bytes, Address]] = []
         self.sent: list[tuple[bytes, Address]] = []
-        self.deaf: set[Address] = set()  # Where nobody listens
+        self.unreachable: set[Address] = set()  # Addresses that refuse datagrams
         self._refused: set[Address] = set()
 
     def receive(self) -> list[tuple[bytes, Address]]:
@@ -294,7 +290,7 @@ class MemoryLink:
 
     def send(self, datagram: bytes, address: Address) -> None:
         self.sent.append((datagram, address))
-        if address in self.deaf:
+        if address in self.unreachable:
             self._refused.add(address)
 
     def refused_addresses(self) -> list[Address]:
@@ -305,16 +301,16 @@ class MemoryLink:
         pass
 
 
-class Bench:
-    """A module on the bench: say something as a peer, let time pass, hear the answers."""
+class MavlinkHarness:
+    """Sends messages as a peer, advances time, returns received messages."""
 
     def __init__(
         self,
         *,
-        topics: MavlinkTopics | None = None,
+        topics: Topics | None = None,
         registry: Registry | None = None,
-        check: Check = lambda _: None,
-        checks: PlanChecks | None = None,
+        check: Check = accept_all,
+        review: Review | None = None,
         save: Callable[[], None] = lambda: None,
         link: Link | None = None,
         params: LinkParams | None = None,
@@ -332,7 +328,7 @@ class Bench:
             system_id=SYSTEM,
             registry=self.registry,
             topics=self.topics,
-            checks=checks or judged_by(check),
+            plan_rules=rules_of(check),
             storage=storage,
             peers=peers
             or (
@@ -346,8 +342,13 @@ class Bench:
             request_power=power,
         )
         self._sequence = 0
+        self._navigator = PlanChecks(
+            self.topics.plan_check_request,
+            self.topics.plan_check_result,
+            lambda _type, items: (review or reviewing(check))(items),
+        )
 
-    def say(
+    def send(
         self,
         message: Any,
         *,
@@ -357,7 +358,7 @@ class Bench:
         sequence: int | None = None,
         signer: Signer | None = None,
     ) -> None:
-        """Put a message into the link; it is read at the next step. Frames are counted."""
+        """Queue a message with the next sequence number; it is read in the next step."""
         self._sequence = (self._sequence + 1) & 0xFF
         number = self._sequence if sequence is None else sequence
         datagram = frame(pack(message), number, system, component, signed=signer is not None)
@@ -366,33 +367,37 @@ class Bench:
         self.memory.incoming.append((datagram, source))
 
     def run(self, duration_us: int = TICK_US) -> None:
-        """Let vehicle time pass in control steps."""
+        """Advance vehicle time in control steps."""
         end_us = self.now_us + duration_us
         while self.now_us < end_us:
             self.now_us += STEP_US
+            self.module.serve(self.now_us)
+            if self.topics.plan_check_request or self.now_us % TICK_US == 0:
+                self._navigator.update()
+            self.module.resume_uploads(self.now_us)
             self.module.update(self.now_us)
 
-    def hear(
+    def received(
         self, name: str | None = None, *, at: Address = GROUND, component: int = 1
     ) -> list[Any]:
         """Messages sent to a peer since the last call, of one type if a name is given.
 
         Of the autopilot, unless another component is given.
         """
-        wanted = [sent for sent in self.memory.sent if sent[1] == at and sent[0][6] == component]
+        matching = [sent for sent in self.memory.sent if sent[1] == at and sent[0][6] == component]
         self.memory.sent = [
             sent for sent in self.memory.sent if sent[1] != at or sent[0][6] != component
         ]
-        heard = [m for data, _ in wanted for m in parse(data).messages]
-        return [m for m in heard if name is None or m.get_type() == name]
+        received = [m for data, _ in matching for m in parse(data).messages]
+        return [m for m in received if name is None or m.get_type() == name]
 
-    def ask(self, message: Any, answer: str, **sender: Any) -> list[Any]:
-        """Say a message, let one tick pass, and hear the answers of one type."""
+    def request(self, message: Any, answer: str, **sender: Any) -> list[Any]:
+        """Send a message, run one tick, and return the answers of one type."""
         source = sender.get("source", GROUND)
-        self.hear(at=source)
-        self.say(message, **sender)
+        self.received(at=source)
+        self.send(message, **sender)
         self.run()
-        return self.hear(answer, at=source)
+        return self.received(answer, at=source)
 
     def commands(self) -> list[VehicleCommand]:
         """Commands that reached the commander since the last call."""
@@ -400,7 +405,7 @@ class Bench:
 
     def answer(self, command: VehicleCommand, result: int, progress: int = 0) -> None:
         """Answer a command as the commander does."""
-        self.topics.command_ack.publish(
+        self.topics.vehicle_command_ack.publish(
             VehicleCommandAck(self.now_us, command.command, result, progress, command.token)
         )
 
@@ -435,7 +440,7 @@ def command_int(number: int, *parameters: float, frame: int = 0, **header: int) 
 
 
 def mission_item(seq: int, command: int = 16, **fields: Any) -> Any:
-    """MISSION_ITEM_INT: a waypoint at 10 m above home unless told otherwise."""
+    """MISSION_ITEM_INT: a waypoint at 10 m above home by default."""
     values: dict[str, Any] = {
         "target_system": SYSTEM,
         "target_component": 1,

@@ -1,4 +1,4 @@
-"""Bytes from an enemy: the module survives, and nothing that was not commanded moves."""
+"""Hostile bytes: the module survives and executes no command."""
 
 import math
 from typing import Any, Final
@@ -10,7 +10,7 @@ from tests.unit.uav_firmware.modules.mavlink.harness import (
     GROUND,
     STEP_US,
     SYSTEM,
-    Bench,
+    MavlinkHarness,
     command_long,
 )
 from uav_firmware.modules.mavlink.commands.commands import FORWARDED
@@ -39,32 +39,32 @@ HANDLED: Final = {
 SPECIAL: Final = [math.nan, math.inf, -math.inf, 0.0, -0.0, 1e38, -1e38, 1e-45]
 
 
-def say_payload(bench: Bench, cls: Any, body: bytes) -> None:
-    """Say a message with a right checksum and any contents."""
+def send_payload(harness: MavlinkHarness, cls: Any, body: bytes) -> None:
+    """Send a message with a valid checksum and any contents."""
     trimmed = body.rstrip(b"\x00") or b"\x00"
     datagram = frame(Payload(cls.id, cls.crc_extra, trimmed), 0, 255, 190)
-    bench.memory.incoming.append((datagram, GROUND))
+    harness.memory.incoming.append((datagram, GROUND))
 
 
 def test_the_list_of_handled_messages_is_complete() -> None:
-    bench = Bench()
-    dispatcher = bench.module._dispatcher
+    harness = MavlinkHarness()
+    dispatcher = harness.module._dispatcher
     assert isinstance(dispatcher, Dispatcher)
     assert set(dispatcher._handlers) <= {cls.msgname for cls in HANDLED}
 
 
 @given(st.lists(st.binary(max_size=600), max_size=10))
 def test_random_bytes_command_nothing(datagrams: list[bytes]) -> None:
-    bench = Bench()
-    bench.memory.incoming += [(datagram, GROUND) for datagram in datagrams]
-    bench.run(20_000)
-    assert bench.commands() == []
+    harness = MavlinkHarness()
+    harness.memory.incoming += [(datagram, GROUND) for datagram in datagrams]
+    harness.run(20_000)
+    assert harness.commands() == []
 
 
 @given(st.sampled_from(sorted(HANDLED, key=lambda cls: cls.id)), st.data())
 @settings(max_examples=400)
 def test_any_contents_of_a_handled_message_are_survived(cls: Any, data: st.DataObject) -> None:
-    bench = Bench()
+    harness = MavlinkHarness()
     size = cls.unpacker.size
     body = bytearray(data.draw(st.binary(min_size=size, max_size=size)))
     for name in ("target_system", "target_component"):
@@ -73,9 +73,9 @@ def test_any_contents_of_a_handled_message_are_survived(cls: Any, data: st.DataO
             fields = list(cls.unpacker.unpack(bytes(body)))
             fields[index] = {"target_system": SYSTEM, "target_component": 1}[name]
             body = bytearray(cls.unpacker.pack(*fields))
-    say_payload(bench, cls, bytes(body))
-    bench.run(20_000)
-    for command in bench.commands():
+    send_payload(harness, cls, bytes(body))
+    harness.run(20_000)
+    for command in harness.commands():
         assert command.command in FORWARDED
 
 
@@ -85,39 +85,39 @@ def test_any_contents_of_a_handled_message_are_survived(cls: Any, data: st.DataO
 def test_special_numbers_in_commands_are_survived_and_answered(
     number: int, parameters: list[float]
 ) -> None:
-    bench = Bench()
-    bench.say(command_long(number, *parameters))
-    bench.run()
-    bench.run(3_000_000)
-    assert len(bench.hear("COMMAND_ACK")) == 1
+    harness = MavlinkHarness()
+    harness.send(command_long(number, *parameters))
+    harness.run()
+    harness.run(3_000_000)
+    assert len(harness.received("COMMAND_ACK")) == 1
 
 
 @given(st.data())
 def test_a_command_with_any_bit_flipped_commands_nothing(data: st.DataObject) -> None:
-    bench = Bench()
+    harness = MavlinkHarness()
     arm = frame(pack(command_long(400, 1.0)), 0, 255, 190)
     flipped = bytearray(arm)
     position = data.draw(st.integers(0, len(arm) - 1))
     flipped[position] ^= 1 << data.draw(st.integers(0, 7))
-    bench.memory.incoming.append((bytes(flipped), GROUND))
-    bench.run()
-    assert bench.commands() == []
+    harness.memory.incoming.append((bytes(flipped), GROUND))
+    harness.run()
+    assert harness.commands() == []
 
 
-def test_of_a_flood_only_a_bounded_part_is_served() -> None:
-    bench = Bench()
+def test_the_work_of_a_flood_is_bounded() -> None:
+    harness = MavlinkHarness()
     request = frame(pack(command_long(512, 148)), 0, 255, 190)
-    bench.memory.incoming += [(request * 60, GROUND)] * 60
-    bench.run(STEP_US)
-    answered = len(bench.hear("AUTOPILOT_VERSION"))
+    harness.memory.incoming += [(request * 60, GROUND)] * 60
+    harness.run(STEP_US)
+    answered = len(harness.received("AUTOPILOT_VERSION"))
     assert answered == MAX_MESSAGES_PER_CALL == 128
-    assert bench.module.refused.flood == 58
-    assert bench.ask(command_long(512, 148), "AUTOPILOT_VERSION")
+    assert harness.module.refused.flood == 58
+    assert harness.request(command_long(512, 148), "AUTOPILOT_VERSION")
 
 
-def test_a_flood_of_faulty_frames_is_counted() -> None:
-    bench = Bench()
-    bench.memory.incoming += [(b"\xfd" + bytes(11), GROUND)] * 100
-    bench.run()
-    assert bench.module.refused.malformed == 100
-    assert bench.hear("COMMAND_ACK") == []
+def test_a_flood_of_malformed_frames_is_counted() -> None:
+    harness = MavlinkHarness()
+    harness.memory.incoming += [(b"\xfd" + bytes(11), GROUND)] * 100
+    harness.run()
+    assert harness.module.refused.malformed == 100
+    assert harness.received("COMMAND_ACK") == []

@@ -1,4 +1,4 @@
-"""Whatever two uploaders and a bad link send, the vehicle holds one whole plan."""
+"""With two uploaders and a lossy link, the vehicle always has one complete plan."""
 
 from typing import Any
 
@@ -42,7 +42,7 @@ moments = st.one_of(
 
 
 class Scene:
-    """The vehicle, and what each uploader was last asked for."""
+    """The vehicle, and the last request to each uploader."""
 
     def __init__(self) -> None:
         self.storage = MemoryStorage()
@@ -53,7 +53,7 @@ class Scene:
         self._last = b""
 
     def play(self, system: int, deed: Any) -> None:
-        """Let an uploader say something, answer what it was asked, or let time pass."""
+        """Let an uploader send a message or answer a request, or advance time."""
         self.now_us += 20_000
         if deed == "wait":
             self.now_us += 16_000_000
@@ -85,7 +85,7 @@ class Scene:
 
 @settings(max_examples=150)
 @given(st.lists(moments, max_size=60))
-def test_the_plan_in_force_is_one_uploader_s_or_none(deeds: list[tuple[int, Any]]) -> None:
+def test_the_plan_in_force_comes_from_one_uploader(deeds: list[tuple[int, Any]]) -> None:
     scene = Scene()
     whole = {(0, frozenset()), *((n, frozenset({z})) for n, z in PLANS.values())}
     for system, deed in deeds:
@@ -98,7 +98,7 @@ def test_the_plan_in_force_is_one_uploader_s_or_none(deeds: list[tuple[int, Any]
 
 
 @given(systems)
-def test_the_property_above_sees_both_plans(system: int) -> None:
+def test_the_atomicity_property_covers_both_plans(system: int) -> None:
     scene = Scene()
     scene.play(system, count(system))
     for _ in range(PLANS[system][0]):

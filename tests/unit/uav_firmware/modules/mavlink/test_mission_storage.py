@@ -1,4 +1,4 @@
-"""Plans over a restart of the vehicle: kept whole, or not used, and never a crash."""
+"""Stored plans after a restart: complete or not used."""
 
 import errno
 from typing import Any
@@ -8,7 +8,7 @@ import pytest
 from tests.support.memory_storage import MemoryStorage
 from tests.unit.uav_firmware.modules.mavlink.harness import (
     SYSTEM,
-    Bench,
+    MavlinkHarness,
     mission_count,
     mission_item,
 )
@@ -19,32 +19,32 @@ ACCEPTED, ERROR, NO_SPACE = 0, 1, 4
 FILES = ("mission.plan", "geofence.plan", "rally.plan")
 
 
-def upload(bench: Bench, count: int, mission_type: int = 0, **fields: Any) -> Any:
-    bench.hear()
-    bench.say(mission_count(count, mission_type))
+def upload(harness: MavlinkHarness, count: int, mission_type: int = 0, **fields: Any) -> Any:
+    harness.received()
+    harness.send(mission_count(count, mission_type))
     for seq in range(count):
-        bench.say(mission_item(seq, mission_type=mission_type, **fields))
-    bench.run()
-    (ack,) = bench.hear("MISSION_ACK")
+        harness.send(mission_item(seq, mission_type=mission_type, **fields))
+    harness.run()
+    (ack,) = harness.received("MISSION_ACK")
     return ack
 
 
-def held(bench: Bench, mission_type: int = 0) -> Any:
+def held(harness: MavlinkHarness, mission_type: int = 0) -> Any:
     message = mavlink.MAVLink_mission_request_list_message(SYSTEM, 1, mission_type)
-    (count,) = bench.ask(message, "MISSION_COUNT")
+    (count,) = harness.request(message, "MISSION_COUNT")
     return count
 
 
-def texts(bench: Bench) -> str:
-    bench.run()
-    return "".join(m.text for m in bench.hear("STATUSTEXT"))
+def texts(harness: MavlinkHarness) -> str:
+    harness.run()
+    return "".join(m.text for m in harness.received("STATUSTEXT"))
 
 
-def test_every_plan_and_its_id_outlive_a_restart() -> None:
+def test_every_plan_and_its_id_survive_a_restart() -> None:
     storage = MemoryStorage()
-    bench = Bench(storage=storage)
-    acks = [upload(bench, 3 + kind, kind, z=20.0 + kind) for kind in range(3)]
-    again = Bench(storage=storage)
+    harness = MavlinkHarness(storage=storage)
+    acks = [upload(harness, 3 + kind, kind, z=20.0 + kind) for kind in range(3)]
+    again = MavlinkHarness(storage=storage)
     for kind, ack in enumerate(acks):
         count = held(again, kind)
         assert (count.count, count.opaque_id) == (3 + kind, ack.opaque_id)
@@ -56,21 +56,21 @@ def test_every_plan_and_its_id_outlive_a_restart() -> None:
 
 def test_a_mission_from_before_the_restart_begins_at_its_first_item() -> None:
     storage = MemoryStorage()
-    upload(Bench(storage=storage), 4)
-    again = Bench(storage=storage)
+    upload(MavlinkHarness(storage=storage), 4)
+    again = MavlinkHarness(storage=storage)
     again.run(1_100_000)
-    told = again.hear("MISSION_CURRENT")[-1]
-    assert (told.seq, told.total, told.mission_state) == (0, 4, 2)
+    reported = again.received("MISSION_CURRENT")[-1]
+    assert (reported.seq, reported.total, reported.mission_state) == (0, 4, 2)
 
 
 def test_a_removed_plan_stays_removed() -> None:
     storage = MemoryStorage()
-    bench = Bench(storage=storage)
-    upload(bench, 3)
-    storage.refusal = errno.ENOSPC  # a full medium can still forget
-    bench.ask(mavlink.MAVLink_mission_clear_all_message(SYSTEM, 1, 0), "MISSION_ACK")
-    assert held(bench).count == 0
-    assert held(Bench(storage=storage)).count == 0
+    harness = MavlinkHarness(storage=storage)
+    upload(harness, 3)
+    storage.refusal = errno.ENOSPC  # Full storage can still remove
+    harness.request(mavlink.MAVLink_mission_clear_all_message(SYSTEM, 1, 0), "MISSION_ACK")
+    assert held(harness).count == 0
+    assert held(MavlinkHarness(storage=storage)).count == 0
 
 
 @pytest.mark.parametrize("kind", range(3))
@@ -82,40 +82,44 @@ def test_a_removed_plan_stays_removed() -> None:
         lambda _contents: b"",
         lambda _contents: b"{}",
     ],
-    ids=["cut off", "damaged", "empty", "another file"],
+    ids=["truncated", "damaged", "empty", "another file"],
 )
-def test_a_damaged_file_means_no_plan_and_a_text(kind: int, damage: Any) -> None:
+def test_a_damaged_plan_file_is_reported_and_ignored(kind: int, damage: Any) -> None:
     storage = MemoryStorage()
-    bench = Bench(storage=storage)
+    harness = MavlinkHarness(storage=storage)
     for each in range(3):
-        upload(bench, 3, each)
+        upload(harness, 3, each)
     storage.files[FILES[kind]] = damage(storage.files[FILES[kind]])
-    again = Bench(storage=storage)
+    again = MavlinkHarness(storage=storage)
     assert f"{FILES[kind]} is not used" in texts(again)
     assert [held(again, each).count for each in range(3)] == [
         0 if each == kind else 3 for each in range(3)
     ]
     assert upload(again, 2, kind).type == ACCEPTED
-    assert held(Bench(storage=storage), kind).count == 2
+    assert held(MavlinkHarness(storage=storage), kind).count == 2
 
 
-def test_a_medium_that_cannot_be_read_means_no_plan_and_a_text() -> None:
+def test_unreadable_storage_is_reported_and_leaves_no_plan() -> None:
     class Unreadable(MemoryStorage):
         def load(self, name: str) -> bytes | None:
             raise OSError(errno.EIO, "Input/output error", name)
 
-    bench = Bench(storage=Unreadable())
-    assert held(bench).count == 0
-    assert "mission.plan is not used: Input/output error" in texts(Bench(storage=Unreadable()))
+    harness = MavlinkHarness(storage=Unreadable())
+    assert held(harness).count == 0
+    assert "mission.plan is not used: Input/output error" in texts(
+        MavlinkHarness(storage=Unreadable())
+    )
 
 
-def test_a_stored_plan_that_the_judges_refuse_is_not_used() -> None:
+def test_a_stored_plan_that_fails_the_check_is_not_used() -> None:
     storage = MemoryStorage()
-    upload(Bench(storage=storage), 3)
-    stricter = Bench(storage=storage, check=lambda _: MissionRejection(1, 3, "cannot be flown"))
+    upload(MavlinkHarness(storage=storage), 3)
+    stricter = MavlinkHarness(
+        storage=storage, check=lambda _: MissionRejection(1, 3, "cannot be flown")
+    )
     assert held(stricter).count == 0
     assert "mission.plan is not used: item 1: cannot be flown" in texts(
-        Bench(storage=storage, check=lambda _: MissionRejection(1, 3, "cannot be flown"))
+        MavlinkHarness(storage=storage, check=lambda _: MissionRejection(1, 3, "cannot be flown"))
     )
 
 
@@ -123,28 +127,28 @@ def test_a_stored_plan_that_the_judges_refuse_is_not_used() -> None:
     ("refusal", "result"),
     [(errno.ENOSPC, NO_SPACE), (errno.EDQUOT, NO_SPACE), (errno.EIO, ERROR), (errno.EROFS, ERROR)],
 )
-def test_a_medium_that_refuses_keeps_the_old_plan(refusal: int, result: int) -> None:
+def test_a_storage_error_keeps_the_previous_plan(refusal: int, result: int) -> None:
     storage = MemoryStorage()
-    bench = Bench(storage=storage)
-    upload(bench, 3)
+    harness = MavlinkHarness(storage=storage)
+    upload(harness, 3)
     before, storage.refusal = dict(storage.files), refusal
-    bench.hear()
-    bench.say(mission_count(1))
-    bench.say(mission_item(0))
-    bench.run()
-    heard = bench.hear()
-    assert [m.type for m in heard if m.get_type() == "MISSION_ACK"] == [result]
-    assert "not saved" in "".join(m.text for m in heard if m.get_type() == "STATUSTEXT")
-    assert held(bench).count == 3
-    assert bench.topics.mission.value is not None
-    assert len(bench.topics.mission.value.items) == 3
+    harness.received()
+    harness.send(mission_count(1))
+    harness.send(mission_item(0))
+    harness.run()
+    received = harness.received()
+    assert [m.type for m in received if m.get_type() == "MISSION_ACK"] == [result]
+    assert "not saved" in "".join(m.text for m in received if m.get_type() == "STATUSTEXT")
+    assert held(harness).count == 3
+    assert harness.topics.mission.value is not None
+    assert len(harness.topics.mission.value.items) == 3
     assert storage.files == before
     storage.refusal = None
-    assert upload(bench, 1).type == ACCEPTED
+    assert upload(harness, 1).type == ACCEPTED
 
 
-def test_a_refused_plan_does_not_reach_the_medium() -> None:
+def test_a_refused_plan_is_not_stored() -> None:
     storage = MemoryStorage()
-    bench = Bench(storage=storage, check=lambda _: MissionRejection(0, 5, "no"))
-    assert upload(bench, 2).type == 5
+    harness = MavlinkHarness(storage=storage, check=lambda _: MissionRejection(0, 5, "no"))
+    assert upload(harness, 2).type == 5
     assert storage.files == {}

@@ -4,7 +4,8 @@ import pytest
 
 from tests.support.toy_vehicle import NAN, ToyVehicle, item, takeoff, waypoint
 from tests.unit.uav_firmware.modules.navigator.test_modes import airborne, fly_to
-from uav_firmware.modules.commander.arming.sensor_watch import SensorBit
+from uav_firmware.lib.mission_rules import check_item
+from uav_firmware.modules.commander.health_report import SensorBit
 from uav_firmware.msg.geofence import FenceBreach
 from uav_firmware.msg.mission import MissionResult
 from uav_firmware.msg.status import Command
@@ -54,7 +55,7 @@ def test_without_its_fence_the_vehicle_may_leave_it_and_with_it_again_has_left_i
     assert is_breached(vehicle)
 
 
-def test_each_change_is_told_once() -> None:
+def test_each_change_is_reported_once() -> None:
     vehicle = fenced()
     for value in (1.0, 0.0, 0.0, 1.0):
         assert switch(vehicle, value) == ACCEPTED
@@ -88,13 +89,13 @@ def test_a_fence_switched_off_before_the_flight_stays_off_in_it() -> None:
     assert not is_watched(vehicle)
 
 
-def test_a_mission_may_switch_the_fence_off_for_a_part_of_its_way() -> None:
+def test_a_mission_may_disable_the_geofence_for_some_of_its_items() -> None:
     vehicle = ToyVehicle()
     vehicle.registry.set("GF_MAX_HOR_DIST", 20.0)
     vehicle.run(0.5)
     out = (takeoff(), item(1, 207, param1=0.0), waypoint(2, 40, 0), waypoint(3, 0, 0))
     plan = (*out, item(4, 207, param1=1.0), item(5, 189), item(6, 21, x=NAN, y=NAN, param4=NAN))
-    assert vehicle.navigator.check_mission(plan) is None
+    assert vehicle.check_mission(plan) is None
     vehicle.upload(*plan)
     vehicle.run(0.1)
     vehicle.set_mode(4)
@@ -114,15 +115,13 @@ def test_a_mission_that_comes_to_its_end_outside_with_the_fence_on_is_refused() 
     vehicle.run(0.5)
     off, on = item(1, 207, param1=0.0), item(3, 207, param1=1.0)
     plan = (takeoff(), off, waypoint(2, 40, 0), on, waypoint(4, 50, 0))
-    rejection = vehicle.navigator.check_mission(plan)
+    rejection = vehicle.check_mission(plan)
     assert rejection is not None
     assert rejection.seq == 4
 
 
 @pytest.mark.parametrize("value", [2.0, 3.0, -1.0, NAN])
 def test_an_item_that_switches_neither_on_nor_off_is_refused(value: float) -> None:
-    vehicle = ToyVehicle()
-    vehicle.run(0.5)
-    rejection = vehicle.navigator.check_item(item(1, 207, param1=value))
+    rejection = check_item(item(1, 207, param1=value), None)
     assert rejection is not None
     assert rejection.result == MissionResult.INVALID_PARAM1

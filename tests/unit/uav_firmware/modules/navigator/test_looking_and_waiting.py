@@ -18,7 +18,7 @@ def flying(*items: MissionItem) -> ToyVehicle:
     """A vehicle whose mission has just been started on the ground."""
     vehicle = ToyVehicle()
     vehicle.run(0.5)
-    assert vehicle.navigator.check_mission(items) is None
+    assert vehicle.check_mission(items) is None
     vehicle.upload(*items)
     assert vehicle.set_mode(4) == ACCEPTED
     assert vehicle.arm() == ACCEPTED
@@ -78,7 +78,7 @@ def test_the_old_command_for_a_region_is_understood(
         ((270.0, 40.0, 1.0, 1.0), -90.0, 1.0),
     ],
 )
-def test_a_turn_goes_its_way_and_ends_where_it_shall(
+def test_a_turn_has_its_direction_and_ends_at_its_heading(
     values: tuple[float, ...], expected: float, sense: float
 ) -> None:
     vehicle = airborne()
@@ -179,7 +179,7 @@ def test_without_a_region_turns_are_flown_forwards_and_with_the_default_radius()
     complete(vehicle)
 
 
-def test_a_delay_on_the_way_lets_the_vehicle_fly_on() -> None:
+def test_during_a_condition_delay_the_vehicle_flies_on() -> None:
     vehicle = flying(
         takeoff(),
         waypoint(1, 20.0, 0.0),
@@ -199,7 +199,7 @@ def test_a_delay_on_the_way_lets_the_vehicle_fly_on() -> None:
     assert vehicle.reached == [0, 1, 2, 3, 4]
 
 
-def test_a_distance_is_waited_for_on_the_way() -> None:
+def test_a_condition_distance_is_waited_for_during_the_leg() -> None:
     vehicle = flying(
         takeoff(),
         waypoint(1, 20.0, 0.0),
@@ -269,7 +269,7 @@ def test_home_is_set_by_an_item() -> None:
 def test_items_that_ask_for_nothing_possible_are_refused(bad: MissionItem, parameter: int) -> None:
     vehicle = ToyVehicle()
     vehicle.run(0.5)
-    rejection = vehicle.navigator.check_mission((takeoff(), bad))
+    rejection = vehicle.check_mission((takeoff(), bad))
     assert rejection is not None
     assert rejection.seq == 1
     assert rejection.result == 5 + parameter
@@ -280,6 +280,6 @@ def test_a_circle_across_the_fence_is_refused_in_a_mission() -> None:
     vehicle.registry.set("GF_MAX_HOR_DIST", 30.0)
     vehicle.run(0.5)
     circle = item(1, 18, param1=1.0, param3=9.0, z=5.0, **at(-25.0, 0.0))
-    rejection = vehicle.navigator.check_mission((takeoff(), circle))
+    rejection = vehicle.check_mission((takeoff(), circle))
     assert rejection is not None
     assert "circle" in rejection.reason

@@ -147,7 +147,7 @@ def test_a_commanded_speed_takes_effect_at_once_and_lasts_through_a_pause() -> N
     assert vehicle.velocity[0] == pytest.approx(2.0, abs=0.1)
 
 
-def test_no_speed_beyond_the_controller_s_own_is_asked_for() -> None:
+def test_no_speed_beyond_the_limit_of_the_controller_is_commanded() -> None:
     vehicle = start(ready(), takeoff(), waypoint(1, 900, 0))
     assert vehicle.send(Command.DO_CHANGE_SPEED, 1.0, 1000.0, -1.0) == ACCEPTED
     vehicle.run_until(lambda v: v.position[0] > 400.0)
@@ -205,7 +205,7 @@ def test_a_waypoint_from_the_ground_begins_with_a_climb() -> None:
     assert max(p[0] for p in vehicle.track if -p[2] < 4.5) < 0.2
 
 
-def test_an_unlimited_loiter_in_between_waits_to_be_told() -> None:
+def test_an_unlimited_loiter_in_between_waits_for_a_command() -> None:
     vehicle = start(
         ready(), takeoff(), item(1, 17, **at(10, 0), z=5.0, param4=0.0), waypoint(2, 20, 0)
     )
@@ -324,7 +324,7 @@ def test_a_landing_broken_off_climbs_back_to_its_abort_altitude() -> None:
     assert vehicle.height == pytest.approx(4.0, abs=0.1)
 
 
-def test_an_item_without_autocontinue_waits_to_be_told() -> None:
+def test_an_item_without_autocontinue_waits_for_a_command() -> None:
     vehicle = start(ready(), takeoff(), waypoint(1, 10, 0, autocontinue=0.0), waypoint(2, 20, 0))
     vehicle.run(30.0)
     assert vehicle.reached == [0, 1]

@@ -119,7 +119,7 @@ def test_landing_on_the_spot_disarms() -> None:
 
 
 def touch_down_speed(vehicle: ToyVehicle) -> float:
-    """Sink [m/s] that is asked for just above the ground."""
+    """Sink [m/s] commanded just above the ground."""
     assert vehicle.set_mode(6) == ACCEPTED
     vehicle.run_until(lambda v: v.height < 0.1, 60.0)
     return vehicle.setpoints[-1].velocity_ned[2]
@@ -155,10 +155,10 @@ def test_return_from_afar_climbs_first_then_flies_then_lands() -> None:
     before = len(vehicle.track)
     assert vehicle.set_mode(5) == ACCEPTED
     vehicle.run_until(lambda v: not v.armed, 180.0)
-    way = vehicle.track[before:]
+    track = vehicle.track[before:]
     assert math.hypot(*vehicle.position[:2]) < 0.1
-    assert max(-p[2] for p in way) == pytest.approx(20.0, abs=0.2)
-    assert all(-p[2] > 19.0 for p in way if 2.0 < p[0] < 58.0)
+    assert max(-p[2] for p in track) == pytest.approx(20.0, abs=0.2)
+    assert all(-p[2] > 19.0 for p in track if 2.0 < p[0] < 58.0)
 
 
 def test_return_from_close_by_does_not_climb() -> None:
@@ -188,7 +188,7 @@ def test_without_a_valid_position_the_vehicle_sinks_to_the_ground() -> None:
     vehicle.run_until(lambda v: not v.armed, 60.0)
 
 
-def test_an_armed_vehicle_on_the_ground_is_not_asked_to_climb() -> None:
+def test_an_armed_vehicle_on_the_ground_is_not_commanded_to_climb() -> None:
     vehicle = ToyVehicle()
     vehicle.run(0.5)
     assert vehicle.arm() == ACCEPTED

@@ -75,12 +75,12 @@ def test_an_orbit_goes_back_to_its_circle_on_the_earth() -> None:
     vehicle.run(12.0)
     vehicle.reset(*STEP)
     assert speed_after(vehicle, 30.0) < 6.0
-    away = [math.dist(here[:2], (10.0, 10.0)) for here in on_the_way(vehicle, 10.0)]
+    away = [math.dist(here[:2], (10.0, 10.0)) for here in positions_during(vehicle, 10.0)]
     assert away == pytest.approx([10.0] * len(away), abs=0.5)
     assert vehicle.mode is NavigationState.ORBIT
 
 
-def on_the_way(vehicle: ToyVehicle, seconds: float) -> list[Vector3]:
+def positions_during(vehicle: ToyVehicle, seconds: float) -> list[Vector3]:
     places = []
     for _ in range(round(seconds)):
         vehicle.run(1.0)

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from uav_firmware.lib.guide import Guide, GuideLimits
-from uav_firmware.modules.offboard.motion import SpeedLimits, Wanted, follow, wants_to_rise
+from uav_firmware.modules.offboard.motion import Motion, SpeedLimits, follow, wants_to_rise
 from uav_firmware.msg.setpoints import TrajectorySetpoint
 from uav_firmware.msg.vectors import Vector3
 
@@ -22,7 +22,7 @@ def setpoint(
     return TrajectorySetpoint(0, position, velocity, acceleration, NAN, NAN)
 
 
-def fly(target: TrajectorySetpoint, seconds: float) -> list[Wanted]:
+def fly(target: TrajectorySetpoint, seconds: float) -> list[Motion]:
     """A vehicle that follows exactly, from rest at the origin."""
     guide, position, flown = Guide(), (0.0, 0.0, 0.0), []
     for _ in range(round(seconds / DT)):
@@ -34,27 +34,27 @@ def fly(target: TrajectorySetpoint, seconds: float) -> list[Wanted]:
 @pytest.mark.parametrize(
     "place", [(30.0, 0.0, 0.0), (-3.0, 4.0, -10.0), (0.0, 0.0, 8.0), (0.2, 0.1, -0.1)]
 )
-def test_a_lone_position_is_reached_within_the_limits_and_without_overshoot(
+def test_position_alone_is_reached_within_limits_without_overshoot(
     place: Vector3,
 ) -> None:
     flown = fly(setpoint(position=place), 30.0)
     assert flown[-1].position_ned == pytest.approx(place, abs=0.02)
     far = math.dist(place, (0.0, 0.0, 0.0))
-    for wanted in flown:
-        north, east, down = wanted.velocity_ned
+    for motion in flown:
+        north, east, down = motion.velocity_ned
         assert math.hypot(north, east) <= SPEEDS.horizontal + 0.05
         assert -SPEEDS.up - 0.05 <= down <= SPEEDS.down + 0.05
-        along = sum(a * b for a, b in zip(wanted.position_ned, place, strict=True)) / far
+        along = sum(a * b for a, b in zip(motion.position_ned, place, strict=True)) / far
         assert along <= far + 0.1
 
 
-def test_a_lone_velocity_is_taken_and_has_a_place() -> None:
+def test_velocity_alone_is_flown_and_position_follows() -> None:
     last = fly(setpoint(velocity=(2.0, -1.0, 0.5)), 5.0)[-1]
     assert last.velocity_ned == pytest.approx((2.0, -1.0, 0.5), abs=0.01)
     assert all(map(math.isfinite, last.position_ned))
 
 
-def test_what_comes_with_velocity_or_acceleration_is_passed_on() -> None:
+def test_position_with_velocity_or_acceleration_is_passed_on() -> None:
     planned = setpoint((5.0, 6.0, -7.0), (1.0, 2.0, 3.0))
     first = fly(planned, DT)[0]
     assert first.position_ned == planned.position_ned
@@ -64,7 +64,7 @@ def test_what_comes_with_velocity_or_acceleration_is_passed_on() -> None:
     assert all(map(math.isnan, pushed.velocity_ned))
 
 
-def test_height_and_plane_are_judged_apart() -> None:
+def test_horizontal_and_vertical_are_independent() -> None:
     mixed = TrajectorySetpoint(0, (NAN, NAN, -5.0), (2.0, 0.0, NAN), (0.5, 0.0, NAN), NAN, NAN)
     last = fly(mixed, 10.0)[-1]
     assert last.velocity_ned[:2] == (2.0, 0.0)
@@ -80,5 +80,5 @@ def test_height_and_plane_are_judged_apart() -> None:
         (setpoint(acceleration=(0.0, 0.0, -1.0)), True), (setpoint((5.0, 5.0, 3.0)), False),
     ],
 )  # fmt: skip
-def test_what_leads_up_from_the_ground(target: TrajectorySetpoint, *, rises: bool) -> None:
+def test_set_points_that_mean_take_off(target: TrajectorySetpoint, *, rises: bool) -> None:
     assert wants_to_rise(target, (0.0, 0.0, 0.0)) is rises

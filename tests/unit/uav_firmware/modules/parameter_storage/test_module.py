@@ -16,11 +16,11 @@ class Example:
 
 
 class Memory:
-    """A storage that can be told to refuse."""
+    """A storage in memory that can be made to fail."""
 
     def __init__(self, contents: bytes | None = None) -> None:
         self.contents = contents
-        self.refuses = False
+        self.fails = False
         self.saves = 0
 
     def load(self, name: str) -> bytes | None:
@@ -29,7 +29,7 @@ class Memory:
 
     def save(self, name: str, contents: bytes) -> Write:
         assert name == FILE_NAME
-        if self.refuses:
+        if self.fails:
             raise OSError(28, "No space left on device")
         self.saves += 1
         self.contents = contents
@@ -42,7 +42,7 @@ class Memory:
 
 
 class Vehicle:
-    """The module with its registry and what it says."""
+    """The module with its registry and its warnings."""
 
     def __init__(self, memory: Storage) -> None:
         self.registry = Registry()
@@ -52,7 +52,7 @@ class Vehicle:
             memory, registry=self.registry, status_text=self._texts, time_us=lambda: 5
         )
 
-    def says(self) -> list[str]:
+    def warnings(self) -> list[str]:
         return [text.text for text in self._texts.drain()]
 
 
@@ -65,7 +65,7 @@ def test_a_changed_parameter_survives_a_restart() -> None:
     restarted = Vehicle(memory)
     assert restarted.registry.get("EX_GAIN") == 2.5
     assert restarted.registry.get("EX_COUNT") == 7
-    assert restarted.says() == []
+    assert restarted.warnings() == []
 
 
 def test_only_changed_values_are_stored() -> None:
@@ -82,39 +82,39 @@ def test_nothing_is_written_without_a_change() -> None:
     assert memory.saves == 0
 
 
-def test_a_full_medium_is_said_once_and_tried_again() -> None:
+def test_full_storage_is_reported_once_and_retried() -> None:
     memory = Memory()
     vehicle = Vehicle(memory)
     vehicle.registry.set("EX_COUNT", 7)
-    memory.refuses = True
+    memory.fails = True
     vehicle.module.update()
     vehicle.module.update()
-    assert vehicle.says() == ["Parameters not saved: No space left on device"]
-    memory.refuses = False
+    assert vehicle.warnings() == ["Parameters not saved: No space left on device"]
+    memory.fails = False
     vehicle.module.update()
     assert memory.saves == 1
 
 
-def test_broken_contents_leave_the_defaults_and_are_said() -> None:
+def test_damaged_contents_leave_defaults_and_are_reported() -> None:
     for contents in (b"{", b"[1]", b"\xff\xfe", b'{"EX_COUNT": "7"}', b'{"EX_COUNT": 99}'):
         vehicle = Vehicle(Memory(contents))
         assert vehicle.registry.get("EX_COUNT") == 2
-        assert len(vehicle.says()) == 1
+        assert len(vehicle.warnings()) == 1
 
 
-def test_one_bad_value_does_not_spoil_the_others() -> None:
+def test_one_invalid_value_does_not_affect_the_others() -> None:
     vehicle = Vehicle(Memory(b'{"EX_COUNT": 7, "EX_GAIN": 99.0, "GONE": 1}'))
     assert vehicle.registry.get("EX_COUNT") == 7
     assert vehicle.registry.get("EX_GAIN") == 1.0
-    assert len(vehicle.says()) == 2
+    assert len(vehicle.warnings()) == 2
 
 
 class EndsWhenAwaited(SlowStorage):
-    """A medium on which each write ends when somebody waits for it."""
+    """A storage on which each write ends when its result is awaited."""
 
     def __init__(self, outcomes: list[bool]) -> None:
         super().__init__()
-        self.outcomes = outcomes  # Whether it refuses, write by write
+        self.outcomes = outcomes  # Whether each write fails
 
     def save(self, name: str, contents: bytes) -> Write:
         return Awaited(self, super().save(name, contents))
@@ -135,7 +135,7 @@ class Awaited:
         self._write.result(timeout)
 
 
-def test_switching_off_saves_again_what_a_write_before_has_failed_to() -> None:
+def test_shutdown_retries_a_failed_save() -> None:
     storage = EndsWhenAwaited([True, False])
     vehicle = Vehicle(storage)
     vehicle.registry.set("EX_COUNT", 7)
@@ -144,7 +144,7 @@ def test_switching_off_saves_again_what_a_write_before_has_failed_to() -> None:
     assert json.loads(storage.files[FILE_NAME]) == {"EX_COUNT": 7}
 
 
-def test_switching_off_saves_what_changed_behind_a_write() -> None:
+def test_shutdown_saves_changes_made_during_a_write() -> None:
     storage = EndsWhenAwaited([False, False])
     vehicle = Vehicle(storage)
     vehicle.registry.set("EX_COUNT", 7)
@@ -154,11 +154,11 @@ def test_switching_off_saves_what_changed_behind_a_write() -> None:
     assert json.loads(storage.files[FILE_NAME]) == {"EX_COUNT": 8}
 
 
-def test_a_last_write_that_fails_or_hangs_is_said() -> None:
+def test_a_last_write_that_fails_or_blocks_is_reported() -> None:
     for outcomes, reason in (
         ([True, True], "No space left on device"),
-        ([True], "the medium does not answer"),
-        ([], "the medium does not answer"),
+        ([True], "the storage does not answer"),
+        ([], "the storage does not answer"),
     ):
         vehicle = Vehicle(EndsWhenAwaited(outcomes))
         vehicle.registry.set("EX_COUNT", 7)

@@ -1,11 +1,11 @@
-"""Whatever is ordered: the payload goes on, stays within its range, and answers once."""
+"""The payload survives any order, stays within its range, and answers once."""
 
 import math
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.unit.uav_firmware.modules.payload.bench import MISSION, OPERATOR, RIVAL, Bench
+from tests.unit.uav_firmware.modules.payload.harness import MISSION, OPERATOR, RIVAL, PayloadHarness
 from uav_firmware.msg.payload import GimbalOrder, PayloadCommand
 from uav_firmware.msg.status import CommandResult, NavigationState
 
@@ -28,40 +28,40 @@ FINAL = {int(result) for result in CommandResult} - {CommandResult.IN_PROGRESS}
 
 @given(ORDERS, st.lists(st.sampled_from(NavigationState), max_size=3))
 @settings(max_examples=150, deadline=None)
-def test_no_order_breaks_it_and_each_is_answered_once(
+def test_any_order_is_survived_and_answered_once(
     orders: list[tuple[int, list[float], tuple[int, int]]], states: list[NavigationState]
 ) -> None:
-    bench = Bench()
-    bench.ask(PayloadCommand.DO_GIMBAL_MANAGER_CONFIGURE, -2, -2, -1, -1)
+    harness = PayloadHarness()
+    harness.command(PayloadCommand.DO_GIMBAL_MANAGER_CONFIGURE, -2, -2, -1, -1)
     tokens = []
     for number, parameters, sender in orders:
         who = next(each for each in (OPERATOR, RIVAL, MISSION) if each == sender)
-        token = bench.order(int(number), *parameters, sender=who)
+        token = harness.order(int(number), *parameters, sender=who)
         tokens += [token] if token else []
-        bench.run(0.12)
+        harness.run(0.12)
     for state in states:
-        bench.flies(state)
-        bench.run(0.2)
-    bench.flies(NavigationState.AUTO_RTL)  # ends what is in progress
-    bench.run(0.2)
-    finals = [ack.token for ack in bench.acks.drain() if ack.result in FINAL]
+        harness.flies(state)
+        harness.run(0.2)
+    harness.flies(NavigationState.AUTO_RTL)  # ends what is in progress
+    harness.run(0.2)
+    finals = [ack.token for ack in harness.acks.drain() if ack.result in FINAL]
     assert sorted(finals) == sorted(tokens)
-    assert -90.0 - 1e-6 <= bench.pitch_deg <= 30.0 + 1e-6
-    assert math.isfinite(bench.yaw_deg)
-    assert bench.seen.used_mib <= bench.seen.total_mib
+    assert -90.0 - 1e-6 <= harness.pitch_deg <= 30.0 + 1e-6
+    assert math.isfinite(harness.yaw_deg)
+    assert harness.camera_status.used_mib <= harness.camera_status.total_mib
 
 
 @given(st.integers(0, 0xFFFF), st.tuples(NUMBER, NUMBER, NUMBER, NUMBER), st.booleans())
 @settings(max_examples=100, deadline=None)
-def test_no_stream_breaks_it(
-    flags: int, wish: tuple[float, float, float, float], normalised: bool
+def test_any_streamed_order_is_survived(
+    flags: int, values: tuple[float, float, float, float], normalised: bool
 ) -> None:
-    bench = Bench()
-    bench.ask(PayloadCommand.DO_GIMBAL_MANAGER_CONFIGURE, -2, -2, -1, -1)
-    pitch, yaw, pitch_rate, yaw_rate = wish
-    bench.orders.publish(
+    harness = PayloadHarness()
+    harness.command(PayloadCommand.DO_GIMBAL_MANAGER_CONFIGURE, -2, -2, -1, -1)
+    pitch, yaw, pitch_rate, yaw_rate = values
+    harness.orders.publish(
         GimbalOrder(0, OPERATOR, flags, pitch, yaw, pitch_rate, yaw_rate, normalised)
     )
-    bench.run(1.0)
-    assert -90.0 - 1e-6 <= bench.pitch_deg <= 30.0 + 1e-6
-    assert math.isfinite(bench.yaw_deg)
+    harness.run(1.0)
+    assert -90.0 - 1e-6 <= harness.pitch_deg <= 30.0 + 1e-6
+    assert math.isfinite(harness.yaw_deg)

@@ -1,11 +1,13 @@
 """Every command gets exactly one final answer, and the right one."""
 
+import itertools
 import math
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.support.cases import failures
 from tests.support.toy_vehicle import HOME, ToyVehicle, at, item, takeoff, waypoint
 from uav_firmware.msg.mission import MissionState
 from uav_firmware.msg.status import Command, CommandResult, NavigationState, VehicleCommand
@@ -85,14 +87,16 @@ def test_no_command_whatever_it_holds_goes_without_one_answer(
     del vehicle.track[:], vehicle.setpoints[:], vehicle.acks[:]
 
 
-@pytest.mark.parametrize("command", list(Command))
-@pytest.mark.parametrize("number", range(1, 8))
-def test_an_infinite_parameter_is_always_denied(command: int, number: int) -> None:
+def check_infinite_parameter(command: int, number: int) -> None:
     params = [1.0 if n == 1 else 0.0 for n in range(1, 8)]
     params[number - 1] = math.inf
     vehicle = grounded()
     assert vehicle.send(command, *params) is DENIED
     assert any(f"parameter {number}" in text for text in vehicle.texts)
+
+
+def test_an_infinite_parameter_is_always_denied() -> None:
+    assert failures(check_infinite_parameter, itertools.product(Command, range(1, 8))) == []
 
 
 @pytest.mark.parametrize("command", [18, 31, 2000, 42, 65535])
@@ -143,14 +147,15 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("command", "params"), WRONG)
-def test_a_wrong_parameter_is_denied_with_a_sentence(
-    command: Command, params: tuple[float, ...]
-) -> None:
+def check_wrong_parameter(command: Command, params: tuple[float, ...]) -> None:
     vehicle = loaded()
     assert vehicle.send(command, *params) is DENIED
     assert any(command.name in text for text in vehicle.texts)
     assert not vehicle.armed
+
+
+def test_a_wrong_parameter_is_denied_with_a_status_text() -> None:
+    assert failures(check_wrong_parameter, WRONG) == []
 
 
 WRONG_MOMENT = [
@@ -229,7 +234,7 @@ def test_a_timed_hold_is_forgotten_when_something_else_is_ordered() -> None:
     assert vehicle.mode is NavigationState.AUTO_LOITER
 
 
-def test_the_checks_before_arming_are_told_on_request() -> None:
+def test_the_checks_before_arming_are_reported_on_request() -> None:
     vehicle = grounded()
     assert vehicle.send(Command.RUN_PREARM_CHECKS) is ACCEPTED
     assert any("Ready to arm" in text for text in vehicle.texts)
@@ -333,7 +338,13 @@ def test_home_can_be_set_to_a_place_and_stays_there() -> None:
         (3, HOME[2] + 20.0, 20.0),
         (3, HOME[2] - 20.0, -20.0),
     ],
-    ids=["above sea level", "above home", "above home too", "as MAVSDK says it", "and in a valley"],
+    ids=[
+        "above sea level",
+        "above home",
+        "above home too",
+        "as MAVSDK sends it",
+        "and in a valley",
+    ],
 )
 def test_home_takes_the_altitude_that_is_meant(frame: int, given_m: float, height_m: float) -> None:
     vehicle = grounded()
@@ -352,6 +363,37 @@ def test_commands_that_arrive_together_are_each_answered_in_order() -> None:
         )
     vehicle.run(0.1)
     assert [(a.token, a.result) for a in vehicle.acks] == [(0, 0), (1, 0), (2, 3)]
+
+
+def reposition(token: int, north_m: float) -> VehicleCommand:
+    place = at(north_m, 0.0)
+    values = (-1.0, 1.0, 0.0, NAN, place["x"], place["y"], NAN)
+    return VehicleCommand(0, Command.DO_REPOSITION, *values, 0, 255, 190, token)
+
+
+def test_targets_that_arrive_together_are_checked_in_their_order_within_one_step() -> None:
+    vehicle = airborne()
+    vehicle.registry.set("GF_MAX_HOR_DIST", 30.0)
+    vehicle.run(0.1)
+    vehicle.acks.clear()
+    vehicle.commands.publish(reposition(1, 20.0))
+    vehicle.commands.publish(reposition(2, 40.0))
+    vehicle.commands.publish(reposition(3, 10.0))
+    vehicle.run(0.02)
+    assert [(ack.token, ack.result) for ack in vehicle.acks] == [(1, 0), (2, 2), (3, 0)]
+    vehicle.run(20.0)
+    assert vehicle.position[0] == pytest.approx(10.0, abs=0.5)
+
+
+def test_a_target_that_is_not_checked_is_refused_in_the_same_step() -> None:
+    vehicle = airborne()
+    vehicle.acks.clear()
+    vehicle.commands.publish(reposition(1, 20.0))
+    vehicle.now_us += 20_000
+    vehicle.commander.update(vehicle.now_us)
+    vehicle.commander.finish()
+    assert [ack.result for ack in vehicle.answers.drain()] == [NOT_NOW]
+    assert vehicle.mode is NavigationState.AUTO_MISSION
 
 
 def test_a_start_that_arrives_with_the_mission_finds_it() -> None:

@@ -36,7 +36,7 @@ MISSION, HOLD, RETURN, LAND = (
 
 
 def on_mission(**settings: float) -> ToyVehicle:
-    """A vehicle 20 m out on a long leg; failsafes act at once unless told otherwise."""
+    """A vehicle 20 m out on a long leg; failsafes act at once unless a test delays them."""
     vehicle = ToyVehicle()
     for name, value in {"COM_FAIL_ACT_T": 0.0, **settings}.items():
         vehicle.registry.set(name, value)
@@ -50,7 +50,7 @@ def on_mission(**settings: float) -> ToyVehicle:
 
 
 def blow(vehicle: ToyVehicle, speed: float) -> None:
-    """Let the commander believe in a wind; the toy has none of its own."""
+    """Give the commander a wind estimate; the toy vehicle has no wind."""
     vehicle.wind_estimate.publish(WindEstimate(vehicle.now_us, speed, 0.0))
 
 
@@ -139,7 +139,7 @@ def test_a_battery_found_critical_on_the_ground_acts_after_the_take_off() -> Non
     vehicle.run_until(lambda v: v.mode is RETURN, 10.0)
 
 
-def test_an_emergency_lands_even_on_the_way_home() -> None:
+def test_an_emergency_lands_even_during_a_return() -> None:
     vehicle = on_mission()
     vehicle.battery = 0.06
     vehicle.run(2.0)
@@ -158,7 +158,7 @@ def test_a_weaker_cause_does_not_undo_a_stronger_action() -> None:
     assert not vehicle.status.value.failsafe
 
 
-def test_the_operator_may_overrule_and_a_cause_does_not_fire_twice() -> None:
+def test_the_operator_may_override_and_a_cause_does_not_act_twice() -> None:
     vehicle = on_mission()
     vehicle.battery = 0.06
     vehicle.run(1.0)
@@ -247,7 +247,7 @@ LINK = [(0, MISSION), (1, HOLD), (2, RETURN), (3, LAND)]
 
 
 @pytest.mark.parametrize(("setting", "mode"), LINK)
-def test_a_lost_link_does_what_the_parameter_says(setting: int, mode: NavigationState) -> None:
+def test_a_lost_link_takes_the_action_of_the_parameter(setting: int, mode: NavigationState) -> None:
     vehicle = on_mission(NAV_DLL_ACT=setting)
     for _ in range(5):
         vehicle.heartbeat.publish(vehicle.now_us)
@@ -273,7 +273,7 @@ def test_a_link_that_was_never_there_cannot_be_lost() -> None:
 
 
 @pytest.mark.parametrize(("setting", "mode"), [(1, HOLD), (2, RETURN), (3, LAND)])
-def test_lost_sticks_do_what_the_parameter_says(setting: int, mode: NavigationState) -> None:
+def test_lost_sticks_take_the_action_of_the_parameter(setting: int, mode: NavigationState) -> None:
     vehicle = on_mission(NAV_RCL_ACT=setting)
     fly_by_sticks(vehicle, 3)
     assert vehicle.mode is State.POSCTL
@@ -296,7 +296,7 @@ def test_a_mission_goes_on_without_sticks_if_it_may(excepted: int, mode: Navigat
         (0, False, HOLD), (2, False, HOLD), (3, False, RETURN), (4, False, LAND), (5, True, HOLD),
     ],
 )  # fmt: skip
-def test_lost_set_points_do_what_the_parameter_says(
+def test_lost_set_points_take_the_action_of_the_parameter(
     setting: int, *, with_sticks: bool, mode: NavigationState
 ) -> None:
     vehicle = on_mission(COM_OBL_RC_ACT=setting)
@@ -338,7 +338,9 @@ def test_a_pilot_without_height_flies_on_by_the_horizon() -> None:
 
 
 @pytest.mark.parametrize(("setting", "mode"), [(0, MISSION), (1, HOLD), (2, LAND), (3, RETURN)])
-def test_a_failed_motor_does_what_the_parameter_says(setting: int, mode: NavigationState) -> None:
+def test_a_failed_motor_takes_the_action_of_the_parameter(
+    setting: int, mode: NavigationState
+) -> None:
     vehicle = on_mission(COM_ACT_FAIL_ACT=setting, COM_FAIL_ACT_T=5.0)
     break_motor(vehicle, 0)
     vehicle.run(0.1)
@@ -356,14 +358,14 @@ def test_a_failed_motor_does_what_the_parameter_says(setting: int, mode: Navigat
         (FenceAction.RETURN, RETURN), (FenceAction.LAND, LAND),
     ],
 )  # fmt: skip
-def test_a_breach_of_the_fence_does_what_the_fence_says(
+def test_a_breach_takes_the_action_of_the_geofence(
     action: FenceAction, mode: NavigationState
 ) -> None:
     vehicle = on_mission(COM_FAIL_ACT_T=5.0)
     breach(vehicle, action, FenceBreach.NONE)
-    vehicle.commander.update(vehicle.now_us + 200_000)
+    vehicle.run_commander(vehicle.now_us + 200_000)
     breach(vehicle, action, FenceBreach.BOUNDARY)
-    vehicle.commander.update(vehicle.now_us + 400_000)
+    vehicle.run_commander(vehicle.now_us + 400_000)
     assert vehicle.mode is mode
 
 
@@ -379,7 +381,7 @@ def test_the_stronger_the_wind_the_stronger_the_action(
 ) -> None:
     vehicle = on_mission(COM_WIND_MAX_ACT=setting)
     blow(vehicle, speed)
-    vehicle.commander.update(vehicle.now_us + 200_000)
+    vehicle.run_commander(vehicle.now_us + 200_000)
     vehicle.run(0.0)
     assert vehicle.mode is mode
 
@@ -394,27 +396,25 @@ def test_a_flight_ends_when_its_time_is_over(limit: int, mode: NavigationState) 
 @pytest.mark.parametrize(
     ("setting", "charge", "mode"),
     [
-        (3, 0.16, MISSION),  # Lasts 576 s; 490 s and the way home are needed
+        (3, 0.16, MISSION),  # Lasts 576 s; 490 s and the return are needed
         (3, 0.14, RETURN),
         (1, 0.14, MISSION),
         (0, 0.14, MISSION),
     ],
 )
-def test_a_battery_that_lasts_no_longer_than_the_way_home_brings_the_vehicle_back(
+def test_a_battery_that_lasts_no_longer_than_the_return_makes_the_vehicle_return(
     setting: int, charge: float, mode: NavigationState
 ) -> None:
     vehicle = on_mission(COM_FLTT_LOW_ACT=setting, RTL_TIME_MARGIN=490.0)
     vehicle.battery = charge
     vehicle.run(5.0)
     assert vehicle.mode is mode
-    told = any("no longer than the return" in line for line in vehicle.texts)
-    assert told is (setting > 0 and charge < 0.15)
+    reported = any("no longer than the return" in line for line in vehicle.texts)
+    assert reported is (setting > 0 and charge < 0.15)
 
 
 @pytest.mark.parametrize(("setting", "warns"), [(0, False), (1, True), (2, True)])
-def test_a_storage_that_fills_up_is_told_and_the_mission_goes_on(
-    setting: int, *, warns: bool
-) -> None:
+def test_a_full_storage_is_reported_and_the_mission_continues(setting: int, *, warns: bool) -> None:
     vehicle = on_mission(COM_ARM_SDCARD=setting)
     vehicle.storage.publish(StorageStatus(vehicle.now_us, 0, refused=True))
     vehicle.run(3.0)
@@ -424,9 +424,7 @@ def test_a_storage_that_fills_up_is_told_and_the_mission_goes_on(
 
 
 @pytest.mark.parametrize(("sensor", "sentence"), [("mag", "Compass"), ("baro", "Barometer")])
-def test_a_sensor_that_falls_silent_is_told_and_the_mission_goes_on(
-    sensor: str, sentence: str
-) -> None:
+def test_a_lost_sensor_is_reported_and_the_mission_continues(sensor: str, sentence: str) -> None:
     vehicle = on_mission()
     vehicle.silent.add(sensor)
     vehicle.run(3.0)
@@ -480,7 +478,7 @@ ELSEWHERE = {
 
 @pytest.mark.parametrize("reckoning", [True, False])
 @pytest.mark.parametrize("command", ELSEWHERE)
-def test_without_a_fix_no_order_leads_elsewhere_or_overrules_the_landing(
+def test_without_a_fix_no_command_leads_elsewhere_or_overrides_the_landing(
     command: Command, *, reckoning: bool
 ) -> None:
     """Also before the estimator has noticed that the fixes are no longer good."""
@@ -529,7 +527,7 @@ def test_without_a_fix_an_operator_may_order_the_landing_at_once() -> None:
 
 
 @pytest.mark.parametrize("loss", [lose_fix, lambda v: setattr(v, "position_valid", False)])
-def test_a_landing_on_its_way_to_a_place_lands_here_once_the_fix_is_lost(
+def test_a_landing_in_transit_lands_here_once_the_fix_is_lost(
     loss: Callable[[ToyVehicle], None],
 ) -> None:
     vehicle = on_mission()

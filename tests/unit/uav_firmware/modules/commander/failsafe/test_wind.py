@@ -8,7 +8,12 @@ from hypothesis import strategies as st
 
 from uav_firmware.lib.drag import DragModel
 from uav_firmware.lib.rotation import from_thrust_direction_and_yaw
-from uav_firmware.modules.commander.failsafe.wind import GRAVITY, WindEstimator, push_of, wind_of
+from uav_firmware.modules.commander.failsafe.wind import (
+    GRAVITY,
+    WindEstimator,
+    drag_sample,
+    wind_of,
+)
 from uav_firmware.msg.vectors import Quaternion
 
 MODEL, DENSITY = DragModel(87.0, 0.295), 1.15
@@ -36,7 +41,7 @@ def drag_of(wind: tuple[float, float], velocity: tuple[float, float]) -> tuple[f
 
 
 def test_leaning_west_means_wind_from_the_west() -> None:
-    push = push_of(leaning((0.0, 1.97), 0.0), (0.0, 0.0, 0.0))
+    push = drag_sample(leaning((0.0, 1.97), 0.0), (0.0, 0.0, 0.0))
     assert push.drag == pytest.approx((0.0, 1.97))
     north, east = wind_of(push, (0.0, 0.0), MODEL, DENSITY)
     assert north == 0.0
@@ -49,7 +54,7 @@ def test_a_wind_put_in_is_found_again(
 ) -> None:
     wind, velocity = (north, east), (v_north, v_east)
     q = leaning(drag_of(wind, velocity), yaw)
-    push = push_of(q, (0.0, 0.0, 0.0))
+    push = drag_sample(q, (0.0, 0.0, 0.0))
     assert wind_of(push, velocity, MODEL, DENSITY) == pytest.approx(wind, abs=1e-3)
 
 

@@ -1,4 +1,4 @@
-"""Component 100 on the wire: who it is, what it answers, what it says of pictures."""
+"""The camera component: identity, answers and reports of pictures."""
 
 import math
 from typing import Any
@@ -10,7 +10,7 @@ from tests.unit.uav_firmware.modules.mavlink.harness import (
     CAMERA,
     GROUND,
     SYSTEM,
-    Bench,
+    MavlinkHarness,
     command_int,
     command_long,
 )
@@ -46,16 +46,18 @@ IMAGE = ImageCaptured(
 )
 
 
-def heard(bench: Bench, name: str, **where: Any) -> list[Any]:
-    return bench.hear(name, component=CAMERA_ID, **where)
+def received(harness: MavlinkHarness, name: str, **where: Any) -> list[Any]:
+    return harness.received(name, component=CAMERA_ID, **where)
 
 
-def ask(bench: Bench, number: int, *parameters: float, target: int = CAMERA_ID) -> list[Any]:
-    """All that component 100 says within two ticks after a command."""
-    bench.hear(component=CAMERA_ID)
-    bench.say(command_long(number, *parameters, target_component=target))
-    bench.run(40_000)
-    return bench.hear(component=CAMERA_ID)
+def request(
+    harness: MavlinkHarness, number: int, *parameters: float, target: int = CAMERA_ID
+) -> list[Any]:
+    """All messages of component 100 within two ticks after a command."""
+    harness.received(component=CAMERA_ID)
+    harness.send(command_long(number, *parameters, target_component=target))
+    harness.run(40_000)
+    return harness.received(component=CAMERA_ID)
 
 
 def result(messages: list[Any]) -> int:
@@ -63,21 +65,21 @@ def result(messages: list[Any]) -> int:
     return int(ack.result)
 
 
-def orders(bench: Bench) -> list[PayloadOrder]:
-    return bench.topics.payload_order.drain()
+def orders(harness: MavlinkHarness) -> list[PayloadOrder]:
+    return harness.topics.payload_order.drain()
 
 
-def order(bench: Bench) -> VehicleCommand:
-    (one,) = orders(bench)
+def order(harness: MavlinkHarness) -> VehicleCommand:
+    (one,) = orders(harness)
     assert isinstance(one, VehicleCommand)
     return one
 
 
-def test_a_camera_shows_itself_once_a_second_beside_the_vehicle() -> None:
-    bench = Bench()
-    bench.run(10_000_000)
+def test_the_camera_component_sends_heartbeats_at_1_hz() -> None:
+    harness = MavlinkHarness()
+    harness.run(10_000_000)
     for peer in (GROUND, BROKER):
-        beats = heard(bench, "HEARTBEAT", at=peer)
+        beats = received(harness, "HEARTBEAT", at=peer)
         assert 10 <= len(beats) <= 11
         assert {(m.type, m.autopilot) for m in beats} == {
             (mavlink.MAV_TYPE_CAMERA, mavlink.MAV_AUTOPILOT_INVALID)
@@ -85,19 +87,19 @@ def test_a_camera_shows_itself_once_a_second_beside_the_vehicle() -> None:
 
 
 def test_each_component_counts_its_own_frames() -> None:
-    bench = Bench()
+    harness = MavlinkHarness()
     for _ in range(5):
-        bench.say(command_long(REQUEST, 260, target_component=CAMERA_ID))
-    bench.run(3_000_000)
-    sent = [m for m in _everything(bench) if m.get_srcComponent() == CAMERA_ID]
+        harness.send(command_long(REQUEST, 260, target_component=CAMERA_ID))
+    harness.run(3_000_000)
+    sent = [m for m in _everything(harness) if m.get_srcComponent() == CAMERA_ID]
     assert len(sent) > 10
     assert [m.get_seq() for m in sent] == list(range(len(sent)))
 
 
-def _everything(bench: Bench) -> list[Any]:
+def _everything(harness: MavlinkHarness) -> list[Any]:
     from uav_firmware.modules.mavlink.wire.dialect import parse  # noqa: PLC0415 - only this reads raw
 
-    return [m for data, to in bench.memory.sent if to == GROUND for m in parse(data).messages]
+    return [m for data, to in harness.memory.sent if to == GROUND for m in parse(data).messages]
 
 
 @pytest.mark.parametrize("target", [CAMERA_ID, 0])
@@ -117,15 +119,15 @@ def _everything(bench: Bench) -> list[Any]:
         ((527, 1), "CAMERA_CAPTURE_STATUS"),
     ],
 )
-def test_what_is_asked_for_comes_with_one_answer(
+def test_a_requested_camera_message_has_one_answer(
     command: tuple[float, ...], name: str, target: int
 ) -> None:
-    bench = Bench()
-    bench.run()
-    messages = ask(bench, int(command[0]), *command[1:], target=target)
+    harness = MavlinkHarness()
+    harness.run()
+    messages = request(harness, int(command[0]), *command[1:], target=target)
     assert result(messages) == ACCEPTED
     assert len([m for m in messages if m.get_type() == name]) == 1
-    assert bench.hear("COMMAND_ACK") == []  # the autopilot stays silent
+    assert harness.received("COMMAND_ACK") == []  # The autopilot does not answer
 
 
 @pytest.mark.parametrize(
@@ -146,85 +148,85 @@ def test_what_is_asked_for_comes_with_one_answer(
         ((1000, -30), UNSUPPORTED),
     ],
 )
-def test_what_the_camera_has_not_is_refused_at_once(
+def test_unsupported_camera_messages_are_refused_at_once(
     command: tuple[float, ...], expected: int
 ) -> None:
-    bench = Bench()
-    messages = ask(bench, int(command[0]), *command[1:])
+    harness = MavlinkHarness()
+    messages = request(harness, int(command[0]), *command[1:])
     assert result(messages) == expected
-    assert orders(bench) == []
-    assert bench.commands() == []
+    assert orders(harness) == []
+    assert harness.commands() == []
 
 
 @pytest.mark.parametrize("command", [(REQUEST, 269), (2504, 0), (2504, 1)])
-def test_the_live_view_is_told_to_who_asks(command: tuple[float, ...]) -> None:
-    messages = ask(Bench(), int(command[0]), *command[1:])
+def test_the_live_view_is_reported_on_request(command: tuple[float, ...]) -> None:
+    messages = request(MavlinkHarness(), int(command[0]), *command[1:])
     assert result(messages) == ACCEPTED
-    (told,) = [m for m in messages if m.get_type() == "VIDEO_STREAM_INFORMATION"]
-    assert told.uri == "http://127.0.0.1:14581/stream"
-    assert (told.stream_id, told.count) == (1, 1)
-    assert (told.resolution_h, told.resolution_v) == (480, 360)
-    assert told.flags & mavlink.VIDEO_STREAM_STATUS_FLAGS_RUNNING
+    (reported,) = [m for m in messages if m.get_type() == "VIDEO_STREAM_INFORMATION"]
+    assert reported.uri == "http://127.0.0.1:14581/stream"
+    assert (reported.stream_id, reported.count) == (1, 1)
+    assert (reported.resolution_h, reported.resolution_v) == (480, 360)
+    assert reported.flags & mavlink.VIDEO_STREAM_STATUS_FLAGS_RUNNING
 
 
-def test_the_cameras_messages_are_not_the_autopilots() -> None:
-    bench = Bench()
-    (ack,) = bench.ask(command_long(REQUEST, 259), "COMMAND_ACK")
+def test_camera_messages_are_not_sent_by_the_autopilot() -> None:
+    harness = MavlinkHarness()
+    (ack,) = harness.request(command_long(REQUEST, 259), "COMMAND_ACK")
     assert ack.result == UNSUPPORTED
 
 
 @pytest.mark.parametrize("target", [1, CAMERA_ID])
 @pytest.mark.parametrize("form", [command_long, command_int])
-def test_a_command_is_answered_once_by_whom_it_was_sent_to(target: int, form: Any) -> None:
-    bench = Bench()
-    bench.say(form(int(START), 0, 2.0, 3, target_component=target))
-    bench.run()
-    command = order(bench)
+def test_a_command_is_answered_once_by_the_addressed_component(target: int, form: Any) -> None:
+    harness = MavlinkHarness()
+    harness.send(form(int(START), 0, 2.0, 3, target_component=target))
+    harness.run()
+    command = order(harness)
     assert (command.command, command.param2, command.param3) == (START, 2.0, 3.0)
     assert (command.source_system, command.source_component) == (255, 190)
-    bench.answer(command, ACCEPTED)
-    bench.run()
-    answers = [len(bench.hear("COMMAND_ACK", component=c)) for c in (1, CAMERA_ID)]
+    harness.answer(command, ACCEPTED)
+    harness.run()
+    answers = [len(harness.received("COMMAND_ACK", component=c)) for c in (1, CAMERA_ID)]
     assert answers == ([1, 0] if target == 1 else [0, 1])
-    assert bench.commands() == []
+    assert harness.commands() == []
 
 
-def test_a_command_to_all_components_is_carried_out_once() -> None:
-    bench = Bench()
-    bench.say(command_long(int(START), 0, 0, 1, target_component=0))
-    bench.run()
-    bench.answer(order(bench), ACCEPTED)
-    bench.run()
-    assert len(bench.hear("COMMAND_ACK")) == 1
-    assert heard(bench, "COMMAND_ACK") == []
+def test_a_command_to_all_components_is_executed_once() -> None:
+    harness = MavlinkHarness()
+    harness.send(command_long(int(START), 0, 0, 1, target_component=0))
+    harness.run()
+    harness.answer(order(harness), ACCEPTED)
+    harness.run()
+    assert len(harness.received("COMMAND_ACK")) == 1
+    assert received(harness, "COMMAND_ACK") == []
 
 
-def test_a_long_command_tells_progress_and_can_be_cancelled() -> None:
-    bench = Bench()
+def test_a_long_command_reports_progress_and_can_be_cancelled() -> None:
+    harness = MavlinkHarness()
     panorama = int(PayloadCommand.PANORAMA_CREATE)
-    bench.say(command_long(panorama, 360.0, target_component=CAMERA_ID))
-    bench.run()
-    command = order(bench)
-    bench.answer(command, CommandResult.IN_PROGRESS, 25)
-    bench.run()
-    (ack,) = heard(bench, "COMMAND_ACK")
+    harness.send(command_long(panorama, 360.0, target_component=CAMERA_ID))
+    harness.run()
+    command = order(harness)
+    harness.answer(command, CommandResult.IN_PROGRESS, 25)
+    harness.run()
+    (ack,) = received(harness, "COMMAND_ACK")
     assert (ack.result, ack.progress) == (CommandResult.IN_PROGRESS, 25)
-    bench.say(CommandCancel(target_system=SYSTEM, target_component=CAMERA_ID, command=panorama))
-    bench.run()
-    (cancel,) = orders(bench)
+    harness.send(CommandCancel(target_system=SYSTEM, target_component=CAMERA_ID, command=panorama))
+    harness.run()
+    (cancel,) = orders(harness)
     assert isinstance(cancel, CancelOrder)
     assert cancel.token == command.token
 
 
-def test_a_picture_is_told_to_everybody_once_and_again_on_request() -> None:
-    bench = Bench()
+def test_a_picture_is_reported_to_all_peers_once_and_again_on_request() -> None:
+    harness = MavlinkHarness()
     for index in range(3):
-        bench.topics.camera_event.publish(IMAGE._replace(image_index=index))
-    bench.run(1_000_000)
+        harness.topics.camera_event.publish(IMAGE._replace(image_index=index))
+    harness.run(1_000_000)
     for peer in (GROUND, BROKER):
-        told = heard(bench, "CAMERA_IMAGE_CAPTURED", at=peer)
-        assert [m.image_index for m in told] == [0, 1, 2]
-    (first, *_) = told
+        reported = received(harness, "CAMERA_IMAGE_CAPTURED", at=peer)
+        assert [m.image_index for m in reported] == [0, 1, 2]
+    (first, *_) = reported
     assert (first.lat, first.lon, first.alt, first.relative_alt) == (
         405_000_000,
         -35_000_000,
@@ -235,76 +237,76 @@ def test_a_picture_is_told_to_everybody_once_and_again_on_request() -> None:
     assert first.time_utc == 1_700_000_005_000_000
     assert first.capture_result == 1
     assert first.file_url == ""
-    again = ask(bench, REQUEST, 263, 1)
+    again = request(harness, REQUEST, 263, 1)
     assert result(again) == ACCEPTED
     assert [m.image_index for m in again if m.get_type() == "CAMERA_IMAGE_CAPTURED"] == [1]
-    both = ask(bench, REQUEST, 263, 1, 2)
+    both = request(harness, REQUEST, 263, 1, 2)
     assert [m.image_index for m in both if m.get_type() == "CAMERA_IMAGE_CAPTURED"] == [1, 2]
-    assert result(ask(bench, REQUEST, 263, 7)) == CommandResult.FAILED
-    assert result(ask(bench, REQUEST, 263, -1)) == DENIED
-    assert result(ask(bench, REQUEST, 263, 2, 1)) == DENIED
+    assert result(request(harness, REQUEST, 263, 7)) == CommandResult.FAILED
+    assert result(request(harness, REQUEST, 263, -1)) == DENIED
+    assert result(request(harness, REQUEST, 263, 2, 1)) == DENIED
 
 
-def test_a_new_log_forgets_the_pictures() -> None:
-    bench = Bench()
-    bench.topics.camera_event.publish(IMAGE)
-    bench.topics.camera_event.publish(CaptureLogReset(1))
-    bench.run()
-    assert result(ask(bench, REQUEST, 263, 0)) == CommandResult.FAILED
+def test_a_reset_capture_log_clears_the_stored_pictures() -> None:
+    harness = MavlinkHarness()
+    harness.topics.camera_event.publish(IMAGE)
+    harness.topics.camera_event.publish(CaptureLogReset(1))
+    harness.run()
+    assert result(request(harness, REQUEST, 263, 0)) == CommandResult.FAILED
 
 
-def test_an_unknown_place_can_be_told() -> None:
-    bench = Bench()
+def test_a_picture_without_a_position() -> None:
+    harness = MavlinkHarness()
     nowhere = IMAGE._replace(
         latitude_deg=math.nan,
         longitude_deg=math.nan,
         altitude_amsl_m=math.nan,
         relative_altitude_m=math.nan,
     )
-    bench.topics.camera_event.publish(nowhere)
-    bench.run()
-    (told,) = heard(bench, "CAMERA_IMAGE_CAPTURED")
-    assert (told.lat, told.lon) == (0, 0)
+    harness.topics.camera_event.publish(nowhere)
+    harness.run()
+    (reported,) = received(harness, "CAMERA_IMAGE_CAPTURED")
+    assert (reported.lat, reported.lon) == (0, 0)
 
 
-def test_a_change_of_status_is_told_at_once() -> None:
-    bench = Bench()
-    bench.run()
-    bench.hear(component=CAMERA_ID)
-    bench.topics.camera_status.publish(CAMERA._replace(image_count=4))
-    bench.run()
-    (status,) = heard(bench, "CAMERA_CAPTURE_STATUS")
+def test_a_change_of_status_is_sent_at_once() -> None:
+    harness = MavlinkHarness()
+    harness.run()
+    harness.received(component=CAMERA_ID)
+    harness.topics.camera_status.publish(CAMERA._replace(image_count=4))
+    harness.run()
+    (status,) = received(harness, "CAMERA_CAPTURE_STATUS")
     assert status.image_count == 4
     assert status.available_capacity == 750.0
 
 
-def test_a_recording_is_reported_as_often_as_it_was_asked_for() -> None:
-    bench = Bench()
-    bench.topics.camera_status.publish(
+def test_a_recording_is_reported_at_the_requested_rate() -> None:
+    harness = MavlinkHarness()
+    harness.topics.camera_status.publish(
         CAMERA._replace(recording_since_us=0, report_interval_us=500_000)
     )
-    bench.run(5_000_000)
-    told = heard(bench, "CAMERA_CAPTURE_STATUS")
-    assert len(told) == pytest.approx(10, abs=2)
-    assert told[-1].video_status == 1
-    assert told[-1].recording_time_ms == pytest.approx(5000, abs=600)
-    bench.topics.camera_status.publish(CAMERA)
-    bench.run(100_000)
-    bench.hear(component=CAMERA_ID)
-    bench.run(5_000_000)
-    assert heard(bench, "CAMERA_CAPTURE_STATUS") == []
+    harness.run(5_000_000)
+    reported = received(harness, "CAMERA_CAPTURE_STATUS")
+    assert len(reported) == pytest.approx(10, abs=2)
+    assert reported[-1].video_status == 1
+    assert reported[-1].recording_time_ms == pytest.approx(5000, abs=600)
+    harness.topics.camera_status.publish(CAMERA)
+    harness.run(100_000)
+    harness.received(component=CAMERA_ID)
+    harness.run(5_000_000)
+    assert received(harness, "CAMERA_CAPTURE_STATUS") == []
 
 
 def test_tracking_is_streamed_by_interval() -> None:
-    bench = Bench()
-    assert result(ask(bench, INTERVAL, 275, 200_000)) == ACCEPTED
-    bench.run(5_000_000)
-    told = heard(bench, "CAMERA_TRACKING_IMAGE_STATUS")
-    assert len(told) == pytest.approx(25, abs=2)
-    assert told[0].rec_top_x == pytest.approx(0.4)
-    assert told[0].rec_bottom_y == pytest.approx(0.8)
-    assert math.isnan(told[0].point_x)
-    interval = ask(bench, 510, 275)
-    (said,) = [m for m in interval if m.get_type() == "MESSAGE_INTERVAL"]
-    assert said.interval_us == 200_000
-    assert result(ask(bench, INTERVAL, 0, -1)) == DENIED  # a heartbeat is never off
+    harness = MavlinkHarness()
+    assert result(request(harness, INTERVAL, 275, 200_000)) == ACCEPTED
+    harness.run(5_000_000)
+    reported = received(harness, "CAMERA_TRACKING_IMAGE_STATUS")
+    assert len(reported) == pytest.approx(25, abs=2)
+    assert reported[0].rec_top_x == pytest.approx(0.4)
+    assert reported[0].rec_bottom_y == pytest.approx(0.8)
+    assert math.isnan(reported[0].point_x)
+    interval = request(harness, 510, 275)
+    (interval_message,) = [m for m in interval if m.get_type() == "MESSAGE_INTERVAL"]
+    assert interval_message.interval_us == 200_000
+    assert result(request(harness, INTERVAL, 0, -1)) == DENIED  # A heartbeat cannot be disabled

@@ -8,7 +8,7 @@ from tests.unit.uav_firmware.modules.mavlink.harness import (
     BROKER,
     GROUND,
     SYSTEM,
-    Bench,
+    MavlinkHarness,
     command_int,
     command_long,
     mission_count,
@@ -27,8 +27,8 @@ ACCEPTED, BUSY, DENIED, UNSUPPORTED, FAILED, RUNNING = 0, 1, 2, 3, 4, 5
 SECOND_US = 1_000_000
 
 
-def received(message: Any) -> Any:
-    """A message as it comes out of the codec."""
+def decoded(message: Any) -> Any:
+    """A message after encoding and decoding."""
     return parse(frame(pack(message), 0, 255, 190)).messages[0]
 
 
@@ -37,38 +37,38 @@ def results(answers: list[Any]) -> list[int]:
 
 
 def test_a_command_reaches_the_commander_and_its_answer_the_sender() -> None:
-    bench = Bench()
-    assert bench.ask(command_long(ARM, 1.0), "COMMAND_ACK", system=201, component=5) == []
-    (command,) = bench.commands()
+    harness = MavlinkHarness()
+    assert harness.request(command_long(ARM, 1.0), "COMMAND_ACK", system=201, component=5) == []
+    (command,) = harness.commands()
     assert (command.command, command.param1, command.source_system) == (ARM, 1.0, 201)
-    bench.answer(command, ACCEPTED)
-    bench.run()
-    (ack,) = bench.hear("COMMAND_ACK")
+    harness.answer(command, ACCEPTED)
+    harness.run()
+    (ack,) = harness.received("COMMAND_ACK")
     assert (ack.command, ack.result, ack.target_system, ack.target_component) == (ARM, 0, 201, 5)
-    assert bench.hear("COMMAND_ACK", at=BROKER) == []
+    assert harness.received("COMMAND_ACK", at=BROKER) == []
 
 
 def test_long_and_int_mean_the_same() -> None:
-    bench = Bench()
-    bench.say(command_long(192, -1, 1, 0, 0, 40.5, -3.25, 700))
-    bench.say(command_int(192, -1, 1, 0, 0, 405_000_000, -32_500_000, 700, frame=5), system=254)
-    bench.run()
-    one, other = bench.commands()
+    harness = MavlinkHarness()
+    harness.send(command_long(192, -1, 1, 0, 0, 40.5, -3.25, 700))
+    harness.send(command_int(192, -1, 1, 0, 0, 405_000_000, -32_500_000, 700, frame=5), system=254)
+    harness.run()
+    one, other = harness.commands()
     assert one[1:10] == other[1:10]
 
 
 @pytest.mark.parametrize("number", [0, 2, 241, 2600, 31_000, 65_535])
 @pytest.mark.parametrize("message", [command_long, command_int])
-def test_what_is_not_known_is_refused_at_once(message: Any, number: int) -> None:
-    bench = Bench()
-    assert results(bench.ask(message(number), "COMMAND_ACK")) == [UNSUPPORTED]
-    assert bench.commands() == []
+def test_unknown_commands_are_refused_at_once(message: Any, number: int) -> None:
+    harness = MavlinkHarness()
+    assert results(harness.request(message(number), "COMMAND_ACK")) == [UNSUPPORTED]
+    assert harness.commands() == []
 
 
-def test_a_frame_that_is_not_flown_in_is_refused_as_such() -> None:
-    bench = Bench()
-    assert results(bench.ask(command_int(192, frame=1), "COMMAND_ACK")) == [9]
-    assert bench.commands() == []
+def test_an_unsupported_frame_has_its_own_result() -> None:
+    harness = MavlinkHarness()
+    assert results(harness.request(command_int(192, frame=1), "COMMAND_ACK")) == [9]
+    assert harness.commands() == []
 
 
 @pytest.mark.parametrize(
@@ -80,104 +80,104 @@ def test_a_frame_that_is_not_flown_in_is_refused_as_such() -> None:
         {"target_system": 0, "target_component": 0},
     ],
 )
-def test_a_command_for_somebody_else_is_ignored(target: dict[str, int]) -> None:
-    bench = Bench()
-    assert bench.ask(command_long(ARM, 1.0, **target), "COMMAND_ACK") == []
-    assert bench.commands() == []
+def test_a_command_for_another_system_is_ignored(target: dict[str, int]) -> None:
+    harness = MavlinkHarness()
+    assert harness.request(command_long(ARM, 1.0, **target), "COMMAND_ACK") == []
+    assert harness.commands() == []
 
 
-def test_a_command_for_all_components_is_taken() -> None:
-    bench = Bench()
-    bench.say(command_long(ARM, 1.0, target_component=0))
-    bench.run()
-    assert len(bench.commands()) == 1
+def test_a_command_for_all_components_is_accepted() -> None:
+    harness = MavlinkHarness()
+    harness.send(command_long(ARM, 1.0, target_component=0))
+    harness.run()
+    assert len(harness.commands()) == 1
 
 
-def test_progress_is_told_and_the_answer_comes_once() -> None:
-    bench = Bench()
-    bench.say(command_long(TAKEOFF))
-    bench.run()
-    (command,) = bench.commands()
-    bench.answer(command, RUNNING, progress=40)
-    bench.run()
-    (ack,) = bench.hear("COMMAND_ACK")
+def test_progress_is_reported_and_answered_once() -> None:
+    harness = MavlinkHarness()
+    harness.send(command_long(TAKEOFF))
+    harness.run()
+    (command,) = harness.commands()
+    harness.answer(command, RUNNING, progress=40)
+    harness.run()
+    (ack,) = harness.received("COMMAND_ACK")
     assert (ack.result, ack.progress) == (RUNNING, 40)
-    bench.run(5 * SECOND_US)
-    told = bench.hear("COMMAND_ACK")
-    assert len(told) >= 5, "a sender may take a second of silence for a loss"
-    assert {(ack.result, ack.progress) for ack in told} == {(RUNNING, 40)}
-    bench.answer(command, ACCEPTED)
-    bench.answer(command, FAILED)
-    bench.run(20 * SECOND_US)
-    assert results(bench.hear("COMMAND_ACK")) == [ACCEPTED]
+    harness.run(5 * SECOND_US)
+    reported = harness.received("COMMAND_ACK")
+    assert len(reported) >= 5, "a sender may take a second of silence for a loss"
+    assert {(ack.result, ack.progress) for ack in reported} == {(RUNNING, 40)}
+    harness.answer(command, ACCEPTED)
+    harness.answer(command, FAILED)
+    harness.run(20 * SECOND_US)
+    assert results(harness.received("COMMAND_ACK")) == [ACCEPTED]
 
 
-def test_a_commander_that_stays_silent_is_a_failure_after_two_seconds() -> None:
-    bench = Bench()
-    bench.say(command_long(ARM, 1.0))
-    bench.run(1_900_000)
-    assert bench.hear("COMMAND_ACK") == []
-    (command,) = bench.commands()
-    bench.run(200_000)
-    assert results(bench.hear("COMMAND_ACK")) == [FAILED]
-    bench.answer(command, ACCEPTED)
-    bench.run(SECOND_US)
-    assert bench.hear("COMMAND_ACK") == []
+def test_a_command_without_an_answer_fails_after_two_seconds() -> None:
+    harness = MavlinkHarness()
+    harness.send(command_long(ARM, 1.0))
+    harness.run(1_900_000)
+    assert harness.received("COMMAND_ACK") == []
+    (command,) = harness.commands()
+    harness.run(200_000)
+    assert results(harness.received("COMMAND_ACK")) == [FAILED]
+    harness.answer(command, ACCEPTED)
+    harness.run(SECOND_US)
+    assert harness.received("COMMAND_ACK") == []
 
 
 def test_a_repetition_while_waiting_is_neither_executed_nor_answered_twice() -> None:
-    bench = Bench()
+    harness = MavlinkHarness()
     for confirmation in range(4):
-        bench.say(command_long(ARM, 1.0, confirmation=confirmation))
-    bench.run()
-    (command,) = bench.commands()
-    bench.answer(command, ACCEPTED)
-    bench.run(SECOND_US)
-    assert results(bench.hear("COMMAND_ACK")) == [ACCEPTED]
+        harness.send(command_long(ARM, 1.0, confirmation=confirmation))
+    harness.run()
+    (command,) = harness.commands()
+    harness.answer(command, ACCEPTED)
+    harness.run(SECOND_US)
+    assert results(harness.received("COMMAND_ACK")) == [ACCEPTED]
 
 
-def test_a_repetition_of_a_running_command_is_told_that_it_runs() -> None:
-    bench = Bench()
-    bench.say(command_long(TAKEOFF))
-    bench.run()
-    (command,) = bench.commands()
-    bench.answer(command, RUNNING)
-    bench.run()
-    again = bench.ask(command_long(TAKEOFF, confirmation=1), "COMMAND_ACK")
+def test_a_repetition_of_a_running_command_gets_progress() -> None:
+    harness = MavlinkHarness()
+    harness.send(command_long(TAKEOFF))
+    harness.run()
+    (command,) = harness.commands()
+    harness.answer(command, RUNNING)
+    harness.run()
+    again = harness.request(command_long(TAKEOFF, confirmation=1), "COMMAND_ACK")
     assert results(again) == [RUNNING]
-    other = bench.ask(command_long(TAKEOFF, 0, 0, 0, 0, 0, 0, 700), "COMMAND_ACK")
+    other = harness.request(command_long(TAKEOFF, 0, 0, 0, 0, 0, 0, 700), "COMMAND_ACK")
     assert results(other) == [BUSY]
-    assert bench.commands() == []
+    assert harness.commands() == []
 
 
-def test_a_repetition_after_a_lost_answer_is_answered_and_not_executed() -> None:
-    bench = Bench()
-    bench.say(command_long(ARM, 1.0))
-    bench.run()
-    (command,) = bench.commands()
-    bench.answer(command, DENIED)
-    bench.run()
-    bench.hear()
-    again = bench.ask(command_long(ARM, 1.0, confirmation=1), "COMMAND_ACK")
+def test_a_repetition_after_a_lost_answer_is_not_executed() -> None:
+    harness = MavlinkHarness()
+    harness.send(command_long(ARM, 1.0))
+    harness.run()
+    (command,) = harness.commands()
+    harness.answer(command, DENIED)
+    harness.run()
+    harness.received()
+    again = harness.request(command_long(ARM, 1.0, confirmation=1), "COMMAND_ACK")
     assert results(again) == [DENIED]
-    assert bench.commands() == []
-    bench.say(command_long(ARM, 1.0))
-    bench.run()
-    assert len(bench.commands()) == 1
+    assert harness.commands() == []
+    harness.send(command_long(ARM, 1.0))
+    harness.run()
+    assert len(harness.commands()) == 1
 
 
-def twice(bench: Bench, message: Any, between: Any = None) -> None:
-    """A datagram that the network duplicates, with another one between if given."""
-    bench.say(message)
-    frame = bench.memory.incoming[-1]
-    bench.run()
-    for command in bench.commands():
-        bench.answer(command, ACCEPTED)
-    bench.run()
+def twice(harness: MavlinkHarness, message: Any, between: Any = None) -> None:
+    """A datagram duplicated by the network, with another one between if given."""
+    harness.send(message)
+    frame = harness.memory.incoming[-1]
+    harness.run()
+    for command in harness.commands():
+        harness.answer(command, ACCEPTED)
+    harness.run()
     if between is not None:
-        bench.say(between)
-    bench.memory.incoming.append(frame)
-    bench.run()
+        harness.send(between)
+    harness.memory.incoming.append(frame)
+    harness.run()
 
 
 @pytest.mark.parametrize("message", [command_long, command_int])
@@ -185,54 +185,54 @@ def twice(bench: Bench, message: Any, between: Any = None) -> None:
 def test_a_duplicated_datagram_is_answered_again_and_not_executed(
     message: Any, between: Any
 ) -> None:
-    bench = Bench()
-    twice(bench, message(115, 30, 10, 1, 1), between)
-    assert 115 not in {command.command for command in bench.commands()}
-    acks = [ack for ack in bench.hear("COMMAND_ACK") if ack.command == 115]
+    harness = MavlinkHarness()
+    twice(harness, message(115, 30, 10, 1, 1), between)
+    assert 115 not in {command.command for command in harness.commands()}
+    acks = [ack for ack in harness.received("COMMAND_ACK") if ack.command == 115]
     assert results(acks) == [ACCEPTED, ACCEPTED]
 
 
-def test_a_sender_that_does_not_count_its_frames_is_obeyed_each_time() -> None:
-    bench = Bench()
+def test_commands_of_a_sender_that_does_not_count_frames_are_all_executed() -> None:
+    harness = MavlinkHarness()
     executed = []
     for arm in (1.0, 0.0, 1.0, 0.0):
-        bench.say(command_long(ARM, arm), sequence=0)
-        bench.run()
-        for command in bench.commands():
+        harness.send(command_long(ARM, arm), sequence=0)
+        harness.run()
+        for command in harness.commands():
             executed.append(command.param1)
-            bench.answer(command, ACCEPTED)
+            harness.answer(command, ACCEPTED)
     assert executed == [1.0, 0.0, 1.0, 0.0]
 
 
-def test_the_same_wish_again_is_obeyed_again() -> None:
-    bench = Bench()
+def test_a_repeated_command_int_is_executed_again() -> None:
+    harness = MavlinkHarness()
     for _ in range(2):
-        bench.say(command_int(115, 30, 10, 1, 1))
-        bench.run()
-        (command,) = bench.commands()
-        bench.answer(command, ACCEPTED)
-        bench.run()
+        harness.send(command_int(115, 30, 10, 1, 1))
+        harness.run()
+        (command,) = harness.commands()
+        harness.answer(command, ACCEPTED)
+        harness.run()
 
 
-def test_a_cancelled_command_is_ended_by_whoever_carries_it_out() -> None:
+def test_a_cancellation_is_passed_to_payload() -> None:
     ended: list[int] = []
     queue: Queue[VehicleCommand] = Queue()
     server = CommandServer(
         system_id=SYSTEM,
-        answerers=(),
+        local_handlers=(),
         commander=queue,
         mission_length=lambda: 0,
         cancel=ended.append,
     )
     sender = Sender(255, 190, GROUND)
-    server.handle(received(command_long(TAKEOFF)), sender, 0)
+    server.handle(decoded(command_long(TAKEOFF)), sender, 0)
     (command,) = queue.drain()
     cancel = CommandCancel(target_system=SYSTEM, target_component=1, command=TAKEOFF)
     assert server.cancel(cancel, sender, 0) == []
     assert ended == [], "nothing is known to be running yet"
     server.answers([VehicleCommandAck(0, TAKEOFF, RUNNING, 10, command.token)], 0)
-    stranger = CommandCancel(target_system=SYSTEM + 1, target_component=1, command=TAKEOFF)
-    server.cancel(stranger, sender, 0)
+    foreign = CommandCancel(target_system=SYSTEM + 1, target_component=1, command=TAKEOFF)
+    server.cancel(foreign, sender, 0)
     assert ended == []
     server.cancel(cancel, sender, 0)
     assert ended == [command.token]
@@ -241,22 +241,22 @@ def test_a_cancelled_command_is_ended_by_whoever_carries_it_out() -> None:
     assert final.message.result == MAV_RESULT_CANCELLED
 
 
-def test_cancelling_what_does_not_run_is_ignored() -> None:
+def test_cancelling_a_command_that_does_not_run_is_ignored() -> None:
     cancel = CommandCancel(target_system=SYSTEM, target_component=1, command=TAKEOFF)
-    assert Bench().ask(cancel, "COMMAND_ACK") == []
+    assert MavlinkHarness().request(cancel, "COMMAND_ACK") == []
 
 
-def test_two_senders_of_one_command_get_an_answer_each() -> None:
-    bench = Bench()
-    bench.say(command_long(ARM, 1.0), system=255)
-    bench.say(command_long(ARM, 1.0), system=245, source=BROKER)
-    bench.run()
-    first, second = bench.commands()
-    bench.answer(second, DENIED)
-    bench.answer(first, ACCEPTED)
-    bench.run()
-    assert results(bench.hear("COMMAND_ACK")) == [ACCEPTED]
-    assert results(bench.hear("COMMAND_ACK", at=BROKER)) == [DENIED]
+def test_two_senders_of_a_command_both_get_an_answer() -> None:
+    harness = MavlinkHarness()
+    harness.send(command_long(ARM, 1.0), system=255)
+    harness.send(command_long(ARM, 1.0), system=245, source=BROKER)
+    harness.run()
+    first, second = harness.commands()
+    harness.answer(second, DENIED)
+    harness.answer(first, ACCEPTED)
+    harness.run()
+    assert results(harness.received("COMMAND_ACK")) == [ACCEPTED]
+    assert results(harness.received("COMMAND_ACK", at=BROKER)) == [DENIED]
 
 
 @given(
@@ -274,94 +274,94 @@ def test_two_senders_of_one_command_get_an_answer_each() -> None:
 def test_every_distinct_command_gets_exactly_one_final_answer(
     sent: list[tuple[int, int, float, bool]], result: int
 ) -> None:
-    bench = Bench()
+    harness = MavlinkHarness()
     distinct = {(number, system): (number, system, p, i) for number, system, p, i in sent}
     for number, system, parameter, is_int in distinct.values():
         message = command_int if is_int else command_long
-        bench.say(message(number, parameter), system=system)
-    bench.run()
-    for command in bench.commands():
-        bench.answer(command, RUNNING)
-        bench.answer(command, result)
-        bench.answer(command, ACCEPTED)
-    bench.run(13 * SECOND_US)
+        harness.send(message(number, parameter), system=system)
+    harness.run()
+    for command in harness.commands():
+        harness.answer(command, RUNNING)
+        harness.answer(command, result)
+        harness.answer(command, ACCEPTED)
+    harness.run(13 * SECOND_US)
     final = [
         (ack.command, ack.target_system)
-        for ack in bench.hear("COMMAND_ACK")
+        for ack in harness.received("COMMAND_ACK")
         if ack.result != RUNNING
     ]
     assert sorted(final) == sorted(distinct)
 
 
 def test_a_flood_of_commands_is_refused_beyond_the_limit() -> None:
-    bench = Bench()
+    harness = MavlinkHarness()
     for system in range(1, 101):
-        bench.say(command_long(ARM, 1.0), system=system)
-    bench.run()
-    assert len(bench.commands()) < 100
-    assert set(results(bench.hear("COMMAND_ACK"))) == {BUSY}
-    bench.run(3 * SECOND_US)
-    assert set(results(bench.hear("COMMAND_ACK"))) == {FAILED}
+        harness.send(command_long(ARM, 1.0), system=system)
+    harness.run()
+    assert len(harness.commands()) < 100
+    assert set(results(harness.received("COMMAND_ACK"))) == {BUSY}
+    harness.run(3 * SECOND_US)
+    assert set(results(harness.received("COMMAND_ACK"))) == {FAILED}
 
 
 def test_set_mode_is_forwarded_and_never_answered() -> None:
-    bench = Bench()
-    bench.say(mavlink.MAVLink_set_mode_message(SYSTEM, 29 | 128, 0x05040000))
-    bench.say(mavlink.MAVLink_set_mode_message(SYSTEM + 1, 1, 0x05040000))
-    bench.say(mavlink.MAVLink_set_mode_message(SYSTEM, 0, 0x05040000))
-    bench.run()
-    (command,) = bench.commands()
+    harness = MavlinkHarness()
+    harness.send(mavlink.MAVLink_set_mode_message(SYSTEM, 29 | 128, 0x05040000))
+    harness.send(mavlink.MAVLink_set_mode_message(SYSTEM + 1, 1, 0x05040000))
+    harness.send(mavlink.MAVLink_set_mode_message(SYSTEM, 0, 0x05040000))
+    harness.run()
+    (command,) = harness.commands()
     assert command[1:5] == (MODE, 1.0, 4.0, 5.0)
-    bench.answer(command, ACCEPTED)
-    bench.run(SECOND_US)
-    assert bench.hear("COMMAND_ACK") == []
+    harness.answer(command, ACCEPTED)
+    harness.run(SECOND_US)
+    assert harness.received("COMMAND_ACK") == []
 
 
-def test_a_mode_command_is_answered_under_the_name_it_was_sent_with() -> None:
-    bench = Bench()
-    bench.say(command_long(262, 6.0))
-    bench.run()
-    (command,) = bench.commands()
+def test_a_mode_command_is_acknowledged_by_its_own_number() -> None:
+    harness = MavlinkHarness()
+    harness.send(command_long(262, 6.0))
+    harness.run()
+    (command,) = harness.commands()
     assert command[1:5] == (MODE, 1.0, 4.0, 4.0)
-    bench.answer(command, ACCEPTED)
-    bench.run()
-    (ack,) = bench.hear("COMMAND_ACK")
+    harness.answer(command, ACCEPTED)
+    harness.run()
+    (ack,) = harness.received("COMMAND_ACK")
     assert (ack.command, ack.result) == (262, ACCEPTED)
 
 
-def test_modes_that_there_are_not_are_refused() -> None:
-    bench = Bench()
-    assert results(bench.ask(command_long(262, 3.0), "COMMAND_ACK")) == [FAILED]
-    assert results(bench.ask(command_long(MODE, 1.0, 77.0), "COMMAND_ACK")) == [DENIED]
-    assert bench.commands() == []
+def test_unknown_modes_are_refused() -> None:
+    harness = MavlinkHarness()
+    assert results(harness.request(command_long(262, 3.0), "COMMAND_ACK")) == [FAILED]
+    assert results(harness.request(command_long(MODE, 1.0, 77.0), "COMMAND_ACK")) == [DENIED]
+    assert harness.commands() == []
 
 
-def upload(bench: Bench, count: int) -> None:
-    bench.say(mission_count(count))
+def upload(harness: MavlinkHarness, count: int) -> None:
+    harness.send(mission_count(count))
     for seq in range(count):
-        bench.say(mission_item(seq))
-    bench.run()
-    bench.hear()
+        harness.send(mission_item(seq))
+    harness.run()
+    harness.received()
 
 
 @pytest.mark.parametrize("seq", [-1.0, 0.0, 4.0])
-def test_a_current_item_goes_to_the_commander(seq: float) -> None:
-    bench = Bench()
-    upload(bench, 5)
-    bench.say(command_long(CURRENT, seq))
-    bench.run()
-    assert [command.param1 for command in bench.commands()] == [seq]
+def test_set_current_is_forwarded_to_the_commander(seq: float) -> None:
+    harness = MavlinkHarness()
+    upload(harness, 5)
+    harness.send(command_long(CURRENT, seq))
+    harness.run()
+    assert [command.param1 for command in harness.commands()] == [seq]
 
 
 def test_the_deprecated_message_for_the_current_item() -> None:
-    bench = Bench()
-    upload(bench, 3)
-    bench.say(mavlink.MAVLink_mission_set_current_message(SYSTEM, 1, 2))
-    bench.say(mavlink.MAVLink_mission_set_current_message(SYSTEM, 1, 3))
-    bench.run()
-    (command,) = bench.commands()
+    harness = MavlinkHarness()
+    upload(harness, 3)
+    harness.send(mavlink.MAVLink_mission_set_current_message(SYSTEM, 1, 2))
+    harness.send(mavlink.MAVLink_mission_set_current_message(SYSTEM, 1, 3))
+    harness.run()
+    (command,) = harness.commands()
     assert (command.command, command.param1) == (CURRENT, 2.0)
-    assert "no item 3" in bench.hear("STATUSTEXT")[0].text
-    bench.answer(command, ACCEPTED)
-    bench.run(SECOND_US)
-    assert bench.hear("COMMAND_ACK") == []
+    assert "no item 3" in harness.received("STATUSTEXT")[0].text
+    harness.answer(command, ACCEPTED)
+    harness.run(SECOND_US)
+    assert harness.received("COMMAND_ACK") == []

@@ -4,12 +4,12 @@ import pytest
 
 from tests.unit.uav_firmware.modules.mavlink.harness import command_int, command_long
 from uav_firmware.modules.mavlink.commands.commands import (
-    ANSWERED_HERE,
     FORWARDED,
+    HANDLED_HERE,
     POSITIONAL,
     from_int,
     from_long,
-    is_honoured,
+    has_no_ignored_parameter,
 )
 
 NAN = math.nan
@@ -24,7 +24,7 @@ def test_positions_are_degrees_whichever_message_carried_them() -> None:
 
 
 @pytest.mark.parametrize(("frame", "datum"), [(0, 0), (5, 0), (3, 3), (6, 3), (2, 0)])
-def test_frames_give_the_datum_of_the_altitude(frame: int, datum: int) -> None:
+def test_frames_define_the_datum_of_the_altitude(frame: int, datum: int) -> None:
     command = from_int(command_int(192, frame=frame))
     assert command is not None
     assert command.frame == datum
@@ -32,14 +32,14 @@ def test_frames_give_the_datum_of_the_altitude(frame: int, datum: int) -> None:
 
 @pytest.mark.parametrize("number", [34, 179])
 @pytest.mark.parametrize(("frame", "kept"), [(0, 0), (5, 0), (3, 3), (6, 6)])
-def test_an_orbit_and_home_keep_the_frame_of_a_height(number: int, frame: int, kept: int) -> None:
+def test_orbit_and_set_home_keep_their_frame(number: int, frame: int, kept: int) -> None:
     command = from_int(command_int(number, frame=frame))
     assert command is not None
     assert command.frame == kept
 
 
 @pytest.mark.parametrize("frame", [1, 4, 7, 8, 9, 10, 11, 12, 20, 21, 255])
-def test_frames_that_are_not_flown_in_are_no_command(frame: int) -> None:
+def test_commands_in_unsupported_frames_are_none(frame: int) -> None:
     assert from_int(command_int(192, frame=frame)) is None
 
 
@@ -49,28 +49,28 @@ def test_an_integer_maximum_is_unset() -> None:
     assert all(math.isnan(command.parameter(i)) for i in (5, 6))
 
 
-def test_integers_of_a_command_without_a_position_stay_as_they_are() -> None:
+def test_integers_of_a_command_without_a_position_are_not_scaled() -> None:
     command = from_int(command_int(400, 1, 0, 0, 0, 3, 4))
     assert command is not None
     assert command.parameters[4:6] == (3.0, 4.0)
 
 
-@pytest.mark.parametrize("number", ANSWERED_HERE)
-def test_a_parameter_without_effect_that_is_set_is_not_honoured(number: int) -> None:
-    for index in set(range(1, 8)) - ANSWERED_HERE[number]:
+@pytest.mark.parametrize("number", HANDLED_HERE)
+def test_a_set_parameter_without_effect_is_detected(number: int) -> None:
+    for index in set(range(1, 8)) - HANDLED_HERE[number]:
         for value in (1.0, -1.0, math.inf):
             parameters = [0.0] * 7
             parameters[index - 1] = value
-            assert not is_honoured(from_long(command_long(number, *parameters)))
+            assert not has_no_ignored_parameter(from_long(command_long(number, *parameters)))
         parameters[index - 1] = NAN
-        assert is_honoured(from_long(command_long(number, *parameters)))
+        assert has_no_ignored_parameter(from_long(command_long(number, *parameters)))
 
 
-def test_the_commander_judges_the_parameters_of_its_own_commands() -> None:
+def test_parameters_of_forwarded_commands_are_not_checked_here() -> None:
     for number in FORWARDED:
-        assert is_honoured(from_long(command_long(number, *[9.0] * 7)))
+        assert has_no_ignored_parameter(from_long(command_long(number, *[9.0] * 7)))
 
 
 def test_no_command_is_both_forwarded_and_answered_here() -> None:
-    assert not FORWARDED & ANSWERED_HERE.keys()
+    assert not FORWARDED & HANDLED_HERE.keys()
     assert POSITIONAL <= FORWARDED

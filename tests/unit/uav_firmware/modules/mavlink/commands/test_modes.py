@@ -1,25 +1,34 @@
+import itertools
+import math
+
 import pytest
 
+from tests.support.cases import failures
+from uav_firmware.modules.mavlink.commands.commands import FRAME_AMSL, Command
 from uav_firmware.modules.mavlink.commands.modes import (
     MODES,
     OFFERED,
-    from_custom_mode,
-    from_main_and_sub,
-    from_standard_mode,
+    command_for,
+    command_from_do_set_mode,
+    command_from_set_mode,
+    command_from_standard_mode,
+    state_from_custom_mode,
+    state_from_main_and_sub,
+    state_from_standard_mode,
 )
 from uav_firmware.msg.status import NavigationState
 
 
-def test_every_navigation_state_has_a_mode_of_its_own() -> None:
+def test_every_navigation_state_has_its_own_mode() -> None:
     assert set(MODES) == set(NavigationState)
     assert len({mode.custom_mode for mode in MODES.values()}) == len(MODES)
 
 
 @pytest.mark.parametrize("state", NavigationState)
-def test_a_mode_reads_back_from_either_spelling(state: NavigationState) -> None:
+def test_modes_are_read_from_both_encodings(state: NavigationState) -> None:
     mode = MODES[state]
-    assert from_main_and_sub(mode.main, mode.sub) is state
-    assert from_custom_mode(mode.custom_mode) is state
+    assert state_from_main_and_sub(mode.main, mode.sub) is state
+    assert state_from_custom_mode(mode.custom_mode) is state
 
 
 @pytest.mark.parametrize(
@@ -48,12 +57,12 @@ def test_the_numbers_are_those_that_ground_stations_know(
 
 
 @pytest.mark.parametrize("custom_mode", [0, 1, 0x04040001, 0x63040000, 0x00630000])
-def test_a_number_that_is_no_mode_gives_none(custom_mode: int) -> None:
-    assert from_custom_mode(custom_mode) is None
+def test_an_invalid_custom_mode_is_none(custom_mode: int) -> None:
+    assert state_from_custom_mode(custom_mode) is None
 
 
 def test_standard_modes_give_only_what_the_vehicle_flies() -> None:
-    flown = {standard: from_standard_mode(standard) for standard in range(12)}
+    flown = {standard: state_from_standard_mode(standard) for standard in range(12)}
     assert {s: state for s, state in flown.items() if state is not None} == {
         1: NavigationState.POSCTL,
         2: NavigationState.ORBIT,
@@ -64,3 +73,57 @@ def test_standard_modes_give_only_what_the_vehicle_flies() -> None:
         8: NavigationState.AUTO_TAKEOFF,
     }
     assert set(filter(None, flown.values())) <= set(OFFERED)
+
+
+def written(*parameters: float, number: int = 176) -> Command:
+    p1, p2, p3, *_ = (*parameters, 0.0, 0.0, 0.0)
+    return Command(number, (p1, p2, p3, 0.0, 0.0, 0.0, 0.0), FRAME_AMSL)
+
+
+def check_encodings(state: NavigationState, flags: float) -> None:
+    mode = MODES[state]
+    expected = command_for(state)
+    assert expected.parameters[:3] == (1.0, mode.main, mode.sub)
+    assert command_from_do_set_mode(written(flags, mode.main, mode.sub)) == expected
+    assert command_from_do_set_mode(written(flags, float(mode.custom_mode))) == expected
+    assert command_from_set_mode(int(flags), mode.custom_mode) == expected
+
+
+def test_every_encoding_of_a_mode_gives_the_same_command() -> None:
+    cases = itertools.product(NavigationState, [1.0, 29.0, 81.0, 157.0])
+    assert failures(check_encodings, cases) == []
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        (0.0, 4.0, 4.0),
+        (28.0, 4.0, 4.0),
+        (1.0, 4.0, 99.0),
+        (1.0, 0.0, 0.0),
+        (1.0, 99.0, 0.0),
+        (1.0, 4.5, 4.0),
+        (1.0, -4.0, 4.0),
+        (math.nan, 4.0, 4.0),
+        (1.0, math.nan, 4.0),
+        (1.0, math.inf, 4.0),
+        (1.0, 1e30, 0.0),
+        (1.0, float(0x04040000), 4.0),
+    ],
+)
+def test_a_command_without_a_mode_is_none(parameters: tuple[float, ...]) -> None:
+    assert command_from_do_set_mode(written(*parameters)) is None
+
+
+def test_a_mode_without_a_sub_mode_may_leave_it_unset() -> None:
+    assert command_from_do_set_mode(written(1.0, 3.0, math.nan)) == command_for(
+        NavigationState.POSCTL
+    )
+
+
+def test_standard_modes_are_those_that_the_vehicle_flies() -> None:
+    assert command_from_standard_mode(written(6.0, number=262)) == command_for(
+        NavigationState.AUTO_MISSION
+    )
+    for parameter in (0.0, 3.0, 9.0, 99.0, -1.0, 6.5, math.nan):
+        assert command_from_standard_mode(written(parameter, number=262)) is None

@@ -5,7 +5,7 @@ from typing import Any, Final
 import pytest
 
 from uav_firmware.drivers.file_tree import FileTree
-from uav_firmware.modules.mavlink.log.server import PIECES_PER_SECOND, LogServer
+from uav_firmware.modules.mavlink.log.server import PACKETS_PER_SECOND, LogServer
 from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender
 from uav_firmware.modules.mavlink.wire.dialect import mavlink, pack
@@ -18,7 +18,7 @@ TICK_US: Final = 20_000
 
 
 class Reader:
-    """A log server over a folder, and who asks it."""
+    """A log server over a folder, and its client."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -38,24 +38,26 @@ class Reader:
         path.write_bytes(contents)
         return path
 
-    def say(self, message: Any, sender: Sender = ALICE, seconds: float = 2.0) -> list[Any]:
-        """Send a message; gives what comes back to the sender within some time."""
-        pack(message)  # What the wire would refuse is no message
-        heard = self.server.handle(message, sender, self.now_us)
-        return [m for o in heard + self.run(seconds) if o.to in {sender.address, None} for m in [o]]
+    def send(self, message: Any, sender: Sender = ALICE, seconds: float = 2.0) -> list[Any]:
+        """Send a message; return the messages to the sender within some time."""
+        pack(message)  # Must be encodable
+        received = self.server.handle(message, sender, self.now_us)
+        return [
+            m for o in received + self.run(seconds) if o.to in {sender.address, None} for m in [o]
+        ]
 
     def run(self, seconds: float) -> list[Outgoing]:
-        heard: list[Outgoing] = []
+        received: list[Outgoing] = []
         for _ in range(round(seconds * 1e6 / TICK_US)):
             self.now_us += TICK_US
-            heard += self.server.tick(self.now_us)
-        return heard
+            received += self.server.tick(self.now_us)
+        return received
 
     def listed(self, start: int = 0, end: int = 0xFFFF) -> list[tuple[int, ...]]:
         request = mavlink.MAVLink_log_request_list_message(SYSTEM, 1, start, end)
         return [
             (m.id, m.num_logs, m.last_log_num, m.time_utc, m.size)
-            for m in (o.message for o in self.say(request))
+            for m in (o.message for o in self.send(request))
             if m.get_type() == "LOG_ENTRY"
         ]
 
@@ -63,11 +65,11 @@ class Reader:
         self, log_id: int, offset: int = 0, count: int = ALL, sender: Sender = ALICE
     ) -> list[tuple[int, bytes]]:
         request = mavlink.MAVLink_log_request_data_message(SYSTEM, 1, log_id, offset, count)
-        return data_of(self.say(request, sender))
+        return data_of(self.send(request, sender))
 
 
-def data_of(heard: list[Outgoing]) -> list[tuple[int, bytes]]:
-    return [(o.message.ofs, bytes(o.message.data[: o.message.count])) for o in heard]
+def data_of(received: list[Outgoing]) -> list[tuple[int, bytes]]:
+    return [(o.message.ofs, bytes(o.message.data[: o.message.count])) for o in received]
 
 
 def noise(count: int) -> bytes:
@@ -79,7 +81,7 @@ def reader(tmp_path: Path) -> Reader:
     return Reader(tmp_path)
 
 
-def test_without_logs_one_entry_says_so(reader: Reader) -> None:
+def test_without_logs_one_entry_is_sent(reader: Reader) -> None:
     assert reader.listed() == [(0, 0, 0, 0, 0)]
 
 
@@ -95,7 +97,7 @@ def test_logs_are_numbered_from_the_oldest_with_their_time(reader: Reader) -> No
     ]
 
 
-def test_a_part_of_the_list_can_be_asked_for_again(reader: Reader) -> None:
+def test_a_part_of_the_list_can_be_requested_again(reader: Reader) -> None:
     for minute in range(5):
         reader.log("2026-03-01", f"09_{minute:02}_00", bytes(minute))
     reader.listed()
@@ -103,7 +105,7 @@ def test_a_part_of_the_list_can_be_asked_for_again(reader: Reader) -> None:
     assert [entry[0] for entry in reader.listed(4, 0xFFFF)] == [4]
 
 
-def test_numbers_hold_until_the_next_list(reader: Reader) -> None:
+def test_log_numbers_are_valid_until_the_next_list(reader: Reader) -> None:
     first = reader.log("2026-03-01", "09_00_00", b"first")
     reader.log("2026-03-01", "10_00_00", b"second")
     reader.listed()
@@ -115,7 +117,7 @@ def test_numbers_hold_until_the_next_list(reader: Reader) -> None:
 
 
 @pytest.mark.parametrize("size", [1, 89, 90, 91, 180, 12_345])
-def test_a_log_comes_whole(reader: Reader, size: int) -> None:
+def test_a_log_is_downloaded_completely(reader: Reader, size: int) -> None:
     contents = noise(size)
     reader.log("2026-03-01", "09_00_00", contents)
     reader.listed()
@@ -124,47 +126,47 @@ def test_a_log_comes_whole(reader: Reader, size: int) -> None:
     assert b"".join(data for _, data in pieces) == contents
 
 
-def test_any_stretch_can_be_asked_for(reader: Reader) -> None:
+def test_any_range_can_be_requested(reader: Reader) -> None:
     contents = noise(1000)
     reader.log("2026-03-01", "09_00_00", contents)
     assert reader.pieces(0, 45, 100) == [(45, contents[45:135]), (135, contents[135:145])]
     assert reader.pieces(0, 990, 90) == [(990, contents[990:])]
 
 
-def test_beyond_the_end_there_is_one_empty_piece(reader: Reader) -> None:
+def test_a_request_beyond_the_end_gets_one_empty_packet(reader: Reader) -> None:
     reader.log("2026-03-01", "09_00_00", bytes(180))
     assert reader.pieces(0, 180) == [(180, b"")]
     assert reader.pieces(0, 5000, 90) == [(5000, b"")]
 
 
-def test_several_stretches_are_all_sent(reader: Reader) -> None:
+def test_several_ranges_are_all_sent(reader: Reader) -> None:
     contents = noise(9000)
     reader.log("2026-03-01", "09_00_00", contents)
     reader.listed()
-    heard: list[Outgoing] = []
+    received: list[Outgoing] = []
     for offset in range(0, 1800, 90):
         request = mavlink.MAVLink_log_request_data_message(SYSTEM, 1, 0, offset, 90)
-        heard += reader.server.handle(request, ALICE, reader.now_us)
-    pieces = data_of(heard + reader.run(1.0))
+        received += reader.server.handle(request, ALICE, reader.now_us)
+    pieces = data_of(received + reader.run(1.0))
     assert pieces == [(offset, contents[offset : offset + 90]) for offset in range(0, 1800, 90)]
 
 
-def test_another_log_takes_the_place_of_the_one_before(reader: Reader) -> None:
+def test_a_request_for_another_log_replaces_the_previous_one(reader: Reader) -> None:
     reader.log("2026-03-01", "09_00_00", bytes(90_000))
     reader.log("2026-03-01", "10_00_00", b"second")
     reader.listed()
-    reader.say(mavlink.MAVLink_log_request_data_message(SYSTEM, 1, 0, 0, ALL), seconds=0.02)
-    heard = reader.say(mavlink.MAVLink_log_request_data_message(SYSTEM, 1, 1, 0, ALL))
-    assert data_of(heard)[-1] == (0, b"second")
+    reader.send(mavlink.MAVLink_log_request_data_message(SYSTEM, 1, 0, 0, ALL), seconds=0.02)
+    received = reader.send(mavlink.MAVLink_log_request_data_message(SYSTEM, 1, 1, 0, ALL))
+    assert data_of(received)[-1] == (0, b"second")
 
 
-def test_the_end_ends_it(reader: Reader) -> None:
+def test_log_request_end_stops_the_transfer(reader: Reader) -> None:
     reader.log("2026-03-01", "09_00_00", bytes(900_000))
-    reader.say(mavlink.MAVLink_log_request_data_message(SYSTEM, 1, 0, 0, ALL), seconds=0.1)
-    assert reader.say(mavlink.MAVLink_log_request_end_message(SYSTEM, 1)) == []
+    reader.send(mavlink.MAVLink_log_request_data_message(SYSTEM, 1, 0, 0, ALL), seconds=0.1)
+    assert reader.send(mavlink.MAVLink_log_request_end_message(SYSTEM, 1)) == []
 
 
-def test_two_clients_get_each_their_own(reader: Reader) -> None:
+def test_two_clients_get_their_own_data(reader: Reader) -> None:
     reader.log("2026-03-01", "09_00_00", b"one")
     reader.log("2026-03-01", "10_00_00", b"two")
     reader.listed()
@@ -172,10 +174,10 @@ def test_two_clients_get_each_their_own(reader: Reader) -> None:
     assert reader.pieces(1, sender=BOB) == [(0, b"two")]
 
 
-def test_the_pace_is_bounded(reader: Reader) -> None:
+def test_the_rate_is_bounded(reader: Reader) -> None:
     reader.log("2026-03-01", "09_00_00", bytes(9_000_000))
-    reader.say(mavlink.MAVLink_log_request_data_message(SYSTEM, 1, 0, 0, ALL), seconds=1.0)
-    assert len(reader.run(2.0)) == pytest.approx(2 * PIECES_PER_SECOND, rel=0.05)
+    reader.send(mavlink.MAVLink_log_request_data_message(SYSTEM, 1, 0, 0, ALL), seconds=1.0)
+    assert len(reader.run(2.0)) == pytest.approx(2 * PACKETS_PER_SECOND, rel=0.05)
 
 
 def test_logs_are_erased_on_the_ground_but_for_the_one_being_written(reader: Reader) -> None:
@@ -183,19 +185,19 @@ def test_logs_are_erased_on_the_ground_but_for_the_one_being_written(reader: Rea
     new = reader.log("2026-03-02", "10_00_00", b"two")
     reader.busy.add(new)
     reader.armed = True
-    (refusal,) = reader.say(mavlink.MAVLink_log_erase_message(SYSTEM, 1))
+    (refusal,) = reader.send(mavlink.MAVLink_log_erase_message(SYSTEM, 1))
     assert "armed" in refusal.message.text
     assert old.exists()
     reader.armed = False
-    (said,) = reader.say(mavlink.MAVLink_log_erase_message(SYSTEM, 1))
-    assert said.message.text == "1 logs erased, 1 kept"
+    (text,) = reader.send(mavlink.MAVLink_log_erase_message(SYSTEM, 1))
+    assert text.message.text == "1 logs erased, 1 kept"
     assert not old.parent.exists()
     assert new.exists()
     assert [entry[4] for entry in reader.listed()] == [3]
 
 
-def test_what_is_for_another_vehicle_is_ignored(reader: Reader) -> None:
+def test_requests_for_another_vehicle_are_ignored(reader: Reader) -> None:
     path = reader.log("2026-03-01", "09_00_00", b"one")
-    assert reader.say(mavlink.MAVLink_log_erase_message(8, 1)) == []
-    assert reader.say(mavlink.MAVLink_log_request_list_message(8, 1, 0, 0xFFFF)) == []
+    assert reader.send(mavlink.MAVLink_log_erase_message(8, 1)) == []
+    assert reader.send(mavlink.MAVLink_log_request_list_message(8, 1, 0, 0xFFFF)) == []
     assert path.exists()

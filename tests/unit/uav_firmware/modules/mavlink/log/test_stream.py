@@ -5,16 +5,18 @@ from typing import Any, Final
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pyulog import ULog  # type: ignore[import-untyped]  # pyulog tells no types
+from pyulog import ULog  # type: ignore[import-untyped]  # pyulog has no types
 
-from tests.unit.uav_firmware.modules.logger.logbook import Logbook, MemoryStore
+from tests.unit.uav_firmware.modules.logger.harness import LoggerHarness, MemoryStore
 from uav_firmware.modules.mavlink.commands.commands import Command
 from uav_firmware.modules.mavlink.log.stream import (
-    GIVE_UP_US,
-    MAX_WAITING,
+    ACK_TIMEOUT_US,
+    DATA_MAX,
+    NO_MESSAGE,
+    QUEUE_MAX,
     LogStream,
+    split,
 )
-from uav_firmware.modules.mavlink.log.stream_packets import DATA_MAX, NO_BEGINNING, cut
 from uav_firmware.modules.mavlink.telemetry.status_text import StatusTexts
 from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender
 from uav_firmware.modules.mavlink.wire.dialect import mavlink, pack
@@ -29,10 +31,10 @@ TICK_US: Final = 20_000
 
 
 class Listener:
-    """A logger, the stream of its log, and the peer that listens."""
+    """A logger, the stream of its log, and the receiving peer."""
 
     def __init__(self) -> None:
-        self.book = Logbook(MemoryStore())
+        self.book = LoggerHarness(MemoryStore())
         topics = self.book.topics
         self.stream = LogStream(
             system_id=SYSTEM,
@@ -40,10 +42,10 @@ class Listener:
             chunks=topics.log_stream,
             texts=StatusTexts(),
         )
-        self.heard: list[Any] = []
-        self.deaf = False
+        self.received: list[Any] = []
+        self.unreachable = False
 
-    def ask(self, number: int, sender: Sender = ALICE, *parameters: float) -> int:
+    def request(self, number: int, sender: Sender = ALICE, *parameters: float) -> int:
         padded = (*parameters, *[0.0] * (7 - len(parameters)))
         command = Command(number, padded, 0)  # type: ignore[arg-type]  # seven
         answer = self.stream.answer(command, sender, self.book.time_us)
@@ -56,129 +58,129 @@ class Listener:
             self._hear(self.stream.tick(self.book.time_us))
 
     def data(self) -> bytes:
-        return b"".join(bytes(m.data[: m.length]) for m in self.heard)
+        return b"".join(bytes(m.data[: m.length]) for m in self.received)
 
     def _hear(self, outgoing: list[Outgoing]) -> None:
         for one in outgoing:
             pack(one.message)
-            self.heard.append(one.message)
-            if one.message.get_type() == "LOGGING_DATA_ACKED" and not self.deaf:
+            self.received.append(one.message)
+            if one.message.get_type() == "LOGGING_DATA_ACKED" and not self.unreachable:
                 ack = mavlink.MAVLink_logging_ack_message(SYSTEM, 1, one.message.sequence)
                 self._hear(self.stream.acknowledged(ack, ALICE, self.book.time_us))
 
 
-def test_the_stream_is_a_log_that_can_be_read() -> None:
+def test_the_stream_is_a_readable_log() -> None:
     listener = Listener()
     listener.run(1.0)
-    assert listener.heard == []
-    assert listener.ask(START) == ACCEPTED
+    assert listener.received == []
+    assert listener.request(START) == ACCEPTED
     listener.run(5.0)
     log = ULog(io.BytesIO(listener.data()))
     attitude = log.get_dataset("vehicle_attitude").data["timestamp"]
     assert attitude[-1] - attitude[0] > 3_500_000
     assert log.dropouts == []
-    assert [m.sequence for m in listener.heard] == list(range(len(listener.heard)))
-    assert {(m.target_system, m.target_component) for m in listener.heard} == {(255, 190)}
+    assert [m.sequence for m in listener.received] == list(range(len(listener.received)))
+    assert {(m.target_system, m.target_component) for m in listener.received} == {(255, 190)}
     assert listener.book.warnings() == []
 
 
-def test_it_ends_when_it_is_told_to() -> None:
+def test_logging_stop_ends_the_stream() -> None:
     listener = Listener()
-    listener.ask(START)
+    listener.request(START)
     listener.run(2.0)
-    assert listener.ask(STOP) == ACCEPTED
-    count = len(listener.heard)
+    assert listener.request(STOP) == ACCEPTED
+    count = len(listener.received)
     listener.run(2.0)
-    assert len(listener.heard) == count
+    assert len(listener.received) == count
 
 
 def test_a_second_start_begins_a_new_log() -> None:
     listener = Listener()
-    listener.ask(START)
+    listener.request(START)
     listener.run(2.0)
-    listener.heard.clear()
-    assert listener.ask(START) == ACCEPTED
+    listener.received.clear()
+    assert listener.request(START) == ACCEPTED
     listener.run(2.0)
-    assert listener.heard[0].sequence == 0
+    assert listener.received[0].sequence == 0
     ULog(io.BytesIO(listener.data())).get_dataset("vehicle_attitude")
 
 
-def test_there_is_one_listener_at_a_time() -> None:
+def test_a_second_listener_is_rejected() -> None:
     listener = Listener()
-    listener.ask(START)
-    assert listener.ask(START, BOB) == BUSY
-    assert listener.ask(STOP, BOB) == ACCEPTED
+    listener.request(START)
+    assert listener.request(START, BOB) == BUSY
+    assert listener.request(STOP, BOB) == ACCEPTED
     listener.run(1.0)
-    assert listener.heard
-    listener.ask(STOP)
-    assert listener.ask(START, BOB) == ACCEPTED
+    assert listener.received
+    listener.request(STOP)
+    assert listener.request(START, BOB) == ACCEPTED
 
 
 def test_another_format_is_denied() -> None:
-    assert Listener().ask(START, ALICE, 1.0) == DENIED
+    assert Listener().request(START, ALICE, 1.0) == DENIED
 
 
 def test_a_definition_is_repeated_until_it_is_acknowledged() -> None:
     listener = Listener()
-    listener.deaf = True
-    listener.ask(START)
+    listener.unreachable = True
+    listener.request(START)
     listener.run(3.0)
-    assert {m.sequence for m in listener.heard} == {0}
-    assert 5 <= len(listener.heard) <= 10
-    listener.deaf = False
+    assert {m.sequence for m in listener.received} == {0}
+    assert 5 <= len(listener.received) <= 10
+    listener.unreachable = False
     listener.run(3.0)
-    assert len({m.sequence for m in listener.heard}) > 50
-    first = {m.sequence: bytes(m.data[: m.length]) for m in reversed(listener.heard)}
+    assert len({m.sequence for m in listener.received}) > 50
+    first = {m.sequence: bytes(m.data[: m.length]) for m in reversed(listener.received)}
     whole = b"".join(first[number] for number in sorted(first))
     assert ULog(io.BytesIO(whole)).dropouts == []
 
 
-def test_a_listener_that_is_gone_is_given_up() -> None:
+def test_a_stream_without_acknowledgements_times_out() -> None:
     listener = Listener()
-    listener.deaf = True
-    listener.ask(START)
-    listener.run(GIVE_UP_US / 1e6 + 2.0)
-    assert listener.heard[-1].get_type() == "STATUSTEXT"
-    count = len(listener.heard)
+    listener.unreachable = True
+    listener.request(START)
+    listener.run(ACK_TIMEOUT_US / 1e6 + 2.0)
+    assert listener.received[-1].get_type() == "STATUSTEXT"
+    count = len(listener.received)
     listener.run(2.0)
-    assert len(listener.heard) == count
-    assert listener.ask(START, BOB) == ACCEPTED
+    assert len(listener.received) == count
+    assert listener.request(START, BOB) == ACCEPTED
 
 
-def test_a_peer_that_is_forgotten_hears_no_more() -> None:
+def test_a_closed_peer_gets_no_more_packets() -> None:
     listener = Listener()
-    listener.ask(START)
+    listener.request(START)
     listener.run(2.0)
-    listener.stream.forget(BOB.address)
-    count = len(listener.heard)
+    listener.stream.drop_peer(BOB.address)
+    count = len(listener.received)
     listener.run(1.0)
-    assert len(listener.heard) > count
-    listener.stream.forget(ALICE.address)
-    count = len(listener.heard)
+    assert len(listener.received) > count
+    listener.stream.drop_peer(ALICE.address)
+    count = len(listener.received)
     listener.run(1.0)
-    assert len(listener.heard) == count
+    assert len(listener.received) == count
 
 
-def test_what_does_not_fit_is_told_as_missing() -> None:
+def test_dropped_data_is_marked_by_a_dropout() -> None:
     listener = Listener()
-    listener.ask(START)
+    listener.request(START)
     topics = listener.book.topics
     for i in range(4):
         big = struct.pack("<Hc", 60_000, b"D") + bytes(60_000)
         chunk = LogStreamChunk(1, 500_000 * i, is_definition=False, data=big * 2)
         topics.log_stream.publish(chunk)
     listener._hear(listener.stream.tick(0))
-    assert len(listener.stream._data) <= MAX_WAITING
+    assert len(listener.stream._data) <= QUEUE_MAX
     listener.stream._data.clear()
     topics.log_stream.publish(LogStreamChunk(1, 9_000_000, is_definition=False, data=b""))
-    (told,) = listener.stream.tick(0)
-    size, kind, missing_ms = struct.unpack("<HcH", bytes(told.message.data[:5]))
+    (reported,) = listener.stream.tick(0)
+    size, kind, missing_ms = struct.unpack("<HcH", bytes(reported.message.data[:5]))
     assert (size, kind) == (2, b"O")
     assert missing_ms == pytest.approx(8_000, abs=500)
 
 
 @given(st.lists(st.integers(0, 700), max_size=12), st.booleans())
-def test_packets_tell_where_the_first_message_begins(sizes: list[int], header: bool) -> None:
+def test_packets_have_the_offset_of_the_first_message(sizes: list[int], header: bool) -> None:
     chunk, beginnings = b"", []
     if header:
         beginnings.append(0)
@@ -186,9 +188,9 @@ def test_packets_tell_where_the_first_message_begins(sizes: list[int], header: b
     for size in sizes:
         beginnings.append(len(chunk))
         chunk += struct.pack("<Hc", size, b"D") + bytes(size)
-    packets = list(cut(chunk))
+    packets = list(split(chunk))
     assert b"".join(packet.data for packet in packets) == chunk
     for i, packet in enumerate(packets):
         start, end = i * DATA_MAX, i * DATA_MAX + len(packet.data)
         within = [b - start for b in beginnings if start <= b < end]
-        assert packet.first_message == (within[0] if within else NO_BEGINNING)
+        assert packet.first_message == (within[0] if within else NO_MESSAGE)

@@ -33,7 +33,7 @@ def stored(**fields: Any) -> StoredItem:
     st.integers(-900_000_000, 900_000_000),
     st.integers(-1_800_000_000, 1_800_000_000),
 )
-def test_a_download_gives_back_the_bytes_of_the_upload(
+def test_a_download_returns_the_uploaded_bytes(
     frame: int, command: int, floats: list[float], x: int, y: int
 ) -> None:
     p1, p2, p3, p4, z = floats
@@ -87,7 +87,7 @@ def test_other_frames_are_refused(frame: int) -> None:
         ({"z": math.inf}, 12),
     ],
 )
-def test_impossible_numbers_are_refused_by_parameter(fields: dict[str, Any], result: int) -> None:
+def test_invalid_numbers_are_refused_by_parameter(fields: dict[str, Any], result: int) -> None:
     fault = read_item(mission_item(0, **fields))
     assert isinstance(fault, ItemFault)
     assert fault.result == result
@@ -99,20 +99,20 @@ def float_item(**fields: Any) -> Any:
     return mavlink.MAVLink_mission_item_message(**values)
 
 
-def test_the_deprecated_item_is_read_with_its_float_degrees() -> None:
+def test_the_deprecated_item_has_float_degrees() -> None:
     item = read_item(float_item())
     assert isinstance(item, StoredItem)
     assert (item.x, item.y) == (404_434_000, -37_382_000)
 
 
 @pytest.mark.parametrize(("x", "result"), [(1e30, 10), (-91.0, 10), (math.inf, 10)])
-def test_the_deprecated_item_off_the_earth_is_refused(x: float, result: int) -> None:
+def test_the_deprecated_item_with_invalid_coordinates_is_refused(x: float, result: int) -> None:
     fault = read_item(float_item(x=x))
     assert isinstance(fault, ItemFault)
     assert fault.result == result
 
 
-def test_an_empty_plan_has_the_id_0_and_no_other_has() -> None:
+def test_only_an_empty_plan_has_id_0() -> None:
     assert plan_id([]) == 0
     assert plan_id([stored()]) != 0
 
@@ -139,6 +139,6 @@ def test_any_change_to_a_plan_changes_its_id(change: dict[str, Any]) -> None:
     assert plan_id([stored(), stored(**change)]) != plan_id([stored(), stored()])
 
 
-def test_the_order_of_a_plan_counts() -> None:
+def test_the_id_depends_on_the_order_of_items() -> None:
     one, other = stored(z=1.0), stored(z=2.0)
     assert plan_id([one, other]) != plan_id([other, one])

@@ -33,7 +33,7 @@ def resealed(body: bytes) -> bytes:
 
 
 @given(TYPES, PLANS)
-def test_a_plan_comes_back_as_it_went_with_the_same_id(
+def test_a_plan_file_is_read_back_with_the_same_id(
     mission_type: int, plan: tuple[StoredItem, ...]
 ) -> None:
     back = decode(mission_type, encode(mission_type, plan))
@@ -42,9 +42,7 @@ def test_a_plan_comes_back_as_it_went_with_the_same_id(
 
 
 @given(PLANS, st.data())
-def test_a_file_that_is_cut_off_is_no_plan(
-    plan: tuple[StoredItem, ...], data: st.DataObject
-) -> None:
+def test_a_truncated_file_is_not_a_plan(plan: tuple[StoredItem, ...], data: st.DataObject) -> None:
     contents = encode(0, plan)
     length = data.draw(st.integers(0, len(contents) - 1))
     with pytest.raises(PlanFileError):
@@ -52,7 +50,7 @@ def test_a_file_that_is_cut_off_is_no_plan(
 
 
 @given(PLANS, st.data())
-def test_a_flipped_bit_is_noticed(plan: tuple[StoredItem, ...], data: st.DataObject) -> None:
+def test_a_flipped_bit_is_detected(plan: tuple[StoredItem, ...], data: st.DataObject) -> None:
     contents = bytearray(encode(0, plan))
     position = data.draw(st.integers(0, len(contents) - 1))
     contents[position] ^= 1 << data.draw(st.integers(0, 7))
@@ -61,7 +59,7 @@ def test_a_flipped_bit_is_noticed(plan: tuple[StoredItem, ...], data: st.DataObj
 
 
 @given(st.binary(max_size=200))
-def test_any_bytes_are_a_plan_or_refused(contents: bytes) -> None:
+def test_any_bytes_are_decoded_or_refused(contents: bytes) -> None:
     with pytest.raises(PlanFileError):
         decode(0, contents)
 
@@ -69,14 +67,14 @@ def test_any_bytes_are_a_plan_or_refused(contents: bytes) -> None:
 @pytest.mark.parametrize(
     ("contents", "reason"),
     [
-        (b"", "cut off"),
-        (encode(0, [ITEM])[:-5], "cut off"),
+        (b"", "truncated"),
+        (encode(0, [ITEM])[:-5], "truncated"),
         (encode(0, [ITEM])[:-1] + b"\0", "damaged"),
         (encode(1, [ITEM]), "type 1, not 0"),
-        (resealed(b"XXXX" + encode(0, [ITEM])[4:-4]), "no plan"),
+        (resealed(b"XXXX" + encode(0, [ITEM])[4:-4]), "not a plan"),
         (resealed(b"UAVP\x02" + encode(0, [ITEM])[5:-4]), "version 2"),
     ],
 )
-def test_what_is_wrong_is_said(contents: bytes, reason: str) -> None:
+def test_the_error_names_the_fault(contents: bytes, reason: str) -> None:
     with pytest.raises(PlanFileError, match=reason):
         decode(0, contents)

@@ -1,13 +1,14 @@
 import math
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.unit.uav_firmware.modules.mavlink.harness import BROKER, SYSTEM, Bench
+from tests.unit.uav_firmware.modules.mavlink.harness import BROKER, SYSTEM, MavlinkHarness
+from uav_firmware.modules.mavlink.parameters.parameter_server import READ_ONLY, VehicleFacts
 from uav_firmware.modules.mavlink.wire.dialect import frame, mavlink, pack
 from uav_firmware.parameters import Registry, param
 
@@ -52,8 +53,8 @@ def registry() -> Registry:
     return made
 
 
-def bench(**options: Any) -> Bench:
-    return Bench(registry=registry(), **options)
+def harness(**options: Any) -> MavlinkHarness:
+    return MavlinkHarness(registry=registry(), **options)
 
 
 def request_list(**target: int) -> Any:
@@ -74,8 +75,8 @@ def real(value: float) -> bytes:
     return struct.pack("<f", value)
 
 
-def say_raw(test: Bench, name: bytes, raw: bytes, kind: int) -> None:
-    """Say a PARAM_SET whose value field holds exactly these four bytes."""
+def say_raw(test: MavlinkHarness, name: bytes, raw: bytes, kind: int) -> None:
+    """Send a PARAM_SET whose value field has exactly these four bytes."""
     payload = pack(write(name, real(1.0), kind))
     datagram = frame(payload._replace(body=raw + payload.body[4:]), 0, 255, 190)
     test.memory.incoming.append((datagram, ("192.0.2.2", 14550)))
@@ -85,17 +86,17 @@ def raw_value(message: Any) -> bytes:
     return bytes(message.get_msgbuf()[10:14])
 
 
-def test_the_list_begins_with_the_hash_and_holds_every_parameter_once() -> None:
-    test = bench()
-    test.say(request_list())
+def test_the_list_begins_with_the_hash_and_has_every_parameter_once() -> None:
+    test = harness()
+    test.send(request_list())
     test.run(SECOND_US)
-    first, *rest = test.hear("PARAM_VALUE")
+    first, *rest = test.received("PARAM_VALUE")
     assert (first.param_id, first.param_type, first.param_index) == ("_HASH_CHECK", UINT32, 0xFFFF)
     assert [m.param_id for m in rest] == test.registry.names()
     assert [m.param_index for m in rest] == [0, 1, 2, 3]
     assert {m.param_count for m in rest} == {4}
     assert {m.param_type for m in rest} == {INT32, REAL32}
-    assert test.hear("PARAM_VALUE", at=BROKER) == []
+    assert test.received("PARAM_VALUE", at=BROKER) == []
 
 
 def raw_crc32(data: bytes) -> int:
@@ -112,11 +113,11 @@ def raw_crc32(data: bytes) -> int:
 def test_the_hash_is_that_of_names_and_values_without_the_volatile_ones(
     altitude: float, action: int
 ) -> None:
-    test = bench()
+    test = harness()
     test.registry.set("MIS_TAKEOFF_ALT", altitude)
     test.registry.set("NAV_DLL_ACT", action)
     test.registry.set("LND_FLIGHT_T_LO", 77)
-    (message,) = test.ask(read(b"_HASH_CHECK"), "PARAM_VALUE")
+    (message,) = test.request(read(b"_HASH_CHECK"), "PARAM_VALUE")
     covered = (
         b"ABCDEFGHIJKLMNOP" + real(1.0) + b"MIS_TAKEOFF_ALT" + real(altitude)
         + b"NAV_DLL_ACT" + struct.pack("<i", action)
@@ -127,83 +128,83 @@ def test_the_hash_is_that_of_names_and_values_without_the_volatile_ones(
 def test_a_ground_station_that_knows_the_hash_stops_the_list() -> None:
     made = Registry()
     made.add(SomeParams)
-    test = Bench(registry=made)
-    test.say(request_list())
+    test = MavlinkHarness(registry=made)
+    test.send(request_list())
     test.run()
-    (first,) = test.hear("PARAM_VALUE")
-    test.say(write(b"_HASH_CHECK", real(first.param_value), UINT32))
+    (first,) = test.received("PARAM_VALUE")
+    test.send(write(b"_HASH_CHECK", real(first.param_value), UINT32))
     test.run(SECOND_US)
-    assert len(test.hear("PARAM_VALUE")) <= 2
+    assert len(test.received("PARAM_VALUE")) <= 2
 
 
-def test_a_second_request_begins_the_list_again() -> None:
-    test = bench()
-    test.say(request_list())
+def test_a_second_request_restarts_the_list() -> None:
+    test = harness()
+    test.send(request_list())
     test.run(8_000)
-    test.say(request_list())
-    test.hear()
+    test.send(request_list())
+    test.received()
     test.run(SECOND_US)
-    assert [m.param_index for m in test.hear("PARAM_VALUE")] == [0xFFFF, 0, 1, 2, 3]
+    assert [m.param_index for m in test.received("PARAM_VALUE")] == [0xFFFF, 0, 1, 2, 3]
 
 
 def test_a_value_is_read_by_name_and_by_index() -> None:
-    test = bench()
-    (by_name,) = test.ask(read(b"MIS_TAKEOFF_ALT"), "PARAM_VALUE")
-    (by_index,) = test.ask(read(b"", by_name.param_index), "PARAM_VALUE")
+    test = harness()
+    (by_name,) = test.request(read(b"MIS_TAKEOFF_ALT"), "PARAM_VALUE")
+    (by_index,) = test.request(read(b"", by_name.param_index), "PARAM_VALUE")
     assert by_name.to_dict() == by_index.to_dict()
     assert by_name.param_value == 2.5
-    (longest,) = test.ask(read(b"ABCDEFGHIJKLMNOP"), "PARAM_VALUE")
+    (longest,) = test.request(read(b"ABCDEFGHIJKLMNOP"), "PARAM_VALUE")
     assert longest.param_id == "ABCDEFGHIJKLMNOP"
 
 
 @pytest.mark.parametrize(("name", "index"), [(b"NOT_THERE", -1), (b"", 4), (b"", -2), (b"", 32767)])
-def test_what_does_not_exist_is_an_error(name: bytes, index: int) -> None:
-    test = bench()
-    (error,) = test.ask(read(name, index), "PARAM_ERROR")
+def test_unknown_parameters_are_an_error(name: bytes, index: int) -> None:
+    test = harness()
+    (error,) = test.request(read(name, index), "PARAM_ERROR")
     assert error.error == DOES_NOT_EXIST
-    assert test.hear("PARAM_VALUE") == []
+    assert test.received("PARAM_VALUE") == []
 
 
 @given(st.integers(-0x80000000, 0x7FFFFFFF))
-def test_an_integer_is_set_and_told_bit_for_bit(value: int) -> None:
-    test = bench()
+def test_an_integer_is_set_and_returned_bit_for_bit(value: int) -> None:
+    test = harness()
     raw = struct.pack("<i", value)
     say_raw(test, b"NAV_DLL_ACT", raw, INT32)
     test.run()
     assert test.registry.get("NAV_DLL_ACT") == value
-    (told,) = test.hear("PARAM_VALUE")
-    assert raw_value(told) == raw
-    assert test.hear("PARAM_ERROR") == []
+    (reported,) = test.received("PARAM_VALUE")
+    assert raw_value(reported) == raw
+    assert test.received("PARAM_ERROR") == []
 
 
 @given(st.integers(-0x1000000, 0x1000000))
-def test_a_whole_number_as_a_real_sets_an_integer(value: int) -> None:
-    test = bench()
+def test_an_integer_as_a_real_sets_an_integer(value: int) -> None:
+    test = harness()
     say_raw(test, b"NAV_DLL_ACT", real(value), REAL32)
     test.run()
     assert test.registry.get("NAV_DLL_ACT") == value
-    (told,) = test.hear("PARAM_VALUE")
-    assert (raw_value(told), told.param_type) == (struct.pack("<i", value), INT32)
+    (reported,) = test.received("PARAM_VALUE")
+    assert (raw_value(reported), reported.param_type) == (struct.pack("<i", value), INT32)
 
 
 @pytest.mark.parametrize("raw", [real(2.5), real(math.nan), real(math.inf), struct.pack("<i", 5)])
-def test_a_real_that_is_no_whole_number_does_not_set_an_integer(raw: bytes) -> None:
-    test = bench()
+def test_a_fractional_real_does_not_set_an_integer(raw: bytes) -> None:
+    test = harness()
     before = test.registry.get("NAV_DLL_ACT")
     say_raw(test, b"NAV_DLL_ACT", raw, REAL32)
     test.run()
-    assert [m.error for m in test.hear("PARAM_ERROR")] == [TYPE_MISMATCH]
+    assert [m.error for m in test.received("PARAM_ERROR")] == [TYPE_MISMATCH]
     assert test.registry.get("NAV_DLL_ACT") == before
 
 
-def test_a_change_is_told_to_every_peer_and_saved() -> None:
+def test_a_change_is_sent_to_every_peer_and_saved() -> None:
     saved: list[float | int] = []
     made = registry()
-    test = Bench(registry=made, save=lambda: saved.append(made.get("MIS_TAKEOFF_ALT")))
-    test.say(write(b"MIS_TAKEOFF_ALT", real(7.5), REAL32))
+    test = MavlinkHarness(registry=made, save=lambda: saved.append(made.get("MIS_TAKEOFF_ALT")))
+    test.send(write(b"MIS_TAKEOFF_ALT", real(7.5), REAL32))
     test.run()
-    assert [m.param_value for m in test.hear("PARAM_VALUE")] == [7.5]
-    assert [m.param_value for m in test.hear("PARAM_VALUE", at=BROKER)] == [7.5]
+    assert [m.param_value for m in test.received("PARAM_VALUE")] == [7.5]
+    assert [m.param_value for m in test.received("PARAM_VALUE", at=BROKER)] == [7.5]
     assert saved == [7.5]
 
 
@@ -219,43 +220,43 @@ def test_a_change_is_told_to_every_peer_and_saved() -> None:
         (real(5.0), 0, TYPE_MISMATCH),
     ],
 )
-def test_a_bad_value_changes_nothing_and_is_answered_with_the_present_one(
+def test_an_invalid_value_changes_nothing_and_is_answered_with_the_current_one(
     raw: bytes, kind: int, error: int
 ) -> None:
     saved: list[bool] = []
-    test = Bench(registry=registry(), save=lambda: saved.append(True))
+    test = MavlinkHarness(registry=registry(), save=lambda: saved.append(True))
     say_raw(test, b"MIS_TAKEOFF_ALT", raw, kind)
     test.run()
-    heard = test.hear()
-    assert [m.param_value for m in heard if m.get_type() == "PARAM_VALUE"] == [2.5]
-    assert [m.error for m in heard if m.get_type() == "PARAM_ERROR"] == [error]
+    received = test.received()
+    assert [m.param_value for m in received if m.get_type() == "PARAM_VALUE"] == [2.5]
+    assert [m.error for m in received if m.get_type() == "PARAM_ERROR"] == [error]
     assert saved == []
 
 
 def test_an_unknown_name_cannot_be_set() -> None:
-    test = bench()
-    (error,) = test.ask(write(b"NOT_THERE", real(1.0), REAL32), "PARAM_ERROR")
+    test = harness()
+    (error,) = test.request(write(b"NOT_THERE", real(1.0), REAL32), "PARAM_ERROR")
     assert (error.error, error.param_id) == (DOES_NOT_EXIST, "NOT_THERE")
 
 
-def test_a_change_that_cannot_be_saved_holds_and_is_told() -> None:
+def test_a_change_that_cannot_be_saved_applies_and_is_reported() -> None:
     def refuse() -> None:
         raise OSError(28, "No space left on device")
 
-    test = Bench(registry=registry(), save=refuse)
-    test.say(write(b"MIS_TAKEOFF_ALT", real(7.5), REAL32))
+    test = MavlinkHarness(registry=registry(), save=refuse)
+    test.send(write(b"MIS_TAKEOFF_ALT", real(7.5), REAL32))
     test.run()
-    heard = test.hear()
-    assert [m.param_value for m in heard if m.get_type() == "PARAM_VALUE"] == [7.5]
-    assert "No space left" in "".join(m.text for m in heard if m.get_type() == "STATUSTEXT")
+    received = test.received()
+    assert [m.param_value for m in received if m.get_type() == "PARAM_VALUE"] == [7.5]
+    assert "No space left" in "".join(m.text for m in received if m.get_type() == "STATUSTEXT")
 
 
 def test_requests_for_another_system_are_ignored() -> None:
-    test = bench()
-    assert test.ask(request_list(target_system=SYSTEM + 1), "PARAM_VALUE") == []
+    test = harness()
+    assert test.request(request_list(target_system=SYSTEM + 1), "PARAM_VALUE") == []
 
 
-def test_a_long_list_is_paced_and_telemetry_goes_on() -> None:
+def test_a_long_list_is_rate_limited_and_telemetry_continues() -> None:
     many = type(
         "Many",
         (),
@@ -268,32 +269,58 @@ def test_a_long_list_is_paced_and_telemetry_goes_on() -> None:
     group = type("Group", (many,), {"__annotations__": dict.fromkeys(fields, float), **fields})
     made = Registry()
     made.add(dataclass(frozen=True)(group))
-    test = Bench(registry=made)
-    test.say(request_list())
+    test = MavlinkHarness(registry=made)
+    test.send(request_list())
     test.run(SECOND_US)
-    heard = test.hear()
-    assert 900 <= sum(m.get_type() == "PARAM_VALUE" for m in heard) <= 1001
-    assert sum(m.get_type() == "ATTITUDE" for m in heard) >= 14
+    received = test.received()
+    assert 900 <= sum(m.get_type() == "PARAM_VALUE" for m in received) <= 1001
+    assert sum(m.get_type() == "ATTITUDE" for m in received) >= 14
     test.run(SECOND_US // 4)
-    told = [m.param_index for m in test.hear("PARAM_VALUE")]
-    assert told[-1] == 999
+    reported = [m.param_index for m in test.received("PARAM_VALUE")]
+    assert reported[-1] == 999
 
 
-def test_what_is_locked_while_armed_is_answered_with_permission_denied() -> None:
-    test = bench()
+def test_a_locked_parameter_is_answered_with_permission_denied() -> None:
+    test = harness()
     test.registry.add(LockedParams)
     test.registry.armed = True
     say_raw(test, b"CA_ROTOR0_PX", real(0.5), REAL32)
     test.run(SECOND_US // 10)
-    (error,) = test.hear("PARAM_ERROR")
+    (error,) = test.received("PARAM_ERROR")
     assert (error.param_id, error.error) == ("CA_ROTOR0_PX", PERMISSION_DENIED)
     assert test.registry.get("CA_ROTOR0_PX") == pytest.approx(0.1)
 
 
 def test_a_value_that_the_vehicle_changes_itself_is_announced() -> None:
-    test = bench()
+    test = harness()
     test.registry.set("NAV_DLL_ACT", 1)
     test.registry.put_back("NAV_DLL_ACT")
     test.run(SECOND_US // 10)
-    (value,) = test.hear("PARAM_VALUE")
+    (value,) = test.received("PARAM_VALUE")
     assert (value.param_id, raw_value(value)) == ("NAV_DLL_ACT", bytes(4))
+
+
+def bench_with_facts() -> MavlinkHarness:
+    registry = Registry()
+    registry.add(VehicleFacts)
+    return MavlinkHarness(registry=registry)
+
+
+def test_every_fact_is_read_only() -> None:
+    assert {entry.metadata["parameter"].name for entry in fields(VehicleFacts)} == READ_ONLY
+
+
+def set_to(name: str, value: int) -> Any:
+    carried = struct.unpack("<f", struct.pack("<i", value))[0]
+    return mavlink.MAVLink_param_set_message(SYSTEM, 1, name.encode(), carried, 6)
+
+
+@pytest.mark.parametrize(("value", "error"), [(1, []), (2, [mavlink.MAV_PARAM_ERROR_READ_ONLY])])
+def test_a_read_only_parameter_accepts_only_its_value(value: int, error: list[int]) -> None:
+    test = bench_with_facts()
+    test.send(set_to("COM_RC_IN_MODE", value))
+    test.run()
+    received = test.received()
+    assert [m.error for m in received if m.get_type() == "PARAM_ERROR"] == error
+    assert [m.param_id for m in received if m.get_type() == "PARAM_VALUE"] == ["COM_RC_IN_MODE"]
+    assert test.registry.get("COM_RC_IN_MODE") == 1

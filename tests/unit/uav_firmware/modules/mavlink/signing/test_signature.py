@@ -1,4 +1,4 @@
-"""Signatures: what is genuine is heard once, all else is not, and leaves no trace."""
+"""Signatures: genuine frames are accepted once, others never change the state."""
 
 from typing import Any
 
@@ -43,21 +43,21 @@ def signed(time: int, *, key: bytes = KEY, link: int = 0, body: bytes = BODY) ->
     return signer(key, time=time).sign(body, link)
 
 
-def test_what_stock_pymavlink_signs_is_genuine() -> None:
+def test_signatures_of_stock_pymavlink_are_genuine() -> None:
     codec = common.MAVLink(None, srcSystem=7, srcComponent=1)
     codec.signing.secret_key = KEY
     codec.signing.timestamp = WORLD
     codec.signing.link_id = 3
     codec.signing.sign_outgoing = True
     frame = common.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3).pack(codec)
-    assert signer().judge(bytes(frame), 7, 1) is None
-    assert signer(OTHER_KEY).judge(bytes(frame), 7, 1) is Refusal.BAD_SIGNATURE
+    assert signer().verify(bytes(frame), 7, 1) is None
+    assert signer(OTHER_KEY).verify(bytes(frame), 7, 1) is Refusal.BAD_SIGNATURE
 
 
-def test_stock_pymavlink_takes_what_we_sign() -> None:
+def test_stock_pymavlink_accepts_our_signatures() -> None:
     heartbeat = common.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
     plain = bytearray(heartbeat.pack(common.MAVLink(None, 7, 1)))
-    plain[2] = 1  # signed
+    plain[2] = 1  # Signed flag
     crc = common.x25crc(bytes(plain[1:-2]) + bytes([heartbeat.crc_extra])).crc
     frame = signer().sign(bytes(plain[:-2]) + crc.to_bytes(2, "little"), 3)
     reader = common.MAVLink(None)
@@ -68,45 +68,45 @@ def test_stock_pymavlink_takes_what_we_sign() -> None:
 
 
 @given(st.integers(0, len(BODY) + 12), st.integers(0, 7))
-def test_a_frame_with_any_bit_turned_is_no_longer_genuine(position: int, bit: int) -> None:
+def test_any_flipped_bit_invalidates_a_signature(position: int, bit: int) -> None:
     frame = bytearray(signed(WORLD))
     frame[position] ^= 1 << bit
-    assert signer().judge(bytes(frame), 1, 1) is Refusal.BAD_SIGNATURE
+    assert signer().verify(bytes(frame), 1, 1) is Refusal.BAD_SIGNATURE
 
 
-def test_a_frame_is_heard_once() -> None:
+def test_a_frame_is_accepted_once() -> None:
     ours, frame = signer(), signed(WORLD)
-    assert ours.judge(frame, 1, 1) is None
-    assert ours.judge(frame, 1, 1) is Refusal.REPLAYED
+    assert ours.verify(frame, 1, 1) is None
+    assert ours.verify(frame, 1, 1) is Refusal.REPLAYED
 
 
-def test_an_older_frame_of_a_stream_is_refused_however_little_older() -> None:
+def test_any_older_frame_of_a_stream_is_refused() -> None:
     ours = signer()
-    assert ours.judge(signed(WORLD), 1, 1) is None
-    assert ours.judge(signed(WORLD - 1), 1, 1) is Refusal.REPLAYED
-    assert ours.judge(signed(WORLD + 1), 1, 1) is None
+    assert ours.verify(signed(WORLD), 1, 1) is None
+    assert ours.verify(signed(WORLD - 1), 1, 1) is Refusal.REPLAYED
+    assert ours.verify(signed(WORLD + 1), 1, 1) is None
 
 
 @pytest.mark.parametrize(
     ("link", "system", "component"), [(1, 1, 1), (0, 2, 1), (0, 1, 2)], ids=str
 )
-def test_streams_are_told_apart(link: int, system: int, component: int) -> None:
+def test_streams_are_distinguished(link: int, system: int, component: int) -> None:
     ours = signer()
-    assert ours.judge(signed(WORLD), 1, 1) is None
-    assert ours.judge(signed(WORLD, link=link), system, component) is None
+    assert ours.verify(signed(WORLD), 1, 1) is None
+    assert ours.verify(signed(WORLD, link=link), system, component) is None
 
 
 def test_a_new_stream_may_be_a_minute_behind_and_no_more() -> None:
-    assert signer().judge(signed(WORLD - MINUTE), 1, 1) is None
-    assert signer().judge(signed(WORLD - MINUTE - 1), 1, 1) is Refusal.REPLAYED
+    assert signer().verify(signed(WORLD - MINUTE), 1, 1) is None
+    assert signer().verify(signed(WORLD - MINUTE - 1), 1, 1) is Refusal.REPLAYED
 
 
-def test_a_known_stream_may_stay_far_behind_as_long_as_it_rises() -> None:
+def test_a_known_stream_may_lag_if_its_times_increase() -> None:
     world = World()
     ours = signer(world=world)
-    assert ours.judge(signed(WORLD), 1, 1) is None
+    assert ours.verify(signed(WORLD), 1, 1) is None
     world.time += 100 * MINUTE
-    assert ours.judge(signed(WORLD + 1), 1, 1) is None
+    assert ours.verify(signed(WORLD + 1), 1, 1) is None
 
 
 @given(st.binary(min_size=6, max_size=6), st.integers(0, (1 << 48) - 1))
@@ -115,18 +115,18 @@ def test_a_forged_frame_from_the_future_does_not_lock_the_genuine_sender_out(
 ) -> None:
     ours = signer()
     forged = BODY + b"\0" + time.to_bytes(6, "little") + mark
-    assert ours.judge(forged, 1, 1) is Refusal.BAD_SIGNATURE
-    assert ours.judge(signed(WORLD), 1, 1) is None
+    assert ours.verify(forged, 1, 1) is Refusal.BAD_SIGNATURE
+    assert ours.verify(signed(WORLD), 1, 1) is None
 
 
-def test_a_genuine_time_at_the_end_of_all_times_does_not_stop_the_clock() -> None:
+def test_a_genuine_time_beyond_the_limit_does_not_stop_the_clock() -> None:
     ours = signer()
-    assert ours.judge(signed(LATEST + 1), 1, 1) is Refusal.REPLAYED
-    assert ours.judge(signed(LATEST), 1, 1) is None
+    assert ours.verify(signed(LATEST + 1), 1, 1) is Refusal.REPLAYED
+    assert ours.verify(signed(LATEST), 1, 1) is None
     assert len({ours.sign(BODY, 0) for _ in range(100)}) == 100
 
 
-def test_times_of_sent_frames_rise_though_the_world_stands_still_or_goes_back() -> None:
+def test_sent_times_increase_when_the_world_clock_stops_or_steps_back() -> None:
     world = World()
     clock = SigningClock(world)
     first = clock.next()
@@ -138,31 +138,31 @@ def test_the_clock_follows_the_newest_genuine_frame_and_no_forged_one() -> None:
     world = World()
     clock = SigningClock(world)
     ours = Signer(KEY, clock)
-    ours.judge(signed(WORLD + 10 * MINUTE, key=OTHER_KEY), 1, 1)
+    ours.verify(signed(WORLD + 10 * MINUTE, key=OTHER_KEY), 1, 1)
     assert clock.now() == WORLD
-    ours.judge(signed(WORLD + 10 * MINUTE), 1, 1)
+    ours.verify(signed(WORLD + 10 * MINUTE), 1, 1)
     assert clock.next() >= WORLD + 10 * MINUTE
 
 
-def test_a_run_begins_above_the_times_of_the_one_before() -> None:
-    clock = SigningClock(World(0), used=WORLD, heard=WORLD - MINUTE)
+def test_a_run_starts_above_the_times_of_the_previous_one() -> None:
+    clock = SigningClock(World(0), used=WORLD, observed=WORLD - MINUTE)
     assert clock.next() == WORLD + 1
     assert clock.now() == WORLD - MINUTE
 
 
-def test_the_table_of_streams_is_bounded_and_stale_ones_make_room() -> None:
+def test_the_number_of_streams_is_bounded_and_old_ones_are_replaced() -> None:
     world = World()
     ours = signer(world=world)
     for system in range(MAX_STREAMS):
-        assert ours.judge(signed(WORLD), system, 1) is None
-    assert ours.judge(signed(WORLD), 1, 2) is Refusal.REPLAYED
-    assert ours.judge(signed(WORLD + 1), 1, 1) is None
+        assert ours.verify(signed(WORLD), system, 1) is None
+    assert ours.verify(signed(WORLD), 1, 2) is Refusal.REPLAYED
+    assert ours.verify(signed(WORLD + 1), 1, 1) is None
     world.time += 2 * MINUTE
-    assert ours.judge(signed(WORLD + 2 * MINUTE), 1, 2) is None
-    assert ours.judge(signed(WORLD), 5, 1) is Refusal.REPLAYED
+    assert ours.verify(signed(WORLD + 2 * MINUTE), 1, 2) is None
+    assert ours.verify(signed(WORLD), 5, 1) is Refusal.REPLAYED
 
 
 @pytest.mark.parametrize("key", [b"", bytes(32), bytes(31), b"x" * 33])
-def test_what_is_no_key_is_refused(key: bytes) -> None:
+def test_invalid_keys_are_refused(key: bytes) -> None:
     with pytest.raises(ValueError, match="signing key"):
         signer(key)

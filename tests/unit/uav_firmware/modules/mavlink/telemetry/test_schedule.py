@@ -16,7 +16,7 @@ def counts(schedule: Schedule, duration_us: int, start_us: int = 0) -> dict[int,
 
 
 @given(st.integers(0, 500), st.sampled_from([4_000, 20_000, 66_667, 100_000, 500_000, 1_000_000]))
-def test_a_message_comes_at_its_rate(message_id: int, interval_us: int) -> None:
+def test_a_message_is_due_at_its_rate(message_id: int, interval_us: int) -> None:
     seen = counts(Schedule({message_id: interval_us}), 10_000_000)
     assert abs(seen[message_id] - 10_000_000 / interval_us) <= 1.0 + 10_000_000 / interval_us * 0.01
 
@@ -40,7 +40,7 @@ def test_messages_of_one_rate_are_spread_over_the_steps() -> None:
     assert most <= 2
 
 
-def test_a_message_asked_for_comes_at_once_and_one_stopped_no_more() -> None:
+def test_set_interval_starts_and_stops_a_stream() -> None:
     schedule = Schedule({1: 1_000_000})
     schedule.take_due(0)
     schedule.set_interval(2, 500_000, 8_000)
@@ -50,21 +50,21 @@ def test_a_message_asked_for_comes_at_once_and_one_stopped_no_more() -> None:
     assert counts(schedule, 3_000_000, 12_000) == {}
 
 
-def test_a_gap_in_time_is_not_made_up_for() -> None:
+def test_missed_times_are_not_caught_up() -> None:
     schedule = Schedule({1: 100_000})
     schedule.take_due(0)
     assert schedule.take_due(60_000_000) == [1]
     assert schedule.take_due(60_000_000 + STEP_US) == []
 
 
-def test_intervals_and_defaults_are_told() -> None:
+def test_intervals_and_defaults_are_reported() -> None:
     schedule = Schedule({1: 1_000_000})
     schedule.set_interval(1, 250_000, 0)
     assert (schedule.interval_us(1), schedule.default_interval_us(1)) == (250_000, 1_000_000)
     assert (schedule.interval_us(2), schedule.default_interval_us(2)) == (0, 0)
 
 
-def test_the_shortest_interval_follows_what_is_asked_for() -> None:
+def test_the_shortest_interval_follows_requests() -> None:
     schedule = Schedule({1: 100_000, 2: 1_000_000})
     assert schedule.shortest_interval_us == 100_000
     schedule.set_interval(2, 20_000, 0)

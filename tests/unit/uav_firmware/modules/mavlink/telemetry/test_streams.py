@@ -13,7 +13,7 @@ from tests.unit.uav_firmware.modules.mavlink.harness import (
     LATITUDE_DEG,
     LOCAL,
     LONGITUDE_DEG,
-    Bench,
+    MavlinkHarness,
     empty_topics,
     flying_topics,
     status,
@@ -22,17 +22,22 @@ from uav_firmware.bus import Topic
 from uav_firmware.modules.mavlink.commands.modes import OFFERED
 from uav_firmware.modules.mavlink.telemetry.context import BatteryThresholds, Context
 from uav_firmware.modules.mavlink.telemetry.status import charge_state
-from uav_firmware.modules.mavlink.telemetry.streams import BUILDERS, STREAMS, LinkMode, stream_key
-from uav_firmware.modules.mavlink.telemetry.streams import built as built_all
-from uav_firmware.modules.mavlink.topics import MavlinkTopics
+from uav_firmware.modules.mavlink.telemetry.streams import (
+    BUILDERS,
+    STREAMS,
+    LinkMode,
+    LinkParams,
+    stream_key,
+)
+from uav_firmware.modules.mavlink.telemetry.streams import build as built_all
 from uav_firmware.modules.mavlink.wire.addressing import CAMERA_COMPONENT
 from uav_firmware.modules.mavlink.wire.dialect import frame, mavlink, pack
-from uav_firmware.modules.mavlink.wire.link_params import LinkParams
 from uav_firmware.msg.control_mode import ManualControlSetpoint
 from uav_firmware.msg.estimate import VehicleAttitude
 from uav_firmware.msg.mission import Mission, MissionItem, MissionProgress
 from uav_firmware.msg.sensors import SensorHygrometer, SensorMag, SensorRange
 from uav_firmware.msg.status import LandDetected, LandedState, NavigationState
+from uav_firmware.topics import Topics
 
 THRESHOLDS = BatteryThresholds(low=0.15, critical=0.07, emergency=0.05)
 ITEM = MissionItem(0, 16, 3, True, True, 0, 0, 0, 0, 0, 0, 0)
@@ -80,7 +85,7 @@ PX4_ONBOARD_HZ = {
     "EXTENDED_SYS_STATE": 5,
     "GLOBAL_POSITION_INT": 50,
     "GPS_GLOBAL_ORIGIN": 1,
-    "GPS_RAW_INT": 10,  # As often as the receiver speaks
+    "GPS_RAW_INT": 10,  # Rate of the receiver
     "HEARTBEAT": 1,
     "HIGHRES_IMU": 50,
     "HOME_POSITION": 0.5,
@@ -103,55 +108,59 @@ PX4_ONBOARD_HZ = {
 }
 
 
-def context(topics: MavlinkTopics, now_us: int = 5 * SECOND_US) -> Context:
+def context(topics: Topics, now_us: int = 5 * SECOND_US) -> Context:
     return Context(topics, now_us, 1_700_000_000_000_000, 7, THRESHOLDS, (0.1, 0.2, 0.3))
 
 
-def built(name: str, topics: MavlinkTopics | None = None) -> Any:
+def build(name: str, topics: Topics | None = None) -> Any:
     identifier = getattr(mavlink, f"MAVLINK_MSG_ID_{name}")
     return BUILDERS[identifier](context(topics or flying_topics()))
 
 
-def heard_in(seconds: int, params: LinkParams | None = None) -> tuple[Counter[str], Counter[str]]:
-    """Messages that the ground station and the broker get unasked."""
-    bench = Bench(params=params)
-    bench.run(seconds * SECOND_US)
-    ground = Counter(message.get_type() for message in bench.hear(at=GROUND))
-    return ground, Counter(message.get_type() for message in bench.hear(at=BROKER))
+def received_in(
+    seconds: int, params: LinkParams | None = None
+) -> tuple[Counter[str], Counter[str]]:
+    """Default streams to ground station and broker."""
+    harness = MavlinkHarness(params=params)
+    harness.run(seconds * SECOND_US)
+    ground = Counter(message.get_type() for message in harness.received(at=GROUND))
+    return ground, Counter(message.get_type() for message in harness.received(at=BROKER))
 
 
-def test_both_links_carry_px4s_rates_unprompted() -> None:
+def test_default_rates_are_px4s() -> None:
     seconds = 20
-    heard = heard_in(seconds)
-    for link, rates_hz in zip(heard, (PX4_GROUND_STATION_HZ, PX4_ONBOARD_HZ), strict=True):
+    received = received_in(seconds)
+    for link, rates_hz in zip(received, (PX4_GROUND_STATION_HZ, PX4_ONBOARD_HZ), strict=True):
         for name, rate_hz in rates_hz.items():
             assert link[name] == pytest.approx(seconds * rate_hz, abs=2), name
 
 
-def test_a_parameter_chooses_what_a_link_carries() -> None:
-    _, normal = heard_in(10, LinkParams(onboard_mode=LinkMode.NORMAL))
+def test_a_parameter_sets_the_mode_of_a_link() -> None:
+    _, normal = received_in(10, LinkParams(onboard_mode=LinkMode.NORMAL))
     assert normal["ATTITUDE"] == pytest.approx(150, abs=2)
     assert normal["ODOMETRY"] == 0
-    ground, silent = heard_in(10, LinkParams(onboard_mode=LinkMode.CUSTOM))
-    assert set(silent) <= {"HEARTBEAT", "CURRENT_MODE", "EXTENDED_SYS_STATE", "HOME_POSITION",
+    ground, custom = received_in(10, LinkParams(onboard_mode=LinkMode.CUSTOM))
+    assert set(custom) <= {"HEARTBEAT", "CURRENT_MODE", "EXTENDED_SYS_STATE", "HOME_POSITION",
                            "MISSION_CURRENT", "GIMBAL_MANAGER_STATUS"}  # fmt: skip
-    assert silent["HEARTBEAT"] >= 10
+    assert custom["HEARTBEAT"] >= 10
     assert ground["ATTITUDE"] == pytest.approx(150, abs=2)
 
 
-def test_stamps_are_the_vehicles_time() -> None:
+def test_timestamps_are_vehicle_time() -> None:
     topics = flying_topics()
-    topics.attitude.publish(VehicleAttitude(12_345_678, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
-    assert built("ATTITUDE", topics).time_boot_ms == 12_345
-    assert built("SYSTEM_TIME").time_boot_ms == 5000
-    assert built("SYSTEM_TIME").time_unix_usec == 1_700_000_005_000_000
+    topics.vehicle_attitude.publish(
+        VehicleAttitude(12_345_678, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    )
+    assert build("ATTITUDE", topics).time_boot_ms == 12_345
+    assert build("SYSTEM_TIME").time_boot_ms == 5000
+    assert build("SYSTEM_TIME").time_unix_usec == 1_700_000_005_000_000
 
 
-def test_nothing_but_what_is_known_is_sent_at_boot() -> None:
-    bench = Bench(topics=empty_topics())
-    bench.run(3 * SECOND_US)
-    heard = {message.get_type() for message in bench.hear()}
-    assert heard == {
+def test_only_known_values_are_sent_at_boot() -> None:
+    harness = MavlinkHarness(topics=empty_topics())
+    harness.run(3 * SECOND_US)
+    received = {message.get_type() for message in harness.received()}
+    assert received == {
         "AVAILABLE_MODES",
         "AVAILABLE_MODES_MONITOR",
         "HEARTBEAT",
@@ -165,7 +174,7 @@ def test_nothing_but_what_is_known_is_sent_at_boot() -> None:
 def test_the_heartbeat_of_a_vehicle_on_a_mission() -> None:
     topics = flying_topics()
     topics.vehicle_status.publish(status(NavigationState.AUTO_MISSION, armed=True))
-    heartbeat = built("HEARTBEAT", topics)
+    heartbeat = build("HEARTBEAT", topics)
     assert (heartbeat.type, heartbeat.autopilot) == (2, 12)
     assert heartbeat.custom_mode == 0x04040000
     assert heartbeat.base_mode == 128 | 16 | 8 | 4 | 1
@@ -185,16 +194,16 @@ def test_the_system_status_follows_arming_and_failsafe(
 ) -> None:
     topics = empty_topics()
     topics.vehicle_status.publish(status(armed=armed, failsafe=failsafe))
-    heartbeat = built("HEARTBEAT", topics)
+    heartbeat = build("HEARTBEAT", topics)
     assert heartbeat.system_status == expected
     assert bool(heartbeat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED) == armed
 
 
 @pytest.mark.parametrize("ready", [True, False])
-def test_the_prearm_bit_tells_whether_arming_would_be_accepted(ready: bool) -> None:
+def test_the_prearm_bit_reports_whether_arming_is_possible(ready: bool) -> None:
     topics = flying_topics()
     topics.vehicle_status.publish(status(ready=ready))
-    message = built("SYS_STATUS", topics)
+    message = build("SYS_STATUS", topics)
     bit = mavlink.MAV_SYS_STATUS_PREARM_CHECK
     assert message.onboard_control_sensors_present & bit
     assert message.onboard_control_sensors_enabled & bit
@@ -211,68 +220,68 @@ def test_the_prearm_bit_tells_whether_arming_would_be_accepted(ready: bool) -> N
         (lambda t: t.land_detected.publish(LandDetected(0, True, True, LandedState.ON_GROUND)), ""),
     ],
 )
-def test_a_change_is_told_by_a_heartbeat_at_once(change: Any, expected: str) -> None:
-    bench = Bench()
-    bench.run(2 * SECOND_US + 100_000)
-    bench.hear()
-    change(bench.topics)
-    bench.run()
-    assert len(bench.hear("HEARTBEAT")) >= 1, expected
+def test_a_change_triggers_a_heartbeat_at_once(change: Any, expected: str) -> None:
+    harness = MavlinkHarness()
+    harness.run(2 * SECOND_US + 100_000)
+    harness.received()
+    change(harness.topics)
+    harness.run()
+    assert len(harness.received("HEARTBEAT")) >= 1, expected
 
 
-def test_a_status_repeated_without_a_change_is_not_told_again() -> None:
-    bench = Bench()
-    bench.run(2 * SECOND_US)
-    bench.hear()
+def test_an_unchanged_status_is_not_sent_again() -> None:
+    harness = MavlinkHarness()
+    harness.run(2 * SECOND_US)
+    harness.received()
     for _ in range(20):
-        bench.topics.vehicle_status.publish(status(armed=True))
-        bench.run()
-    assert len(bench.hear("HEARTBEAT")) <= 1
+        harness.topics.vehicle_status.publish(status(armed=True))
+        harness.run()
+    assert len(harness.received("HEARTBEAT")) <= 1
 
 
-def test_velocity_and_heading_have_the_right_signs() -> None:
-    message = built("GLOBAL_POSITION_INT")
+def test_velocity_and_heading_have_the_correct_signs() -> None:
+    message = build("GLOBAL_POSITION_INT")
     assert (message.vx, message.vy, message.vz) == (100, -200, 50)
     assert message.hdg == 27_000
     assert message.lat == round(LATITUDE_DEG * 1e7)
     assert message.lon == round(LONGITUDE_DEG * 1e7)
     assert message.alt == round((ALTITUDE_M + 10.0) * 1e3)
     assert message.relative_alt == 10_000
-    hud = built("VFR_HUD")
+    hud = build("VFR_HUD")
     assert (hud.heading, hud.throttle) == (270, 50)
     assert hud.climb == pytest.approx(-0.5)
     assert hud.groundspeed == pytest.approx(math.hypot(1.0, 2.0))
-    fix = built("GPS_RAW_INT")
+    fix = build("GPS_RAW_INT")
     assert fix.cog == round(math.degrees(math.atan2(-2.0, 1.0)) * 100) % 36_000
     assert fix.alt_ellipsoid == round((ALTITUDE_M + 61.6) * 1e3)
 
 
-def test_altitudes_agree_with_each_other() -> None:
-    message = built("ALTITUDE")
+def test_altitudes_are_consistent() -> None:
+    message = build("ALTITUDE")
     assert message.altitude_amsl == pytest.approx(ALTITUDE_M + 10.0)
     assert message.altitude_relative == pytest.approx(10.0)
     assert message.altitude_local == pytest.approx(10.0)
-    home = built("HOME_POSITION")
+    home = build("HOME_POSITION")
     assert home.altitude == round(ALTITUDE_M * 1e3)
     assert home.q == [1.0, 0.0, 0.0, 0.0]
 
 
-def test_a_position_that_does_not_hold_is_not_sent() -> None:
+def test_an_invalid_position_is_not_sent() -> None:
     topics = flying_topics()
-    topics.local_position.publish(LOCAL._replace(position_valid=False))
-    assert built("LOCAL_POSITION_NED", topics) is None
-    assert built("GPS_GLOBAL_ORIGIN", topics) is None
+    topics.vehicle_local_position.publish(LOCAL._replace(position_valid=False))
+    assert build("LOCAL_POSITION_NED", topics) is None
+    assert build("GPS_GLOBAL_ORIGIN", topics) is None
 
 
-def test_the_set_points_unset_parts_are_masked() -> None:
-    message = built("POSITION_TARGET_LOCAL_NED")
+def test_unset_values_of_the_set_point_are_masked() -> None:
+    message = build("POSITION_TARGET_LOCAL_NED")
     assert message.type_mask == 0b1000_0001_1111_1000 & 0xFFF | 0b1000_0000_0000
     assert (message.x, message.y, message.z, message.vx) == (3.0, 8.0, -10.0, 0.0)
-    output = built("NAV_CONTROLLER_OUTPUT")
+    output = build("NAV_CONTROLLER_OUTPUT")
     assert (output.nav_bearing, output.wp_dist) == (90, 4)
 
 
-def test_the_distance_told_is_that_of_the_waypoint_flown_to() -> None:
+def test_the_distance_is_to_the_current_waypoint() -> None:
     topics = flying_topics()
     setpoint = topics.trajectory_setpoint.value
     assert setpoint is not None
@@ -280,18 +289,18 @@ def test_the_distance_told_is_that_of_the_waypoint_flown_to() -> None:
     topics.trajectory_setpoint.publish(
         setpoint._replace(goal_ned=(north - 30.0, east + 40.0, down - 20.0))
     )
-    output = built("NAV_CONTROLLER_OUTPUT", topics)
+    output = build("NAV_CONTROLLER_OUTPUT", topics)
     assert (output.target_bearing, output.wp_dist) == (127, 50)
     assert (output.nav_bearing, output.alt_error) == (90, down + 10.0)
 
 
-def test_motors_are_told_as_pulse_widths() -> None:
-    message = built("SERVO_OUTPUT_RAW")
+def test_motors_are_sent_as_pulse_widths() -> None:
+    message = build("SERVO_OUTPUT_RAW")
     assert (message.servo1_raw, message.servo4_raw, message.servo5_raw) == (1500, 1500, 0)
 
 
 def test_battery_time_and_charge() -> None:
-    message = built("BATTERY_STATUS")
+    message = build("BATTERY_STATUS")
     assert message.voltages[0] == 11_800
     assert message.voltages[1:] == [0xFFFF] * 9
     assert message.current_consumed == 1200
@@ -300,48 +309,48 @@ def test_battery_time_and_charge() -> None:
 
 
 @given(st.floats(0.0, 1.0), st.floats(0.0, 1.0))
-def test_less_charge_is_never_a_better_state(one: float, other: float) -> None:
+def test_charge_state_is_monotonic(one: float, other: float) -> None:
     low, high = sorted((one, other))
     assert charge_state(low, THRESHOLDS) >= charge_state(high, THRESHOLDS)
 
 
 def test_the_truth_is_sent_only_on_request() -> None:
-    bench = Bench()
-    bench.run(3 * SECOND_US)
-    assert bench.hear("HIL_STATE_QUATERNION") == []
-    truth = built("HIL_STATE_QUATERNION")
+    harness = MavlinkHarness()
+    harness.run(3 * SECOND_US)
+    assert harness.received("HIL_STATE_QUATERNION") == []
+    truth = build("HIL_STATE_QUATERNION")
     assert (truth.vx, truth.zacc, truth.true_airspeed) == (100, -1000, 220)
 
 
-def test_a_flight_is_told_with_its_times_and_a_name_of_its_own() -> None:
+def test_flight_information_has_times_and_a_unique_id() -> None:
     topics = flying_topics()
     status = topics.vehicle_status.value
     assert status is not None
     since = status._replace(armed_since_us=2_000_000, airborne_since_us=3_500_000)
     topics.vehicle_status.publish(since)
-    flight = built("FLIGHT_INFORMATION", topics)
+    flight = build("FLIGHT_INFORMATION", topics)
     assert (flight.arming_time_utc, flight.takeoff_time_utc) == (2_000_000, 3_500_000)
     topics.vehicle_status.publish(since._replace(armed_since_us=2_000_001))
-    assert built("FLIGHT_INFORMATION", topics).flight_uuid != flight.flight_uuid
+    assert build("FLIGHT_INFORMATION", topics).flight_uuid != flight.flight_uuid
     topics.vehicle_status.publish(since._replace(armed_since_us=0, airborne_since_us=0))
-    assert built("FLIGHT_INFORMATION", topics).flight_uuid == 0
+    assert build("FLIGHT_INFORMATION", topics).flight_uuid == 0
 
 
-def test_mission_current_tells_the_state_of_the_stored_mission() -> None:
+def test_mission_current_has_the_state_of_the_stored_mission() -> None:
     topics = flying_topics()
-    assert built("MISSION_CURRENT", topics).mission_state == mavlink.MISSION_STATE_NO_MISSION
-    assert built("MISSION_CURRENT", topics).total == 0xFFFF
+    assert build("MISSION_CURRENT", topics).mission_state == mavlink.MISSION_STATE_NO_MISSION
+    assert build("MISSION_CURRENT", topics).total == 0xFFFF
     topics.mission.publish(Mission(time_us=0, mission_id=99, items=(ITEM,) * 5))
     topics.mission_progress.publish(MissionProgress(0, 55, 3, 4, 2, 3, 3))
-    waiting = built("MISSION_CURRENT", topics)
+    waiting = build("MISSION_CURRENT", topics)
     assert (waiting.seq, waiting.mission_state) == (0, mavlink.MISSION_STATE_NOT_STARTED)
     topics.mission_progress.publish(MissionProgress(0, 99, 3, 5, 2, 3, 3))
     topics.vehicle_status.publish(status(NavigationState.AUTO_MISSION, armed=True))
-    active = built("MISSION_CURRENT", topics)
+    active = build("MISSION_CURRENT", topics)
     assert (active.seq, active.total, active.mission_id) == (3, 5, 99)
     assert (active.mission_state, active.mission_mode) == (mavlink.MISSION_STATE_ACTIVE, 1)
     topics.mission_progress.publish(MissionProgress(0, 99, 5, 5, 4, 5, 5))
-    complete = built("MISSION_CURRENT", topics)
+    complete = build("MISSION_CURRENT", topics)
     assert (complete.seq, complete.mission_state) == (4, mavlink.MISSION_STATE_COMPLETE)
 
 
@@ -355,17 +364,17 @@ def broken(value: Any, number: float) -> Any:
 
 
 @pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf, 1e300, -1e300])
-def test_an_estimate_that_ran_away_costs_messages_but_not_the_flight(number: float) -> None:
+def test_a_diverged_estimate_drops_messages_only(number: float) -> None:
     topics = flying_topics()
-    for name in MavlinkTopics.__dataclass_fields__:
+    for name in Topics.__dataclass_fields__:
         topic = getattr(topics, name)
         if isinstance(topic, Topic) and topic.value is not None:
             old = topic.value
             topic.publish(old._replace(**{f: broken(getattr(old, f), number) for f in old._fields}))
-    bench = Bench(topics=topics)
-    bench.run(12 * SECOND_US)
-    heard = {message.get_type() for message in bench.hear(at=GROUND)}
-    assert {"HEARTBEAT", "SYS_STATUS", "EXTENDED_SYS_STATE"} <= heard
+    harness = MavlinkHarness(topics=topics)
+    harness.run(12 * SECOND_US)
+    received = {message.get_type() for message in harness.received(at=GROUND)}
+    assert {"HEARTBEAT", "SYS_STATUS", "EXTENDED_SYS_STATE"} <= received
 
 
 def test_every_stream_builds_and_packs() -> None:
@@ -382,50 +391,50 @@ def test_every_stream_builds_and_packs() -> None:
             assert frame(payload, 0, 7, 1) == message.pack(mavlink.MAVLink(None, 7, 1))
 
 
-def test_the_air_is_told_in_hundredths_and_the_soil_by_name() -> None:
+def test_air_and_soil_measurements_are_encoded() -> None:
     topics = flying_topics()
-    air = built("HYGROMETER_SENSOR", topics)
+    air = build("HYGROMETER_SENSOR", topics)
     assert (air.temperature, air.humidity) == (2137, 5432)
     builder = BUILDERS[mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT]
-    told = {m.name: m.value for m in built_all(builder, context(topics))}
-    assert told == {"soil_moist": 23.0, "temp_soil": 17.5, "light": 65_000.0}
+    reported = {m.name: m.value for m in built_all(builder, context(topics))}
+    assert reported == {"soil_moist": 23.0, "temp_soil": 17.5, "light": 65_000.0}
 
 
-def test_a_hygrometer_without_a_humidity_says_so_and_a_silent_one_nothing() -> None:
+def test_hygrometer_without_humidity_and_without_samples() -> None:
     topics = flying_topics()
-    topics.hygrometer.publish(SensorHygrometer(4_900_000, 21.0, math.nan))
-    assert built("HYGROMETER_SENSOR", topics).humidity == 65_535
+    topics.sensor_hygrometer.publish(SensorHygrometer(4_900_000, 21.0, math.nan))
+    assert build("HYGROMETER_SENSOR", topics).humidity == 65_535
     builder = BUILDERS[mavlink.MAVLINK_MSG_ID_HYGROMETER_SENSOR]
     assert not built_all(builder, context(topics)._replace(now_us=60_000_000))
 
 
-def test_beyond_its_reach_a_range_finder_tells_more_than_its_most() -> None:
+def test_out_of_range_distance_exceeds_the_maximum() -> None:
     topics = flying_topics()
-    near = built("DISTANCE_SENSOR", topics)
+    near = build("DISTANCE_SENSOR", topics)
     assert (near.current_distance, near.min_distance, near.max_distance) == (1000, 10, 4000)
-    topics.range_finder.publish(SensorRange(0, math.nan, 0.1, 40.0))
-    far = built("DISTANCE_SENSOR", topics)
+    topics.sensor_range.publish(SensorRange(0, math.nan, 0.1, 40.0))
+    far = build("DISTANCE_SENSOR", topics)
     assert far.current_distance > far.max_distance
     assert far.signal_quality < near.signal_quality
 
 
-def test_an_orbit_is_told_with_its_signed_radius_and_only_while_it_lasts() -> None:
+def test_an_orbit_is_reported_with_signed_radius_while_active() -> None:
     topics = flying_topics()
-    message = built("ORBIT_EXECUTION_STATUS", topics)
+    message = build("ORBIT_EXECUTION_STATUS", topics)
     assert message.radius == -10.0
     assert (message.x, message.y) == (round(LATITUDE_DEG * 1e7), round(LONGITUDE_DEG * 1e7))
     assert message.z == ALTITUDE_M + 10.0
     assert topics.orbit_status.value is not None
     topics.orbit_status.publish(topics.orbit_status.value._replace(active=False))
-    assert built("ORBIT_EXECUTION_STATUS", topics) is None
+    assert build("ORBIT_EXECUTION_STATUS", topics) is None
 
 
-def test_odometry_tells_the_velocity_in_the_body_frame() -> None:
+def test_odometry_has_the_velocity_in_the_body_frame() -> None:
     topics = flying_topics()
     east = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
-    topics.attitude.publish(VehicleAttitude(0, east, (0.1, 0.2, 0.3)))
-    topics.local_position.publish(LOCAL._replace(velocity_ned=(0.0, 2.0, 0.5)))
-    odometry = built("ODOMETRY", topics)
+    topics.vehicle_attitude.publish(VehicleAttitude(0, east, (0.1, 0.2, 0.3)))
+    topics.vehicle_local_position.publish(LOCAL._replace(velocity_ned=(0.0, 2.0, 0.5)))
+    odometry = build("ODOMETRY", topics)
     assert (odometry.frame_id, odometry.child_frame_id) == (1, 12)
     assert (odometry.x, odometry.y, odometry.z) == LOCAL.position_ned
     assert odometry.reset_counter == 0
@@ -435,47 +444,47 @@ def test_odometry_tells_the_velocity_in_the_body_frame() -> None:
     assert math.isnan(odometry.velocity_covariance[0])
 
 
-def test_the_sticks_show_as_channels_while_they_are_fresh() -> None:
+def test_recent_sticks_are_sent_as_channels() -> None:
     topics = flying_topics()
-    assert built("RC_CHANNELS", topics).chancount == 0
+    assert build("RC_CHANNELS", topics).chancount == 0
     topics.manual_control_setpoint.publish(
         ManualControlSetpoint(5 * SECOND_US, 1.0, -1.0, 0.0, 0.5)
     )
-    channels = built("RC_CHANNELS", topics)
+    channels = build("RC_CHANNELS", topics)
     assert channels.chancount == 4
     pulses = (channels.chan1_raw, channels.chan2_raw, channels.chan3_raw, channels.chan4_raw)
     assert pulses == (1000, 2000, 1500, 1750)
     assert channels.chan5_raw == 0xFFFF
     topics.manual_control_setpoint.publish(ManualControlSetpoint(3 * SECOND_US, 1.0, 0.0, 0.0, 0.0))
-    assert built("RC_CHANNELS", topics).chancount == 0
+    assert build("RC_CHANNELS", topics).chancount == 0
 
 
-def test_the_magnetic_field_is_told_where_it_is_measured() -> None:
+def test_the_magnetic_field_is_sent_if_measured() -> None:
     topics = flying_topics()
-    assert math.isnan(built("HIGHRES_IMU", topics).xmag)
-    assert not built("HIGHRES_IMU", topics).fields_updated & 0b111 << 6
-    topics.mag.publish(SensorMag(0, (0.2, -0.1, 0.4)))
-    assert built("HIGHRES_IMU", topics).fields_updated & 0b111 << 6 == 0b111 << 6
-    assert built("HIGHRES_IMU", topics).zmag == pytest.approx(0.4)
-    scaled = built("SCALED_IMU", topics)
+    assert math.isnan(build("HIGHRES_IMU", topics).xmag)
+    assert not build("HIGHRES_IMU", topics).fields_updated & 0b111 << 6
+    topics.sensor_mag.publish(SensorMag(0, (0.2, -0.1, 0.4)))
+    assert build("HIGHRES_IMU", topics).fields_updated & 0b111 << 6 == 0b111 << 6
+    assert build("HIGHRES_IMU", topics).zmag == pytest.approx(0.4)
+    scaled = build("SCALED_IMU", topics)
     assert (scaled.xmag, scaled.ymag, scaled.zmag) == (200, -100, 400)
     assert scaled.zacc == pytest.approx(-1000, abs=1)
 
 
-def test_each_mode_has_its_turn_in_the_stream() -> None:
-    bench = Bench()
-    bench.run((len(OFFERED) + 1) * 10 * SECOND_US // 3)
-    indices = {message.mode_index for message in bench.hear("AVAILABLE_MODES")}
+def test_the_stream_sends_each_mode() -> None:
+    harness = MavlinkHarness()
+    harness.run((len(OFFERED) + 1) * 10 * SECOND_US // 3)
+    indices = {message.mode_index for message in harness.received("AVAILABLE_MODES")}
     assert indices == set(range(1, len(OFFERED) + 1))
 
 
-def test_a_ping_and_a_time_request_ask_and_do_not_answer() -> None:
-    ping, request = built("PING"), built("TIMESYNC")
+def test_streamed_ping_and_timesync_are_requests() -> None:
+    ping, request = build("PING"), build("TIMESYNC")
     assert (ping.target_system, ping.target_component) == (0, 0)
     assert (request.tc1, request.ts1) == (0, 5_000_000_000)
 
 
-def test_a_dead_camera_has_no_heartbeat() -> None:
+def test_an_unresponsive_camera_sends_no_heartbeat() -> None:
     topics = flying_topics()
     key = stream_key(CAMERA_COMPONENT, mavlink.MAVLINK_MSG_ID_HEARTBEAT)
     assert built_all(BUILDERS[key], context(topics))

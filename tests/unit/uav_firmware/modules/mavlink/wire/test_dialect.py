@@ -16,9 +16,7 @@ def framed(message: object, sequence: int = 0) -> bytes:
 
 
 @given(st.integers(0, 255), st.integers(1, 255), st.integers(1, 255))
-def test_a_frame_is_what_pymavlink_itself_would_send(
-    sequence: int, system: int, component: int
-) -> None:
+def test_frames_equal_those_of_pymavlink(sequence: int, system: int, component: int) -> None:
     codec = mavlink.MAVLink(None, system, component)
     codec.seq = sequence
     for message in (HEARTBEAT, WAYPOINT):
@@ -26,7 +24,7 @@ def test_a_frame_is_what_pymavlink_itself_would_send(
 
 
 def example_of(message_class: Any) -> Any:
-    """Make a message whose fields all differ."""
+    """Build a message whose fields all differ."""
     lengths = dict(zip(message_class.ordered_fieldnames, message_class.array_lengths, strict=True))
     values: list[object] = []
     for number, (name, kind) in enumerate(
@@ -59,35 +57,35 @@ def test_a_version_1_frame_is_read() -> None:
 
 
 @given(st.binary(max_size=60))
-def test_garbage_in_front_does_not_hide_a_good_frame(garbage: bytes) -> None:
-    # Without the two markers the garbage cannot itself pretend to begin a frame.
+def test_garbage_before_a_frame_is_skipped(garbage: bytes) -> None:
+    # Without the two markers garbage cannot look like a frame
     clean = bytes(b for b in garbage if b not in {0xFD, 0xFE})
     parsed = parse(clean + framed(HEARTBEAT))
     assert [m.get_type() for m in parsed.messages] == ["HEARTBEAT"]
 
 
 @given(st.integers(min_value=1), st.integers(0, 7))
-def test_a_frame_with_one_bit_flipped_is_never_read(position: int, bit: int) -> None:
+def test_any_flipped_bit_invalidates_a_frame(position: int, bit: int) -> None:
     datagram = bytearray(framed(WAYPOINT))
     datagram[position % len(datagram)] ^= 1 << bit
     assert parse(bytes(datagram)).messages == []
 
 
 @given(st.data())
-def test_a_truncated_frame_is_never_read(data: st.DataObject) -> None:
+def test_a_truncated_frame_is_ignored(data: st.DataObject) -> None:
     datagram = framed(WAYPOINT)
     length = data.draw(st.integers(0, len(datagram) - 1))
     assert parse(datagram[:length]).messages == []
 
 
-def test_nothing_is_carried_over_to_the_next_datagram() -> None:
+def test_no_state_is_carried_over_to_the_next_datagram() -> None:
     datagram = framed(WAYPOINT)
     assert parse(datagram[:20]).messages == []
     assert parse(datagram[20:]).messages == []
     assert len(parse(datagram).messages) == 1
 
 
-def test_a_frame_of_an_unknown_message_is_passed_over_whole() -> None:
+def test_a_frame_of_an_unknown_message_is_skipped() -> None:
     inner = framed(HEARTBEAT)
     outer = bytes([0xFD, len(inner), 0, 0, 0, 9, 1, 0x20, 0x4E, 0]) + inner + b"\x00\x00"
     parsed = parse(outer + framed(WAYPOINT))

@@ -24,7 +24,7 @@ def travelled(message: object) -> object:
 
 
 @given(UINT32)
-def test_the_opaque_id_of_an_acknowledgement_travels(identifier: int) -> None:
+def test_mission_ack_has_the_opaque_id(identifier: int) -> None:
     sent = MissionAck(target_system=255, target_component=190, type=0, opaque_id=identifier)
     arrived = travelled(sent)
     assert arrived.opaque_id == identifier  # type: ignore[attr-defined]  # a message
@@ -32,14 +32,14 @@ def test_the_opaque_id_of_an_acknowledgement_travels(identifier: int) -> None:
 
 
 @given(UINT32, UINT32, UINT32)
-def test_the_ids_of_all_three_plans_travel(mission: int, fence: int, rally: int) -> None:
+def test_mission_current_has_three_plan_ids(mission: int, fence: int, rally: int) -> None:
     sent = MissionCurrent(seq=3, total=9, mission_id=mission, fence_id=fence, rally_points_id=rally)
     arrived = travelled(sent)
     names = ("seq", "total", "mission_id", "fence_id", "rally_points_id")
     assert [getattr(arrived, name) for name in names] == [3, 9, mission, fence, rally]
 
 
-def test_the_wire_layout_is_that_of_the_message_definitions() -> None:
+def test_layouts_match_the_message_definitions() -> None:
     assert struct.Struct("<BBBBI").size == MissionAck.unpacker.size
     assert struct.Struct("<HBBBI").size == MissionCount.unpacker.size
     assert struct.Struct("<HHBBIII").size == MissionCurrent.unpacker.size
@@ -58,7 +58,7 @@ def test_a_peer_with_the_shipped_dialect_reads_the_acknowledgement() -> None:
     assert shipped.unpacker.unpack(body[: shipped.unpacker.size]) == (255, 190, 5, 0)
 
 
-def test_a_cancellation_is_read() -> None:
+def test_command_cancel_is_decoded() -> None:
     arrived = travelled(CommandCancel(target_system=7, target_component=1, command=22))
     names = ("target_system", "target_component", "command")
     assert [getattr(arrived, name) for name in names] == [7, 1, 22]
@@ -70,7 +70,7 @@ def test_a_field_that_does_not_exist_is_refused() -> None:
 
 
 @given(st.integers(-0x80000000, 0x7FFFFFFF))
-def test_every_integer_survives_the_float_field(value: int) -> None:
+def test_every_integer_is_preserved_in_the_float_field(value: int) -> None:
     raw = struct.pack("<i", value)
     body = pack(
         ParamValue(param_id=b"X", param_value=raw, param_type=6, param_count=1, param_index=0)
@@ -78,7 +78,7 @@ def test_every_integer_survives_the_float_field(value: int) -> None:
     assert body[:4] == raw
 
 
-def test_bits_of_a_signalling_nan_are_read_as_they_came() -> None:
+def test_signalling_nan_bits_are_preserved() -> None:
     raw = struct.pack("<i", -5_000_000)
     quiet = mavlink.MAVLink_param_set_message(7, 1, b"X", math.pi, 6)
     body = raw + pack(quiet).body[4:]

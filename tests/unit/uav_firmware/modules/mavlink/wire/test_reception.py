@@ -1,4 +1,4 @@
-"""Which link must be signed, what becomes of the rest, and keys that come over a link."""
+"""Admission by signature, refused frames, and keys set over a link."""
 
 import errno
 from typing import Any
@@ -6,17 +6,21 @@ from typing import Any
 import pytest
 
 from tests.support.memory_storage import MemoryStorage
-from tests.unit.uav_firmware.modules.mavlink.harness import SYSTEM, Bench, command_long, status
+from tests.unit.uav_firmware.modules.mavlink.harness import (
+    SYSTEM,
+    MavlinkHarness,
+    command_long,
+    status,
+)
 from uav_firmware.cal.link import Address
 from uav_firmware.cal.storage import Write
+from uav_firmware.modules.mavlink.signing.link_security import SigningParams
 from uav_firmware.modules.mavlink.signing.signature import EPOCH_US, Signer, SigningClock
-from uav_firmware.modules.mavlink.signing.signing_params import SigningParams
 from uav_firmware.modules.mavlink.signing.signing_setup import SetupTrust
 from uav_firmware.modules.mavlink.signing.signing_store import FILE_NAME, SigningStoreError
 from uav_firmware.modules.mavlink.wire.dialect import is_signed, mavlink
 from uav_firmware.modules.mavlink.wire.peers import Peer, Profile
-from uav_firmware.modules.mavlink.wire.reception import SigningOptions
-from uav_firmware.modules.mavlink.wire.refused_frames import TELL_EVERY_US
+from uav_firmware.modules.mavlink.wire.reception import REPORT_INTERVAL_US, SigningOptions
 from uav_firmware.msg.link import RefusedFrames
 from uav_firmware.parameters import Registry
 
@@ -33,7 +37,7 @@ NEVER, BEYOND_LOOPBACK, ALWAYS = 0, 1, 2
 
 
 class CountingStorage(MemoryStorage):
-    """Storage that knows how often it was written."""
+    """Storage that counts writes."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -45,7 +49,7 @@ class CountingStorage(MemoryStorage):
 
 
 def signer(key: bytes = KEY, *, behind_us: int = 0) -> Signer:
-    """Another system that holds a key."""
+    """Another system with a key."""
     return Signer(key, SigningClock(lambda: WORLD_US - behind_us))
 
 
@@ -57,12 +61,12 @@ def secured(
     storage: MemoryStorage | None = None,
     setup: SetupTrust = SetupTrust.NEVER,
     world_us: int = WORLD_US,
-) -> Bench:
-    """A vehicle on the bench whose broker's link is signed."""
+) -> MavlinkHarness:
+    """A vehicle with a signed link to the broker."""
     registry = Registry()
     registry.add(SigningParams)
     registry.set("MAV_SIGN_CFG", mode)
-    return Bench(
+    return MavlinkHarness(
         registry=registry,
         peers=(
             Peer(address=BROKER, profile=Profile.ONBOARD, signing_key=broker),
@@ -72,32 +76,32 @@ def secured(
     )
 
 
-def is_heard(bench: Bench, **sender: Any) -> bool:
-    """Whether the vehicle listens to a sender, who introduces itself and says who it is."""
-    heartbeats = bench.topics.ground_station_heartbeat.count
-    bench.say(HEARTBEAT, **sender)
-    bench.run()
-    return bench.topics.ground_station_heartbeat.count > heartbeats
+def is_heard(harness: MavlinkHarness, **sender: Any) -> bool:
+    """Whether the vehicle admits a sender after its HEARTBEAT."""
+    heartbeats = harness.topics.ground_station_heartbeat.count
+    harness.send(HEARTBEAT, **sender)
+    harness.run()
+    return harness.topics.ground_station_heartbeat.count > heartbeats
 
 
-def refused(bench: Bench) -> RefusedFrames:
-    """The counts that are published."""
-    bench.run(SECOND_US)
-    counts = bench.topics.refused_frames.value
+def refused(harness: MavlinkHarness) -> RefusedFrames:
+    """The published counts."""
+    harness.run(SECOND_US)
+    counts = harness.topics.refused_frames.value
     assert counts is not None
     return counts
 
 
-def is_sent_signed(bench: Bench, to: Address) -> bool:
-    """Whether what goes to a peer is signed, all of it or nothing."""
-    bench.hear(at=to)
-    bench.run(SECOND_US)
-    heard = {is_signed(message) for message in bench.hear(at=to)}
-    assert len(heard) == 1
-    return heard.pop()
+def is_sent_signed(harness: MavlinkHarness, to: Address) -> bool:
+    """Whether all frames to a peer are signed, or none."""
+    harness.received(at=to)
+    harness.run(SECOND_US)
+    received = {is_signed(message) for message in harness.received(at=to)}
+    assert len(received) == 1
+    return received.pop()
 
 
-# Rows of the README's table: who, with which key, in modes 0, 1 and 2
+# Rows of the table in docs/reference/mavlink-links.md: sender, key, in modes 0, 1 and 2
 @pytest.mark.parametrize(
     ("source", "key", "expected"),
     [
@@ -114,7 +118,7 @@ def is_sent_signed(bench: Bench, to: Address) -> bool:
         (REMOTE, WRONG_KEY, (True, False, False)),
     ],
 )
-def test_who_is_heard(
+def test_admission_by_link_and_key(
     source: Address, key: bytes | None, expected: tuple[bool, bool, bool]
 ) -> None:
     for mode in (NEVER, BEYOND_LOOPBACK, ALWAYS):
@@ -123,155 +127,155 @@ def test_who_is_heard(
 
 
 @pytest.mark.parametrize("source", [BROKER, GROUND, PROGRAM, REMOTE])
-def test_a_vehicle_with_a_key_for_each_link_listens_to_nobody_without_one(source: Address) -> None:
-    """By default: a program of the same machine is a stranger like any other."""
-    bench = secured(ground=GROUND_KEY)
-    assert not is_heard(bench, source=source)
-    bench.say(ARM, source=source)
-    bench.run()
-    assert bench.commands() == []
-    assert bench.hear(at=PROGRAM) == []
+def test_with_a_key_for_each_link_unsigned_frames_are_refused(source: Address) -> None:
+    """By default a program of the same machine is an unknown sender too."""
+    harness = secured(ground=GROUND_KEY)
+    assert not is_heard(harness, source=source)
+    harness.send(ARM, source=source)
+    harness.run()
+    assert harness.commands() == []
+    assert harness.received(at=PROGRAM) == []
     key = GROUND_KEY if source == GROUND else KEY
-    assert is_heard(bench, source=source, signer=signer(key))
+    assert is_heard(harness, source=source, signer=signer(key))
 
 
 @pytest.mark.parametrize("source", [BROKER, GROUND, PROGRAM, REMOTE])
 @pytest.mark.parametrize("mode", [NEVER, BEYOND_LOOPBACK, ALWAYS])
-def test_without_a_key_everybody_is(source: Address, mode: int) -> None:
+def test_without_a_key_all_senders_are_admitted(source: Address, mode: int) -> None:
     assert is_heard(secured(mode, broker=None), source=source)
     assert is_heard(secured(mode, broker=None), source=source, signer=signer(WRONG_KEY))
 
 
-def test_who_is_not_heard_does_not_command() -> None:
-    bench = secured()
-    bench.say(ARM, source=BROKER)
-    bench.say(ARM, source=BROKER, signer=signer(WRONG_KEY))
-    bench.run()
-    assert bench.commands() == []
-    bench.say(ARM, source=BROKER, signer=signer())
-    bench.run()
-    assert len(bench.commands()) == 1
+def test_refused_senders_command_nothing() -> None:
+    harness = secured()
+    harness.send(ARM, source=BROKER)
+    harness.send(ARM, source=BROKER, signer=signer(WRONG_KEY))
+    harness.run()
+    assert harness.commands() == []
+    harness.send(ARM, source=BROKER, signer=signer())
+    harness.run()
+    assert len(harness.commands()) == 1
 
 
-def test_a_link_with_its_own_key_takes_no_other() -> None:
-    bench = secured(ground=GROUND_KEY)
-    assert not is_heard(bench, source=GROUND, signer=signer(KEY))
-    assert not is_heard(bench, source=BROKER, signer=signer(GROUND_KEY))
-    assert is_heard(bench, source=GROUND, signer=signer(GROUND_KEY))
+def test_a_link_with_its_own_key_accepts_no_other() -> None:
+    harness = secured(ground=GROUND_KEY)
+    assert not is_heard(harness, source=GROUND, signer=signer(KEY))
+    assert not is_heard(harness, source=BROKER, signer=signer(GROUND_KEY))
+    assert is_heard(harness, source=GROUND, signer=signer(GROUND_KEY))
 
 
-def test_a_frame_heard_on_one_link_is_a_replay_on_another() -> None:
-    bench = secured()
+def test_a_frame_of_one_link_is_a_replay_on_another() -> None:
+    harness = secured()
     sender = signer()
-    bench.say(HEARTBEAT, source=REMOTE, signer=sender)
-    bench.say(ARM, source=BROKER, signer=sender)
-    (recorded, _) = bench.memory.incoming[-1]
-    bench.run()
-    assert len(bench.commands()) == 1
-    bench.memory.incoming += [(recorded, BROKER), (recorded, REMOTE), (recorded, GROUND)]
-    bench.run()
-    assert bench.commands() == []
-    assert refused(bench).replayed == 3
+    harness.send(HEARTBEAT, source=REMOTE, signer=sender)
+    harness.send(ARM, source=BROKER, signer=sender)
+    (recorded, _) = harness.memory.incoming[-1]
+    harness.run()
+    assert len(harness.commands()) == 1
+    harness.memory.incoming += [(recorded, BROKER), (recorded, REMOTE), (recorded, GROUND)]
+    harness.run()
+    assert harness.commands() == []
+    assert refused(harness).replayed == 3
 
 
-def test_each_reason_is_counted_by_itself() -> None:
-    bench = secured()
+def test_reasons_are_counted_separately() -> None:
+    harness = secured()
     old = mavlink.MAVLink(None, 255, 190)
-    bench.say(ARM, source=BROKER)
-    bench.say(ARM, source=BROKER, signer=signer(WRONG_KEY))
-    bench.say(ARM, source=BROKER, signer=signer(behind_us=61 * SECOND_US))
-    bench.memory.incoming.append((ARM.pack(old, force_mavlink1=True), BROKER))
-    bench.memory.incoming.append((b"\xfd" + bytes(30), BROKER))
-    counts = refused(bench)
+    harness.send(ARM, source=BROKER)
+    harness.send(ARM, source=BROKER, signer=signer(WRONG_KEY))
+    harness.send(ARM, source=BROKER, signer=signer(behind_us=61 * SECOND_US))
+    harness.memory.incoming.append((ARM.pack(old, force_mavlink1=True), BROKER))
+    harness.memory.incoming.append((b"\xfd" + bytes(30), BROKER))
+    counts = refused(harness)
     assert counts[1:] == RefusedFrames(0, 1, 1, 1, 1, 1)[1:]
-    assert bench.commands() == []
+    assert harness.commands() == []
 
 
 def test_counts_are_published_on_change_only() -> None:
-    bench = secured()
-    bench.say(ARM, source=BROKER)
-    refused(bench)
-    published = bench.topics.refused_frames.count
-    bench.run(5 * SECOND_US)
-    assert bench.topics.refused_frames.count == published == 1
+    harness = secured()
+    harness.send(ARM, source=BROKER)
+    refused(harness)
+    published = harness.topics.refused_frames.count
+    harness.run(5 * SECOND_US)
+    assert harness.topics.refused_frames.count == published == 1
 
 
-def test_the_user_is_told_at_once_and_then_seldom() -> None:
-    bench = secured()
-    told = []
+def test_refused_frames_are_reported_at_most_every_30_seconds() -> None:
+    harness = secured()
+    reported = []
     for _ in range(70):
-        bench.say(ARM, source=BROKER)
-        bench.run(SECOND_US)
-        told += [m.text for m in bench.hear("STATUSTEXT", at=GROUND)]
-    assert told[0] == "MAVLink frames refused: 1 unsigned"
-    assert len(told) == 70 * SECOND_US // TELL_EVERY_US + 1
+        harness.send(ARM, source=BROKER)
+        harness.run(SECOND_US)
+        reported += [m.text for m in harness.received("STATUSTEXT", at=GROUND)]
+    assert reported[0] == "MAVLink frames refused: 1 unsigned"
+    assert len(reported) == 70 * SECOND_US // REPORT_INTERVAL_US + 1
 
 
-def test_noise_on_the_line_is_no_event() -> None:
-    bench = secured()
-    bench.memory.incoming += [(b"\xfd" + bytes(30), BROKER)] * 20
-    assert refused(bench).malformed == 20
-    assert bench.hear("STATUSTEXT", at=GROUND) == []
+def test_malformed_bytes_are_counted_and_not_reported() -> None:
+    harness = secured()
+    harness.memory.incoming += [(b"\xfd" + bytes(30), BROKER)] * 20
+    assert refused(harness).malformed == 20
+    assert harness.received("STATUSTEXT", at=GROUND) == []
 
 
-def test_an_unsigned_heartbeat_from_afar_makes_nobody_known() -> None:
-    bench = secured()
-    bench.say(HEARTBEAT, source=REMOTE)
-    bench.run(SECOND_US)
-    assert bench.hear(at=REMOTE) == []
-    assert bench.topics.ground_station_heartbeat.count == 0
-    bench.say(HEARTBEAT, source=REMOTE, signer=signer())
-    assert is_sent_signed(bench, REMOTE)
+def test_an_unsigned_remote_heartbeat_opens_no_channel() -> None:
+    harness = secured()
+    harness.send(HEARTBEAT, source=REMOTE)
+    harness.run(SECOND_US)
+    assert harness.received(at=REMOTE) == []
+    assert harness.topics.ground_station_heartbeat.count == 0
+    harness.send(HEARTBEAT, source=REMOTE, signer=signer())
+    assert is_sent_signed(harness, REMOTE)
 
 
-def test_radio_status_is_heard_unsigned_but_not_badly_signed() -> None:
-    bench = secured()
+def test_radio_status_is_admitted_unsigned_but_not_with_a_bad_signature() -> None:
+    harness = secured()
     radio = mavlink.MAVLink_radio_status_message(1, 1, 1, 1, 1, 1, 1)
-    bench.say(radio, source=BROKER, system=51, component=68)
-    bench.run(SECOND_US)
-    assert bench.topics.refused_frames.count == 0
-    assert is_sent_signed(bench, BROKER)
-    bench.say(radio, source=BROKER, system=51, component=68, signer=signer(WRONG_KEY))
-    assert refused(bench).bad_signature == 1
+    harness.send(radio, source=BROKER, system=51, component=68)
+    harness.run(SECOND_US)
+    assert harness.topics.refused_frames.count == 0
+    assert is_sent_signed(harness, BROKER)
+    harness.send(radio, source=BROKER, system=51, component=68, signer=signer(WRONG_KEY))
+    assert refused(harness).bad_signature == 1
 
 
-def test_the_link_with_a_key_is_sent_signatures_from_the_first_frame() -> None:
-    bench = secured()
-    assert is_sent_signed(bench, BROKER)
-    assert not is_sent_signed(bench, GROUND)
+def test_a_link_with_a_key_gets_signed_frames_from_the_start() -> None:
+    harness = secured()
+    assert is_sent_signed(harness, BROKER)
+    assert not is_sent_signed(harness, GROUND)
 
 
-def test_a_client_is_answered_as_it_speaks() -> None:
-    bench = secured()
-    bench.say(HEARTBEAT, source=PROGRAM)
-    assert not is_sent_signed(bench, PROGRAM)
-    bench.say(HEARTBEAT, source=PROGRAM, signer=signer())
-    assert is_sent_signed(bench, PROGRAM)
-    bench.say(HEARTBEAT, source=PROGRAM)
-    assert not is_sent_signed(bench, PROGRAM)
+def test_the_stated_client_behaviour_is_answered() -> None:
+    harness = secured()
+    harness.send(HEARTBEAT, source=PROGRAM)
+    assert not is_sent_signed(harness, PROGRAM)
+    harness.send(HEARTBEAT, source=PROGRAM, signer=signer())
+    assert is_sent_signed(harness, PROGRAM)
+    harness.send(HEARTBEAT, source=PROGRAM)
+    assert not is_sent_signed(harness, PROGRAM)
 
 
-def test_the_parameter_is_followed_in_flight() -> None:
-    bench = secured(NEVER)
-    assert not is_sent_signed(bench, BROKER)
-    bench.registry.set("MAV_SIGN_CFG", ALWAYS)
-    bench.run()
-    assert is_sent_signed(bench, BROKER)
-    assert is_sent_signed(bench, GROUND)
-    assert not is_heard(bench, source=GROUND)
-    bench.registry.set("MAV_SIGN_CFG", NEVER)
-    bench.run()
-    assert not is_sent_signed(bench, GROUND)
-    assert is_heard(bench, source=GROUND)
+def test_parameter_changes_apply_in_flight() -> None:
+    harness = secured(NEVER)
+    assert not is_sent_signed(harness, BROKER)
+    harness.registry.set("MAV_SIGN_CFG", ALWAYS)
+    harness.run()
+    assert is_sent_signed(harness, BROKER)
+    assert is_sent_signed(harness, GROUND)
+    assert not is_heard(harness, source=GROUND)
+    harness.registry.set("MAV_SIGN_CFG", NEVER)
+    harness.run()
+    assert not is_sent_signed(harness, GROUND)
+    assert is_heard(harness, source=GROUND)
 
 
-def times_sent(bench: Bench) -> list[int]:
+def times_sent(harness: MavlinkHarness) -> list[int]:
     """Times of the signatures of all frames to the broker [10 us since 2015]."""
-    bench.run(SECOND_US)
-    return [int.from_bytes(m.get_msgbuf()[-12:-6], "little") for m in bench.hear(at=BROKER)]
+    harness.run(SECOND_US)
+    return [int.from_bytes(m.get_msgbuf()[-12:-6], "little") for m in harness.received(at=BROKER)]
 
 
-def test_times_rise_from_frame_to_frame_and_over_a_restart() -> None:
+def test_sent_times_increase_across_a_restart() -> None:
     storage = MemoryStorage()
     first = times_sent(secured(storage=storage))
     assert first == sorted(set(first))
@@ -280,44 +284,44 @@ def test_times_rise_from_frame_to_frame_and_over_a_restart() -> None:
     assert second[0] > first[-1]
 
 
-def test_after_a_restart_a_ground_station_with_a_right_clock_is_heard() -> None:
+def test_after_a_restart_a_sender_with_a_correct_clock_is_accepted() -> None:
     storage = MemoryStorage()
     secured(storage=storage).run(SECOND_US)
-    bench = secured(storage=storage)
-    assert is_heard(bench, source=BROKER, signer=signer())
+    harness = secured(storage=storage)
+    assert is_heard(harness, source=BROKER, signer=signer())
 
 
-def test_after_a_restart_with_a_lost_clock_old_recordings_are_still_refused() -> None:
+def test_after_a_restart_without_a_clock_replays_are_refused() -> None:
     storage = MemoryStorage()
     secured(storage=storage).run(SECOND_US)
-    bench = secured(storage=storage, world_us=EPOCH_US)
-    assert not is_heard(bench, source=BROKER, signer=signer(behind_us=3600 * SECOND_US))
-    assert is_heard(bench, source=BROKER, signer=signer())
+    harness = secured(storage=storage, world_us=EPOCH_US)
+    assert not is_heard(harness, source=BROKER, signer=signer(behind_us=3600 * SECOND_US))
+    assert is_heard(harness, source=BROKER, signer=signer())
 
 
 def test_the_time_is_stored_once_a_minute_and_not_without_a_key() -> None:
     storage = CountingStorage()
     now = [WORLD_US]
-    bench = Bench(
+    harness = MavlinkHarness(
         peers=(Peer(address=BROKER, profile=Profile.ONBOARD, signing_key=KEY),),
         signing=SigningOptions(world_us=lambda: now[0], storage=storage),
     )
     for _ in range(600):
         now[0] += SECOND_US
-        bench.run(SECOND_US)
-        bench.hear(at=BROKER)
+        harness.run(SECOND_US)
+        harness.received(at=BROKER)
     assert storage.saves == pytest.approx(10, abs=1)
     without = CountingStorage()
     secured(broker=None, storage=without).run(SECOND_US)
     assert without.saves == 0
 
 
-def test_a_full_medium_is_told_once_and_does_not_stop_the_vehicle() -> None:
+def test_full_storage_is_reported_once_and_does_not_stop_the_vehicle() -> None:
     storage = MemoryStorage()
     storage.refusal = errno.ENOSPC
-    bench = secured(storage=storage)
-    bench.run(10 * SECOND_US)
-    texts = [m.text for m in bench.hear("STATUSTEXT", at=GROUND)]
+    harness = secured(storage=storage)
+    harness.run(10 * SECOND_US)
+    texts = [m.text for m in harness.received("STATUSTEXT", at=GROUND)]
     assert "".join(texts) == "Signing time not stored: No space left on device"
 
 
@@ -336,7 +340,7 @@ def test_a_full_medium_is_told_once_and_does_not_stop_the_vehicle() -> None:
         b"\xff",
     ],
 )
-def test_what_is_stored_and_cannot_be_understood_keeps_the_vehicle_from_starting(
+def test_an_invalid_stored_state_prevents_the_start(
     contents: bytes,
 ) -> None:
     storage = MemoryStorage()
@@ -349,16 +353,16 @@ def setup_message(key: bytes = GROUND_KEY, *, time: int = 0, target: int = SYSTE
     return mavlink.MAVLink_setup_signing_message(target, 1, list(key), time)
 
 
-def texts(bench: Bench) -> str:
-    bench.run()
-    return "".join(m.text for m in bench.hear("STATUSTEXT", at=GROUND))
+def texts(harness: MavlinkHarness) -> str:
+    harness.run()
+    return "".join(m.text for m in harness.received("STATUSTEXT", at=GROUND))
 
 
 class TestSetupSigning:
-    def disarmed(self, trust: SetupTrust, storage: MemoryStorage | None = None) -> Bench:
-        bench = secured(setup=trust, storage=storage)
-        bench.topics.vehicle_status.publish(status(armed=False))
-        return bench
+    def disarmed(self, trust: SetupTrust, storage: MemoryStorage | None = None) -> MavlinkHarness:
+        harness = secured(setup=trust, storage=storage)
+        harness.topics.vehicle_status.publish(status(armed=False))
+        return harness
 
     @pytest.mark.parametrize(
         ("trust", "source", "key", "expected"),
@@ -372,71 +376,71 @@ class TestSetupSigning:
             (SetupTrust.LOOPBACK, BROKER, KEY, True),
         ],
     )
-    def test_only_a_trusted_link_sets_the_key(
+    def test_only_a_trusted_link_may_set_the_key(
         self, trust: SetupTrust, source: Address, key: bytes | None, expected: bool
     ) -> None:
-        bench = self.disarmed(trust)
-        bench.say(setup_message(), source=source, signer=None if key is None else signer(key))
-        assert ("Signing key set" in texts(bench)) is expected
-        assert is_heard(bench, source=REMOTE, signer=signer(GROUND_KEY)) is expected
+        harness = self.disarmed(trust)
+        harness.send(setup_message(), source=source, signer=None if key is None else signer(key))
+        assert ("Signing key set" in texts(harness)) is expected
+        assert is_heard(harness, source=REMOTE, signer=signer(GROUND_KEY)) is expected
 
-    def test_the_message_goes_to_nobody(self) -> None:
-        bench = self.disarmed(SetupTrust.LOOPBACK)
-        bench.say(setup_message(), source=GROUND)
-        bench.run(SECOND_US)
+    def test_setup_signing_is_not_forwarded(self) -> None:
+        harness = self.disarmed(SetupTrust.LOOPBACK)
+        harness.send(setup_message(), source=GROUND)
+        harness.run(SECOND_US)
         for peer in (GROUND, BROKER):
-            assert bench.hear("SETUP_SIGNING", at=peer) == []
+            assert harness.received("SETUP_SIGNING", at=peer) == []
 
-    def test_not_while_armed(self) -> None:
-        bench = self.disarmed(SetupTrust.LOOPBACK)
-        bench.topics.vehicle_status.publish(status(armed=True))
-        bench.say(setup_message(), source=GROUND)
-        assert "the vehicle is armed" in texts(bench)
-        assert not is_heard(bench, source=REMOTE, signer=signer(GROUND_KEY))
+    def test_setup_while_armed_is_refused(self) -> None:
+        harness = self.disarmed(SetupTrust.LOOPBACK)
+        harness.topics.vehicle_status.publish(status(armed=True))
+        harness.send(setup_message(), source=GROUND)
+        assert "the vehicle is armed" in texts(harness)
+        assert not is_heard(harness, source=REMOTE, signer=signer(GROUND_KEY))
 
-    def test_not_for_another_vehicle(self) -> None:
-        bench = self.disarmed(SetupTrust.LOOPBACK)
-        bench.say(setup_message(target=SYSTEM + 1), source=GROUND)
-        assert texts(bench) == ""
-        assert not is_heard(bench, source=REMOTE, signer=signer(GROUND_KEY))
+    def test_setup_for_another_vehicle_is_ignored(self) -> None:
+        harness = self.disarmed(SetupTrust.LOOPBACK)
+        harness.send(setup_message(target=SYSTEM + 1), source=GROUND)
+        assert texts(harness) == ""
+        assert not is_heard(harness, source=REMOTE, signer=signer(GROUND_KEY))
 
-    def test_not_with_a_time_that_would_push_the_clock_to_its_end(self) -> None:
-        bench = self.disarmed(SetupTrust.LOOPBACK)
-        bench.say(setup_message(time=(1 << 64) - 1), source=GROUND)
-        assert "over a year ahead" in texts(bench)
+    def test_setup_with_a_far_future_time_is_refused(self) -> None:
+        harness = self.disarmed(SetupTrust.LOOPBACK)
+        harness.send(setup_message(time=(1 << 64) - 1), source=GROUND)
+        assert "over a year ahead" in texts(harness)
 
-    def test_a_key_that_cannot_be_stored_is_not_taken(self) -> None:
+    def test_a_key_that_cannot_be_stored_is_refused(self) -> None:
         storage = MemoryStorage()
-        bench = self.disarmed(SetupTrust.LOOPBACK, storage)
+        harness = self.disarmed(SetupTrust.LOOPBACK, storage)
         storage.refusal = errno.ENOSPC
-        bench.say(setup_message(), source=GROUND)
-        assert "cannot be stored" in texts(bench)
-        assert not is_heard(bench, source=REMOTE, signer=signer(GROUND_KEY))
+        harness.send(setup_message(), source=GROUND)
+        assert "cannot be stored" in texts(harness)
+        assert not is_heard(harness, source=REMOTE, signer=signer(GROUND_KEY))
 
-    def test_the_key_survives_a_restart_and_the_key_by_file_stays_what_it_is(self) -> None:
+    def test_a_set_key_survives_a_restart_and_configured_keys_stay(self) -> None:
         storage = MemoryStorage()
-        bench = self.disarmed(SetupTrust.LOOPBACK, storage)
-        bench.say(setup_message(), source=GROUND)
-        bench.run()
+        harness = self.disarmed(SetupTrust.LOOPBACK, storage)
+        harness.send(setup_message(), source=GROUND)
+        harness.run()
         again = secured(storage=storage)
         assert is_heard(again, source=REMOTE, signer=signer(GROUND_KEY))
         assert not is_heard(again, source=BROKER, signer=signer(GROUND_KEY))
         assert is_heard(again, source=BROKER, signer=signer())
 
-    def test_zeros_take_the_key_away(self) -> None:
+    def test_a_key_of_zeros_removes_the_key(self) -> None:
         storage = MemoryStorage()
-        bench = self.disarmed(SetupTrust.LOOPBACK, storage)
-        bench.say(setup_message(), source=GROUND)
-        bench.say(setup_message(bytes(32)), source=GROUND)
-        assert "Signing key removed" in texts(bench)
-        assert not is_heard(bench, source=REMOTE, signer=signer(GROUND_KEY))
+        harness = self.disarmed(SetupTrust.LOOPBACK, storage)
+        harness.send(setup_message(), source=GROUND)
+        harness.send(setup_message(bytes(32)), source=GROUND)
+        assert "Signing key removed" in texts(harness)
+        assert not is_heard(harness, source=REMOTE, signer=signer(GROUND_KEY))
         assert not is_heard(secured(storage=storage), source=REMOTE, signer=signer(GROUND_KEY))
 
-    def test_the_first_key_of_a_vehicle_without_any_closes_its_links(self) -> None:
-        bench = secured(ALWAYS, broker=None, setup=SetupTrust.LOOPBACK)
-        bench.topics.vehicle_status.publish(status(armed=False))
-        assert is_heard(bench, source=REMOTE)
-        bench.say(setup_message(), source=GROUND)
-        bench.run()
-        assert not is_heard(bench, source=REMOTE)
-        assert is_heard(bench, source=REMOTE, signer=signer(GROUND_KEY))
+    def test_the_first_key_requires_signatures(self) -> None:
+        harness = secured(ALWAYS, broker=None, setup=SetupTrust.LOOPBACK)
+        harness.topics.vehicle_status.publish(status(armed=False))
+        assert is_heard(harness, source=REMOTE)
+        harness.send(setup_message(), source=GROUND)
+        harness.run()
+        assert not is_heard(harness, source=REMOTE)
+        assert is_heard(harness, source=REMOTE, signer=signer(GROUND_KEY))

@@ -8,11 +8,10 @@ from hypothesis import strategies as st
 
 from tests.support.toy_vehicle import HOME, NAN, ToyVehicle, at, item, takeoff, waypoint
 from tests.unit.uav_firmware.modules.navigator.test_modes import airborne
-from uav_firmware.lib.stepwise import finished
-from uav_firmware.modules.navigator.geofence.fence_items import check_fence, check_rally_points
+from uav_firmware.lib.fence_rules import check_fence
 from uav_firmware.modules.navigator.geofence.geofence import Area, Disc, Geofence, Polygon
 from uav_firmware.msg.geofence import Fence, FenceAction, FenceBreach, RallyPoints
-from uav_firmware.msg.mission import MissionItem, MissionResult, NavigatorTarget
+from uav_firmware.msg.mission import MissionItem, NavigatorTarget, PlanType
 from uav_firmware.msg.status import Command, NavigationState
 
 ACCEPTED, DENIED = 0, 2
@@ -74,8 +73,8 @@ def test_no_boundary_is_nearer_than_the_margin(
     margin = fence.margin(point)
     if not 0.01 < margin < math.inf:
         return
-    way = share * margin
-    there = (point[0] + way * math.cos(direction), point[1] + way * math.sin(direction))
+    distance = share * margin
+    there = (point[0] + distance * math.cos(direction), point[1] + distance * math.sin(direction))
     assert fence.allows(there)
 
 
@@ -87,7 +86,7 @@ def test_no_boundary_is_nearer_than_the_margin(
         ((Disc(True, (0.0, 0.0), 12.0), Disc(True, (30.0, 0.0), 12.0)), (0, 0), (30, 0)),
     ],
 )
-def test_a_way_through_what_is_forbidden_is_not_allowed_though_both_ends_are(
+def test_a_line_through_an_exclusion_is_not_allowed_though_both_ends_are(
     areas: tuple[Area, ...], start: tuple[float, float], end: tuple[float, float]
 ) -> None:
     fence = Geofence(areas)
@@ -115,94 +114,14 @@ def fence_vehicle(vehicle: ToyVehicle, *items: MissionItem) -> None:
     vehicle.run(0.2)
 
 
-@pytest.mark.parametrize(
-    ("items", "result"),
-    [
-        (polygon(5001, *SQUARE[:2], count=2.0), MissionResult.INVALID_PARAM1),
-        (polygon(5001, *SQUARE, count=5.0), MissionResult.INVALID_PARAM1),
-        (polygon(5001, *SQUARE, count=3.5), MissionResult.INVALID_PARAM1),
-        (polygon(5001, (0, 0), (5, 5), (10, 10), count=3.0), MissionResult.INVALID),
-        ([item(0, 5003, frame=3, param1=0.0, **at(0, 0))], MissionResult.INVALID_PARAM1),
-        ([item(0, 5003, frame=3, param1=NAN, **at(0, 0))], MissionResult.INVALID_PARAM1),
-        (
-            [item(0, 5004, frame=3, param1=9.0, param2=1.0, **at(0, 0))],
-            MissionResult.INVALID_PARAM2,
-        ),
-        ([item(0, 5003, frame=3, param1=9.0, x=91.0)], MissionResult.INVALID_PARAM5_X),
-        ([item(0, 5003, frame=2, param1=9.0, **at(0, 0))], MissionResult.UNSUPPORTED_FRAME),
-        ([waypoint(0, 1, 1)], MissionResult.UNSUPPORTED),
-        (
-            [item(seq, 5000, frame=3, **at(0, 0)) for seq in range(2)],
-            MissionResult.INVALID,
-        ),
-    ],
-)
-def test_what_is_no_fence_is_refused(items: list[MissionItem], result: MissionResult) -> None:
-    rejection = check_fence(items)
-    assert rejection is not None
-    assert rejection.result == result
-
-
-@pytest.mark.parametrize(
-    "corners",
-    [
-        [(-10.0, -10.0), (10.0, 10.0), (10.0, -10.0), (-10.0, 10.0)],  # A bow tie
-        [(0.0, 0.0), (0.0, 40.0), (40.0, 40.0), (40.0, 0.0), (20.0, 60.0)],
-        [(0.0, 0.0), (0.0, 40.0), (0.0, 20.0), (40.0, 20.0)],  # Folds back on itself
-        [(0.0, 0.0), (0.0, 40.0), (20.0, 20.0), (40.0, 40.0), (40.0, 0.0), (20.0, 20.0)],  # Touches
-        [(0.0, 0.0), (0.0, 0.0), (0.0, 40.0), (40.0, 0.0)],
-    ],
-)
-@pytest.mark.parametrize("command", [5001, 5002])
-def test_a_polygon_that_crosses_or_touches_itself_is_refused(
-    command: int, corners: list[tuple[float, float]]
-) -> None:
-    circle = item(0, 5003, frame=3, param1=50.0, **at(0.0, 0.0))
-    items = [circle, *polygon(command, *corners, count=float(len(corners)))]
-    items = [one._replace(seq=seq) for seq, one in enumerate(items)]
-    rejection = check_fence(items)
-    assert rejection is not None
-    assert rejection.result == MissionResult.INVALID
-    assert rejection.seq >= 1
-
-
-@given(
-    st.lists(st.floats(20.0, 400.0), min_size=3, max_size=60),
-    st.floats(0.0, 6.0),
-    st.booleans(),
-)
-def test_a_star_shaped_polygon_is_a_fence_however_jagged(
-    radii: list[float], turn: float, backwards: bool
-) -> None:
-    """Every corner in its own direction from one point: such a polygon never crosses itself."""
-    step = -math.tau / len(radii) if backwards else math.tau / len(radii)
-    corners = [
-        (radius * math.cos(turn + step * k), radius * math.sin(turn + step * k))
-        for k, radius in enumerate(radii)
-    ]
-    assert check_fence(polygon(5001, *corners, count=float(len(corners)))) is None
-
-
-def test_polygons_circles_and_a_return_point_are_a_fence() -> None:
-    items = [
-        *polygon(5001, *SQUARE),
-        *polygon(5002, (1, 1), (1, 5), (5, 5), count=3.0),
-        item(7, 5003, frame=3, param1=9.0, **at(0, 0)),
-        item(8, 5004, frame=0, param1=9.0, **at(0, 0)),
-        item(9, 5000, frame=3, **at(0, 0)),
-    ]
-    assert check_fence(items) is None
-    assert check_fence([]) is None
-
-
 EXCLUSION = [item(0, 5004, frame=3, param1=5.0, **at(15.0, 0.0))]
 
 
 @pytest.mark.parametrize(
-    ("items", "seq", "words"),
+    ("items", "seq", "text"),
     [
         ([waypoint(1, 40.0, 0.0)], 1, "outside"),
-        ([waypoint(1, 29.0, 0.0)], 1, "the way there"),
+        ([waypoint(1, 29.0, 0.0)], 1, "the path there"),
         ([waypoint(1, 0.0, 20.0), waypoint(2, 15.0, 0.0)], 2, "outside"),
         ([waypoint(1, 0.0, 20.0, height=60.0)], 1, "GF_MAX_VER_DIST"),
         (
@@ -223,21 +142,21 @@ EXCLUSION = [item(0, 5004, frame=3, param1=5.0, **at(15.0, 0.0))]
                 item(4, 20),
             ],
             4,
-            "home",
+            "the return leaves",
         ),
     ],
 )
 def test_a_mission_that_leaves_the_fence_is_refused(
-    items: list[MissionItem], seq: int, words: str
+    items: list[MissionItem], seq: int, text: str
 ) -> None:
     vehicle = ToyVehicle()
     vehicle.registry.set("GF_MAX_VER_DIST", 50.0)
     vehicle.run(0.5)
     fence_vehicle(vehicle, *polygon(5001, *SQUARE), *EXCLUSION)
-    rejection = vehicle.navigator.check_mission([takeoff(), *items])
+    rejection = vehicle.check_mission([takeoff(), *items])
     assert rejection is not None
     assert rejection.seq == seq
-    assert words in rejection.reason
+    assert text in rejection.reason
 
 
 def test_a_mission_within_the_fence_is_accepted_until_the_fence_moves() -> None:
@@ -245,7 +164,7 @@ def test_a_mission_within_the_fence_is_accepted_until_the_fence_moves() -> None:
     vehicle.run(0.5)
     fence_vehicle(vehicle, *polygon(5001, *SQUARE), *EXCLUSION)
     mission = (takeoff(), waypoint(1, 0.0, 20.0), waypoint(2, 25.0, 20.0))
-    assert vehicle.navigator.check_mission(mission) is None
+    assert vehicle.check_mission(mission) is None
     vehicle.upload(*mission)
     vehicle.run(0.2)
     fence_vehicle(vehicle, item(0, 5003, frame=3, param1=10.0, **at(0, 0)))
@@ -255,15 +174,15 @@ def test_a_mission_within_the_fence_is_accepted_until_the_fence_moves() -> None:
 
 
 @pytest.mark.parametrize(
-    ("north", "east", "height", "words"),
+    ("north", "east", "height", "text"),
     [
         (40.0, 0.0, 5.0, "target lies outside"),
-        (25.0, 0.0, 5.0, "the way there"),
+        (25.0, 0.0, 5.0, "the path there"),
         (0.0, 20.0, 60.0, "GF_MAX_VER_DIST"),
     ],
 )
 def test_an_order_beyond_the_fence_is_denied(
-    north: float, east: float, height: float, words: str
+    north: float, east: float, height: float, text: str
 ) -> None:
     vehicle = airborne()
     vehicle.registry.set("GF_MAX_VER_DIST", 50.0)
@@ -271,7 +190,7 @@ def test_an_order_beyond_the_fence_is_denied(
     place = at(north, east)
     values = (-1.0, 1.0, 0.0, NAN, place["x"], place["y"], HOME[2] + height)
     assert vehicle.send(Command.DO_REPOSITION, *values) == DENIED
-    assert words in vehicle.texts[-1]
+    assert text in vehicle.texts[-1]
 
 
 def test_a_circle_across_the_fence_is_denied_and_one_within_is_flown() -> None:
@@ -284,7 +203,7 @@ def test_a_circle_across_the_fence_is_denied_and_one_within_is_flown() -> None:
     assert vehicle.mode is NavigationState.ORBIT
 
 
-def test_a_breach_is_told_before_it_happens_and_counted_once() -> None:
+def test_a_breach_is_predicted_and_counted_once() -> None:
     vehicle = airborne()
     place = at(60.0, 0.0)
     values = (-1.0, 1.0, 0.0, NAN, place["x"], place["y"], NAN)
@@ -318,7 +237,7 @@ def test_on_the_ground_nothing_is_breached() -> None:
 
 def rally(vehicle: ToyVehicle, north: float, east: float, height: float = 0.0) -> None:
     items = (item(0, 5100, frame=3, z=height, **at(north, east)),)
-    assert finished(vehicle.navigator.review_rally_points(items)) is None
+    assert vehicle.check_plan(PlanType.RALLY_POINTS, items) is None
     vehicle.rally_points.publish(RallyPoints(vehicle.now_us, 1, items))
     vehicle.run(0.1)
 
@@ -378,12 +297,12 @@ def test_a_return_keeps_away_from_the_ceiling_also_when_it_begins_above(
     assert vehicle.send(Command.NAV_RETURN_TO_LAUNCH) == ACCEPTED
     begin = len(vehicle.track)
     vehicle.run_until(lambda v: not v.armed, 120.0)
-    on_the_way = [-down for north, _, down in vehicle.track[begin:] if 2.0 < north < 38.0]
-    assert on_the_way
-    assert all(13.5 < height < 14.5 for height in on_the_way)
+    in_transit = [-down for north, _, down in vehicle.track[begin:] if 2.0 < north < 38.0]
+    assert in_transit
+    assert all(13.5 < height < 14.5 for height in in_transit)
 
 
-def test_an_order_that_comes_with_a_new_fence_is_judged_by_it() -> None:
+def test_a_target_sent_with_a_new_geofence_is_checked_by_it() -> None:
     vehicle = airborne()
     place = at(40.0, 0.0)
     goal = NavigatorTarget(
@@ -391,20 +310,6 @@ def test_an_order_that_comes_with_a_new_fence_is_judged_by_it() -> None:
     )
     circle = item(0, 5003, frame=3, param1=20.0, **at(0.0, 0.0))
     vehicle.fence.publish(Fence(vehicle.now_us, 1, (circle,)))
-    assert vehicle.navigator.refusal_of(goal) is not None
+    assert vehicle.check_target(goal)
     vehicle.fence.publish(Fence(vehicle.now_us, 0, ()))
-    assert vehicle.navigator.refusal_of(goal) is None
-
-
-@pytest.mark.parametrize(
-    ("fields", "result"),
-    [
-        ({"param1": 3.0}, MissionResult.INVALID_PARAM1),
-        ({"z": NAN}, MissionResult.INVALID_PARAM7),
-        ({"x": NAN}, MissionResult.INVALID_PARAM5_X),
-    ],
-)
-def test_what_is_no_rally_point_is_refused(fields: dict[str, float], result: MissionResult) -> None:
-    rejection = check_rally_points([item(0, 5100, **{"frame": 3, **at(1, 1), **fields})])
-    assert rejection is not None
-    assert rejection.result == result
+    assert not vehicle.check_target(goal)

@@ -1,4 +1,4 @@
-"""Which item is next: jumps, and every way to choose one."""
+"""The current item: jumps, and every command that selects one."""
 
 import pytest
 from hypothesis import given
@@ -45,7 +45,7 @@ def test_a_jump_is_never_the_current_item() -> None:
 
 
 @pytest.mark.parametrize(("times", "rounds"), [(0.0, 1), (1.0, 2), (4.0, 5)])
-def test_a_jump_is_taken_as_often_as_it_says(times: float, rounds: int) -> None:
+def test_a_jump_is_taken_as_often_as_its_parameter(times: float, rounds: int) -> None:
     assert flown(loop(times)) == [0, 1] * rounds + [3]
 
 
@@ -104,7 +104,7 @@ def test_only_a_reset_gives_jumps_their_repetitions_back() -> None:
     assert flown(cursor) == [0, 1, 0, 1, 3]
 
 
-def test_every_choice_and_every_reach_can_be_told() -> None:
+def test_every_selection_and_every_reached_item_is_counted() -> None:
     cursor = loop()
     cursor.select(0, reset=False)
     cursor.select(0, reset=False)

@@ -46,7 +46,7 @@ def test_a_circle_keeps_to_acceleration_jerk_and_yaw_rate(
 
 
 @given(radii, st.floats(0.1, 12.0))
-def test_a_slower_wish_is_never_clipped_and_a_faster_one_is_said_to_be(
+def test_a_slower_speed_is_never_clipped_and_the_clip_of_a_faster_one_is_reported(
     radius: float, wanted: float
 ) -> None:
     chosen = speed_on(radius, wanted, LIMITS, tilt_max=TILT, yaw_rate_max=math.inf)
@@ -58,7 +58,7 @@ def test_a_slower_wish_is_never_clipped_and_a_faster_one_is_said_to_be(
 
 
 @given(radii, st.floats(-math.pi, math.pi))
-def test_headings_point_where_their_names_say(radius: float, bearing: float) -> None:
+def test_headings_match_their_names(radius: float, bearing: float) -> None:
     state = Arc(1.0, (0.0, 0.0, 0.0), radius, bearing, 1.0, 0.0, 0.0).at(0.0)
     outward = math.atan2(state.position[1], state.position[0])
     ahead = math.atan2(state.velocity[1], state.velocity[0])
@@ -94,7 +94,7 @@ def turned_on_the_circle(vehicle: ToyVehicle) -> float:
 
 @pytest.mark.parametrize("radius", [10.0, -6.0])
 @pytest.mark.parametrize("turns", [0.5, 1.0, 2.25])
-def test_the_turns_asked_for_are_flown_and_end_in_hold(radius: float, turns: float) -> None:
+def test_the_commanded_turns_are_flown_and_end_in_hold(radius: float, turns: float) -> None:
     vehicle = airborne()
     assert order(vehicle, radius, 3.0, 3.0, turns * math.tau, (20.0, 5.0)) == ACCEPTED
     assert vehicle.mode is NavigationState.ORBIT
@@ -193,7 +193,7 @@ def test_a_pause_ends_the_orbit_and_its_report() -> None:
     assert not status.active
 
 
-def test_the_set_point_never_jumps_on_the_way_through_an_orbit() -> None:
+def test_the_set_point_never_jumps_in_an_orbit() -> None:
     vehicle = airborne()
     begin = len(vehicle.setpoints)
     assert order(vehicle, angle=4.0, centre=(12.0, 12.0)) == ACCEPTED

@@ -1,6 +1,6 @@
 """Video becomes a file while it is recorded, and one file for each recording."""
 
-from tests.unit.uav_firmware.modules.payload.bench import Bench
+from tests.unit.uav_firmware.modules.payload.harness import PayloadHarness
 from uav_firmware.cal.camera import Exposure, FilmGrowth
 from uav_firmware.cal.files import Place
 from uav_firmware.msg.payload import PayloadCommand
@@ -11,7 +11,7 @@ FORMAT = PayloadCommand.STORAGE_FORMAT
 
 
 class Recorder:
-    """Notes what it is told; breaks when it is asked to."""
+    """Records its calls; can be made to fail."""
 
     def __init__(self) -> None:
         self.films: list[list[Exposure]] = []
@@ -44,18 +44,18 @@ class Recorder:
             raise OSError("no sensor")
 
 
-def recording(**params: float) -> tuple[Bench, Recorder]:
+def recording(**params: float) -> tuple[PayloadHarness, Recorder]:
     recorder = Recorder()
-    bench = Bench(recorder=recorder, **params)  # type: ignore[arg-type]  # names of parameters
-    bench.ask(START, 0, 0, 0)
-    return bench, recorder
+    harness = PayloadHarness(recorder=recorder, **params)  # type: ignore[arg-type]  # names of parameters
+    harness.command(START, 0, 0, 0)
+    return harness, recorder
 
 
-def test_a_recording_is_a_film_at_the_parameters_rate() -> None:
-    bench, recorder = recording(CAM_VIDEO_RATE=5.0, CAM_VIDEO_WIDTH=320)
-    bench.run(4.0)
-    bench.ask(STOP, 0)
-    bench.run(1.0)
+def test_a_recording_has_the_parameters_rate() -> None:
+    harness, recorder = recording(CAM_VIDEO_RATE=5.0, CAM_VIDEO_WIDTH=320)
+    harness.run(4.0)
+    harness.command(STOP, 0)
+    harness.run(1.0)
     (film,) = recorder.films
     assert 19 <= len(film) <= 22
     assert recorder.rates_hz == [5.0]
@@ -63,81 +63,81 @@ def test_a_recording_is_a_film_at_the_parameters_rate() -> None:
     assert not recorder.is_open
 
 
-def test_a_film_keeps_its_size_when_the_parameter_changes_meanwhile() -> None:
-    bench, recorder = recording(CAM_VIDEO_RATE=5.0, CAM_VIDEO_WIDTH=320)
-    bench.run(1.0)
-    bench.registry.set("CAM_VIDEO_RATE", 1.0)
-    bench.registry.set("CAM_VIDEO_WIDTH", 640)
-    bench.run(1.0)
+def test_a_video_keeps_its_size_when_the_parameter_changes() -> None:
+    harness, recorder = recording(CAM_VIDEO_RATE=5.0, CAM_VIDEO_WIDTH=320)
+    harness.run(1.0)
+    harness.registry.set("CAM_VIDEO_RATE", 1.0)
+    harness.registry.set("CAM_VIDEO_WIDTH", 640)
+    harness.run(1.0)
     assert {exposure.lens.width_px for exposure in recorder.films[0]} == {320}
     assert 9 <= len(recorder.films[0]) <= 12
-    bench.ask(STOP, 0)
-    bench.ask(START, 0, 0, 0)
-    bench.run(0.1)
+    harness.command(STOP, 0)
+    harness.command(START, 0, 0, 0)
+    harness.run(0.1)
     assert recorder.films[1][0].lens.width_px == 640
     assert recorder.rates_hz == [5.0, 1.0]
 
 
-def test_every_recording_has_its_own_film() -> None:
-    bench, recorder = recording()
-    bench.run(1.0)
-    bench.ask(STOP, 0)
-    bench.ask(START, 0, 0, 0)
-    bench.run(1.0)
+def test_every_recording_has_its_own_file() -> None:
+    harness, recorder = recording()
+    harness.run(1.0)
+    harness.command(STOP, 0)
+    harness.command(START, 0, 0, 0)
+    harness.run(1.0)
     assert len(recorder.films) == 2
     assert recorder.is_open
 
 
-def test_a_camera_that_breaks_ends_the_recording_and_says_so() -> None:
-    bench, recorder = recording()
-    bench.run(1.0)
+def test_a_failing_camera_ends_the_recording_with_a_status_text() -> None:
+    harness, recorder = recording()
+    harness.run(1.0)
     recorder.works = False
-    bench.run(1.0)
-    assert bench.seen.recording_since_us == -1
-    assert "Video ended: no sensor" in bench.said()
+    harness.run(1.0)
+    assert harness.camera_status.recording_since_us == -1
+    assert "Video ended: no sensor" in harness.status_texts()
 
 
-def test_a_full_storage_ends_the_recording() -> None:
-    bench, recorder = recording(CAM_STORAGE_SIZE=64.0)
-    bench.run(1.0)
+def test_full_storage_ends_the_recording() -> None:
+    harness, recorder = recording(CAM_STORAGE_SIZE=64.0)
+    harness.run(1.0)
     recorder.growth = FilmGrowth(1 << 40)
-    bench.run(1.0)
-    assert bench.seen.recording_since_us == -1
-    assert "the storage is full" in bench.said()
+    harness.run(1.0)
+    assert harness.camera_status.recording_since_us == -1
+    assert "the storage is full" in harness.status_texts()
     assert not recorder.is_open
 
 
-def test_no_film_begins_on_a_full_storage() -> None:
+def test_full_storage_refuses_a_recording() -> None:
     recorder = Recorder()
-    bench = Bench(recorder=recorder, CAM_STORAGE_SIZE=1.0)
-    bench.ask(FORMAT, 1, 1)
-    bench.run(0.1)
-    assert bench.ask(START, 0, 0, 0) == CommandResult.FAILED
+    harness = PayloadHarness(recorder=recorder, CAM_STORAGE_SIZE=1.0)
+    harness.command(FORMAT, 1, 1)
+    harness.run(0.1)
+    assert harness.command(START, 0, 0, 0) == CommandResult.FAILED
     assert recorder.films == []
-    assert "the storage is full" in bench.said()
+    assert "the storage is full" in harness.status_texts()
 
 
-def test_nothing_is_formatted_while_a_film_is_on_its_way_to_the_card() -> None:
-    bench, recorder = recording()
-    bench.run(1.0)
+def test_format_is_rejected_while_a_video_is_being_stored() -> None:
+    harness, recorder = recording()
+    harness.run(1.0)
     recorder.is_busy = True
-    bench.ask(STOP, 0)
-    bench.run(0.2)
-    assert bench.ask(FORMAT, 1, 1) == CommandResult.TEMPORARILY_REJECTED
+    harness.command(STOP, 0)
+    harness.run(0.2)
+    assert harness.command(FORMAT, 1, 1) == CommandResult.TEMPORARILY_REJECTED
     recorder.is_busy = False
-    bench.run(0.2)
-    assert bench.ask(FORMAT, 1, 1) == CommandResult.ACCEPTED
+    harness.run(0.2)
+    assert harness.command(FORMAT, 1, 1) == CommandResult.ACCEPTED
 
 
-def test_what_films_take_is_counted() -> None:
-    bench, recorder = recording()
+def test_video_counts_as_used_space() -> None:
+    harness, recorder = recording()
     recorder.growth = FilmGrowth(5 << 20)
-    bench.run(0.2)
-    assert bench.seen.used_mib == 5.0
+    harness.run(0.2)
+    assert harness.camera_status.used_mib == 5.0
 
 
-def test_without_a_recorder_the_camera_still_says_that_it_records() -> None:
-    bench = Bench()
-    bench.ask(START, 0, 0, 0)
-    bench.run(1.0)
-    assert bench.seen.recording_since_us >= 0
+def test_without_a_recorder_the_status_shows_recording() -> None:
+    harness = PayloadHarness()
+    harness.command(START, 0, 0, 0)
+    harness.run(1.0)
+    assert harness.camera_status.recording_since_us >= 0

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.unit.uav_firmware.modules.payload.bench import (
+from tests.unit.uav_firmware.modules.payload.harness import (
     ALTITUDE_M,
     LATITUDE_DEG,
     LONGITUDE_DEG,
@@ -15,7 +15,7 @@ from tests.unit.uav_firmware.modules.payload.bench import (
     OPERATOR,
     RIVAL,
     SYSTEM,
-    Bench,
+    PayloadHarness,
 )
 from uav_firmware.lib.rotation import wrap_pi
 from uav_firmware.modules.payload.gimbal.gimbal import (
@@ -40,15 +40,15 @@ LOCK = float(GimbalFlags.YAW_LOCK)
 ANGLE = st.floats(-math.pi, math.pi)
 
 
-def in_control(**params: float) -> Bench:
-    bench = Bench()
+def in_control(**params: float) -> PayloadHarness:
+    harness = PayloadHarness()
     for name, value in params.items():
-        bench.registry.set(name, value)
-    assert bench.ask(CONFIGURE, -2, -2, -1, -1) == ACCEPTED
-    return bench
+        harness.registry.set(name, value)
+    assert harness.command(CONFIGURE, -2, -2, -1, -1) == ACCEPTED
+    return harness
 
 
-def test_a_positive_pitch_looks_up_and_a_positive_yaw_to_the_right() -> None:
+def test_positive_pitch_is_up_and_positive_yaw_is_right() -> None:
     gimbal = Gimbal()
     gimbal.follow(Angles(0.2, 0.3, locked=False))
     gimbal.update(0.0, None, 10.0, 1.0)
@@ -56,7 +56,7 @@ def test_a_positive_pitch_looks_up_and_a_positive_yaw_to_the_right() -> None:
 
 
 @given(st.floats(-3.0, 3.0), ANGLE, ANGLE, st.floats(0.1, 3.0), st.integers(1, 30))
-def test_no_order_turns_faster_or_farther_than_the_gimbal_can(
+def test_rates_and_range_are_limited(
     pitch: float, yaw: float, heading: float, rate: float, steps: int
 ) -> None:
     gimbal, dt = Gimbal(), 0.04
@@ -69,7 +69,7 @@ def test_no_order_turns_faster_or_farther_than_the_gimbal_can(
 
 
 @given(ANGLE, ANGLE, ANGLE)
-def test_a_locked_yaw_stays_when_the_vehicle_turns_and_another_turns_with_it(
+def test_locked_yaw_stays_and_unlocked_yaw_turns_with_the_vehicle(
     yaw: float, before: float, after: float
 ) -> None:
     for locked in (True, False):
@@ -77,18 +77,18 @@ def test_a_locked_yaw_stays_when_the_vehicle_turns_and_another_turns_with_it(
         gimbal.follow(Angles(0.0, yaw, locked=locked))
         gimbal.update(before, None, math.inf, 0.04)
         gimbal.update(after, None, math.inf, 0.04)
-        wanted = yaw if locked else after + yaw
-        assert wrap_pi(gimbal.yaw - wanted) == pytest.approx(0.0, abs=1e-9)
+        expected = yaw if locked else after + yaw
+        assert wrap_pi(gimbal.yaw - expected) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_the_shorter_way_round() -> None:
+def test_yaw_turns_the_shorter_way() -> None:
     gimbal = Gimbal(yaw=math.radians(170.0))
     gimbal.follow(Angles(0.0, math.radians(-170.0), locked=True))
     gimbal.update(0.0, None, 0.1, 1.0)
     assert gimbal.rate_yaw > 0.0
 
 
-def test_rates_turn_until_the_range_ends() -> None:
+def test_rates_turn_to_the_end_of_the_range() -> None:
     gimbal = Gimbal()
     gimbal.follow(Rates(-1.0, 0.5, locked=True))
     for _ in range(10):
@@ -98,7 +98,7 @@ def test_rates_turn_until_the_range_ends() -> None:
 
 
 @given(st.tuples(st.floats(-50, 50), st.floats(-50, 50)), st.floats(5.0, 60.0))
-def test_a_place_is_looked_at(place: tuple[float, float], height: float) -> None:
+def test_the_gimbal_points_at_a_place(place: tuple[float, float], height: float) -> None:
     gimbal = Gimbal()
     gimbal.follow(Place((*place, 0.0)))
     gimbal.update(0.0, (0.0, 0.0, -height), math.inf, 0.04)
@@ -107,38 +107,38 @@ def test_a_place_is_looked_at(place: tuple[float, float], height: float) -> None
         assert wrap_pi(gimbal.yaw - math.atan2(place[1], place[0])) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_only_who_took_control_may_point() -> None:
-    bench = Bench()
-    assert bench.ask(POINT, -30, 0, NAN, NAN) == DENIED
-    assert "not in control" in bench.said()
-    assert bench.ask(CONFIGURE, *OPERATOR, -1, -1) == ACCEPTED
-    assert bench.ask(POINT, -30, 20, NAN, NAN) == ACCEPTED
-    assert bench.ask(POINT, -60, 0, NAN, NAN, sender=RIVAL) == DENIED
-    bench.run(2.0)
-    assert (bench.pitch_deg, bench.yaw_deg) == pytest.approx((-30.0, 20.0))
+def test_only_a_controller_may_point() -> None:
+    harness = PayloadHarness()
+    assert harness.command(POINT, -30, 0, NAN, NAN) == DENIED
+    assert "not in control" in harness.status_texts()
+    assert harness.command(CONFIGURE, *OPERATOR, -1, -1) == ACCEPTED
+    assert harness.command(POINT, -30, 20, NAN, NAN) == ACCEPTED
+    assert harness.command(POINT, -60, 0, NAN, NAN, sender=RIVAL) == DENIED
+    harness.run(2.0)
+    assert (harness.pitch_deg, harness.yaw_deg) == pytest.approx((-30.0, 20.0))
 
 
-def test_control_is_shared_handed_over_and_given_back() -> None:
-    bench = Bench()
-    bench.ask(CONFIGURE, -2, -2, *RIVAL)
-    assert bench.gimbal.value is not None
-    assert (bench.gimbal.value.primary, bench.gimbal.value.secondary) == (OPERATOR, RIVAL)
-    assert bench.ask(POINT, 0, 0, sender=RIVAL) == ACCEPTED
-    bench.ask(CONFIGURE, -3, -3, -1, -1, sender=RIVAL)  # not the rival's to give back
-    assert bench.gimbal.value.primary == OPERATOR
-    bench.ask(CONFIGURE, -3, -3, -1, -1)
-    assert bench.gimbal.value.primary == Controller(0, 0)
-    assert bench.gimbal.value.secondary == RIVAL
-    assert bench.ask(POINT, 0, 0) == DENIED
+def test_control_is_shared_transferred_and_released() -> None:
+    harness = PayloadHarness()
+    harness.command(CONFIGURE, -2, -2, *RIVAL)
+    assert harness.gimbal.value is not None
+    assert (harness.gimbal.value.primary, harness.gimbal.value.secondary) == (OPERATOR, RIVAL)
+    assert harness.command(POINT, 0, 0, sender=RIVAL) == ACCEPTED
+    harness.command(CONFIGURE, -3, -3, -1, -1, sender=RIVAL)  # The rival is not in control
+    assert harness.gimbal.value.primary == OPERATOR
+    harness.command(CONFIGURE, -3, -3, -1, -1)
+    assert harness.gimbal.value.primary == Controller(0, 0)
+    assert harness.gimbal.value.secondary == RIVAL
+    assert harness.command(POINT, 0, 0) == DENIED
 
 
 def test_the_mission_takes_control_by_pointing() -> None:
-    bench = in_control()
-    bench.order(POINT, -90, 0, NAN, NAN, sender=MISSION)
-    bench.run(2.0)
-    assert bench.pitch_deg == pytest.approx(-90.0)
-    assert bench.gimbal.value is not None
-    assert bench.gimbal.value.primary == Controller(SYSTEM, 1)
+    harness = in_control()
+    harness.order(POINT, -90, 0, NAN, NAN, sender=MISSION)
+    harness.run(2.0)
+    assert harness.pitch_deg == pytest.approx(-90.0)
+    assert harness.gimbal.value is not None
+    assert harness.gimbal.value.primary == Controller(SYSTEM, 1)
 
 
 @pytest.mark.parametrize(
@@ -152,15 +152,15 @@ def test_the_mission_takes_control_by_pointing() -> None:
         (GimbalFlags.YAW_IN_VEHICLE_FRAME, 130.0),
     ],
 )
-def test_yaw_means_what_the_flags_say(flags: int, after_turning: float) -> None:
-    bench = in_control()
-    bench.heading_deg = 10.0
-    bench.run(0.1)
-    bench.ask(POINT, 0, 30, NAN, NAN, flags)
-    bench.run(2.0)
-    bench.heading_deg = 100.0
-    bench.run(2.0)
-    assert bench.yaw_deg == pytest.approx(after_turning, abs=1e-6)
+def test_flags_define_the_frame_of_yaw(flags: int, after_turning: float) -> None:
+    harness = in_control()
+    harness.heading_deg = 10.0
+    harness.run(0.1)
+    harness.command(POINT, 0, 30, NAN, NAN, flags)
+    harness.run(2.0)
+    harness.heading_deg = 100.0
+    harness.run(2.0)
+    assert harness.yaw_deg == pytest.approx(after_turning, abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -175,60 +175,62 @@ def test_yaw_means_what_the_flags_say(flags: int, after_turning: float) -> None:
         (0, 0, NAN, NAN, -1),
     ],
 )
-def test_a_direction_that_cannot_be_had_is_denied(wrong: tuple[float, ...]) -> None:
-    bench = in_control()
-    assert bench.ask(POINT, *wrong) == DENIED
+def test_an_unreachable_direction_is_denied(wrong: tuple[float, ...]) -> None:
+    harness = in_control()
+    assert harness.command(POINT, *wrong) == DENIED
 
 
-def test_a_rate_beside_an_angle_is_the_speed_of_the_way() -> None:
-    bench = in_control()
-    bench.ask(POINT, -60, 0, 10, NAN)
-    bench.run(3.0)
-    assert bench.pitch_deg == pytest.approx(-30.0, abs=1.0)
+def test_a_rate_with_an_angle_limits_the_turn() -> None:
+    harness = in_control()
+    harness.command(POINT, -60, 0, 10, NAN)
+    harness.run(3.0)
+    assert harness.pitch_deg == pytest.approx(-30.0, abs=1.0)
 
 
-def test_the_old_command_takes_what_is_free_and_respects_who_has_control() -> None:
-    bench = Bench()
-    assert bench.ask(MOUNT, -45, 0, 15, 0, 0, 0, 2) == ACCEPTED
-    bench.run(2.0)
-    assert (bench.pitch_deg, bench.yaw_deg) == pytest.approx((-45.0, 15.0))
-    assert bench.ask(MOUNT, -10, 0, 0, 0, 0, 0, 2, sender=RIVAL) == DENIED
-    assert bench.ask(MOUNT, 0, 0, 0, 0, 0, 0, 1) == ACCEPTED
-    bench.run(2.0)
-    assert (bench.pitch_deg, bench.yaw_deg) == pytest.approx((0.0, 0.0))
-    assert bench.ask(MOUNT, 0, 0, 0, 0, 0, 0, 3) == DENIED
-    assert bench.ask(MOUNT, 0, 20, 0, 0, 0, 0, 2) == DENIED
+def test_mount_control_takes_free_control_only() -> None:
+    harness = PayloadHarness()
+    assert harness.command(MOUNT, -45, 0, 15, 0, 0, 0, 2) == ACCEPTED
+    harness.run(2.0)
+    assert (harness.pitch_deg, harness.yaw_deg) == pytest.approx((-45.0, 15.0))
+    assert harness.command(MOUNT, -10, 0, 0, 0, 0, 0, 2, sender=RIVAL) == DENIED
+    assert harness.command(MOUNT, 0, 0, 0, 0, 0, 0, 1) == ACCEPTED
+    harness.run(2.0)
+    assert (harness.pitch_deg, harness.yaw_deg) == pytest.approx((0.0, 0.0))
+    assert harness.command(MOUNT, 0, 0, 0, 0, 0, 0, 3) == DENIED
+    assert harness.command(MOUNT, 0, 20, 0, 0, 0, 0, 2) == DENIED
 
 
-def test_the_old_command_looks_at_a_place() -> None:
-    bench = Bench()
+def test_mount_control_points_at_a_place() -> None:
+    harness = PayloadHarness()
     east = LONGITUDE_DEG + 10.0 / (111_320.0 * math.cos(math.radians(LATITUDE_DEG)))
-    bench.run(0.1)
-    assert bench.ask(MOUNT, 0, 0, 0, ALTITUDE_M, LATITUDE_DEG, east, 4) == ACCEPTED
-    bench.run(3.0)
-    assert bench.pitch_deg == pytest.approx(-45.0, abs=0.5)
-    assert bench.yaw_deg == pytest.approx(90.0, abs=0.5)
+    harness.run(0.1)
+    assert harness.command(MOUNT, 0, 0, 0, ALTITUDE_M, LATITUDE_DEG, east, 4) == ACCEPTED
+    harness.run(3.0)
+    assert harness.pitch_deg == pytest.approx(-45.0, abs=0.5)
+    assert harness.yaw_deg == pytest.approx(90.0, abs=0.5)
 
 
-def test_a_region_of_interest_is_looked_at_until_it_is_taken_back() -> None:
-    bench = Bench()
-    bench.run(0.1)
-    bench.region.publish(
+def test_the_gimbal_follows_a_region_of_interest_until_it_is_cleared() -> None:
+    harness = PayloadHarness()
+    harness.run(0.1)
+    harness.region.publish(
         RegionOfInterest(0, LATITUDE_DEG + 10.0 / 111_030.0, LONGITUDE_DEG, ALTITUDE_M)
     )
-    bench.run(2.0)
-    assert bench.pitch_deg == pytest.approx(-45.0, abs=0.5)
-    bench.region.publish(RegionOfInterest(0, NAN, NAN, NAN))
-    bench.run(2.0)
-    assert bench.pitch_deg == pytest.approx(0.0, abs=1e-6)
+    harness.run(2.0)
+    assert harness.pitch_deg == pytest.approx(-45.0, abs=0.5)
+    harness.region.publish(RegionOfInterest(0, NAN, NAN, NAN))
+    harness.run(2.0)
+    assert harness.pitch_deg == pytest.approx(0.0, abs=1e-6)
 
 
-def stream(bench: Bench, pitch: float, yaw: float, *rates: float, **fields: object) -> None:
+def stream(
+    harness: PayloadHarness, pitch: float, yaw: float, *rates: float, **fields: object
+) -> None:
     values = {"source": OPERATOR, "flags": 0, "normalised": False, **fields}
     pitch_rate, yaw_rate = rates or (NAN, NAN)
-    bench.orders.publish(
+    harness.orders.publish(
         GimbalOrder(
-            bench.now_us,
+            harness.now_us,
             pitch=pitch,
             yaw=yaw,
             pitch_rate=pitch_rate,
@@ -238,20 +240,20 @@ def stream(bench: Bench, pitch: float, yaw: float, *rates: float, **fields: obje
     )
 
 
-def test_a_stream_of_its_controller_is_followed_and_ends_at_the_range() -> None:
-    bench = in_control()
-    stream(bench, 3.0, 0.5)
-    stream(bench, -1.0, -1.0, source=RIVAL)
-    bench.run(2.0)
-    assert bench.pitch_deg == pytest.approx(30.0)
-    assert bench.yaw_deg == pytest.approx(math.degrees(0.5))
+def test_a_streamed_order_is_limited_to_the_range() -> None:
+    harness = in_control()
+    stream(harness, 3.0, 0.5)
+    stream(harness, -1.0, -1.0, source=RIVAL)
+    harness.run(2.0)
+    assert harness.pitch_deg == pytest.approx(30.0)
+    assert harness.yaw_deg == pytest.approx(math.degrees(0.5))
 
 
-def test_a_stick_turns_at_the_manual_rate() -> None:
-    bench = in_control(MNT_RATE_YAW=20.0)
-    stream(bench, NAN, NAN, 0.0, 0.5, normalised=True)
-    bench.run(3.0)
-    assert bench.yaw_deg == pytest.approx(30.0, abs=1.0)
-    stream(bench, -1.0, NAN, normalised=True)
-    bench.run(3.0)
-    assert bench.pitch_deg == pytest.approx(-90.0)
+def test_a_normalised_rate_uses_the_manual_rate() -> None:
+    harness = in_control(MNT_RATE_YAW=20.0)
+    stream(harness, NAN, NAN, 0.0, 0.5, normalised=True)
+    harness.run(3.0)
+    assert harness.yaw_deg == pytest.approx(30.0, abs=1.0)
+    stream(harness, -1.0, NAN, normalised=True)
+    harness.run(3.0)
+    assert harness.pitch_deg == pytest.approx(-90.0)

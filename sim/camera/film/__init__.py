@@ -1,0 +1,1 @@
+"""Files of pictures and video, the process that makes them, and the live view."""

@@ -1,0 +1,1 @@
+"""A picture of the scene: each pixel's ray, light and exposure."""

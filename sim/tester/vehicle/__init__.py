@@ -1,0 +1,1 @@
+"""The vehicle's side of the tester: its state, its missions and its MAVLink link."""

@@ -1,1 +1,0 @@
-"""Whether the vehicle may be armed, and when its motors stop."""

@@ -1,1 +1,0 @@
-"""Flight modes: what each needs and who leads in it."""

@@ -1,0 +1,115 @@
+"""PREFLIGHT_STORAGE and PREFLIGHT_REBOOT_SHUTDOWN; both require a disarmed vehicle."""
+
+import math
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Final
+
+from uav_firmware.bus import Topic
+from uav_firmware.modules.mavlink.commands.commands import Command
+from uav_firmware.modules.mavlink.telemetry.requests import Answer
+from uav_firmware.modules.mavlink.wire.addressing import Sender
+from uav_firmware.modules.mavlink.wire.dialect import mavlink
+from uav_firmware.msg.status import VehicleStatus
+from uav_firmware.parameters import Registry
+
+_READ: Final = 0.0
+_WRITE: Final = 1.0
+_RESETS: Final = frozenset({2.0, 4.0})
+"""PARAM_RESET_CONFIG_DEFAULT and PARAM_RESET_ALL_DEFAULT, which are the same here."""
+_PLANS_UNCHANGED: Final = frozenset({-1.0, 0.0, 1.0})
+
+_ACCEPTED: Final = Answer(mavlink.MAV_RESULT_ACCEPTED)
+_BUSY: Final = Answer(mavlink.MAV_RESULT_TEMPORARILY_REJECTED)
+_DENIED: Final = Answer(mavlink.MAV_RESULT_DENIED)
+_FAILED: Final = Answer(mavlink.MAV_RESULT_FAILED)
+_UNSUPPORTED: Final = Answer(mavlink.MAV_RESULT_UNSUPPORTED)
+
+
+class StorageCommands:
+    """Executes PREFLIGHT_STORAGE.
+
+    Parameters and plans are stored as they change, so only a reset has an effect.
+    """
+
+    def __init__(
+        self,
+        registry: Registry,
+        save: Callable[[], None],
+        vehicle_status: Topic[VehicleStatus],
+    ) -> None:
+        """`save` stores the parameters and may raise OSError."""
+        self._registry = registry
+        self._save = save
+        self._vehicle_status = vehicle_status
+
+    def answer(self, command: Command, _sender: Sender, _now_us: int) -> Answer | None:
+        """Execute PREFLIGHT_STORAGE; None for any other command."""
+        if command.number != mavlink.MAV_CMD_PREFLIGHT_STORAGE:
+            return None
+        action, plans = command.parameter(1), command.parameter(2)
+        if not (math.isnan(plans) or plans in _PLANS_UNCHANGED):
+            return _DENIED
+        if action not in {_READ, _WRITE} | _RESETS:
+            return _DENIED
+        status = self._vehicle_status.value
+        if status is None or status.armed:
+            return _BUSY
+        if action in _RESETS:
+            self._registry.reset()
+        return _ACCEPTED if action == _READ else self._saved()
+
+    def _saved(self) -> Answer:
+        try:
+            self._save()
+        except OSError:
+            return _FAILED
+        return _ACCEPTED
+
+
+class PowerAction(IntEnum):
+    """Values of parameter 1 of PREFLIGHT_REBOOT_SHUTDOWN."""
+
+    NONE = 0
+    REBOOT = 1
+    SHUTDOWN = 2
+
+
+class PowerCommands:
+    """Executes PREFLIGHT_REBOOT_SHUTDOWN.
+
+    Autopilot, companion computer, camera and gimbal are one process, so parameters 2 to 4 may only
+    request the same action or none.
+    """
+
+    def __init__(
+        self,
+        request: Callable[[PowerAction], None] | None,
+        vehicle_status: Topic[VehicleStatus],
+    ) -> None:
+        """`request` is called with an accepted action; without it they are unsupported."""
+        self._request = request
+        self._vehicle_status = vehicle_status
+
+    def answer(self, command: Command, _sender: Sender, _now_us: int) -> Answer | None:
+        """Execute PREFLIGHT_REBOOT_SHUTDOWN; None for any other command."""
+        if command.number != mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN:
+            return None
+        if not _is_possible(command):
+            return _DENIED
+        status = self._vehicle_status.value
+        if status is None or status.armed:
+            return _BUSY
+        action = PowerAction(int(command.parameter(1)))
+        if action is not PowerAction.NONE:
+            if self._request is None:
+                return _UNSUPPORTED
+            self._request(action)
+        return _ACCEPTED
+
+
+def _is_possible(command: Command) -> bool:
+    """Whether all components have the same action; there is no boot loader to stop in."""
+    autopilot, *others = command.parameters[:4]
+    alike = all(math.isnan(other) or other in {0.0, autopilot} for other in others)
+    return autopilot in set(PowerAction) and alike

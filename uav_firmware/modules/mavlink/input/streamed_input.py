@@ -1,0 +1,178 @@
+"""MANUAL_CONTROL, FOLLOW_TARGET and GIMBAL_MANAGER_SET_*: streamed messages to topics.
+
+MANUAL_CONTROL has PX4's convention, which QGroundControl and MAVSDK use: x forward, y right and r
+clockwise are -1000..1000; z is 0 (down) to 1000 (up) with 500 in the centre. The specification
+allows z from -1000; a negative z counts as down, which is the safe direction.
+
+FOLLOW_TARGET has no target system, so it is accepted from every sender; the navigator uses it in
+follow mode only, and from one system. None of these messages has an answer.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Final, NamedTuple
+
+from uav_firmware.bus import Queue, Topic
+from uav_firmware.lib.rotation import normalise, to_euler
+from uav_firmware.modules.mavlink.wire.addressing import Outgoing, Sender, is_for_us
+from uav_firmware.modules.mavlink.wire.dialect import Message
+from uav_firmware.msg.control_mode import ManualControlSetpoint
+from uav_firmware.msg.guidance import FollowTarget
+from uav_firmware.msg.payload import Controller, GimbalFlags, GimbalOrder, PayloadOrder
+from uav_firmware.msg.vectors import Vector3
+
+INVALID_AXIS: Final = 0x7FFF
+"""Value of an axis that does not exist."""
+HOLDER_TIMEOUT_US: Final = 1_000_000
+"""Time without sticks of the current sender after which another one is accepted."""
+_HAS_POSITION: Final = 1
+_HAS_VELOCITY: Final = 2
+_FASTEST_M_S: Final = 100.0
+_UNSET: Final[Vector3] = (math.nan, math.nan, math.nan)
+_DEVICES: Final = frozenset({0, 1})
+_TWO_FRAMES: Final = GimbalFlags.YAW_IN_VEHICLE_FRAME | GimbalFlags.YAW_IN_EARTH_FRAME
+
+
+def sticks_of(message: Message, now_us: int) -> ManualControlSetpoint | None:
+    """Sticks of a MANUAL_CONTROL; None unless it has all four axes, as in PX4."""
+    axes = (message.x, message.y, message.z, message.r)
+    if INVALID_AXIS in axes:
+        return None
+    forward, right, up, yaw = (min(max(axis / 1000.0, -1.0), 1.0) for axis in axes)
+    return ManualControlSetpoint(now_us, forward, right, 2.0 * max(up, 0.0) - 1.0, yaw)
+
+
+class ManualInput:
+    """Accepts MANUAL_CONTROL from one sender at a time."""
+
+    def __init__(self, system_id: int, topic: Topic[ManualControlSetpoint]) -> None:
+        self._system_id = system_id
+        self._topic = topic
+        self._holder: tuple[int, int] | None = None
+        self._received_us = 0
+
+    def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
+        """Publish the sticks if they are for this vehicle."""
+        if message.target != self._system_id:
+            return []
+        if (
+            self._holder not in {None, sender.identity}
+            and now_us - self._received_us <= HOLDER_TIMEOUT_US
+        ):
+            return []
+        sticks = sticks_of(message, now_us)
+        if sticks is not None:
+            self._holder, self._received_us = sender.identity, now_us
+            self._topic.publish(sticks)
+        return []
+
+
+def target_of(message: Message, system_id: int, now_us: int) -> FollowTarget | None:
+    """Target of a FOLLOW_TARGET; None when its values are impossible."""
+    position, velocity = _position(message), _velocity(message)
+    if position is None or velocity is None:
+        return None
+    accuracy = message.position_cov[0]
+    return FollowTarget(
+        now_us,
+        system_id,
+        *position,
+        velocity_ned=velocity,
+        accuracy_m=accuracy if math.isfinite(accuracy) and accuracy > 0.0 else math.nan,
+    )
+
+
+def _position(message: Message) -> Vector3 | None:
+    if not message.est_capabilities & _HAS_POSITION:
+        return _UNSET
+    latitude, longitude = message.lat / 1e7, message.lon / 1e7
+    if abs(latitude) > 90.0 or abs(longitude) > 180.0 or not math.isfinite(message.alt):
+        return None
+    return (latitude, longitude, message.alt)
+
+
+def _velocity(message: Message) -> Vector3 | None:
+    if not message.est_capabilities & _HAS_VELOCITY:
+        return _UNSET
+    north, east, down = message.vel
+    if not all(abs(part) <= _FASTEST_M_S for part in (north, east, down)):
+        return None
+    return (north, east, down)
+
+
+class FollowInput:
+    """Publishes targets."""
+
+    def __init__(self, topic: Topic[FollowTarget]) -> None:
+        self._topic = topic
+
+    def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
+        """Take FOLLOW_TARGET."""
+        target = target_of(message, sender.system, now_us)
+        if target is not None:
+            self._topic.publish(target)
+        return []
+
+
+class _Aim(NamedTuple):
+    """Angles [rad] and rates [rad/s], or fractions of their range; NaN is unset."""
+
+    pitch: float
+    yaw: float
+    pitch_rate: float
+    yaw_rate: float
+
+
+def _pitch_yaw(message: Message) -> _Aim:
+    return _Aim(message.pitch, message.yaw, message.pitch_rate, message.yaw_rate)
+
+
+def _attitude(message: Message) -> _Aim | None:
+    """Pitch and yaw of a quaternion; NaN without one. Roll is ignored."""
+    rates = (message.angular_velocity_y, message.angular_velocity_z)
+    if any(math.isnan(part) for part in message.q):
+        return _Aim(math.nan, math.nan, *rates)
+    w, x, y, z = message.q
+    try:
+        _, pitch, yaw = to_euler(normalise((w, x, y, z)))
+    except ValueError:
+        return None
+    return _Aim(pitch, yaw, *rates)
+
+
+_READERS: Final[Mapping[str, Callable[[Message], _Aim | None]]] = {
+    "GIMBAL_MANAGER_SET_PITCHYAW": _pitch_yaw,
+    "GIMBAL_MANAGER_SET_MANUAL_CONTROL": _pitch_yaw,
+    "GIMBAL_MANAGER_SET_ATTITUDE": _attitude,
+}
+
+
+class GimbalInput:
+    """Publishes valid messages as orders to payload; drops others."""
+
+    message_types: Final = frozenset(_READERS)
+
+    def __init__(self, system_id: int, orders: Queue[PayloadOrder]) -> None:
+        self._system_id = system_id
+        self._orders = orders
+
+    def handle(self, message: Message, sender: Sender, now_us: int) -> list[Outgoing]:
+        """Take one of the three messages."""
+        if not is_for_us(message, self._system_id) or message.gimbal_device_id not in _DEVICES:
+            return []
+        flags: int = message.flags
+        if flags & GimbalFlags.RETRACT or flags & _TWO_FRAMES == _TWO_FRAMES:
+            return []
+        aim = _READERS[message.get_type()](message)
+        normalised = message.get_type() == "GIMBAL_MANAGER_SET_MANUAL_CONTROL"
+        if aim is None or not _is_valid(aim, normalised=normalised):
+            return []
+        source = Controller(sender.system, sender.component)
+        self._orders.publish(GimbalOrder(now_us, source, flags, *aim, normalised))
+        return []
+
+
+def _is_valid(aim: _Aim, *, normalised: bool) -> bool:
+    """Whether every value is unset or within limits."""
+    most = 1.0 if normalised else 2.0 * math.tau
+    return all(math.isnan(part) or abs(part) <= most for part in aim)

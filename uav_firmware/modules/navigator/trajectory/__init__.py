@@ -1,1 +1,0 @@
-"""Set-points that move along legs, and the heading."""
