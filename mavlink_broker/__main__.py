@@ -1,12 +1,17 @@
 """`python -m mavlink_broker`: the broker as a program, and what it can do without flying."""
 
+import signal
+
+if __name__ == "__main__":  # Ctrl-C while the rest is loaded ends the program without a traceback
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
 import os
 import sys
 from datetime import UTC, datetime
 
 from mavlink_broker.cli import dead_letters, fly, run, translate, vehicles
 from mavlink_broker.cli.program import MISUSED, UsageError
-from mavlink_broker.live.follow_target_source import LeadError
+from mavlink_broker.live.follow_target import TargetSourceError
 
 
 def main() -> int:
@@ -17,7 +22,7 @@ def main() -> int:
     except UsageError as error:
         print(f"mavlink_broker: {error}", file=sys.stderr)
         return error.status
-    except LeadError as error:
+    except TargetSourceError as error:
         print(f"mavlink_broker: {error}", file=sys.stderr)
         return MISUSED
 

@@ -1,10 +1,9 @@
-"""The broker's one loop: hear vehicles, take work, step the sessions, pass on what they say.
+"""The broker's loop: receive messages and work, step the sessions, send what they produce.
 
-Everything that touches a clock, a socket or the edge server is handed in, so that tests can run
-a day of it in a second.
+Clock, sockets and edge server are arguments, so that tests can run a day in a second.
 
-Every call into a session has a boundary: an exception in one vehicle's session fails the mission
-of that vehicle with its reason, is counted and shown, and no other vehicle notices it.
+Every call into a session has an error boundary: an exception in one vehicle's session fails the
+mission of that vehicle with its reason, is counted and shown, and affects no other vehicle.
 """
 
 import logging
@@ -15,49 +14,51 @@ from typing import Any, Final
 from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.config import Config
 from mavlink_broker.edge.posts import post_for
-from mavlink_broker.edge.work import EventWork, MissionWork, StateVectorWork, Verdict
+from mavlink_broker.edge.work import AcceptanceResult, EventWork, MissionWork, StateVectorWork
 from mavlink_broker.edge.work_parser import Inbox, WorkError
-from mavlink_broker.effects import Acknowledgement, Effects, ForEdge
-from mavlink_broker.fleet import Fleet, Peer
-from mavlink_broker.forwarding.verdict import Tenure
-from mavlink_broker.internal_errors import Faults
-from mavlink_broker.live.tracking import TRACKED_WORDS as TRACKED
+from mavlink_broker.effects import Acknowledgement, EdgeMessage, Effects
+from mavlink_broker.fleet import Fleet, FleetMember
+from mavlink_broker.interfaces import Edge, Jobs, Journal, NoJobs
+from mavlink_broker.internal_errors import InternalErrors
+from mavlink_broker.live.tracking import TRACKING_MESSAGES as TRACKED
 from mavlink_broker.mavlink.dialect import Message, source_of
 from mavlink_broker.mission.states import State
-from mavlink_broker.peers import Edge, Jobs, Journal, NoJobs
-from mavlink_broker.pictures.pictures import HEARD as PICTURED
-from mavlink_broker.routing.routing import Clock, Link, Traffic
+from mavlink_broker.pictures.pictures import PICTURE_MESSAGES
+from mavlink_broker.routing.policy import BrokerControl
+from mavlink_broker.routing.router import Clock, Link, Router
 from mavlink_broker.session import Session
 from mavlink_broker.vehicle.measurements import OBSERVED
 from mavlink_broker.vehicle.vehicle import Vehicle
-from mavlink_broker.vehicle_records import Bookkeeping
+from mavlink_broker.vehicle_records import VehicleRecords
 
 IDLE_WAIT_S: Final = 0.02
-"""Longest sleep: what is overdue is noticed that late. Datagrams and work end it at once."""
-SWEEP_EVERY_S: Final = 10.0
-STEP_ALL_EVERY_S: Final = 0.015
-"""In between only those who have spoken are seen to: twenty vehicles say 500 things a second."""
-PAYLOAD_WORDS: Final = frozenset({"COMMAND_ACK", "HEARTBEAT"}) | OBSERVED | PICTURED | TRACKED
-"""What is taken from a vehicle's other components, such as its camera."""
+"""Longest wait of the loop, the resolution of timeouts. Datagrams and work end it at once."""
+SWEEP_INTERVAL_S: Final = 10.0
+STEP_ALL_INTERVAL_S: Final = 0.015
+"""In between only vehicles with new messages are stepped: twenty send 500 messages a second."""
+PAYLOAD_MESSAGES: Final = (
+    frozenset({"COMMAND_ACK", "HEARTBEAT"}) | OBSERVED | PICTURE_MESSAGES | TRACKED
+)
+"""Messages that are taken from a vehicle's other components, such as its camera."""
 
-MOST_WARNING: Final = 255
-"""Characters that the edge server takes of a vehicle's warning."""
-PICTURES_WAITING: Final = 8
-"""With so many unanswered none is fetched: they are safer on the vehicle than in memory."""
+MAX_WARNING_CHARACTERS: Final = 255
+"""Longest warning that the edge server accepts."""
+MAX_WAITING_PICTURES: Final = 8
+"""With so many unanswered none is fetched: pictures are safer on the vehicle than in memory."""
 
-SETTLED_AFTER_S: Final = 30.0
-"""By then a restarted broker has its unfinished missions again."""
+STARTUP_S: Final = 30.0
+"""A restarted broker has received its unfinished missions by then."""
 FLYING: Final = frozenset({ModeRole.MISSION, ModeRole.GUIDED})
 TRANSFERS: Final = frozenset(
-    {State.ATTACHING, State.FENCING, State.UPLOADING, State.VERIFYING, State.SELECTING}
+    {State.ATTACHING, State.PLACING_GEOFENCE, State.UPLOADING, State.VERIFYING, State.SELECTING}
 )
-"""States in which a mission is sent or read back."""
+"""States in which a mission is uploaded or read back."""
 
 _LOG = logging.getLogger(__name__)
 
 
 class App:
-    """All vehicles of one broker."""
+    """The loop of one broker."""
 
     def __init__(
         self,
@@ -69,131 +70,138 @@ class App:
         jobs: Jobs | None = None,
         journal: Journal | None = None,
     ) -> None:
-        """Take what the loop needs.
+        """Take the interfaces of the loop.
 
-        Without `jobs` no picture can be fetched or made to fit; without a `journal` a broker that
-        is killed forgets what it has borrowed of its vehicles.
+        Without `jobs` no picture can be fetched over HTTP or converted; without a `journal` a
+        killed broker does not restore what it has overridden on its vehicles.
         """
         self._config = config
         self._edge = edge
         self._clock = clock
         self._new_ulid = new_ulid
         self._jobs = jobs or NoJobs()
-        self._books = Bookkeeping(journal)
+        self._records = VehicleRecords(journal)
         self._inbox = Inbox()
-        self.faults = Faults()
-        self._traffic = Traffic(config, link, clock, self._tenure, self.faults)
-        self._fleet = Fleet(config, self._books, new_ulid)
+        self.internal_errors = InternalErrors()
+        self._router = Router(config, link, clock, self._control_of, self.internal_errors)
+        self._fleet = Fleet(config, self._records, new_ulid)
         self._sweep_at = 0.0
         self._step_all_at = 0.0
-        self._began_at = clock.monotonic()
+        self._started_at = clock.monotonic()
 
     @property
     def sessions(self) -> dict[int, Session]:
         """Sessions by MAVLink system id."""
-        return {peer.system: peer.session for peer in self._fleet}
+        return {member.system: member.session for member in self._fleet}
 
     def step(self, wait_s: float = IDLE_WAIT_S) -> None:
-        """Go round once."""
-        messages = self._traffic.receive(wait_s)
+        """Run the loop once."""
+        messages = self._router.receive(wait_s)
         now = self._clock.monotonic()
         for message in messages:
             self._dispatch(message, now)
-        work = sorted(self._edge.take_work(), key=_number_of)
+        work = sorted(self._edge.take_work(), key=_work_id_of)
         for raw in work:
             self._take(raw, now)
-        verdicts = self._edge.take_verdicts()
-        for verdict in verdicts:
-            self._judge(verdict, now)
-        self._books.settle(self._fleet.session)
+        acceptance_results = self._edge.take_acceptance_results()
+        for acceptance_result in acceptance_results:
+            self._apply_acceptance_result(acceptance_result, now)
+        self._records.confirm(self._fleet.session)
         finished = self._jobs.take_finished()
         for system, outcome in finished:
-            peer = self._fleet.find(system)
-            if peer is not None:
-                self._call(peer, now, partial(peer.session.pictures.take_outcome, outcome, now))
-        if work or verdicts or finished or now >= self._step_all_at:
-            self._step_all_at = now + STEP_ALL_EVERY_S
+            member = self._fleet.find(system)
+            if member is not None:
+                self._call(member, now, partial(member.session.pictures.take_outcome, outcome, now))
+        if work or acceptance_results or finished or now >= self._step_all_at:
+            self._step_all_at = now + STEP_ALL_INTERVAL_S
             self._step(self._fleet, now)
         else:
-            speakers = {source_of(message).system for message in messages}
-            self._step(filter(None, map(self._fleet.find, speakers)), now)
+            senders = {source_of(message).system for message in messages}
+            self._step(filter(None, map(self._fleet.find, senders)), now)
         if now >= self._sweep_at:
-            self._sweep_at = now + SWEEP_EVERY_S
-            for system in self._fleet.forget_strangers(now):
-                self._traffic.forget(system)
+            self._sweep_at = now + SWEEP_INTERVAL_S
+            for system in self._fleet.remove_strangers(now):
+                self._router.forget(system)
 
-    def _step(self, peers: Iterable[Peer], now: float) -> None:
-        """Let time pass for some vehicles."""
-        has_room = self._edge.waiting_pictures < PICTURES_WAITING
-        for peer in peers:
-            peer.session.watch(self._traffic.asked_of(peer.system, now))
-            peer.session.vehicle.warning = self._warning_of(peer, now)
-            peer.session.pictures.has_room = has_room
-            self._call(peer, now, partial(self._books.open, peer.session, now))
-            self._call(peer, now, partial(peer.session.step, now))
+    def _step(self, members: Iterable[FleetMember], now: float) -> None:
+        """Step some vehicles."""
+        has_room = self._edge.waiting_pictures < MAX_WAITING_PICTURES
+        for member in members:
+            member.session.watch(self._router.requested_messages(member.system, now))
+            member.session.vehicle.warn(self._warning_of(member, now))
+            member.session.pictures.has_room = has_room
+            self._call(member, now, partial(self._records.recall, member.session, now))
+            self._call(member, now, partial(member.session.step, now))
 
     def close(self) -> None:
-        """Leave no word untold, end what goes on beside the loop; the links are the caller's."""
-        for peer in self._fleet:
-            self._tell_all(peer)
-        self._traffic.close()
+        """Post what is pending and close the frame log; the caller closes the links."""
+        for member in self._fleet:
+            self._post_all(member)
+        self._router.close()
 
-    def _call(self, peer: Peer, now: float, action: Callable[[Effects], object]) -> bool:
-        """Call one vehicle's session and carry out what it wants; whether it ended well."""
+    def _call(self, member: FleetMember, now: float, action: Callable[[Effects], object]) -> bool:
+        """Call one vehicle's session and apply its effects; false after an error."""
         effects = Effects()
-        errors = [*_error_of(partial(action, effects)), *self._carry_out(effects, peer)]
+        errors = [*_error_of(partial(action, effects)), *self._carry_out(effects, member)]
         for error in errors[:1]:
-            self._break_off(peer, error, now)
+            self._fail_after_error(member, error, now)
         return not errors
 
-    def _break_off(self, peer: Peer, error: Exception, now: float) -> None:
-        """End the mission in which an unexpected error has occurred; the broker goes on.
+    def _fail_after_error(self, member: FleetMember, error: Exception, now: float) -> None:
+        """Fail the mission in which an unexpected error has occurred; the broker continues.
 
-        Where that fails too, the mission is dropped: the session is free, whatever it was doing.
+        If that fails too, the mission is dropped and the session is idle.
         """
-        reason = self.faults.note(_owner(peer), error, now)
-        for end in (peer.session.break_off, peer.session.drop_mission):
+        reason = self.internal_errors.record(_owner(member), error, now)
+        missions = member.session.missions
+        for end in (missions.fail_after_error, missions.drop_after_error):
             effects = Effects()
             errors = _error_of(partial(end, reason, now, effects))
-            for another in (*errors, *self._carry_out(effects, peer)):
-                self.faults.note(_owner(peer), another, now)
+            for another in (*errors, *self._carry_out(effects, member)):
+                self.internal_errors.record(_owner(member), another, now)
             if not errors:
                 return
 
-    def _warning_of(self, peer: Peer, now: float) -> str | None:
-        """What somebody should know about a vehicle: its link, dead letters, internal errors."""
-        dead = self._edge.dead_letters_of(peer.session.vehicle.vehicle_id)
+    def _warning_of(self, member: FleetMember, now: float) -> str | None:
+        """Warning about a vehicle's link, dead letters and internal errors; None without any."""
+        dead = self._edge.dead_letters_of(member.session.vehicle.vehicle_id)
         warnings = (
-            self._traffic.warning_of(peer.system, now),
+            self._router.warning_of(member.system, now),
             f"{dead} reports could not be delivered: see dead-letters" if dead else None,
-            self.faults.warning(_owner(peer), now),
+            self.internal_errors.warning(_owner(member), now),
         )
-        return "; ".join(warning for warning in warnings if warning)[:MOST_WARNING] or None
+        return (
+            "; ".join(warning for warning in warnings if warning)[:MAX_WARNING_CHARACTERS] or None
+        )
 
-    def _tenure(self, system: int) -> Tenure:
-        """Whose a vehicle is, for ground stations."""
+    def _control_of(self, system: int) -> BrokerControl:
+        """How the broker uses a vehicle, for ground stations."""
         session = self._fleet.session(system)
         if session is None:
-            return Tenure.FREE
+            return BrokerControl.FREE
         state = session.state
         if state is State.IDLE:
-            return Tenure.MISSION if self._may_be_ours(session.vehicle) else Tenure.FREE
-        return Tenure.TRANSFER if state in TRANSFERS else Tenure.MISSION
+            return (
+                BrokerControl.MISSION
+                if self._may_fly_our_mission(session.vehicle)
+                else BrokerControl.FREE
+            )
+        return BrokerControl.TRANSFER if state in TRANSFERS else BrokerControl.MISSION
 
-    def _may_be_ours(self, vehicle: Vehicle) -> bool:
-        """Whether it flies what a broker before us has begun, and we are just about to hear of."""
-        is_settled = self._clock.monotonic() - self._began_at > SETTLED_AFTER_S
+    def _may_fly_our_mission(self, vehicle: Vehicle) -> bool:
+        """Whether it may fly a mission of an earlier run that is not received again yet."""
+        is_settled = self._clock.monotonic() - self._started_at > STARTUP_S
         return not is_settled and vehicle.snapshot.armed is True and vehicle.mode_role in FLYING
 
     def _dispatch(self, message: Message, now: float) -> None:
-        """Hand a message to the session of its vehicle."""
-        peer = self._fleet.speaker(message)
-        if peer is None:
+        """Pass a message to the session of its vehicle."""
+        member = self._fleet.sender_of(message)
+        if member is None:
             return
-        if source_of(message).component == peer.component:
-            self._call(peer, now, partial(peer.session.receive, message, now))
-        elif message.get_type() in PAYLOAD_WORDS:
-            self._call(peer, now, partial(peer.session.receive_payload, message, now))
+        if source_of(message).component == member.component:
+            self._call(member, now, partial(member.session.receive, message, now))
+        elif message.get_type() in PAYLOAD_MESSAGES:
+            self._call(member, now, partial(member.session.receive_payload, message, now))
 
     def _take(self, raw: dict[str, Any], now: float) -> None:
         try:
@@ -204,7 +212,7 @@ class App:
             return
         except Exception as error:  # noqa: BLE001  # the boundary of one piece of work
             number = raw.get("id")
-            reason = self.faults.note("work", error, now)
+            reason = self.internal_errors.record("work", error, now)
             self._refuse(number if isinstance(number, int) else None, reason)
             return
         match work:
@@ -216,88 +224,91 @@ class App:
                 self._answer_state_vector(work, now)
 
     def _refuse(self, work_id: int | None, reason: str) -> None:
-        """Refuse work that cannot be read, where it has a number."""
+        """Refuse work that is not valid, if it has an id."""
         if work_id is not None:
-            self._tell(Acknowledgement(work_id, "refused", reason), 0)
+            self._post(Acknowledgement(work_id, "refused", reason), 0)
 
     def _take_mission(self, work: MissionWork, now: float) -> None:
         system = self._config.system_of(work.vehicle_id)
         if system is None:
             reason = f"no system is vehicle {work.vehicle_id}"
-            self._tell(Acknowledgement(work.work_id, "refused", reason), work.vehicle_id)
+            self._post(Acknowledgement(work.work_id, "refused", reason), work.vehicle_id)
             return
-        peer = self._fleet.enlist(system, work.vehicle_id)
-        self._call(peer, now, partial(self._accept, peer, work, now))
+        member = self._fleet.get_or_add(system, work.vehicle_id)
+        self._call(member, now, partial(self._accept, member, work, now))
 
-    def _accept(self, peer: Peer, work: MissionWork, now: float, effects: Effects) -> None:
-        """Hand a mission to its session; one that cannot even be read is refused, and no other."""
+    def _accept(self, member: FleetMember, work: MissionWork, now: float, effects: Effects) -> None:
+        """Pass a mission to its session; one that causes an error is refused."""
         try:
-            peer.session.take_mission(work, effects)
+            member.session.missions.take_mission(work, effects)
         except Exception as error:  # noqa: BLE001  # the boundary of one mission
-            reason = self.faults.note(_owner(peer), error, now)
+            reason = self.internal_errors.record(_owner(member), error, now)
             effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
 
-    def _judge(self, verdict: Verdict, now: float) -> None:
-        """Tell whom it concerns whether an accepted mission may be flown."""
-        for peer in self._fleet:
-            self._call(peer, now, partial(peer.session.take_verdict, verdict, now))
+    def _apply_acceptance_result(self, acceptance_result: AcceptanceResult, now: float) -> None:
+        """Pass the edge server's answer to an acceptance to the sessions."""
+        for member in self._fleet:
+            missions = member.session.missions
+            self._call(
+                member, now, partial(missions.take_acceptance_result, acceptance_result, now)
+            )
 
     def _take_event(self, work: EventWork, now: float) -> None:
-        """Interrupt a vehicle; what has expired, or is for nobody, is refused.
+        """Pass an event to its vehicle; an expired one, or one without a vehicle, is refused.
 
-        One that an earlier run has accepted may be for a vehicle that is still to be heard.
+        An event that an earlier run has accepted may be for a vehicle that is not received yet.
         """
         system = self._config.system_of(work.vehicle_id)
         if system is not None and work.was_accepted:
-            peer: Peer | None = self._fleet.enlist(system, work.vehicle_id)
+            member: FleetMember | None = self._fleet.get_or_add(system, work.vehicle_id)
         else:
-            peer = self._fleet.find(system)
+            member = self._fleet.find(system)
         late = work.expires_at is not None and now >= work.expires_at
         expired = late and not work.was_accepted
-        if peer is None or expired:
+        if member is None or expired:
             reason = "expired" if expired else f"vehicle {work.vehicle_id} is not known"
-            self._tell(Acknowledgement(work.work_id, "refused", reason), work.vehicle_id)
+            self._post(Acknowledgement(work.work_id, "refused", reason), work.vehicle_id)
             return
-        if not self._call(peer, now, partial(peer.session.take_event, work, now)):
-            failure = self.faults.warning(_owner(peer), now)
+        if not self._call(member, now, partial(member.session.missions.take_event, work, now)):
+            failure = self.internal_errors.warning(_owner(member), now)
             refused = Acknowledgement(work.work_id, "refused", failure)
-            self._call(peer, now, lambda effects: effects.for_edge.append(refused))
+            self._call(member, now, lambda effects: effects.for_edge.append(refused))
 
     def _answer_state_vector(self, work: StateVectorWork, now: float) -> None:
-        """Have one vehicle or all report; done if any of them could."""
+        """Publish the state of one vehicle or all; done if any of them was published."""
         expired = work.expires_at is not None and now >= work.expires_at
-        reason = "expired" if expired else "no such vehicle is heard"
+        reason = "expired" if expired else "no such vehicle is connected"
         answered = False
-        for peer in self._fleet:
-            if not expired and work.vehicle_id in {None, peer.session.vehicle.vehicle_id}:
+        for member in self._fleet:
+            if not expired and work.vehicle_id in {None, member.session.vehicle.vehicle_id}:
                 answers: list[bool] = []
-                self._call(peer, now, partial(_answer_state, peer.session, work, now, answers))
+                self._call(member, now, partial(_answer_state, member.session, now, answers))
                 answered |= any(answers)
         status, message = ("done", None) if answered else ("refused", reason)
-        self._tell(Acknowledgement(work.work_id, status, message), work.vehicle_id or 0)
+        self._post(Acknowledgement(work.work_id, status, message), work.vehicle_id or 0)
 
-    def _carry_out(self, effects: Effects, peer: Peer) -> list[Exception]:
-        """Send, tell and begin what a session wants; gives what could not be put into bytes."""
-        messages = peer.session.permitted(effects.messages, self._clock.monotonic())
-        errors = self._traffic.send(peer.system, messages) if messages else []
-        peer.untold += peer.session.due(effects.for_edge)
-        errors += _error_of(partial(self._tell_when_noted, peer))
+    def _carry_out(self, effects: Effects, member: FleetMember) -> list[Exception]:
+        """Send messages, post reports and start jobs; returns errors of encoding."""
+        messages = member.session.permitted(effects.messages, self._clock.monotonic())
+        errors = self._router.send(member.system, messages) if messages else []
+        member.unsent += member.session.missions.due_for_edge(effects.for_edge)
+        errors += _error_of(partial(self._post_when_recorded, member))
         for job in effects.jobs:
-            self._jobs.put(peer.system, job)
+            self._jobs.put(member.system, job)
         return errors
 
-    def _tell_when_noted(self, peer: Peer) -> None:
-        """Note what is new, and tell what follows from it when that is on the disk."""
-        if self._books.note(peer.session.vehicle, self._clock.monotonic()):
-            self._tell_all(peer)
+    def _post_when_recorded(self, member: FleetMember) -> None:
+        """Update the recovery record, and post what depends on it when it is on the disk."""
+        if self._records.store(member.session.vehicle, self._clock.monotonic()):
+            self._post_all(member)
 
-    def _tell_all(self, peer: Peer) -> None:
-        while peer.untold:
-            self._tell(peer.untold.pop(0), peer.session.vehicle.vehicle_id)
+    def _post_all(self, member: FleetMember) -> None:
+        while member.unsent:
+            self._post(member.unsent.pop(0), member.session.vehicle.vehicle_id)
 
-    def _tell(self, word: ForEdge, vehicle_id: int) -> None:
+    def _post(self, message: EdgeMessage, vehicle_id: int) -> None:
         post = post_for(
-            word,
+            message,
             vehicle_id=vehicle_id,
             recorded_at=self._clock.utc(),
             key=self._new_ulid(),
@@ -305,30 +316,28 @@ class App:
         self._edge.post(post)
 
 
-def _owner(peer: Peer) -> str:
-    return f"vehicle {peer.session.vehicle.vehicle_id}"
+def _owner(member: FleetMember) -> str:
+    return f"vehicle {member.session.vehicle.vehicle_id}"
 
 
 def _error_of(action: Callable[[], object]) -> list[Exception]:
-    """Call something; gives the error that it ends by, if any.
+    """Call something and return its exception, if any.
 
-    This is the boundary of one vehicle's session: whoever calls it counts and shows the error.
+    This is the error boundary of one vehicle's session; the caller counts and shows the error.
     """
     try:
         action()
-    except Exception as error:  # noqa: BLE001  # nothing that may go wrong in there is left out
+    except Exception as error:  # noqa: BLE001  # any error of a session
         return [error]
     return []
 
 
-def _answer_state(
-    session: Session, work: StateVectorWork, now: float, answers: list[bool], effects: Effects
-) -> None:
-    """Report the state of one vehicle; whether it could be is added to the answers."""
-    answers.append(session.answer_state_vector(work, now, effects))
+def _answer_state(session: Session, now: float, answers: list[bool], effects: Effects) -> None:
+    """Publish the state of one vehicle; adds to `answers` whether it was published."""
+    answers.append(session.publish_state(now, effects))
 
 
-def _number_of(raw: dict[str, Any]) -> int:
-    """Work in the order in which it was given, though events are handed out first."""
+def _work_id_of(raw: dict[str, Any]) -> int:
+    """Sort key: work is taken in the order of its ids, although events are delivered first."""
     number = raw.get("id")
     return number if isinstance(number, int) else 0

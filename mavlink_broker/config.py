@@ -1,6 +1,6 @@
 """The broker's configuration: environment variables, overridden by flags, read once.
 
-SettingError  a value that cannot be meant
+SettingError  a value that is not valid
 """
 
 import argparse
@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from mavlink_broker import link_settings
-from mavlink_broker.link_settings import TrafficSettings
-from mavlink_broker.links.url import DEFAULT_MAVLINK_PORT, EVERYBODY, LinkKind, LinkUrl
+from mavlink_broker.links import settings as link_settings
+from mavlink_broker.links.settings import LinkSettings
+from mavlink_broker.links.url import ANY_ADDRESS, DEFAULT_MAVLINK_PORT, LinkKind, LinkUrl
 
 DEFAULT_EDGE_PORT: Final = 8000
 DEFAULT_SYSTEM_ID: Final = 254
@@ -19,54 +19,54 @@ ONBOARD_COMPUTER: Final = 191
 """MAV_COMP_ID_ONBOARD_COMPUTER."""
 DEFAULT_STATE_VECTOR_INTERVAL_S: Final = 1.0
 DEFAULT_BATTERY_CAPACITY_AH: Final = 5.2
-"""Of the vehicle that this system was first built for; used where a vehicle does not tell."""
-MOST_S: Final = 86_400.0
+"""Of the vehicle that this system was first built for; used if a vehicle does not report it."""
+MAX_INTERVAL_S: Final = 86_400.0
 DEFAULT_SPOOL_MIB: Final = 16
-MOST_SPOOL_MIB: Final = 1024
+MAX_SPOOL_MIB: Final = 1024
 LOG_LEVELS: Final = ("DEBUG", "INFO", "WARNING", "ERROR")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Config:
-    """Everything that can be set."""
+    """All settings."""
 
     edge_url: str = f"http://127.0.0.1:{DEFAULT_EDGE_PORT}"
-    edge_ca_file: Path | None = None  # PEM; None: the authorities that everybody trusts
+    edge_ca_file: Path | None = None  # PEM; None: the default certificate authorities
     key_file: Path = Path("var/keys/broker.key")
-    journal: Path = Path("var/broker")  # Folder of what a killed broker must know again
-    spool: Path = Path("var/broker")  # Folder of what waits for the edge server
-    spool_mib: int = DEFAULT_SPOOL_MIB  # [MiB] What it may take of the disk
-    mavlink_host: str = EVERYBODY
+    journal: Path = Path("var/broker")  # Folder of the recovery records
+    spool: Path = Path("var/broker")  # Folder of posts that wait for the edge server
+    spool_mib: int = DEFAULT_SPOOL_MIB  # [MiB] Largest size of the spool
+    mavlink_host: str = ANY_ADDRESS
     mavlink_port: int = DEFAULT_MAVLINK_PORT
     system_id: int = DEFAULT_SYSTEM_ID
     component_id: int = ONBOARD_COMPUTER
     vehicle_of_system: Mapping[int, int] = field(default_factory=dict)
     signing_keys: Path | None = None  # Folder of signing-N.key; None: nothing is signed
-    unsigned_systems: frozenset[int] = frozenset()  # Those that cannot sign
+    unsigned_systems: frozenset[int] = frozenset()  # Systems that cannot sign
     state_vector_every_s: float = DEFAULT_STATE_VECTOR_INTERVAL_S
     observations_every_s: float = 0.0  # In flight; 0: with finished commands alone
     battery_capacity_ah: float = DEFAULT_BATTERY_CAPACITY_AH
     follow_targets: Mapping[int, int | Path] = field(default_factory=dict)
-    """Per vehicle whom it follows: another vehicle, or the way in a file."""
+    """Per vehicle the target that it follows: another vehicle, or a track in a file."""
     log_level: str = "INFO"
-    log_file: Path | None = None  # Beside the standard error
-    observes: bool = False  # It looks at vehicles and changes nothing about them
-    traffic: TrafficSettings = field(default_factory=TrafficSettings)
+    log_file: Path | None = None  # In addition to the standard error
+    observes: bool = False  # Changes nothing on the vehicles
+    traffic: LinkSettings = field(default_factory=LinkSettings)
 
     @property
     def vehicle_links(self) -> tuple[LinkUrl, ...]:
-        """Links to vehicles; unless others are named, a UDP port that is listened on."""
+        """Links to vehicles; by default a listening UDP port."""
         listening = LinkUrl(LinkKind.UDP_IN, self.mavlink_host, self.mavlink_port)
         return self.traffic.links or (listening,)
 
     def vehicle_id(self, system_id: int) -> int | None:
-        """AFarCloud's number of a MAVLink system; None where another system has that number."""
+        """Vehicle id of a MAVLink system id; None if another system has that vehicle id."""
         if system_id in self.vehicle_of_system:
             return self.vehicle_of_system[system_id]
         return None if system_id in self.vehicle_of_system.values() else system_id
 
     def system_of(self, vehicle_id: int) -> int | None:
-        """MAVLink system id of a vehicle; None where that system is another vehicle."""
+        """MAVLink system id of a vehicle id; None if that system is another vehicle."""
         reverse = {vehicle: system for system, vehicle in self.vehicle_of_system.items()}
         if vehicle_id in reverse:
             return reverse[vehicle_id]
@@ -77,14 +77,14 @@ _SYSTEMS: Final = frozenset(range(1, 256))
 
 
 class SettingError(argparse.ArgumentTypeError, ValueError):
-    """A setting that cannot be meant; argparse tells its sentence."""
+    """A setting is not valid; argparse prints the text."""
 
 
 def parse_vehicle_ids(text: str) -> dict[int, int]:
     """Read `7:1,8:2`, vehicle 7 is system 1 and so on, as system id to vehicle id.
 
     Raises:
-        SettingError: if it is written otherwise, or a number comes twice or is none.
+        SettingError: if the format is wrong, or an id is repeated or out of range.
     """
     pairs = [part.partition(":") for part in text.split(",") if part.strip()]
     try:
@@ -103,7 +103,7 @@ def parse_systems(text: str) -> frozenset[int]:
     """Read `3,7` as system ids.
 
     Raises:
-        SettingError: if it is written otherwise, or a number is none of a system.
+        SettingError: if the format is wrong, or a system id is out of range.
     """
     try:
         systems = frozenset(int(part) for part in text.split(",") if part.strip())
@@ -115,10 +115,10 @@ def parse_systems(text: str) -> frozenset[int]:
 
 
 def parse_targets(text: str) -> dict[int, int | Path]:
-    """Read `1:2,3:tractor.csv`: vehicle 1 follows vehicle 2, vehicle 3 the way in a file.
+    """Read `1:2,3:tractor.csv`: vehicle 1 follows vehicle 2, vehicle 3 the track in a file.
 
     Raises:
-        SettingError: if it is written otherwise, or a vehicle comes twice or follows itself.
+        SettingError: if the format is wrong, or a vehicle is repeated or follows itself.
     """
     targets: dict[int, int | Path] = {}
     for part in filter(None, (part.strip() for part in text.split(","))):
@@ -132,7 +132,7 @@ def parse_targets(text: str) -> dict[int, int | Path]:
 
 
 def load(arguments: Sequence[str], environment: Mapping[str, str]) -> Config:
-    """Read the configuration; a fault ends the program with a sentence and status 2."""
+    """Read the configuration; an invalid value ends the program with its error and status 2."""
     parser = settings_parser(
         environment,
         prog="mavlink_broker",
@@ -143,7 +143,7 @@ def load(arguments: Sequence[str], environment: Mapping[str, str]) -> Config:
 
 
 def settings(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Config:
-    """Judge what was read; a fault ends the program with a sentence and status 2."""
+    """Check the options; an invalid one ends the program with its error and status 2."""
     if not 1 <= options.system_id <= 255:
         parser.error("--mavlink-system-id must be 1 to 255")
     if not 0 <= options.mavlink_port <= 65_535:
@@ -152,10 +152,10 @@ def settings(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Co
         parser.error(f"--log-level must be one of {', '.join(LOG_LEVELS)}")
     if not options.state_vector_interval > 0 or not 0 < options.battery_capacity <= 100:
         parser.error("--state-vector-interval must be above 0, --battery-capacity 0 to 100 Ah")
-    if not 1 <= options.spool_mib <= MOST_SPOOL_MIB:
-        parser.error(f"--spool-mib must be 1 to {MOST_SPOOL_MIB}")
-    if not 0.0 <= options.observation_interval <= MOST_S:
-        parser.error(f"--observation-interval must be 0 to {MOST_S:g} s")
+    if not 1 <= options.spool_mib <= MAX_SPOOL_MIB:
+        parser.error(f"--spool-mib must be 1 to {MAX_SPOOL_MIB}")
+    if not 0.0 <= options.observation_interval <= MAX_INTERVAL_S:
+        parser.error(f"--observation-interval must be 0 to {MAX_INTERVAL_S:g} s")
     return Config(
         edge_url=options.edge_url,
         edge_ca_file=options.edge_ca_file,
@@ -180,27 +180,42 @@ def settings(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Co
 
 
 def settings_parser(environment: Mapping[str, str], **about: str) -> argparse.ArgumentParser:
-    """Give a parser that knows every setting; `about` is how the command introduces itself."""
+    """Return a parser of every setting; `about` are the texts of the command's help."""
     parser = argparse.ArgumentParser(**about)  # type: ignore[arg-type]  # only its texts
     edge_port = environment.get("EDGE_PORT") or DEFAULT_EDGE_PORT
     options: tuple[tuple[str, object, object, str], ...] = (
-        ("EDGE_URL", str, f"http://127.0.0.1:{edge_port}", "where the edge server is"),
-        ("EDGE_CA_FILE", Path, None, "who may vouch for the edge server's certificate, PEM"),
+        ("EDGE_URL", str, f"http://127.0.0.1:{edge_port}", "URL of the edge server"),
+        ("EDGE_CA_FILE", Path, None, "certificate authority of the edge server, PEM"),
         ("STATE_DIR", Path, "var", "folder of the system's state and keys"),
         ("KEY_FILE", Path, None, "the broker's access key; in STATE_DIR/keys unless given"),
-        ("SPOOL_MIB", int, DEFAULT_SPOOL_MIB, "MiB of disk for what waits for the edge server"),
-        ("MAVLINK_HOST", str, EVERYBODY, "address to listen on"),
+        ("SPOOL_MIB", int, DEFAULT_SPOOL_MIB, "largest spool of posts for the edge server, MiB"),
+        ("MAVLINK_HOST", str, ANY_ADDRESS, "address to listen on"),
         ("MAVLINK_PORT", int, DEFAULT_MAVLINK_PORT, "UDP port to listen on"),
         ("MAVLINK_SYSTEM_ID", int, DEFAULT_SYSTEM_ID, "the broker's own MAVLink system id"),
         ("VEHICLE_IDS", parse_vehicle_ids, "", "vehicle_id:system_id, ... where they differ"),
         ("SIGNING_KEYS", Path, None, "folder of signing-N.key, one per system; else unsigned"),
         ("UNSIGNED_SYSTEMS", parse_systems, "", "systems that cannot sign, as in 3,7"),
-        ("STATE_VECTOR_INTERVAL", float, DEFAULT_STATE_VECTOR_INTERVAL_S, "seconds"),
-        ("OBSERVATION_INTERVAL", float, 0.0, "seconds in flight; 0: with finished commands alone"),
-        ("BATTERY_CAPACITY", float, DEFAULT_BATTERY_CAPACITY_AH, "Ah, if a vehicle is silent"),
+        (
+            "STATE_VECTOR_INTERVAL",
+            float,
+            DEFAULT_STATE_VECTOR_INTERVAL_S,
+            "seconds between state vectors",
+        ),
+        (
+            "OBSERVATION_INTERVAL",
+            float,
+            0.0,
+            "seconds between observations in flight; 0: only with finished commands",
+        ),
+        (
+            "BATTERY_CAPACITY",
+            float,
+            DEFAULT_BATTERY_CAPACITY_AH,
+            "Ah, for vehicles that do not report it",
+        ),
         ("FOLLOW_TARGETS", parse_targets, "", "vehicle:vehicle or vehicle:file.csv, ... to follow"),
         ("LOG_LEVEL", str, "INFO", "DEBUG, INFO, WARNING or ERROR"),
-        ("LOG_FILE", Path, None, "file of the log too; five of 10 MiB at most"),
+        ("LOG_FILE", Path, None, "log file besides the standard error; at most five of 10 MiB"),
     )
     for name, kind, default, text in options:
         parser.add_argument(

@@ -1,4 +1,4 @@
-"""The vehicles of one broker by MAVLink system id: a session for each that is heard or has work."""
+"""The vehicles of one broker by MAVLink system id, with a session for each."""
 
 import logging
 from collections.abc import Callable, Iterator
@@ -6,14 +6,15 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from mavlink_broker.config import Config
-from mavlink_broker.effects import ForEdge
-from mavlink_broker.live.follow_target_source import read_leads
+from mavlink_broker.effects import EdgeMessage
+from mavlink_broker.live.follow_target import read_target_sources
 from mavlink_broker.mavlink.addressing import Route
 from mavlink_broker.mavlink.dialect import Message, Source, source_of
-from mavlink_broker.microservices.heartbeat import is_elected, is_vehicle
+from mavlink_broker.microservices.heartbeat import is_vehicle, replaces_autopilot
 from mavlink_broker.session import Session
+from mavlink_broker.vehicle.recovery_state import RecoveryState
 from mavlink_broker.vehicle.vehicle import Vehicle
-from mavlink_broker.vehicle_records import Bookkeeping
+from mavlink_broker.vehicle_records import VehicleRecords
 
 AUTOPILOT: Final = 1
 """MAV_COMP_ID_AUTOPILOT1."""
@@ -22,12 +23,12 @@ _LOG = logging.getLogger(__name__)
 
 
 @dataclass(slots=True)
-class Peer:
-    """A session and the component that it is held with; none before it was heard."""
+class FleetMember:
+    """A vehicle's session; `component` is its autopilot's, None before the first heartbeat."""
 
     session: Session
     component: int | None = None
-    untold: list[ForEdge] = field(default_factory=list)  # Until what they follow from is noted
+    unsent: list[EdgeMessage] = field(default_factory=list)  # Until the record is on the disk
 
     @property
     def system(self) -> int:
@@ -36,62 +37,61 @@ class Peer:
 
 
 class Fleet:
-    """Who is there."""
+    """All vehicles that are received or have work."""
 
     def __init__(
-        self, config: Config, books: Bookkeeping, new_session_id: Callable[[], str]
+        self, config: Config, records: VehicleRecords, new_session_id: Callable[[], str]
     ) -> None:
         self._config = config
-        self._books = books
+        self._records = records
         self._new_session_id = new_session_id
-        self._peers: dict[int, Peer] = {}
-        self._leads = read_leads(config.follow_targets, self.vehicle)
+        self._members: dict[int, FleetMember] = {}
+        self._target_sources = read_target_sources(config.follow_targets, self.vehicle)
 
-    def __iter__(self) -> Iterator[Peer]:
-        return iter(tuple(self._peers.values()))
+    def __iter__(self) -> Iterator[FleetMember]:
+        return iter(tuple(self._members.values()))
 
-    def find(self, system: int | None) -> Peer | None:
-        """Give the peer of a system, if it has one."""
-        return None if system is None else self._peers.get(system)
+    def find(self, system: int | None) -> FleetMember | None:
+        """Return the member with a system id; None if there is none."""
+        return None if system is None else self._members.get(system)
 
     def session(self, system: int) -> Session | None:
-        """Give the session of a system, if it has one."""
-        peer = self.find(system)
-        return None if peer is None else peer.session
+        """Return the session of a system id; None if there is none."""
+        member = self.find(system)
+        return None if member is None else member.session
 
     def vehicle(self, vehicle_id: int) -> Vehicle | None:
-        """Give a vehicle that has been heard, by its own number."""
-        peer = self.find(self._config.system_of(vehicle_id))
-        return None if peer is None else peer.session.vehicle
+        """Return a vehicle by its vehicle id; None if there is none."""
+        member = self.find(self._config.system_of(vehicle_id))
+        return None if member is None else member.session.vehicle
 
-    def speaker(self, message: Message) -> Peer | None:
-        """Give whose message it is; a heartbeat may introduce a new one."""
+    def sender_of(self, message: Message) -> FleetMember | None:
+        """Return the sender of a message; the first heartbeat adds a member."""
         source = source_of(message)
         if message.get_type() == "HEARTBEAT" and is_vehicle(message):
-            self._introduce(source)
-        peer = self.find(source.system)
-        return None if peer is None or peer.component is None else peer
+            self._register(source)
+        member = self.find(source.system)
+        return None if member is None or member.component is None else member
 
-    def _introduce(self, source: Source) -> None:
+    def _register(self, source: Source) -> None:
         vehicle_id = self._config.vehicle_id(source.system)
         if vehicle_id is None:
             return
-        peer = self.enlist(source.system, vehicle_id)
-        if is_elected(source.component, peer.component):
-            _LOG.info("vehicle %d is heard, component %d", vehicle_id, source.component)
-            if peer.component is not None:
-                peer.session.change_autopilot()
-            peer.component = source.component
-            route = peer.session.vehicle.route
-            peer.session.vehicle.route = route._replace(target_component=source.component)
+        member = self.get_or_add(source.system, vehicle_id)
+        if replaces_autopilot(source.component, member.component):
+            _LOG.info("vehicle %d: connected, component %d", vehicle_id, source.component)
+            member.component = source.component
+            member.session.change_autopilot(source.component)
 
-    def enlist(self, system: int, vehicle_id: int) -> Peer:
-        """Give the peer of a system, a new one if need be."""
-        if system not in self._peers:
+    def get_or_add(self, system: int, vehicle_id: int) -> FleetMember:
+        """Return the member with a system id; adds it if it is new."""
+        if system not in self._members:
             config = self._config
             vehicle = Vehicle(
                 vehicle_id,
                 Route(config.system_id, config.component_id, system, AUTOPILOT),
+                recovery=RecoveryState(self._records.new_tracker()),
+                target_source=self._target_sources.get(vehicle_id),
             )
             session = Session(
                 vehicle,
@@ -101,14 +101,12 @@ class Fleet:
                 battery_capacity_ah=config.battery_capacity_ah,
                 observes=config.observes,
             )
-            vehicle.lead = self._leads.get(vehicle_id)
-            vehicle.diary = self._books.new_diary()
-            self._peers[system] = Peer(session)
-        return self._peers[system]
+            self._members[system] = FleetMember(session)
+        return self._members[system]
 
-    def forget_strangers(self, now: float) -> list[int]:
-        """Drop what has sent a heartbeat and nothing else, such as somebody's scan; gives whom."""
-        strangers = [s for s, peer in self._peers.items() if peer.session.is_stranger(now)]
+    def remove_strangers(self, now: float) -> list[int]:
+        """Remove systems that have sent only heartbeats, such as a scan; returns their ids."""
+        strangers = [s for s, member in self._members.items() if member.session.is_stranger(now)]
         for system in strangers:
-            del self._peers[system]
+            del self._members[system]
         return strangers

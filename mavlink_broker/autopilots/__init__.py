@@ -1,1 +1,1 @@
-"""How families of autopilots differ, as tables. Pure."""
+"""Differences between autopilot families, as tables: modes, commands, parameters, texts. Pure."""

@@ -1,4 +1,4 @@
-"""Flight modes by family: what HEARTBEAT.custom_mode is called, and what it means to a mission."""
+"""Flight modes by family: names of HEARTBEAT.custom_mode, and their role in a mission."""
 
 from collections.abc import Mapping
 from enum import Enum, auto
@@ -8,14 +8,14 @@ from mavlink_broker.mavlink.dialect import mavlink
 
 
 class ModeRole(Enum):
-    """What a mode means while a mission of ours is on the vehicle."""
+    """Role of a mode while a mission of the broker is on the vehicle."""
 
-    MISSION = auto()  # It flies the mission
-    HOLD = auto()  # It waits: somebody paused it, or the broker ordered it
-    PAUSED = auto()  # It waits in a mode that the broker never orders; the mission can be resumed
-    GUIDED = auto()  # It flies a live command
-    ENDING = auto()  # Return or land: part of the mission only while its last command runs
-    OTHER = auto()  # Somebody else flies
+    MISSION = auto()  # Flies the mission
+    HOLD = auto()  # Holds: paused by a client, or commanded by the broker
+    PAUSED = auto()  # Holds in a mode that the broker never commands; the mission can be resumed
+    GUIDED = auto()  # Flies a live command
+    ENDING = auto()  # Return or land: part of the mission only during its last command
+    OTHER = auto()  # Another client or a pilot flies
 
 
 PX4_MISSION: Final = 4 << 16 | 4 << 24
@@ -62,7 +62,7 @@ _PX4_ROLES: Final[Mapping[str, ModeRole]] = {
 }
 
 LIVE_MODES: Final = frozenset({"POSCTL.ORBIT", "AUTO.FOLLOW_TARGET", "FOLLOW"})
-"""Modes in which a vehicle is only while it flies a live command."""
+"""Modes that a vehicle uses only for a live command."""
 
 _COPTER: Final = {
     0: "STABILIZE",
@@ -106,7 +106,7 @@ _COPTER_ROLES: Final[Mapping[str, ModeRole]] = {
 
 
 def px4_name(base_mode: int, custom_mode: int) -> str:
-    """PX4's name of a mode, main and sub joined by a dot."""
+    """Name of a PX4 mode, main and sub mode joined by a dot."""
     del base_mode
     main, sub = custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF
     name = _PX4_MAIN.get(main, f"MODE_{main}")
@@ -115,29 +115,29 @@ def px4_name(base_mode: int, custom_mode: int) -> str:
 
 
 def copter_name(base_mode: int, custom_mode: int) -> str:
-    """ArduCopter's name of a mode."""
+    """Name of an ArduCopter mode."""
     del base_mode
     return _COPTER.get(custom_mode, f"MODE_{custom_mode}")
 
 
 def generic_name(base_mode: int, custom_mode: int) -> str:
-    """For an unknown autopilot, what the standard bits say."""
+    """Name of an unknown autopilot's mode by the standard base_mode bits."""
     if base_mode & mavlink.MAV_MODE_FLAG_AUTO_ENABLED:
         return "AUTO"
     return f"MODE_{custom_mode}"
 
 
 def px4_role(name: str) -> ModeRole:
-    """Meaning of a PX4 mode."""
+    """Role of a PX4 mode."""
     return _PX4_ROLES.get(name, ModeRole.OTHER)
 
 
 def copter_role(name: str) -> ModeRole:
-    """Meaning of an ArduCopter mode."""
+    """Role of an ArduCopter mode."""
     return _COPTER_ROLES.get(name, ModeRole.OTHER)
 
 
 def generic_role(name: str) -> ModeRole:
-    """An unknown autopilot's modes cannot be told apart: none is held against the mission."""
+    """Role of an unknown autopilot's modes: all count as flying the mission."""
     del name
     return ModeRole.MISSION

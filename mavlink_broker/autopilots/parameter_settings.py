@@ -1,7 +1,7 @@
-"""What some autopilots know only as parameters: how a command's wishes are spelt there.
+"""Command properties that some autopilots support only as parameters.
 
-Every wish may have several spellings, for versions name and scale it differently; the first that
-the vehicle knows is used. All are given back after the command.
+A property may have several parameter names, because firmware versions name and scale it
+differently; the first that the vehicle has is used. All are restored after the command.
 
 PX4: `flight_mode_manager/tasks/AutoFollowTarget`. ArduCopter: `AC_Circle`, `AC_WPNav`,
 `AP_Follow`.
@@ -11,15 +11,15 @@ import math
 from enum import IntFlag
 from typing import Final, TypeAlias
 
-from mavlink_broker.microservices.borrowed_parameters import Loan
-from mavlink_broker.microservices.parameter_write import Setting
+from mavlink_broker.microservices.config_overrides import ParameterOverride
+from mavlink_broker.microservices.parameter import Setting
 
-Loans: TypeAlias = tuple[Loan, ...]
+ParameterOverrides: TypeAlias = tuple[ParameterOverride, ...]
 
 FOLLOW_DISTANCE_M: Final = 8.0
-"""PX4's own, and so everybody's: how far behind its target a vehicle stays."""
+"""Distance from the target: PX4's default, used for every family."""
 BEHIND_DEG: Final = 180.0
-"""Clockwise from where the target goes: PX4's FLW_TGT_FA."""
+"""Clockwise from the target's course: PX4's FLW_TGT_FA."""
 BESIDE_DEG: Final = 90.0
 PX4_LOWEST_FOLLOW_M: Final = 8.0
 COPTER_RADIUS_M: Final = (0.05, 10.0)
@@ -27,8 +27,8 @@ COPTER_RADIUS_M: Final = (0.05, 10.0)
 COPTER_CIRCLE_RATE_DEG_S: Final = 90.0
 _FACE_TARGET: Final = 1.0
 _NORTH_EAST_DOWN: Final = 0.0
-_ABOVE_SEA: Final = 0.0
-_AS_FAR_AS_IT_TAKES: Final = 0.0
+_AMSL: Final = 0.0
+_NO_DISTANCE_LIMIT: Final = 0.0
 
 
 class CircleOption(IntFlag):
@@ -38,13 +38,13 @@ class CircleOption(IntFlag):
     NOSE_ALONG_THE_CIRCLE = 2
 
 
-def nothing(height_m: float, angle_deg: float, own_system: int) -> Loans:
-    """Borrow nothing: an order tells everything."""
+def no_overrides(height_m: float, angle_deg: float, own_system: int) -> ParameterOverrides:
+    """No overrides: the command contains everything."""
     del height_m, angle_deg, own_system
     return ()
 
 
-def px4_follow(height_m: float, angle_deg: float, own_system: int) -> Loans:
+def px4_follow(height_m: float, angle_deg: float, own_system: int) -> ParameterOverrides:
     """PX4 keeps a height above home, a distance and an angle to a target's course."""
     del own_system
     return (
@@ -55,32 +55,32 @@ def px4_follow(height_m: float, angle_deg: float, own_system: int) -> Loans:
     )
 
 
-def own_follow(height_m: float, angle_deg: float, own_system: int) -> Loans:
-    """The project's own vehicle is told the height with the order."""
+def farm_flight_follow(height_m: float, angle_deg: float, own_system: int) -> ParameterOverrides:
+    """The project's own vehicle gets the height with the command."""
     del height_m, own_system
     if angle_deg == BEHIND_DEG:
         return ()
     return ((Setting("FLW_TGT_FA", angle_deg),),)
 
 
-def copter_follow(height_m: float, angle_deg: float, own_system: int) -> Loans:
-    """ArduCopter keeps an offset from one system's place; the place is told at the height."""
+def copter_follow(height_m: float, angle_deg: float, own_system: int) -> ParameterOverrides:
+    """ArduCopter keeps an offset from one system's position, which is sent with the height."""
     del height_m, angle_deg
     return (
         (Setting("FOLL_ENABLE", 1.0),),
         (Setting("FOLL_SYSID", float(own_system)),),
-        (Setting("FOLL_DIST_MAX", _AS_FAR_AS_IT_TAKES),),
+        (Setting("FOLL_DIST_MAX", _NO_DISTANCE_LIMIT),),
         (Setting("FOLL_OFS_TYPE", _NORTH_EAST_DOWN),),
         (Setting("FOLL_OFS_X", -FOLLOW_DISTANCE_M),),
         (Setting("FOLL_OFS_Y", 0.0),),
         (Setting("FOLL_OFS_Z", 0.0),),
         (Setting("FOLL_YAW_BEHAVE", _FACE_TARGET),),
-        (Setting("FOLL_ALT_TYPE", _ABOVE_SEA),),
+        (Setting("FOLL_ALT_TYPE", _AMSL),),
     )
 
 
-def copter_circle(rate_deg_s: float, *, along: bool) -> Loans:
-    """ArduCopter looks along its circle, or to its centre.
+def copter_circle(rate_deg_s: float, *, along: bool) -> ParameterOverrides:
+    """ArduCopter points its nose along its circle, or to its centre.
 
     Before 4.4 its rate is the one that AUTO goes round at, counter-clockwise below 0.
     """
@@ -92,7 +92,7 @@ def copter_circle(rate_deg_s: float, *, along: bool) -> Loans:
     )
 
 
-def copter_radius(radius_m: float) -> Loans:
+def copter_radius(radius_m: float) -> ParameterOverrides:
     """ArduCopter has one acceptance radius for all waypoints, in centimetres before 4.7."""
     smallest, largest = COPTER_RADIUS_M
     kept_m = min(max(radius_m, smallest), largest)

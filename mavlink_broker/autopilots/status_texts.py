@@ -1,69 +1,71 @@
-"""What vehicles may tell in words of AFarCloud, where MAVLink's own messages have no room.
+"""STATUSTEXT messages that the broker acts on, by autopilot family and firmware version.
 
-TUNNEL(385) with a payload type that MAVLink leaves to everybody, and a JSON array in UTF-8:
-
-    0xAFC1  [resource id, observed property, result value, result unit], one observation
-    0xAFC2  [first, second], the two parameters of the alarm that comes next
+MAVLink gives these events no message of their own. A text is compared with the rows of every
+family: it may arrive before the autopilot is identified, and no text has two meanings.
 """
 
-import json
-import math
-from typing import Any, Final, NamedTuple
-
-from mavlink_broker.mavlink.dialect import Message
-
-OBSERVATION: Final = 0xAFC1
-ALARM_PARAMETERS: Final = 0xAFC2
-LONGEST: Final = 100
+import re
+from enum import Enum, auto
+from typing import Final, NamedTuple
 
 
-class Worded(NamedTuple):
-    """One observation in its source's own words."""
+class TextMeaning(Enum):
+    """What a status text says about the flight."""
 
-    resource_id: str
-    observed_property: str
-    value: float
-    unit: str
-
-
-def worded(message: Message) -> Worded | None:
-    """Read an observation; None for every other message, and for what makes no sense."""
-    match _fields(message, OBSERVATION):
-        case [str(resource_id), str(observed_property), int() | float() as value, str(unit)]:
-            return _checked(resource_id, observed_property, value, unit)
-    return None
+    MISSION_UPLOADED = auto()  # A client has uploaded a mission
+    MISSION_INVALID = auto()  # The vehicle stops its mission, because a new geofence forbids it
+    TARGET_OUTSIDE_GEOFENCE = auto()  # The vehicle ignores a reposition that it has acknowledged
+    NO_GROUND_STATION = auto()  # The vehicle does not arm without a ground station's heartbeat
+    WIND_TOO_STRONG = auto()  # A failsafe ends the mission because of wind
 
 
-def alarm_parameters(message: Message) -> tuple[float, float] | None:
-    """Read the parameters of an alarm; None for every other message."""
-    match _fields(message, ALARM_PARAMETERS):
-        case [int() | float() as first, int() | float() as second]:
-            one, two = _number(first), _number(second)
-            return None if one is None or two is None else (one, two)
-    return None
+class StatusText(NamedTuple):
+    """One row: a text, the firmware that sends it and its meaning."""
+
+    firmware: str
+    pattern: re.Pattern[str]
+    meaning: TextMeaning
 
 
-def _fields(message: Message, kind: int) -> Any:
-    if message.get_type() != "TUNNEL" or message.payload_type != kind:
-        return None
-    try:
-        return json.loads(bytes(message.payload[: message.payload_length]))
-    except (ValueError, RecursionError):
-        return None
+def _begins(text: str) -> re.Pattern[str]:
+    return re.compile(f"^{re.escape(text)}")
 
 
-def _checked(resource_id: str, observed_property: str, value: float, unit: str) -> Worded | None:
-    words = resource_id, observed_property, unit
-    number = _number(value)
-    if number is None or not all(w.isprintable() and 1 <= len(w) <= LONGEST for w in words):
-        return None
-    return Worded(resource_id, observed_property, number, unit)
+def _contains(pattern: str) -> re.Pattern[str]:
+    return re.compile(pattern, re.IGNORECASE)
 
 
-def _number(value: float) -> float | None:
-    """A finite number; a truth value is none."""
-    try:
-        number = math.nan if isinstance(value, bool) else float(value)
-    except OverflowError:
-        return None
-    return number if math.isfinite(number) else None
+PX4: Final = (
+    StatusText("1.17", _begins("No valid mission available"), TextMeaning.MISSION_INVALID),
+    StatusText(
+        "1.17", _begins("Reposition is outside geofence"), TextMeaning.TARGET_OUTSIDE_GEOFENCE
+    ),
+    # The first chunk of: Preflight Fail: No connection to the ground control station
+    StatusText(
+        "1.14", _contains("no connection to the ground contro"), TextMeaning.NO_GROUND_STATION
+    ),
+    StatusText("1.17", _contains("no connection to the gcs"), TextMeaning.NO_GROUND_STATION),
+    # As in: Wind speed is above limit (12.0m/s)
+    StatusText("1.14", _contains(r"wind[^;]*\blimit"), TextMeaning.WIND_TOO_STRONG),
+)
+"""Firmware versions as the scripted vehicles of the tests model them."""
+
+FARM_FLIGHT: Final = (
+    # As in: Wind too strong: RETURN
+    StatusText("this tree", _contains(r"wind[^;]*\btoo strong"), TextMeaning.WIND_TOO_STRONG),
+)
+"""The project's own vehicle, which also sends PX4's texts."""
+
+ARDUPILOT: Final = (
+    StatusText("Copter 4.6", _begins("Flight plan received"), TextMeaning.MISSION_UPLOADED),
+)
+
+_ALL: Final = (*PX4, *FARM_FLIGHT, *ARDUPILOT)
+
+
+def means(text: str, meaning: TextMeaning) -> bool:
+    """Whether a status text has a meaning, whichever family sent it.
+
+    `text` is the text of one STATUSTEXT(253), or several joined by "; ".
+    """
+    return any(row.meaning is meaning and row.pattern.search(text) for row in _ALL)

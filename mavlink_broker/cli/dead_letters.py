@@ -1,7 +1,7 @@
-"""`dead-letters`: what the edge server never took, and what is to be done with it.
+"""`dead-letters`: lists the reports that the edge server never accepted, to retry or drop them.
 
-It reads the state folder and speaks to nobody. What is asked for is carried out by the broker of
-that folder: within a second by one that runs, else by the next one as soon as it starts.
+It reads the state folder only. The broker of that folder carries the actions out: within a second
+if it runs, else at its next start.
 """
 
 import argparse
@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from mavlink_broker.cli.program import FAILED, SUCCEEDED, UsageError, put
-from mavlink_broker.edge.dead_letters import Kept, order, read_all
+from mavlink_broker.cli.program import FAILED, SUCCEEDED, UsageError, print_output
+from mavlink_broker.edge.dead_letters import StoredLetter, read_dead_letters, request_action
 
 _LIST, _RETRY, _DROP = "list", "retry", "drop"
 _SHOWN: Final = 160
@@ -19,7 +19,7 @@ _SHOWN: Final = 160
 
 
 def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
-    """List dead letters, or have some sent again or removed; 1 if one of them does not exist.
+    """List dead letters, or request that some are sent again or removed; 1 if one is unknown.
 
     Raises:
         UsageError: if the state folder cannot be used.
@@ -28,7 +28,7 @@ def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
     options = parser.parse_args(arguments)
     folder: Path = options.state_dir / "broker"
     try:
-        letters = read_all(folder)
+        letters = read_dead_letters(folder)
         if options.action == _LIST:
             _show(letters, as_json=options.json)
             return SUCCEEDED
@@ -37,24 +37,28 @@ def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
         if not chosen and not options.all:
             parser.error(f"{options.action}: name numbers, or --all")
         if chosen & known:
-            order(folder, options.action, sorted(chosen & known))
+            request_action(folder, options.action, sorted(chosen & known))
     except OSError as error:
         raise UsageError(f"{folder}: {error.strerror}") from error
-    what = "sent again" if options.action == _RETRY else "removed"
-    put(f"{len(chosen & known)} dead letters are {what} by the broker of {folder}")
+    result = "sent again" if options.action == _RETRY else "removed"
+    print_output(f"{len(chosen & known)} dead letters are {result} by the broker of {folder}")
     for number in sorted(chosen - known):
-        put(f"there is no dead letter {number}")
+        print_output(f"there is no dead letter {number}")
     return FAILED if chosen - known else SUCCEEDED
 
 
-def _show(letters: Sequence[Kept], *, as_json: bool) -> None:
+def _show(letters: Sequence[StoredLetter], *, as_json: bool) -> None:
     if as_json:
-        put(json.dumps({"dead_letters": [_record(*letter) for letter in letters]}, indent=1))
+        print_output(
+            json.dumps({"dead_letters": [_record(*letter) for letter in letters]}, indent=1)
+        )
         return
     for number, letter in letters:
         post = letter.post
-        put(f"{number}  vehicle {post.vehicle_id}  POST {post.path}  {letter.reason[:_SHOWN]}")
-    put(f"{len(letters)} dead letters")
+        print_output(
+            f"{number}  vehicle {post.vehicle_id}  POST {post.path}  {letter.reason[:_SHOWN]}"
+        )
+    print_output(f"{len(letters)} dead letters")
 
 
 def _record(number: int, letter: Any) -> dict[str, Any]:
@@ -72,7 +76,7 @@ def _record(number: int, letter: Any) -> dict[str, Any]:
 def _parser(environment: Mapping[str, str]) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="mavlink_broker dead-letters",
-        description="Reports that the edge server never took: list them, have them sent again.",
+        description="Reports that the edge server never accepted: list, retry or drop them.",
     )
     parser.add_argument("action", nargs="?", choices=(_LIST, _RETRY, _DROP), default=_LIST)
     parser.add_argument("numbers", nargs="*", type=int, help="of the dead letters")

@@ -1,7 +1,7 @@
-"""`fly`: a plan on its vehicles without an edge server, from here and now to its end.
+"""`fly`: flies a plan without an edge server.
 
-The same sessions fly it as under an edge server; only the door is another. A plan needs its
-broker to its end where commands are flown live, so an interruption says what it leaves behind.
+The same sessions fly it as with an edge server, which `LocalEdge` replaces. Live commands need the
+broker to their end, so an interruption prints what the vehicles go on doing.
 """
 
 import argparse
@@ -17,33 +17,33 @@ from afarcloud.plan import Mission, Plan
 from mavlink_broker import config
 from mavlink_broker.app import App
 from mavlink_broker.cli.local_edge import LocalEdge
-from mavlink_broker.cli.plan_file import chosen, read_plan
+from mavlink_broker.cli.plan_file import read_plan, select_missions
 from mavlink_broker.cli.program import (
     FAILED,
     SUCCEEDED,
+    OutputWriter,
     Signals,
     SystemClock,
     UsageError,
-    Voice,
-    begin_log,
-    connected,
+    configure_logging,
+    offline_parser,
     open_link,
-    terminal_parser,
+    with_link,
 )
-from mavlink_broker.cli.progress_text import JsonPage, ProgressPage
+from mavlink_broker.cli.progress_text import JsonPrinter, ProgressPrinter
 from mavlink_broker.config import Config
 from mavlink_broker.microservices.heartbeat import LinkState
 from mavlink_broker.mission.states import State
+from mavlink_broker.pictures.worker_pool import WorkerPool
 from mavlink_broker.recovery.folder import JournalFolder
 from mavlink_broker.recovery.writer import JournalWriter
-from mavlink_broker.routing.routing import Clock
-from mavlink_broker.worker_pool import Workshop
+from mavlink_broker.routing.router import Clock
 
-HEARD_WITHIN_S: Final = 30.0
-QUIET_FOR_S: Final = 2.0
-"""A camera is asked behind a mission whether all its pictures are known."""
-QUIET_WITHIN_S: Final = 300.0
-"""For a landing, pictures and whatever else comes behind the last report of the last mission."""
+CONNECT_TIMEOUT_S: Final = 30.0
+IDLE_FOR_S: Final = 2.0
+"""After a mission a camera is asked whether all its pictures are known."""
+IDLE_TIMEOUT_S: Final = 300.0
+"""For a landing, pictures and restored parameters after the last mission's last report."""
 LEAVE: Final = "leave"
 _ON_INTERRUPT: Final[Mapping[str, EventType | None]] = {
     LEAVE: None,
@@ -52,8 +52,8 @@ _ON_INTERRUPT: Final[Mapping[str, EventType | None]] = {
 }
 
 
-class Sortie:
-    """One plan that is being flown."""
+class PlanFlight:
+    """The flight of one plan."""
 
     def __init__(
         self, app: App, edge: LocalEdge, missions: Sequence[Mission], settings: Config
@@ -62,10 +62,10 @@ class Sortie:
         self._edge = edge
         self._systems = {m.vehicle_id: settings.system_of(m.vehicle_id) for m in missions}
         self._over_at: float | None = None
-        self._quiet_at: float | None = None
+        self._idle_at: float | None = None
 
     def missing(self, now: float) -> list[int]:
-        """Give the vehicles that are not heard yet, or have not told what they are."""
+        """Give the vehicles that are not connected or not identified yet."""
         sessions = self._app.sessions
         return [
             vehicle_id
@@ -75,20 +75,20 @@ class Sortie:
             or not sessions[system].vehicle.is_identified
         ]
 
-    def gather(self, clock: Clock, signals: Signals, within_s: float) -> None:
-        """Wait until all vehicles are heard.
+    def wait_for_vehicles(self, clock: Clock, signals: Signals, within_s: float) -> None:
+        """Wait until all vehicles are connected and identified.
 
         Raises:
-            UsageError: if some are not in time.
+            UsageError: if one is not in time.
         """
         end = clock.monotonic() + within_s
         while self.missing(clock.monotonic()) and not signals.stop:
             if clock.monotonic() >= end:
-                raise UsageError(self._absence(clock.monotonic(), within_s), FAILED)
+                raise UsageError(self._missing_text(clock.monotonic(), within_s), FAILED)
             self._app.step()
 
     def fly(self, clock: Clock, signals: Signals, on_interrupt: EventType | None) -> None:
-        """Fly until all missions have ended; the first signal interrupts, the second quits."""
+        """Fly until all missions have ended; the first signal interrupts, the second ends it."""
         self._edge.dispatch()
         interrupted = False
         while signals.count < 2 and not self._is_over(clock.monotonic()):
@@ -100,8 +100,8 @@ class Sortie:
                 self._edge.abort(on_interrupt)
 
     @property
-    def hovering(self) -> tuple[str, ...]:
-        """Say of every vehicle that is armed still what it does."""
+    def armed_vehicles(self) -> tuple[str, ...]:
+        """Give a sentence for every vehicle that is still armed."""
         vehicles = (session.vehicle for session in self._app.sessions.values())
         return tuple(
             f"vehicle {vehicle.vehicle_id} is still armed, in mode {vehicle.mode}"
@@ -110,54 +110,54 @@ class Sortie:
         )
 
     def _is_over(self, now: float) -> bool:
-        """Whether everything has ended, and what comes after it too, or has had its time."""
+        """Whether all missions have ended, and the vehicles are idle or the time is over."""
         if not self._edge.is_over:
             return False
         if self._over_at is None:
             self._over_at = now
-        if not self._is_quiet:
-            self._quiet_at = None
-        elif self._quiet_at is None:
-            self._quiet_at = now
-        is_late = now - self._over_at > QUIET_WITHIN_S
-        return is_late or (self._quiet_at is not None and now - self._quiet_at >= QUIET_FOR_S)
+        if not self._is_idle:
+            self._idle_at = None
+        elif self._idle_at is None:
+            self._idle_at = now
+        is_late = now - self._over_at > IDLE_TIMEOUT_S
+        return is_late or (self._idle_at is not None and now - self._idle_at >= IDLE_FOR_S)
 
     @property
-    def _is_quiet(self) -> bool:
-        """Whether no vehicle is told anything any more, nor has pictures that can be fetched.
+    def _is_idle(self) -> bool:
+        """Whether the broker sends no more commands and downloads no more pictures.
 
-        One that was aborted is told where to go, for a while; one that has landed gets back the
-        fence and the parameters that it had before.
+        After an abort it sends commands for a while; after a landing it restores the vehicle's own
+        geofence and parameters.
         """
         return not any(
             one.state is not State.IDLE
             or one.pictures.is_fetching
-            or one.is_giving_back
+            or one.is_restoring
             or not one.vehicle.parameters.is_idle
             for one in self._app.sessions.values()
         )
 
-    def _absence(self, now: float, within_s: float) -> str:
-        absent = ", ".join(
+    def _missing_text(self, now: float, within_s: float) -> str:
+        missing = ", ".join(
             f"vehicle {vehicle_id} (system {self._systems[vehicle_id]})"
             for vehicle_id in self.missing(now)
         )
-        heard = ", ".join(str(system) for system in sorted(self._app.sessions)) or "none"
-        return f"not heard within {within_s:g} s: {absent}; heard systems: {heard}"
+        connected = ", ".join(str(system) for system in sorted(self._app.sessions)) or "none"
+        return f"not connected within {within_s:g} s: {missing}; connected systems: {connected}"
 
 
 def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
     """Fly the plan; 0 only if every mission was flown to its end.
 
     Raises:
-        UsageError: if it cannot be begun.
+        UsageError: if the plan cannot be flown.
     """
     settings, options = _options(arguments, environment)
     clock = SystemClock()
     plan, warnings = read_plan(options.plan, clock.utc())
-    missions = chosen(plan, options.mission_id, options.vehicle_id)
+    missions = select_missions(plan, options.mission_id, options.vehicle_id)
     _refuse_unknown(missions, settings)
-    begin_log(settings.log_level, settings.log_file)
+    configure_logging(settings.log_level, settings.log_file)
     for warning in warnings:
         print(f"warning: {warning}", file=sys.stderr)
     return _fly(plan, missions, settings, options, clock)
@@ -173,54 +173,56 @@ def _fly(
     signals = Signals()
     edge = LocalEdge(
         missions,
-        _page(missions, options).take,
+        _printer(missions, options).take,
         expires_at=plan.expires_at,
         geofence=plan.geofence,
         rally_points=plan.rally_points,
         folder=options.out,
     )
     link = open_link(settings)
-    workshop = Workshop(link.wake)
-    workshop.start()
+    worker_pool = WorkerPool(link.wake)
+    worker_pool.start()
     journal = JournalWriter(JournalFolder(settings.journal), link.wake)
-    app = App(settings, link, edge, clock, lambda: str(ULID()), workshop, journal)
-    sortie = Sortie(app, edge, missions, settings)
+    app = App(settings, link, edge, clock, lambda: str(ULID()), worker_pool, journal)
+    plan_flight = PlanFlight(app, edge, missions, settings)
     try:
-        sortie.gather(clock, signals, options.wait)
-        for line in sortie.hovering:
+        plan_flight.wait_for_vehicles(clock, signals, options.wait)
+        for line in plan_flight.armed_vehicles:
             print(f"{line}: its mission waits until it is down", file=sys.stderr)
         if not signals.stop:
-            sortie.fly(clock, signals, _ON_INTERRUPT[options.on_interrupt])
+            plan_flight.fly(clock, signals, _ON_INTERRUPT[options.on_interrupt])
     finally:
-        workshop.stop()
+        worker_pool.stop()
         app.close()
         journal.close()
         link.close()
     if signals.stop:
-        _say_what_is_left(edge, missions)
-    for line in sortie.hovering:
+        _print_unfinished(edge, missions)
+    for line in plan_flight.armed_vehicles:
         print(line, file=sys.stderr)
     if signals.stop:
         return signals.status
     return SUCCEEDED if edge.all_finished else FAILED
 
 
-def _say_what_is_left(edge: LocalEdge, missions: Sequence[Mission]) -> None:
-    """Say what nobody looks after any more."""
+def _print_unfinished(edge: LocalEdge, missions: Sequence[Mission]) -> None:
+    """Print the missions that go on without the broker."""
     for mission in missions:
         status = edge.statuses[mission.mission_id]
         if not status.is_terminal:
             print(
                 f"vehicle {mission.vehicle_id} was left in mission {mission.mission_id}, which is "
                 f"{status.name}: it flies its mission items to their end by itself, and a command "
-                "that is flown live, such as a hotpoint or a follow, until somebody ends it",
+                "that is flown live, such as a hotpoint or a follow, until a pilot ends it",
                 file=sys.stderr,
             )
 
 
-def _page(missions: tuple[Mission, ...], options: argparse.Namespace) -> ProgressPage | JsonPage:
-    say = Voice().say
-    return JsonPage(say) if options.json else ProgressPage(missions, say)
+def _printer(
+    missions: tuple[Mission, ...], options: argparse.Namespace
+) -> ProgressPrinter | JsonPrinter:
+    write = OutputWriter().write
+    return JsonPrinter(write) if options.json else ProgressPrinter(missions, write)
 
 
 def _refuse_unknown(missions: Sequence[Mission], settings: Config) -> None:
@@ -232,9 +234,9 @@ def _refuse_unknown(missions: Sequence[Mission], settings: Config) -> None:
 def _options(
     arguments: Sequence[str], environment: Mapping[str, str]
 ) -> tuple[Config, argparse.Namespace]:
-    parser = terminal_parser(
+    parser = offline_parser(
         environment,
-        word="fly",
+        command="fly",
         description="Fly a plan without an edge server: 0 if every mission was finished, else 1.",
     )
     parser.add_argument("plan", help="a plan as JSON, or - for the standard input")
@@ -243,8 +245,8 @@ def _options(
     parser.add_argument(
         "--wait",
         type=float,
-        default=HEARD_WITHIN_S,
-        help="seconds until all are heard: %(default)s",
+        default=CONNECT_TIMEOUT_S,
+        help="seconds until all are connected: %(default)s",
     )
     parser.add_argument(
         "--on-interrupt",
@@ -258,7 +260,7 @@ def _options(
         parser.error("--wait must be above 0, at most 3600")
     if options.out is not None:
         _make_folder(options.out)
-    return connected(config.settings(parser, options), options.connect), options
+    return with_link(config.settings(parser, options), options.connect), options
 
 
 def _make_folder(folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""Stands in the edge server's place for one plan: hands its missions out, keeps what comes back."""
+"""Replaces the edge server for one plan: assigns its missions and receives the reports."""
 
 import base64
 import logging
@@ -12,17 +12,17 @@ from afarcloud.enumerations import EventType, Status
 from afarcloud.numbers import format_time
 from afarcloud.plan import Geofence, Mission, RallyPoint
 from mavlink_broker.edge.outbox import Post
-from mavlink_broker.edge.work import Verdict
+from mavlink_broker.edge.work import AcceptanceResult
 
 _IMAGE: Final = wire.Kind.IMAGE.value
 _REPORT: Final = wire.Kind.MISSION_REPORT.value
 _VEHICLES: Final = "vehicles"
 _LOG = logging.getLogger(__name__)
-_NO_NAMES: Final = frozenset({"", ".", ".."})
+_INVALID_NAMES: Final = frozenset({"", ".", ".."})
 
 
 class LocalEdge:
-    """Work and reports in memory; `told` hears of every report by kind and body.
+    """Work and reports in memory; `on_report` receives every report: its kind and body.
 
     A mission is over with its terminal report, or when its work was refused.
     """
@@ -30,14 +30,14 @@ class LocalEdge:
     def __init__(
         self,
         missions: Sequence[Mission],
-        told: Callable[[str, dict[str, Any]], None],
+        on_report: Callable[[str, dict[str, Any]], None],
         *,
         expires_at: datetime | None = None,
         geofence: Geofence | None = None,
         rally_points: Sequence[RallyPoint] = (),
         folder: Path | None = None,
     ) -> None:
-        self._told = told
+        self._on_report = on_report
         self._folder = folder
         self._expires_at = None if expires_at is None else format_time(expires_at)
         self._rally_points = [wire.write(point) for point in rally_points]
@@ -60,7 +60,7 @@ class LocalEdge:
         return all(status is Status.FINISHED for status in self.statuses.values())
 
     def dispatch(self) -> None:
-        """Hand the missions out."""
+        """Assign the missions."""
         for number, mission in self._missions.items():
             self._new.append(
                 {
@@ -85,39 +85,39 @@ class LocalEdge:
                 self._next_id += 1
 
     def take_work(self) -> list[dict[str, Any]]:
-        """Give what is new."""
+        """Give new work."""
         work, self._new = self._new, []
         return work
 
-    def take_verdicts(self) -> list[Verdict]:
-        """Let every mission that was accepted be flown."""
+    def take_acceptance_results(self) -> list[AcceptanceResult]:
+        """Confirm every mission that was accepted."""
         accepted, self._accepted = self._accepted, []
-        return [Verdict(number, holds=True) for number in accepted]
+        return [AcceptanceResult(number, is_confirmed=True) for number in accepted]
 
     @property
     def waiting_pictures(self) -> int:
-        """None: they are kept at once."""
+        """Always 0: pictures are stored at once."""
         return 0
 
     def dead_letters_of(self, vehicle_id: int) -> int:
-        """None: everything is taken."""
+        """Always 0: every post is accepted."""
         del vehicle_id
         return 0
 
     def post(self, post: Post) -> None:
-        """Take what a vehicle's session tells."""
+        """Receive a post of a vehicle's session."""
         first, *more = post.path.strip("/").split("/")
         if first == "broker":
             self._acknowledged(int(more[1]), post.body)
             return
         if first == _VEHICLES:
-            self._told("vehicle", {"vehicle_id": int(more[0])} | post.body)
+            self._on_report("vehicle", {"vehicle_id": int(more[0])} | post.body)
             return
         if first == _IMAGE:
             self._save(post.body)
         if first == _REPORT:
             self._reported(post.body)
-        self._told(first, post.body)
+        self._on_report(first, post.body)
 
     def _acknowledged(self, work_id: int, body: dict[str, Any]) -> None:
         mission = self._missions.get(work_id)
@@ -137,15 +137,15 @@ class LocalEdge:
             self.reasons[mission_id] = reason
 
     def _save(self, image: dict[str, Any]) -> None:
-        """Keep a picture under its own name, which the vocabulary has found harmless."""
+        """Store a picture under its own name, which the vocabulary has validated."""
         if self._folder is None:
             return
         name = image["name"]
-        if name in _NO_NAMES:
+        if name in _INVALID_NAMES:
             name = f"{image['sequence_number']}.{image['format']}"
         folder = self._folder / f"vehicle-{image['vehicle_id']}"
         try:
             folder.mkdir(parents=True, exist_ok=True)
             (folder / name).write_bytes(base64.b64decode(image["frame"], validate=True))
         except OSError as error:
-            _LOG.warning("%s is not kept: %s", folder / name, error.strerror)
+            _LOG.warning("%s is not stored: %s", folder / name, error.strerror)

@@ -1,8 +1,7 @@
-"""Reads the plan that a person names: a file, or `-` for the standard input.
+"""Reads the plan that the user names: a file, or `-` for the standard input.
 
-Everything that the edge server takes is taken: envelopes, bare missions, imported spellings. The
-rules of a whole plan are held against it too, with the limits of a vehicle that nobody has
-registered.
+It accepts every form that the edge server accepts: envelopes, bare missions, imported spellings.
+The rules of a whole plan are checked too, with the limits of an unregistered vehicle.
 """
 
 import sys
@@ -22,27 +21,29 @@ STANDARD_INPUT = "-"
 
 
 def read_plan(path: str, now: datetime) -> tuple[Plan, tuple[str, ...]]:
-    """Give the plan and what the rules warn of.
+    """Give the plan and the warnings of the rules.
 
     Raises:
-        UsageError: if it cannot be read, or is no plan that may be flown.
+        UsageError: if it cannot be read, or may not be flown.
     """
     try:
         plan = wire.read_plan(_bytes(path))
     except DocumentError as error:
         raise UsageError(_sentences(path, error.faults), FAILED) from error
     limits = {mission.vehicle_id: VehicleLimits() for mission in plan.missions}
-    verdict = rules.check(plan, limits, now)
-    if verdict.faults:
-        raise UsageError(_sentences(path, verdict.faults), FAILED)
-    return plan, tuple(f"{warning.path}: {warning.message}" for warning in verdict.warnings)
+    result = rules.check(plan, limits, now)
+    if result.faults:
+        raise UsageError(_sentences(path, result.faults), FAILED)
+    return plan, tuple(f"{warning.path}: {warning.message}" for warning in result.warnings)
 
 
-def chosen(plan: Plan, mission_id: int | None, vehicle_id: int | None) -> tuple[Mission, ...]:
-    """Give the missions that are meant, all where nothing is said; times in seconds.
+def select_missions(
+    plan: Plan, mission_id: int | None, vehicle_id: int | None
+) -> tuple[Mission, ...]:
+    """Give the selected missions, or all; times in seconds.
 
     Raises:
-        UsageError: if there is none such.
+        UsageError: if the plan has no such mission.
     """
     missions = tuple(
         mission

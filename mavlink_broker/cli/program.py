@@ -1,7 +1,11 @@
-"""What every long-running command needs of the machine: a clock, signals, a log, a link.
+"""What every long-running command needs of the machine: clock, signals, log, output, link.
 
-UsageError      what was asked for cannot be begun; one sentence, and the exit status
-  +- BusyError  another program has the link
+The log goes to the standard error and, on request, to files of limited size: `broker.log`,
+`broker.log.1`, ... If the disk refuses, lines are lost and the program goes on; the first refusal
+is written to the standard error.
+
+UsageError          the command cannot start; one sentence and the exit status
+  +- LinkBusyError  another program uses the link
 """
 
 import argparse
@@ -13,12 +17,12 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
+from logging.handlers import RotatingFileHandler
 from pathlib import Path
 from types import FrameType
 from typing import Final
 
 from mavlink_broker import config
-from mavlink_broker.cli.log_file import LogFile
 from mavlink_broker.config import Config
 from mavlink_broker.links.hub import Hub, open_links
 from mavlink_broker.links.link import LinkError, PortBusyError
@@ -28,7 +32,7 @@ SUCCEEDED: Final = 0
 FAILED: Final = 1
 MISUSED: Final = 2
 INTERRUPTED: Final = 130
-"""As shells tell of a program that SIGINT has ended."""
+"""The status that shells give to a program that SIGINT has ended."""
 TERMINATED: Final = 143
 HUNG_UP: Final = 129
 _STATUSES: Final = {
@@ -37,48 +41,54 @@ _STATUSES: Final = {
     signal.SIGHUP: HUNG_UP,
 }
 
+MAX_LOG_BYTES: Final = 10 * 1024 * 1024
+"""Size at which a file is renamed and the next one is begun."""
+MAX_LOG_FILES: Final = 4
+"""Former files; `.1` is the latest."""
+
+
 _LOG = logging.getLogger(__name__)
 _LOG_FORMAT: Final = "%(asctime)s %(levelname)s %(name)s: %(message)s"
 
 
 class UsageError(Exception):
-    """What was asked for cannot be begun."""
+    """The command cannot start."""
 
     def __init__(self, sentence: str, status: int = MISUSED) -> None:
         super().__init__(sentence)
         self.status = status
 
 
-class BusyError(UsageError):
-    """Another program has the link."""
+class LinkBusyError(UsageError):
+    """Another program uses the link."""
 
 
 class SystemClock:
     """The machine's clock."""
 
-    def monotonic(self) -> float:  # a clock is handed in as an object
-        """Seconds that never go back."""
+    def monotonic(self) -> float:  # a clock is passed as an object
+        """Give seconds that never decrease."""
         return time.monotonic()
 
     def utc(self) -> datetime:  # as above
-        """Time of day."""
+        """Give the time of day."""
         return datetime.now(UTC)
 
 
 class Signals:
-    """Remembers that the program was asked to stop, and how often."""
+    """Counts the signals that ask the program to stop."""
 
     def __init__(self) -> None:
         self.count = 0
-        self.status = SUCCEEDED  # That tells which signal it was
+        self.status = SUCCEEDED  # The exit status of the last signal
         for number in _STATUSES:
             if number is signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN:
-                continue  # As nohup wants it; `&` in a script ignores SIGINT too, which ends us
+                continue  # Set by nohup; `&` in a script ignores SIGINT too, which must end us
             signal.signal(number, self._note)
 
     @property
     def stop(self) -> bool:
-        """Whether any came."""
+        """Whether a signal was received."""
         return self.count > 0
 
     def _note(self, number: int, frame: FrameType | None) -> None:
@@ -87,45 +97,45 @@ class Signals:
         self.status = _STATUSES[signal.Signals(number)]
 
 
-class Voice:
-    """Says lines on the standard output for as long as that takes them.
+class OutputWriter:
+    """Writes lines to the standard output until it fails.
 
-    What flies vehicles must not end because its reader has gone, or a disk is full.
+    A program that flies vehicles must not end because its reader has ended, or a disk is full.
     """
 
     def __init__(self) -> None:
-        self._is_heard = True
+        self._is_open = True
 
-    def say(self, line: str) -> None:
-        """Say a line, or nothing."""
-        if not self._is_heard:
+    def write(self, line: str) -> None:
+        """Write a line, unless a line before has failed."""
+        if not self._is_open:
             return
         try:
-            put(line)
+            print_output(line)
         except UsageError as error:
-            self._is_heard = False
-            _LOG.warning("nothing more is said: %s", error)
+            self._is_open = False
+            _LOG.warning("no more output is written: %s", error)
 
 
-def put(text: str) -> None:
+def print_output(text: str) -> None:
     """Print on the standard output.
 
     Raises:
-        UsageError: if nobody reads it, or it has no room.
+        UsageError: if its reader has ended, or there is no space.
     """
     try:
         print(text, flush=True)
     except OSError as error:
-        nowhere = os.open(os.devnull, os.O_WRONLY)  # For what is still to be flushed at the end
-        os.dup2(nowhere, sys.stdout.fileno())
-        os.close(nowhere)
+        null = os.open(os.devnull, os.O_WRONLY)  # For output that is flushed at the exit
+        os.dup2(null, sys.stdout.fileno())
+        os.close(null)
         raise UsageError(f"the standard output: {error.strerror}") from None
 
 
-def begin_log(level: str, file: Path | None = None) -> None:
-    """Log to the standard error, and to a file of bounded size where one is named.
+def configure_logging(level: str, file: Path | None = None) -> None:
+    """Log to the standard error, and to a file of limited size if one is named.
 
-    pymavlink logs a line for every old frame, which the guard counts and logs twice a minute.
+    pymavlink logs a line for every old frame; the broker counts them and logs twice a minute.
     """
     logging.basicConfig(level=level, format=_LOG_FORMAT)
     logging.getLogger("pymavlink").setLevel(logging.WARNING)
@@ -135,27 +145,51 @@ def begin_log(level: str, file: Path | None = None) -> None:
         logging.getLogger().addHandler(handler)
 
 
+class LogFile(RotatingFileHandler):
+    """Writes lines, each with its level and time."""
+
+    def __init__(
+        self, path: Path, *, max_bytes: int = MAX_LOG_BYTES, max_files: int = MAX_LOG_FILES
+    ) -> None:
+        """Write to a file, which is created with the first line."""
+        super().__init__(
+            path, maxBytes=max_bytes, backupCount=max_files, encoding="utf-8", delay=True
+        )
+        self._path = path
+        self.lines_lost = 0
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802  # logging's name
+        """Count a line that was not written."""
+        error = sys.exc_info()[1]
+        if not isinstance(error, OSError):
+            super().handleError(record)
+            return
+        if not self.lines_lost:
+            sys.stderr.write(f"{self._path} cannot be written: {error.strerror}\n")
+        self.lines_lost += 1
+
+
 def open_link(settings: Config) -> Hub:
     """Open the links of vehicles and ground stations.
 
     Raises:
-        BusyError: if another program has one.
-        UsageError: if one cannot be opened, and will not come by itself.
+        LinkBusyError: if another program uses one.
+        UsageError: if one cannot be opened, now or later.
     """
     try:
         return open_links([*settings.vehicle_links, *settings.traffic.forward])
     except PortBusyError as error:
-        raise BusyError(str(error)) from error
+        raise LinkBusyError(str(error)) from error
     except LinkError as error:
         raise UsageError(str(error)) from error
 
 
-def terminal_parser(
-    environment: Mapping[str, str], *, word: str, description: str
+def offline_parser(
+    environment: Mapping[str, str], *, command: str, description: str
 ) -> argparse.ArgumentParser:
-    """Begin the options of a word that needs no edge server: settings, `--connect`, `--json`."""
+    """Make the parser of a command without an edge server: settings, `--connect`, `--json`."""
     parser = config.settings_parser(
-        environment, prog=f"mavlink_broker {word}", description=description
+        environment, prog=f"mavlink_broker {command}", description=description
     )
     parser.set_defaults(log_level=environment.get("LOG_LEVEL") or "WARNING")
     parser.add_argument("--connect", metavar="URL", help="the vehicles' link: udp://0.0.0.0:14540")
@@ -163,11 +197,11 @@ def terminal_parser(
     return parser
 
 
-def connected(settings: Config, url: str | None) -> Config:
-    """Give the settings with another link, where one is asked for.
+def with_link(settings: Config, url: str | None) -> Config:
+    """Give the settings with another link, if one is named.
 
     Raises:
-        UsageError: if it is none.
+        UsageError: if the URL is invalid.
     """
     if url is None:
         return settings

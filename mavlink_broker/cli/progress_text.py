@@ -1,4 +1,4 @@
-"""What a person reads while a plan is flown: a line for every change, in the order of things."""
+"""Prints the progress of a plan: a line for every change, or every report as JSON."""
 
 import json
 from collections.abc import Callable
@@ -12,20 +12,20 @@ _REPORT: Final = wire.Kind.MISSION_REPORT.value
 _CODES: Final = frozenset(AlarmCode)
 
 
-class ProgressPage:
-    """Turns reports into lines; a change is told once."""
+class ProgressPrinter:
+    """Prints reports as lines; every change once."""
 
-    def __init__(self, missions: tuple[Mission, ...], say: Callable[[str], None]) -> None:
-        self._say = say
+    def __init__(self, missions: tuple[Mission, ...], write: Callable[[str], None]) -> None:
+        self._write = write
         self._kinds = {
             (mission.mission_id, command.command_id): command.command_type_id
             for mission in missions
             for command in mission.command_array
         }
-        self._told: dict[tuple[Any, ...], Any] = {}
+        self._last: dict[tuple[Any, ...], Any] = {}
 
     def take(self, kind: str, body: dict[str, Any]) -> None:
-        """Take a report; what nobody waits for (state vectors, poses) is not told."""
+        """Print a report; state vectors and poses are not printed."""
         match kind:
             case "mission_report":
                 self._mission(body)
@@ -34,50 +34,54 @@ class ProgressPage:
             case "alarm":
                 code = body["alarm_code_id"]
                 name = AlarmCode(code).name if code in _CODES else f"code {code}"
-                self._say(f"vehicle {body['vehicle_id']}: ALARM {name}: {body.get('message', '')}")
+                self._write(
+                    f"vehicle {body['vehicle_id']}: ALARM {name}: {body.get('message', '')}"
+                )
             case "image":
                 size = body["image_size"]
-                self._say(f"vehicle {body['vehicle_id']}: image {body['name']}, {size} bytes")
+                self._write(f"vehicle {body['vehicle_id']}: image {body['name']}, {size} bytes")
             case "observation":
                 for one in body["observation_array"]:
                     value = f"{one['result_value']:g} {one['result_uom']}"
-                    self._say(f"vehicle {body['vehicle_id']}: {one['observed_property']} {value}")
+                    self._write(f"vehicle {body['vehicle_id']}: {one['observed_property']} {value}")
 
     def _mission(self, report: dict[str, Any]) -> None:
         mission_id = report["mission_id"]
         for command in report["command_report_array"]:
             command_id, message = command["command_id"], command.get("message")
             state = Status(command["command_status_id"])
-            if self._is_news((mission_id, command_id), (state, message), Status.NOT_STARTED):
+            if self._has_changed((mission_id, command_id), (state, message), Status.NOT_STARTED):
                 name = CommandType(self._kinds[mission_id, command_id]).name
-                self._tell(f"mission {mission_id}, command {command_id} {name}", state, message)
+                self._write_status(
+                    f"mission {mission_id}, command {command_id} {name}", state, message
+                )
         state, message = Status(report["mission_status_id"]), report.get("message")
-        if self._is_news((mission_id,), (state, message), Status.NOT_STARTED):
-            self._tell(f"mission {mission_id}", state, message)
+        if self._has_changed((mission_id,), (state, message), Status.NOT_STARTED):
+            self._write_status(f"mission {mission_id}", state, message)
 
     def _vehicle(self, body: dict[str, Any]) -> None:
         state = body.get("link_state"), body.get("mode"), body.get("armed")
-        if self._is_news(("vehicle", body["vehicle_id"]), (state, None), None):
+        if self._has_changed(("vehicle", body["vehicle_id"]), (state, None), None):
             link, mode, armed = state
             arms = "" if armed is None else ", armed" if armed else ", disarmed"
-            words = f"{link}, {body.get('autopilot')}, {mode or 'mode unknown'}{arms}"
-            self._say(f"vehicle {body['vehicle_id']}: {words}")
+            text = f"{link}, {body.get('autopilot')}, {mode or 'mode unknown'}{arms}"
+            self._write(f"vehicle {body['vehicle_id']}: {text}")
 
-    def _is_news(self, key: tuple[Any, ...], state: tuple[Any, str | None], first: Any) -> bool:
-        before = self._told.get(key, (first, None))
-        self._told[key] = state
+    def _has_changed(self, key: tuple[Any, ...], state: tuple[Any, str | None], first: Any) -> bool:
+        before = self._last.get(key, (first, None))
+        self._last[key] = state
         return bool(before != state)
 
-    def _tell(self, who: str, state: Status, message: str | None) -> None:
-        self._say(f"{who}: {state.name}" + (f" ({message})" if message else ""))
+    def _write_status(self, who: str, state: Status, message: str | None) -> None:
+        self._write(f"{who}: {state.name}" + (f" ({message})" if message else ""))
 
 
-class JsonPage:
-    """Gives every report as a line of JSON, in its envelope."""
+class JsonPrinter:
+    """Prints every report as a line of JSON, in its envelope."""
 
-    def __init__(self, say: Callable[[str], None]) -> None:
-        self._say = say
+    def __init__(self, write: Callable[[str], None]) -> None:
+        self._write = write
 
     def take(self, kind: str, body: dict[str, Any]) -> None:
-        """Take a report."""
-        self._say(json.dumps({kind: body}))
+        """Print a report."""
+        self._write(json.dumps({kind: body}))

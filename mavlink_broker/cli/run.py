@@ -1,4 +1,4 @@
-"""`run`, which is also what the program does when nothing is asked for: serve the edge server."""
+"""`run`, the default command: flies the missions of the edge server."""
 
 import logging
 from collections.abc import Mapping, Sequence
@@ -14,34 +14,34 @@ from mavlink_broker.cli.program import (
     Signals,
     SystemClock,
     UsageError,
-    begin_log,
+    configure_logging,
     open_link,
 )
 from mavlink_broker.config import Config
 from mavlink_broker.edge.client import EdgeClient
 from mavlink_broker.edge.spool import MIB, Spool, SpoolBusyError, SpoolError
+from mavlink_broker.pictures.worker_pool import WorkerPool
 from mavlink_broker.recovery.folder import JournalFolder
 from mavlink_broker.recovery.writer import JournalWriter
-from mavlink_broker.supervision import Alarm
-from mavlink_broker.worker_pool import Workshop
+from mavlink_broker.supervision import ThreadFailureHook
 
 LAST_POSTS_WITHIN_S: Final = 1.0
-"""How long a stopping broker goes on telling what it has to tell."""
+"""How long a stopping broker goes on sending posts."""
 
 _LOG = logging.getLogger(__name__)
 
 
 def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
-    """Run until told to stop; gives the exit status, 1 if a thread has failed for good.
+    """Run until a signal; gives the exit status, 1 if a thread has failed for good.
 
     Raises:
-        UsageError: if the link cannot be opened, or another broker has the state folder.
+        UsageError: if the link cannot be opened, or another broker uses the state folder.
     """
     settings = config.load(arguments, environment)
-    begin_log(settings.log_level, settings.log_file)
+    configure_logging(settings.log_level, settings.log_file)
     spool = open_spool(settings)
     link = open_link(settings)
-    signals, alarm = Signals(), Alarm(link.wake)
+    signals, alarm = Signals(), ThreadFailureHook(link.wake)
     edge = EdgeClient(
         settings.edge_url,
         settings.key_file,
@@ -50,31 +50,31 @@ def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
         spool=spool,
     )
     edge.start()
-    workshop = Workshop(link.wake)
-    workshop.start()
+    worker_pool = WorkerPool(link.wake)
+    worker_pool.start()
     journal = JournalWriter(JournalFolder(settings.journal), link.wake)
-    app = App(settings, link, edge, SystemClock(), lambda: str(ULID()), workshop, journal)
+    app = App(settings, link, edge, SystemClock(), lambda: str(ULID()), worker_pool, journal)
     _LOG.info("links %s, edge server %s", " ".join(map(str, link.urls)), settings.edge_url)
-    while not (signals.stop or alarm.is_raised):
+    while not (signals.stop or alarm.has_fired):
         app.step()
-    workshop.stop()
+    worker_pool.stop()
     app.close()
     edge.stop(LAST_POSTS_WITHIN_S)
     journal.close()
     link.close()
-    return FAILED if alarm.is_raised else SUCCEEDED
+    return FAILED if alarm.has_fired else SUCCEEDED
 
 
 def open_spool(settings: Config) -> Spool | None:
-    """Take the state folder; None if it cannot be used, which is no reason not to fly.
+    """Open the spool; None if the state folder cannot be used: the broker flies without it.
 
     Raises:
-        UsageError: if another broker has it.
+        UsageError: if another broker uses the folder.
     """
     try:
-        return Spool(settings.spool, most_bytes=settings.spool_mib * MIB)
+        return Spool(settings.spool, max_bytes=settings.spool_mib * MIB)
     except SpoolBusyError as error:
         raise UsageError(f"{error}; each broker needs a STATE_DIR of its own") from error
     except SpoolError as error:
-        _LOG.warning("what waits for the edge server is kept in memory alone: %s", error)
+        _LOG.warning("posts that wait for the edge server are kept in memory only: %s", error)
         return None

@@ -1,4 +1,4 @@
-"""`translate`: what a plan becomes on a kind of vehicle, without flying it."""
+"""`translate`: prints the mission items and live commands of a plan, without flying it."""
 
 import argparse
 import json
@@ -17,10 +17,10 @@ from mavlink_broker.autopilots.families import (
     PX4,
     Family,
 )
-from mavlink_broker.cli.plan_file import chosen, read_plan
-from mavlink_broker.cli.program import FAILED, SUCCEEDED, put
+from mavlink_broker.cli.plan_file import read_plan, select_missions
+from mavlink_broker.cli.program import FAILED, SUCCEEDED, print_output
 from mavlink_broker.cli.translation_json import mission_record
-from mavlink_broker.cli.translation_text import mission_page
+from mavlink_broker.cli.translation_text import mission_lines
 from mavlink_broker.planning.geofence_check import AreaCheck
 from mavlink_broker.planning.mission import Home, Itinerary, RefusedError, translate
 
@@ -29,11 +29,11 @@ FAMILIES: Final[Mapping[str, Family]] = {
 }
 
 
-def home_place(text: str) -> Home:
-    """Read `latitude,longitude,altitude` as degrees, degrees, metres above mean sea level.
+def parse_home(text: str) -> Home:
+    """Parse `latitude,longitude,altitude`: degrees, degrees, metres above mean sea level.
 
     Raises:
-        argparse.ArgumentTypeError: if it is written otherwise, or lies nowhere.
+        argparse.ArgumentTypeError: if the format or a value is invalid.
     """
     try:
         latitude, longitude, altitude = map(float, text.split(","))
@@ -42,15 +42,15 @@ def home_place(text: str) -> Home:
             f"must be latitude,longitude,altitude above sea level, not {text!r}"
         ) from None
     if not (abs(latitude) <= 90 and abs(longitude) <= 180 and abs(altitude) <= 10_000):
-        raise argparse.ArgumentTypeError(f"is no place on earth: {text!r}")
+        raise argparse.ArgumentTypeError(f"is not a position on earth: {text!r}")
     return Home(latitude, longitude, altitude)
 
 
 def run(arguments: Sequence[str], now: datetime) -> int:
-    """Print what the plan becomes; 1 if a mission of it cannot be flown.
+    """Print the translation of a plan; 1 if a mission cannot be flown.
 
     Raises:
-        UsageError: if there is no plan to translate, or nobody reads what it becomes.
+        UsageError: if the plan cannot be read, or the output cannot be written.
     """
     options = _parser().parse_args(arguments)
     plan, warnings = read_plan(options.plan, now)
@@ -58,7 +58,7 @@ def run(arguments: Sequence[str], now: datetime) -> int:
         print(f"warning: {warning}", file=sys.stderr)
     family = FAMILIES[options.family]
     records, status = [], SUCCEEDED
-    for mission in chosen(plan, options.mission_id, options.vehicle_id):
+    for mission in select_missions(plan, options.mission_id, options.vehicle_id):
         home = options.home or _assumed_home(mission)
         head = {"family": family.name, "home": home._asdict()}
         try:
@@ -73,20 +73,22 @@ def run(arguments: Sequence[str], now: datetime) -> int:
             continue
         records.append(head | mission_record(mission, itinerary))
         if not options.json:
-            put("\n".join(_page(mission, itinerary, family, home, assumed=options.home is None)))
+            print_output(
+                "\n".join(_lines(mission, itinerary, family, home, assumed=options.home is None))
+            )
     if options.json:
-        put(json.dumps({"missions": records}, indent=1))
+        print_output(json.dumps({"missions": records}, indent=1))
     return status
 
 
-def _page(
+def _lines(
     mission: Mission, itinerary: Itinerary, family: Family, home: Home, *, assumed: bool
 ) -> Iterator[str]:
-    place = f"{home.latitude_deg:.7f}, {home.longitude_deg:.7f}"
-    how = " (assumed; --home tells)" if assumed else ""
+    position = f"{home.latitude_deg:.7f}, {home.longitude_deg:.7f}"
+    how = " (assumed; set it by --home)" if assumed else ""
     yield f"mission {mission.mission_id} for vehicle {mission.vehicle_id}, family {family.name}"
-    yield f"home {place}, {home.altitude_amsl_m:g} m above sea level{how}"
-    yield from mission_page(mission, itinerary)
+    yield f"home {position}, {home.altitude_amsl_m:g} m above sea level{how}"
+    yield from mission_lines(mission, itinerary)
     yield ""
 
 
@@ -109,7 +111,7 @@ def _refused_record(mission: Mission, error: RefusedError) -> dict[str, Any]:
 
 
 def _assumed_home(mission: Mission) -> Home:
-    """Take the place of the first take-off for home, at sea level."""
+    """Give the position of the first take-off, at sea level."""
     for command in mission.command_array:
         if isinstance(command, NavTakeoff):
             return Home(command.parameters.latitude, command.parameters.longitude, 0.0)
@@ -127,7 +129,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--home",
-        type=home_place,
+        type=parse_home,
         metavar="LAT,LON,ALT",
         help="the vehicle's home [deg, deg, m above sea level]; else the place of take-off, 0 m",
     )

@@ -1,6 +1,6 @@
-"""A translated mission as plain data, for `--json`: what is said to the vehicle, field by field.
+"""A translated mission as plain data for `--json`: the fields of the messages to the vehicle.
 
-NaN, which JSON has not, is null.
+NaN, which JSON does not support, is null.
 """
 
 import math
@@ -9,7 +9,7 @@ from typing import Any
 from afarcloud.plan import Mission
 from mavlink_broker.mavlink.addressing import Route
 from mavlink_broker.mavlink.dialect import Message, mavlink
-from mavlink_broker.microservices.command_sequence import Ways
+from mavlink_broker.microservices.command import CommandAlternatives
 from mavlink_broker.planning.live_actions import Circled, End, Lasted, Series, Tracked, Turned
 from mavlink_broker.planning.mission import FlightPlan, Itinerary, LiveCommand
 from mavlink_broker.planning.situation import Spot
@@ -28,7 +28,7 @@ def command_name(number: int) -> str:
 
 
 def mission_record(mission: Mission, itinerary: Itinerary) -> dict[str, Any]:
-    """Write a whole mission down."""
+    """Give a whole mission."""
     ids = [command.command_id for command in mission.command_array]
     return {
         "mission_id": mission.mission_id,
@@ -58,20 +58,23 @@ def items(plan: FlightPlan) -> list[dict[str, Any]]:
     ]
 
 
-def orders(ways: Ways) -> list[list[dict[str, Any]]]:
-    """Give the commands of each way, as they are sent."""
-    return [[_order(order.message(_ROUTE, 0)) for order in way] for way in ways]
+def command_lists(alternatives: CommandAlternatives) -> list[list[dict[str, Any]]]:
+    """Give the commands of each alternative, as they are sent."""
+    return [
+        [_command(command.message(_ROUTE, 0)) for command in alternative]
+        for alternative in alternatives
+    ]
 
 
 def end_sentence(end: End) -> str:
-    """Say when a live command is over."""
+    """Give a sentence on the end of a live command."""
     match end:
         case Turned(radius_m=radius_m, angle_rad=angle_rad):
             return f"until {angle_rad / math.tau:g} turn at {radius_m:g} m is flown"
         case Circled(turn=Turned(radius_m=radius_m), heading=heading):
             return f"until 1 turn at {radius_m:g} m is flown from point to point, {heading.name}"
         case Series(steps):
-            return f"until {len(steps)} steps are taken"
+            return f"until {len(steps)} steps are done"
         case Tracked(mode=mode, duration_s=duration_s):
             return f"for {duration_s:g} s or until the subject is lost, {mode.name}"
         case Lasted(duration_s):
@@ -79,7 +82,7 @@ def end_sentence(end: End) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Give what JSON can carry."""
+    """Give a value that JSON supports."""
     return None if isinstance(value, float) and math.isnan(value) else value
 
 
@@ -102,14 +105,14 @@ def _live(live: LiveCommand, ids: list[int]) -> dict[str, Any]:
         "command_id": ids[live.command],
         "approach": _spot(action.approach),
         "target": _spot(action.follow),
-        "begin": orders(action.begin),
-        "way_notes": list(action.way_notes),
+        "begin": command_lists(action.begin),
+        "way_notes": list(action.alternative_notes),
         "end": end_sentence(action.end),
-        "finish": orders(action.finish),
+        "finish": command_lists(action.finish),
     }
 
 
-def _order(message: Message) -> dict[str, Any]:
+def _command(message: Message) -> dict[str, Any]:
     fields = {
         k: v for k, v in message.to_dict().items() if k not in {"target_system", "mavpackettype"}
     }

@@ -1,11 +1,11 @@
-"""A translated mission as a page for people: a table per stretch, a paragraph per live command."""
+"""A translated mission as text: a table per stretch, a paragraph per live command."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
 from afarcloud.plan import Mission
-from mavlink_broker.cli.translation_json import end_sentence, items, orders
-from mavlink_broker.microservices.command_sequence import Ways
+from mavlink_broker.cli.translation_json import command_lists, end_sentence, items
+from mavlink_broker.microservices.command import CommandAlternatives
 from mavlink_broker.planning.mission import FlightPlan, Itinerary, LiveCommand
 from mavlink_broker.planning.situation import Spot
 
@@ -17,7 +17,7 @@ _HEADER: Final = (
 _E7: Final = 1e7
 
 
-def mission_page(mission: Mission, itinerary: Itinerary) -> Iterator[str]:
+def mission_lines(mission: Mission, itinerary: Itinerary) -> Iterator[str]:
     """Give the lines of one mission."""
     count = len(itinerary.segments)
     for number, segment in enumerate(itinerary.segments, 1):
@@ -61,26 +61,30 @@ def _live(live: LiveCommand) -> Iterator[str]:
     if action.approach is not None:
         yield f"  first  to {_place(action.approach)}"
     if action.follow is not None:
-        yield f"  target {_place(action.follow)}, told 5 times a second"
-    yield from _ways("begin ", action.begin, action.way_notes)
+        yield f"  target {_place(action.follow)}, sent 5 times a second"
+    yield from _alternatives("begin ", action.begin, action.alternative_notes)
     yield f"  lasts  {end_sentence(action.end)}"
-    yield from _ways("finish", action.finish, ())
+    yield from _alternatives("finish", action.finish, ())
 
 
-def _ways(title: str, ways: Ways, notes: Sequence[str]) -> Iterator[str]:
-    for number, way in enumerate(orders(ways)):
+def _alternatives(
+    title: str, alternatives: CommandAlternatives, notes: Sequence[str]
+) -> Iterator[str]:
+    for number, alternative in enumerate(command_lists(alternatives)):
         lost = notes[number] if number < len(notes) else ""
         behind = f"  [{lost}]" if lost else ""
-        for step, order in enumerate(way):
-            word = title if number == step == 0 else "or    " if step == 0 else "then  "
-            yield f"  {word} {_order(order)}{behind}"
+        for step, command in enumerate(alternative):
+            label = title if number == step == 0 else "or    " if step == 0 else "then  "
+            yield f"  {label} {_command(command)}{behind}"
 
 
-def _order(order: dict[str, Any]) -> str:
-    last = ("x", "y", "z") if order["message"] == "COMMAND_INT" else ("param5", "param6", "param7")
+def _command(command: dict[str, Any]) -> str:
+    last = (
+        ("x", "y", "z") if command["message"] == "COMMAND_INT" else ("param5", "param6", "param7")
+    )
     names = (*(f"param{i}" for i in range(1, 5)), *last)
-    values = " ".join(_number(order[name]) for name in names)
-    return f"{order['message']} {order['name']} ({order['command']}): {values}"
+    values = " ".join(_number(command[name]) for name in names)
+    return f"{command['message']} {command['name']} ({command['command']}): {values}"
 
 
 def _notes(mission: Mission, itinerary: Itinerary) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""What is known of the vehicles that are heard: one row each, for people or as JSON."""
+"""The connected vehicles: one row each, as a table or as JSON."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, Final
@@ -10,38 +10,38 @@ COLUMNS: Final = (
     *("system_id", "vehicle_id", "autopilot", "type", "family", "version", "link_state"),
     *("mode", "armed", "latitude", "longitude", "altitude", "battery_percentage"),
 )
-"""Altitude in metres above home, the battery as a fraction; what is not known is null."""
+"""Altitude in metres above home, the battery as a fraction; unknown values are null."""
 _NOTHING: Final = "-"
 
 
 def row(vehicle: Vehicle, now: float) -> dict[str, Any]:
     """Describe one vehicle."""
     snapshot = vehicle.snapshot
-    place = snapshot.position
+    position = snapshot.position
     values = (
         vehicle.route.target_system,
         vehicle.vehicle_id,
         _name("MAV_AUTOPILOT", vehicle.autopilot),
-        _name("MAV_TYPE", vehicle.kind),
+        _name("MAV_TYPE", vehicle.vehicle_type),
         vehicle.family.name,
         vehicle.version,
         vehicle.link_state(now).value,
         None if snapshot.armed is None else vehicle.mode,
         snapshot.armed,
-        None if place is None else place.latitude_deg,
-        None if place is None else place.longitude_deg,
-        None if place is None else place.altitude_m,
+        None if position is None else position.latitude_deg,
+        None if position is None else position.longitude_deg,
+        None if position is None else position.altitude_m,
         snapshot.battery_fraction,
     )
     return dict(zip(COLUMNS, values, strict=True))
 
 
-def page(rows: Iterable[dict[str, Any]]) -> Iterator[str]:
+def table(rows: Iterable[dict[str, Any]]) -> Iterator[str]:
     """Give the rows as a table."""
     cells = [[_cell(one.get(column)) for column in COLUMNS] for one in rows]
-    table: list[Sequence[str]] = [COLUMNS, *cells]
-    widths = [max(len(line[i]) for line in table) for i in range(len(COLUMNS))]
-    for line in table:
+    rows_of_text: list[Sequence[str]] = [COLUMNS, *cells]
+    widths = [max(len(line[i]) for line in rows_of_text) for i in range(len(COLUMNS))]
+    for line in rows_of_text:
         yield "  ".join(c.ljust(w) for c, w in zip(line, widths, strict=True)).rstrip()
 
 

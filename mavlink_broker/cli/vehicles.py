@@ -1,8 +1,8 @@
-"""`vehicles`: who is heard on the link.
+"""`vehicles`: lists the vehicles on the link.
 
-It listens as the broker does and flies nothing. It changes no rate of a message and is nobody's
-ground station: what does not come by itself is asked for once at a time. Where the
-configured port is taken, by a broker that runs, that broker's edge server is asked instead.
+It receives as the broker does and flies nothing. It changes no message rate and sends no heartbeat
+of a ground station: it requests single messages that the vehicle does not stream. If a running
+broker uses the configured port, the list comes from that broker's edge server.
 """
 
 import argparse
@@ -22,24 +22,24 @@ from mavlink_broker.cli.local_edge import LocalEdge
 from mavlink_broker.cli.program import (
     FAILED,
     SUCCEEDED,
-    BusyError,
+    LinkBusyError,
     Signals,
     SystemClock,
     UsageError,
-    begin_log,
-    connected,
+    configure_logging,
+    offline_parser,
     open_link,
-    put,
-    terminal_parser,
+    print_output,
+    with_link,
 )
-from mavlink_broker.cli.vehicle_table import page, row
+from mavlink_broker.cli.vehicle_table import row, table
 from mavlink_broker.config import Config
 from mavlink_broker.edge.bounded_http import BoundedHttp
-from mavlink_broker.link_settings import TrafficSettings
+from mavlink_broker.links.settings import LinkSettings
 
 LISTEN_S: Final = 5.0
-"""Five heartbeats, and time to ask for a version and a position."""
-_ASK_WITHIN_S: Final = 5.0
+"""Five heartbeats, and time to request a version and a position."""
+_ASK_TIMEOUT_S: Final = 5.0
 _MOST_BYTES: Final = 16 << 20
 
 
@@ -47,28 +47,28 @@ def run(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
     """List the vehicles; 1 if there is none.
 
     Raises:
-        UsageError: if nobody can be asked.
+        UsageError: if neither the link nor the edge server can be used.
     """
     settings, options = _options(arguments, environment)
-    begin_log(settings.log_level)
+    configure_logging(settings.log_level)
     try:
-        rows = _heard(settings, options.seconds)
-    except BusyError as busy:
+        rows = _connected(settings, options.seconds)
+    except LinkBusyError as busy:
         if options.connect is not None:
             raise
         print(f"{busy}; asking {settings.edge_url}/vehicles/ instead", file=sys.stderr)
-        rows = _asked(settings)
+        rows = _rows_of_edge_server(settings)
     if options.json:
-        put(json.dumps({"vehicles": rows}, indent=1))
+        print_output(json.dumps({"vehicles": rows}, indent=1))
     elif rows:
-        put("\n".join(page(rows)))
+        print_output("\n".join(table(rows)))
     if not rows:
-        print("no vehicle is heard", file=sys.stderr)
+        print("no vehicle is connected", file=sys.stderr)
     return SUCCEEDED if rows else FAILED
 
 
-def _heard(settings: Config, seconds: float) -> list[dict[str, Any]]:
-    """Listen for some time; a signal ends it early."""
+def _connected(settings: Config, seconds: float) -> list[dict[str, Any]]:
+    """Receive for some time; a signal ends it early."""
     link, signals, clock = open_link(settings), Signals(), SystemClock()
     app = App(settings, link, LocalEdge((), _ignore), clock, lambda: str(ULID()))
     end = clock.monotonic() + seconds
@@ -77,12 +77,12 @@ def _heard(settings: Config, seconds: float) -> list[dict[str, Any]]:
     now = time.monotonic()
     app.close()
     link.close()
-    heard = (session.vehicle for _, session in sorted(app.sessions.items()))
-    return [row(vehicle, now) for vehicle in heard]
+    vehicles = (session.vehicle for _, session in sorted(app.sessions.items()))
+    return [row(vehicle, now) for vehicle in vehicles]
 
 
-def _asked(settings: Config) -> list[dict[str, Any]]:
-    """Ask the edge server of the broker that has the link."""
+def _rows_of_edge_server(settings: Config) -> list[dict[str, Any]]:
+    """Ask the edge server of the broker that uses the link."""
     url = f"{settings.edge_url.rstrip('/')}/vehicles/"
     http = BoundedHttp(True if settings.edge_ca_file is None else str(settings.edge_ca_file))
     try:
@@ -90,9 +90,9 @@ def _asked(settings: Config) -> list[dict[str, Any]]:
         answer = http.exchange(
             "GET",
             url,
-            within_s=_ASK_WITHIN_S,
-            timeouts_s=(_ASK_WITHIN_S, _ASK_WITHIN_S),
-            most_bytes=_MOST_BYTES,
+            within_s=_ASK_TIMEOUT_S,
+            timeouts_s=(_ASK_TIMEOUT_S, _ASK_TIMEOUT_S),
+            max_bytes=_MOST_BYTES,
             headers={"Authorization": f"Bearer {key}"},
         )
         if answer.status_code != HTTPStatus.OK:
@@ -103,24 +103,24 @@ def _asked(settings: Config) -> list[dict[str, Any]]:
 
 
 def _ignore(kind: str, body: dict[str, Any]) -> None:
-    """Tell nobody: only the vehicles themselves are looked at."""
+    """Ignore reports: the rows come from the sessions."""
     del kind, body
 
 
 def _options(
     arguments: Sequence[str], environment: Mapping[str, str]
 ) -> tuple[Config, argparse.Namespace]:
-    parser = terminal_parser(
+    parser = offline_parser(
         environment,
-        word="vehicles",
-        description="List the vehicles that are heard on the link.",
+        command="vehicles",
+        description="List the vehicles on the link.",
     )
     parser.add_argument(
-        "--seconds", type=float, default=LISTEN_S, help="how long to listen: %(default)s"
+        "--seconds", type=float, default=LISTEN_S, help="how long to receive: %(default)s"
     )
     options = parser.parse_args(arguments)
     if not 0 < options.seconds <= 3600:
         parser.error("--seconds must be above 0, at most 3600")
-    settings = connected(config.settings(parser, options), options.connect)
-    traffic = TrafficSettings(links=settings.traffic.links)
+    settings = with_link(config.settings(parser, options), options.connect)
+    traffic = LinkSettings(links=settings.traffic.links)
     return replace(settings, traffic=traffic, observes=True), options

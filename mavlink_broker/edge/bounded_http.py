@@ -1,20 +1,20 @@
-"""HTTP exchanges with a deadline for the whole of them, and a bound to what is read.
+"""HTTP exchanges with a timeout for the whole exchange and a limit on the size of the answer.
 
 The timeouts of `requests` hold for each single read: a server that sends one byte every few
-seconds, in its headers too, keeps a thread for ever. Here a timer shuts the connection down when
-the time for the whole exchange is over, whatever it is waiting for: the handshake, the headers or
-the body. The timer holds a duplicate of the socket's descriptor, since TLS takes the first one
-over; shutting one down ends the reads of both.
+seconds, also in its headers, blocks a thread for ever. Here a timer shuts the connection down when
+the time for the whole exchange is over, in any phase: TLS handshake, headers or body. The timer
+holds a duplicate of the socket's descriptor, because TLS detaches the first one; shutting down one
+of them ends the reads of both.
 
-A name that is looked up waits for the system's resolver, which has timeouts of its own.
+A name lookup waits for the system's resolver, which has timeouts of its own.
 
-The edge server's relay has a module of this name and purpose with another mechanism. Programs meet
-only on the wire and the vocabulary that they share knows no HTTP, so that neither may import the
-other's; and they bound different things. The relay sends small records, thousands a second, on
-connections that stay open: it bounds the wait for an answer, in the reader of the answer, at no
-cost per request. The broker asks seldom, also web servers that it has never met, and sends whole
-pictures: connecting, the TLS handshake and sending take part in the deadline, and those block
-where no reader stands. A timer's thread per exchange, some 50 us, is the price.
+The edge server's relay has a module of the same name with another mechanism. The programs meet
+only on the wire and their shared vocabulary contains no HTTP, so neither may import the other's
+module; and they limit different things. The relay sends thousands of small records a second on
+connections that stay open: it limits the wait for an answer, in the reader of the answer, at no
+cost per request. The broker sends few requests, also to unknown web servers, and sends whole
+pictures: connecting, the TLS handshake and sending are part of the timeout, and they block outside
+any reader. The price is one timer thread per exchange, some 50 us.
 """
 
 import json
@@ -36,26 +36,26 @@ _BOTH_DIRECTIONS: Final = 2
 
 
 class TooLargeError(requests.RequestException):
-    """The answer has more bytes than were allowed."""
+    """The answer is longer than the limit."""
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """A whole answer."""
+    """A complete answer."""
 
     status_code: int
     body: bytes
 
     @property
     def text(self) -> str:
-        """The body as text; bytes that are no UTF-8 are replaced."""
+        """The body as text; invalid UTF-8 is replaced."""
         return self.body.decode("utf-8", "replace")
 
     def json(self) -> Any:
-        """Read the body.
+        """Parse the body as JSON.
 
         Raises:
-            requests.RequestException: if it is no JSON.
+            requests.RequestException: if it is not JSON.
         """
         try:
             return json.loads(self.body)
@@ -64,15 +64,15 @@ class Answer:
 
 
 class _Exchange:
-    """One exchange of this thread: shuts its connection down when its time is over."""
+    """One exchange of this thread: shuts its connection down at the timeout."""
 
     def __init__(self, within_s: float) -> None:
         self._lock = threading.Lock()
-        self._taps: list[Any] = []  # Duplicates of sockets
-        self._timer = threading.Timer(within_s, self._end)
+        self._sockets: list[Any] = []  # Duplicates
+        self._timer = threading.Timer(within_s, self._expire)
         self._timer.daemon = True
         self._timer.name = "http-deadline"
-        self.is_over = False
+        self.has_expired = False
 
     def __enter__(self) -> Self:
         _current.exchange = self
@@ -89,26 +89,26 @@ class _Exchange:
         self._timer.cancel()
         _current.exchange = None
         with self._lock:
-            taps, self._taps = self._taps, []
-        for tap in taps:
-            tap.close()
+            sockets, self._sockets = self._sockets, []
+        for duplicate in sockets:
+            duplicate.close()
 
-    def watch(self, tap: Any) -> None:
+    def watch(self, duplicate: Any) -> None:
         with self._lock:
-            self._taps.append(tap)
-            is_over = self.is_over
-        if is_over:
-            _shut_down(tap)
+            self._sockets.append(duplicate)
+            has_expired = self.has_expired
+        if has_expired:
+            _shut_down(duplicate)
 
-    def _end(self) -> None:
+    def _expire(self) -> None:
         with self._lock:
-            self.is_over = True
-            for tap in self._taps:
-                _shut_down(tap)
+            self.has_expired = True
+            for duplicate in self._sockets:
+                _shut_down(duplicate)
 
 
 class _Current(threading.local):
-    """The exchange that a thread is busy with."""
+    """The running exchange of each thread."""
 
     exchange: _Exchange | None = None
 
@@ -116,54 +116,54 @@ class _Current(threading.local):
 _current = _Current()
 
 
-def _shut_down(tap: Any) -> None:
+def _shut_down(duplicate: Any) -> None:
     with suppress(OSError):  # It was closed meanwhile
-        tap.shutdown(_BOTH_DIRECTIONS)
+        duplicate.shutdown(_BOTH_DIRECTIONS)
 
 
-class _Tapped(HTTPConnection):
+class _InterruptibleConnection(HTTPConnection):
     """A connection that the exchange of its thread can shut down."""
 
-    _tap: Any = None
+    _duplicate: Any = None
 
     def _new_conn(self) -> Any:
-        fresh = super()._new_conn()
-        self._tap = fresh.dup()
-        self._show()
-        return fresh
+        connection = super()._new_conn()
+        self._duplicate = connection.dup()
+        self._register()
+        return connection
 
     def putrequest(self, *arguments: Any, **named: Any) -> None:
-        """Begin a request, on a connection that may have been used before."""
-        self._show()
+        """Begin a request; the connection may be a reused one."""
+        self._register()
         super().putrequest(*arguments, **named)
 
     def close(self) -> None:
         """Close the connection and its duplicate."""
         super().close()
-        tap, self._tap = self._tap, None
-        if tap is not None:
-            tap.close()
+        duplicate, self._duplicate = self._duplicate, None
+        if duplicate is not None:
+            duplicate.close()
 
-    def _show(self) -> None:
-        """Give the exchange a duplicate of its own: the answer may outlive the connection."""
-        if self._tap is not None and _current.exchange is not None:
-            _current.exchange.watch(self._tap.dup())
+    def _register(self) -> None:
+        """Give the exchange its own duplicate: the answer may outlive the connection."""
+        if self._duplicate is not None and _current.exchange is not None:
+            _current.exchange.watch(self._duplicate.dup())
 
 
-class _TappedTls(_Tapped, HTTPSConnection):
-    """The same with TLS."""
+class _InterruptibleTlsConnection(_InterruptibleConnection, HTTPSConnection):
+    """The same over TLS."""
 
 
 class _Pool(HTTPConnectionPool):
-    ConnectionCls = _Tapped
+    ConnectionCls = _InterruptibleConnection
 
 
 class _TlsPool(HTTPSConnectionPool):
-    ConnectionCls = _TappedTls
+    ConnectionCls = _InterruptibleTlsConnection
 
 
 class _Adapter(HTTPAdapter):
-    """Makes connections that can be shut down."""
+    """Creates interruptible connections."""
 
     def init_poolmanager(self, *arguments: Any, **named: Any) -> None:
         super().init_poolmanager(*arguments, **named)
@@ -173,8 +173,8 @@ class _Adapter(HTTPAdapter):
 class BoundedHttp:
     """One thread's connections to web servers; no proxies, no redirects."""
 
-    def __init__(self, verify: bool | str = True) -> None:  # noqa: FBT001, FBT002  # requests' word
-        """Take who vouches for certificates: a file of authorities, or the usual ones."""
+    def __init__(self, verify: bool | str = True) -> None:  # noqa: FBT001, FBT002  # requests' name
+        """Verify certificates against a CA file (`verify` is its path) or the default CAs."""
         self._http = requests.Session()
         self._http.trust_env = False
         self._http.verify = verify
@@ -188,51 +188,52 @@ class BoundedHttp:
         *,
         within_s: float,
         timeouts_s: tuple[float, float],
-        most_bytes: int,
+        max_bytes: int,
         headers: Mapping[str, str] | None = None,
         body: Any = None,
     ) -> Answer:
-        """Ask once: `within_s` for all of it, `timeouts_s` to connect and for each read.
+        """Send one request and read its answer.
 
+        `within_s` limits the whole exchange, `timeouts_s` are those to connect and for each read;
         `body` is sent as JSON.
 
         Raises:
-            requests.RequestException: if there is no whole answer within the bounds.
+            requests.RequestException: if no complete answer arrives within the limits.
         """
-        asked = {"Accept-Encoding": "identity", **(headers or {})}
-        with _Exchange(within_s) as one:
+        all_headers = {"Accept-Encoding": "identity", **(headers or {})}
+        with _Exchange(within_s) as exchange:
             try:
                 with self._http.request(
                     method,
                     url,
-                    headers=asked,
+                    headers=all_headers,
                     json=body,
                     timeout=timeouts_s,
                     allow_redirects=False,
                     stream=True,
                 ) as response:
-                    answer = Answer(response.status_code, _body(response, most_bytes))
+                    answer = Answer(response.status_code, _body(response, max_bytes))
             except TooLargeError:
                 raise
             except (OSError, ValueError) as error:
-                if one.is_over:
-                    raise requests.Timeout(_late(within_s)) from error
+                if exchange.has_expired:
+                    raise requests.Timeout(_timeout_text(within_s)) from error
                 if isinstance(error, requests.RequestException):
                     raise
                 raise requests.RequestException(str(error)) from error
-            if one.is_over:
-                raise requests.Timeout(_late(within_s))
+            if exchange.has_expired:
+                raise requests.Timeout(_timeout_text(within_s))
         return answer
 
 
-def _late(within_s: float) -> str:
-    return f"no whole answer within {within_s:.0f} s"
+def _timeout_text(within_s: float) -> str:
+    return f"no complete answer within {within_s:.0f} s"
 
 
-def _body(response: requests.Response, most_bytes: int) -> bytes:
+def _body(response: requests.Response, max_bytes: int) -> bytes:
     body = bytearray()
     for chunk in response.iter_content(CHUNK_BYTES):
         body += chunk
-        if len(body) > most_bytes:
-            raise TooLargeError(f"it has more than {most_bytes} bytes")
+        if len(body) > max_bytes:
+            raise TooLargeError(f"the answer is longer than {max_bytes} bytes")
     return bytes(body)

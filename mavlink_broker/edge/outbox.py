@@ -1,20 +1,26 @@
-"""What waits to be sent to the edge server, and whose turn it is. Pure: no thread, no network.
+"""Posts that wait to be sent to the edge server, and which is next. Pure: no thread, no network.
 
-Order is kept per lane: one lane per vehicle and kind, one for a mission's reports together with
-the acknowledgements of its work. A lane whose head failed waits out its own back-off. A vehicle's
-reports wait until the edge server has answered its registration.
+Each lane keeps its order: one lane per vehicle and kind, and one for a mission's reports together
+with the acknowledgements of its work. A lane whose first post has failed waits for its own
+back-off. A vehicle's reports wait until the edge server has answered its registration. The most
+urgent lane goes first, except that each fourth post comes from the lane that has waited longest:
+no lane starves while a slow edge server answers fewer posts than arrive.
 
-When the edge server is away for long, the oldest state vectors are dropped and counted, and a
-newer description of a vehicle replaces the one that waits. Everything else is kept, and given to
-whoever puts it onto the disk: what has failed once, and what waits behind it.
+While the edge server is unreachable for long, the oldest state vectors are dropped and counted, and
+a newer description of a vehicle replaces the one that waits. Every other post is kept, and is
+offered to the spool writer: posts that have failed once, and those behind them in their lane.
 
-A post that is refused for good, or fails again and again, is given up, so that what waits behind
-it is sent; it becomes a dead letter. The latter takes 20 failures. A failure counts only if the
-edge server has given a final answer to something else since the failure before: while it is away,
-or fails for everybody, nothing is given up. What it refuses for now on purpose (`waits` in
-`failed`) does not count either.
+The outbox gives a post up when it is refused for good or fails again and again, so that the posts
+behind it are sent; the post becomes a dead letter. It takes 20 failures to give up. A failure
+counts only if the edge server has given a final answer to another post since the previous failure:
+while the edge server is unreachable, or fails for every post, no post is given up. A temporary
+refusal (`is_temporary` in `failed`) does not count either.
+
+An acceptance never becomes a dead letter: sent again later, it would make the edge server expect a
+mission that the broker has dropped. The mission whose acceptance is given up is reported as FAILED.
 """
 
+import math
 import random
 from collections import Counter, deque
 from collections.abc import Collection, Iterable, Iterator
@@ -23,20 +29,22 @@ from enum import IntEnum
 from itertools import takewhile
 from typing import Any, Final
 
-STATE_VECTORS_KEPT: Final = 3600
+MAX_STATE_VECTORS: Final = 3600
 """An hour of one vehicle; some 2 MB."""
 FIRST_PAUSE_S: Final = 0.2
 LONGEST_PAUSE_S: Final = 5.0
-MOST_ATTEMPTS: Final = 20
+MAX_ATTEMPTS: Final = 20
 """Failures of one post while others were answered: more than a minute."""
-DEAD_KEPT: Final = 1000
-"""Posts that were given up and wait to be taken onto the disk; without a disk the newest."""
+MAX_DEAD_LETTERS: Final = 1000
+"""Dead letters that wait for the spool writer; without a spool the newest are kept."""
 SLOW_AFTER_S: Final = 3.0
-"""An edge server that has not answered by then may be none."""
+"""After this time without an answer the edge server counts as unreachable."""
+LONGEST_WAITING_EVERY: Final = 4
+"""Each fourth post comes from the lane that has waited longest, whatever its urgency."""
 
 
 class Urgency(IntEnum):
-    """Which lane goes first when several could."""
+    """Which lane goes first when several are ready."""
 
     REGISTRATION = 0
     ALARM = 1
@@ -48,7 +56,7 @@ class Urgency(IntEnum):
 
 @dataclass(slots=True, kw_only=True)
 class Post:
-    """One request that has to be answered."""
+    """One request that needs a final answer."""
 
     method: str
     path: str
@@ -59,22 +67,27 @@ class Post:
     idempotency_key: str | None = None
     needs_registration: bool = True
     may_be_dropped: bool = False
-    may_be_known: bool = False  # Told before a crash, perhaps: then the first telling stands
+    may_be_duplicate: bool = False  # A run that crashed may have sent it: the first one counts
     replaces: bool = False  # A newer one of the same lane makes it obsolete
-    kept_as: int | None = None  # Its number on the disk, where it is there
+    spool_number: int | None = None  # In the spool, if it is there
     is_inherited: bool = False  # From an earlier run of the broker
-    accepts: int | None = None  # The work that it accepts: what is answered decides
+    accepted_work_id: int | None = None  # The work that it accepts: the answer decides
     attempts: int = 0  # Failures of its own, while others were answered
     answers_before: int = 0  # How many others had been answered at its last failure
 
     @property
-    def is_worth_keeping(self) -> bool:
-        """Whether it must survive the broker: what the next run can tell anew must not."""
+    def must_survive(self) -> bool:
+        """Whether it must survive the broker; the next run sends the others anew."""
         return not (self.may_be_dropped or self.replaces)
 
     @property
-    def is_owed(self) -> bool:
-        """Whether the edge server knows less than the broker did, until it is told."""
+    def is_acceptance(self) -> bool:
+        """Whether it accepts work."""
+        return self.path.endswith("/ack") and self.body.get("status") == "accepted"
+
+    @property
+    def is_inherited_report(self) -> bool:
+        """Whether the edge server knows less of a mission than an earlier run until it is sent."""
         return self.is_inherited and self.urgency is Urgency.REPORT
 
 
@@ -92,9 +105,9 @@ class _Lane:
     vehicle_id: int
     posts: deque[Post] = field(default_factory=deque)
     in_flight: Post | None = None
-    taken_at: float = 0.0
+    taken_at: float = -math.inf  # When the newest post was taken to be sent
     failures: int = 0
-    cut_off: bool = False  # The last failure was an edge server that was not there
+    is_unreachable: bool = False  # At the last failure
     not_before: float = 0.0
     attempts: int = 0  # As of a post: of lanes in which a newer post replaces the one that failed
     answers_before: int = 0
@@ -104,92 +117,104 @@ class _Lane:
         return self.in_flight is not None and now - self.taken_at > SLOW_AFTER_S
 
     def all(self) -> Iterator[Post]:
-        """Everything without an answer, in order."""
+        """Give every post without an answer, in order."""
         if self.in_flight is not None:
             yield self.in_flight
         yield from self.posts
 
-    def unkept(self) -> list[Post]:
-        """What should be on the disk and is not; all that is there comes before it."""
+    def unspooled(self) -> list[Post]:
+        """Give the posts that belong in the spool and are not there; those that are come first."""
         first = next(self.all(), None)
-        if first is None or not first.is_worth_keeping:
+        if first is None or not first.must_survive:
             return []
-        tail = list(takewhile(lambda post: post.kept_as is None, reversed(self.posts)))
-        if self.in_flight is not None and self.in_flight.kept_as is None:
+        tail = list(takewhile(lambda post: post.spool_number is None, reversed(self.posts)))
+        if self.in_flight is not None and self.in_flight.spool_number is None:
             tail.append(self.in_flight)
         return tail[::-1]
 
 
-class SendQueue:
-    """Lanes of posts; the caller sends the one that `take` gives and says how it went."""
+class Outbox:
+    """Lanes of posts; the caller sends the post that `take` gives and reports the outcome."""
 
-    def __init__(self, jitter: random.Random, *, kept: int = STATE_VECTORS_KEPT) -> None:
+    def __init__(
+        self, jitter: random.Random, *, max_state_vectors: int = MAX_STATE_VECTORS
+    ) -> None:
         self._jitter = jitter
-        self._kept = kept
+        self._max_state_vectors = max_state_vectors
         self._lanes: dict[tuple[int, str], _Lane] = {}
         self._registered: set[int] = set()
-        self._settled: set[int] = set()
-        self._owed: Counter[int] = Counter()
+        self._released: set[int] = set()
+        self._inherited_reports: Counter[int] = Counter()
         self._answers = 0
-        self._dead: deque[DeadLetter] = deque(maxlen=DEAD_KEPT)
+        self._turns = 0
+        self._dead_letters: deque[DeadLetter] = deque(maxlen=MAX_DEAD_LETTERS)
         self.dropped = 0
 
     def __len__(self) -> int:
         return sum(len(lane.posts) + (lane.in_flight is not None) for lane in self._all)
 
     def put(self, post: Post) -> None:
-        """Line a post up behind those of its lane."""
+        """Add a post to the end of its lane."""
         key = post.vehicle_id, post.lane
         lane = self._lanes.setdefault(key, _Lane(post.urgency, post.vehicle_id))
         if post.replaces:
             lane.posts.clear()
         lane.posts.append(post)
-        self._owed[post.vehicle_id] += post.is_owed
-        if post.may_be_dropped and self._droppable() > self._kept:
+        self._inherited_reports[post.vehicle_id] += post.is_inherited_report
+        if post.may_be_dropped and self._droppable() > self._max_state_vectors:
             self._drop_oldest()
 
     def waiting_in(self, lane: str) -> int:
-        """How many posts of a kind, of all vehicles, have not been answered."""
+        """How many posts of a kind, of all vehicles, have no final answer."""
         lanes = (each for (_, name), each in self._lanes.items() if name == lane)
         return sum(len(each.posts) + (each.in_flight is not None) for each in lanes)
 
     def take(self, now: float) -> Post | None:
-        """Give the most urgent post whose turn it is; it is in flight until settled."""
+        """Give the most urgent post that is ready; it is in flight until its outcome is known."""
         ready = [lane for lane in self._all if self._is_ready(lane, now)]
         if not ready:
             return None
-        lane = min(ready, key=lambda candidate: candidate.urgency)
+        self._turns += 1
+        if self._turns % LONGEST_WAITING_EVERY == 0:
+            lane = min(ready, key=lambda each: each.taken_at)
+        else:
+            lane = min(ready, key=lambda each: (self._urgency_of(each), each.taken_at))
         lane.in_flight, lane.taken_at = lane.posts.popleft(), now
         return lane.in_flight
 
+    def _urgency_of(self, lane: _Lane) -> Urgency:
+        """Urgency of a lane; the description of a vehicle that is registered is telemetry."""
+        is_known = lane.urgency is Urgency.REGISTRATION and lane.vehicle_id in self._registered
+        return Urgency.TELEMETRY if is_known else lane.urgency
+
     def next_due(self) -> float | None:
-        """When the next waiting post may be tried; None when nothing waits."""
+        """When the next waiting post may be tried; None when no post waits."""
         return min((lane.not_before for lane in self._all if self._may_go(lane)), default=None)
 
     def is_in_flight(self, post: Post) -> bool:
-        """Whether a post that was taken has not been settled yet."""
+        """Whether a post was taken and its outcome is not known yet."""
         return self._lanes[post.vehicle_id, post.lane].in_flight is post
 
     def answered(self, post: Post) -> None:
-        """Settle a post that has its final answer.
+        """Remove a post that has its final answer.
 
-        The edge server is there again, so lanes that waited only for that wait no more.
+        The edge server is reachable again, so lanes that waited only for that become ready.
         """
-        if post.kept_as is not None:
-            self._settled.add(post.kept_as)
+        if post.spool_number is not None:
+            self._released.add(post.spool_number)
         self._close(post)
 
     def refused(self, post: Post, reason: str) -> bool:
-        """Settle a post that would be refused again; whether it is a dead letter from now on.
+        """Remove a post that would be refused again; whether it becomes a dead letter.
 
-        What the next run can report anew is none.
+        A post that the next run can send anew does not, nor does an acceptance.
         """
-        if not post.is_worth_keeping:
-            self.dropped += 1
+        if not post.must_survive or post.is_acceptance:
+            self.dropped += not post.must_survive
             self.answered(post)
             return False
         self._close(post)
-        self._dead.append(DeadLetter(post, reason))
+        self._dead_letters.append(DeadLetter(post, reason))
         return True
 
     def _close(self, post: Post) -> None:
@@ -197,28 +222,34 @@ class SendQueue:
         lane.in_flight = None
         lane.attempts = 0
         self._answers += 1
-        self._owed[post.vehicle_id] -= post.is_owed
+        self._inherited_reports[post.vehicle_id] -= post.is_inherited_report
         if post.urgency is Urgency.REGISTRATION:
             self._registered.add(post.vehicle_id)
         for other in self._all:
-            if other is lane or other.cut_off:
+            if other is lane or other.is_unreachable:
                 other.failures = 0
-                other.cut_off = False
+                other.is_unreachable = False
                 other.not_before = 0.0
 
     def failed(
-        self, post: Post, now: float, *, cut_off: bool, waits: bool = False, reason: str = ""
+        self,
+        post: Post,
+        now: float,
+        *,
+        is_unreachable: bool,
+        is_temporary: bool = False,
+        reason: str = "",
     ) -> bool:
-        """Put a post back to the head of its lane, to be tried again after a while.
+        """Put a post back to the head of its lane, to be tried again after a pause.
 
-        `cut_off` says that the edge server was not there, rather than that it refused for now;
-        `waits` that it refused on purpose until something changes, such as a full disk. Gives
-        whether the post was given up instead.
+        `is_unreachable`: the edge server gave no answer, rather than a refusal; `is_temporary`: it
+        refuses until a condition outside the request changes, such as a full disk. Returns whether
+        the post was given up instead.
         """
         lane = self._lanes[post.vehicle_id, post.lane]
         lane.in_flight = None
-        lane.cut_off = cut_off
-        if self._counts(post, lane, waits=waits):
+        lane.is_unreachable = is_unreachable
+        if self._count_failure(post, lane, is_temporary=is_temporary):
             self._give_up(post, lane, reason)
             return True
         if not (post.replaces and lane.posts):
@@ -228,87 +259,97 @@ class SendQueue:
         lane.not_before = now + self._jitter.uniform(ceiling / 2, ceiling)
         return False
 
-    def _counts(self, post: Post, lane: _Lane, *, waits: bool) -> bool:
+    def _count_failure(self, post: Post, lane: _Lane, *, is_temporary: bool) -> bool:
         """Count a failure that is the post's own; whether it was the last one."""
         others_answered = self._answers > max(post.answers_before, lane.answers_before)
         post.answers_before = lane.answers_before = self._answers
-        if others_answered and not waits:
+        if others_answered and not is_temporary:
             post.attempts += 1
             lane.attempts += 1
-        return max(post.attempts, lane.attempts if post.replaces else 0) >= MOST_ATTEMPTS
+        return max(post.attempts, lane.attempts if post.replaces else 0) >= MAX_ATTEMPTS
 
     def _give_up(self, post: Post, lane: _Lane, reason: str) -> None:
-        """Take a post out of its lane; what waits behind it goes on."""
+        """Remove a post from its lane, so that the posts behind it are sent."""
         lane.failures = lane.attempts = 0
-        lane.cut_off = False
+        lane.is_unreachable = False
         lane.not_before = 0.0
-        self._owed[post.vehicle_id] -= post.is_owed
+        self._inherited_reports[post.vehicle_id] -= post.is_inherited_report
         if post.urgency is Urgency.REGISTRATION:
             self._registered.add(post.vehicle_id)  # Its reports are tried without it
-        if post.may_be_dropped or post.replaces:
+        if not post.must_survive:
             self.dropped += 1
-        else:
-            self._dead.append(DeadLetter(post, reason))
+        elif not post.is_acceptance:
+            self._dead_letters.append(DeadLetter(post, reason))
+        elif post.spool_number is not None:
+            self._released.add(post.spool_number)
 
-    def take_dead(self) -> list[DeadLetter]:
-        """Give the posts that were given up since this was asked."""
-        dead = list(self._dead)
-        self._dead.clear()
-        return dead
+    def take_dead_letters(self) -> list[DeadLetter]:
+        """Give the dead letters since the last call."""
+        letters = list(self._dead_letters)
+        self._dead_letters.clear()
+        return letters
 
-    def dead_of(self, vehicle_id: int) -> int:
-        """How many posts of a vehicle were given up and have not been taken."""
-        return sum(letter.post.vehicle_id == vehicle_id for letter in self._dead)
+    def dead_letters_of(self, vehicle_id: int) -> int:
+        """How many dead letters of a vehicle have not been taken."""
+        return sum(letter.post.vehicle_id == vehicle_id for letter in self._dead_letters)
 
-    def settle(self, number: int) -> None:
-        """Take that what has this number on the disk is kept elsewhere."""
-        self._settled.add(number)
-
-    @property
-    def owing(self) -> frozenset[int]:
-        """Vehicles of which an earlier run knew more than the edge server has been told."""
-        return frozenset(vehicle_id for vehicle_id, count in self._owed.items() if count)
+    def release(self, number: int) -> None:
+        """Mark the number of a post in the spool as released: the post is stored elsewhere."""
+        self._released.add(number)
 
     @property
-    def is_in_trouble(self) -> bool:
-        """Whether anything has failed and has not been answered since."""
+    def vehicles_with_unsent_reports(self) -> frozenset[int]:
+        """Vehicles with reports of an earlier run that the edge server has not answered."""
+        return frozenset(
+            vehicle_id for vehicle_id, count in self._inherited_reports.items() if count
+        )
+
+    @property
+    def has_failures(self) -> bool:
+        """Whether any lane has failed and was not answered since."""
         return any(lane.failures for lane in self._all)
 
-    def endangered(self, now: float, *, words: bool = True, pictures: bool = True) -> list[Post]:
-        """Give what would be lost with the broker and may wait for long; each lane in order.
+    def at_risk(self, now: float, *, reports: bool = True, pictures: bool = True) -> list[Post]:
+        """Give the posts that would be lost with the broker and may wait long; lanes in order.
 
-        That is a lane whose head has failed, what waits for a registration that has failed, and
-        everything while the edge server is not there. The most urgent lanes come first.
+        These are the posts of a lane whose first post has failed, those that wait for a
+        registration that has failed, and all posts while the edge server is unreachable. The most
+        urgent lanes come first.
+
+        Args:
+            now: [s]
+            reports: include everything but pictures.
+            pictures: include pictures.
         """
         lanes = self._all
-        is_away = any(lane.cut_off or lane.is_slow(now) for lane in lanes)
-        strangers = {
+        is_unreachable = any(lane.is_unreachable or lane.is_slow(now) for lane in lanes)
+        unregistered = {
             lane.vehicle_id
             for lane in lanes
             if lane.urgency is Urgency.REGISTRATION and lane.failures
         } - self._registered
-        return _unkept(
+        return _unspooled(
             lane
             for lane in lanes
-            if (is_away or lane.failures or lane.vehicle_id in strangers)
-            and (pictures if lane.urgency is Urgency.PICTURE else words)
+            if (is_unreachable or lane.failures or lane.vehicle_id in unregistered)
+            and (pictures if lane.urgency is Urgency.PICTURE else reports)
         )
 
-    def unkept(self) -> list[Post]:
-        """Give everything that would be lost with the broker, likewise."""
-        return _unkept(self._all)
+    def unspooled(self) -> list[Post]:
+        """Give every post that would be lost with the broker, in the same order."""
+        return _unspooled(self._all)
 
-    def take_settled(self) -> frozenset[int]:
-        """Give the numbers on the disk that have been answered since this was asked."""
-        settled, self._settled = frozenset(self._settled), set()
-        return settled
+    def take_released(self) -> frozenset[int]:
+        """Give the numbers in the spool that have been released since the last call."""
+        released, self._released = frozenset(self._released), set()
+        return released
 
-    def unkeep(self, numbers: Collection[int]) -> None:
-        """Learn that these are not on the disk."""
+    def mark_unspooled(self, numbers: Collection[int]) -> None:
+        """Take the posts of these numbers as not in the spool."""
         for lane in self._all:
             for post in lane.all():
-                if post.kept_as in numbers:
-                    post.kept_as = None
+                if post.spool_number in numbers:
+                    post.spool_number = None
 
     @property
     def _all(self) -> list[_Lane]:
@@ -337,6 +378,6 @@ class SendQueue:
         return bool(lane.posts) and lane.posts[0].may_be_dropped
 
 
-def _unkept(lanes: Iterable[_Lane]) -> list[Post]:
-    in_turn = sorted(lanes, key=lambda lane: lane.urgency)
-    return [post for lane in in_turn for post in lane.unkept()]
+def _unspooled(lanes: Iterable[_Lane]) -> list[Post]:
+    by_urgency = sorted(lanes, key=lambda lane: lane.urgency)
+    return [post for lane in by_urgency for post in lane.unspooled()]

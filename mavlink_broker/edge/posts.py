@@ -1,6 +1,6 @@
-"""The edge server's interface as paths and bodies, in one direction: what the broker sends.
+"""What the broker sends to the edge server: paths, bodies, lanes and idempotency keys.
 
-Together with `client` the only place that knows the edge server's URLs.
+Together with `client` the only module that knows the edge server's endpoints.
 """
 
 import hashlib
@@ -20,7 +20,7 @@ from afarcloud.state import (
     StateVector,
 )
 from mavlink_broker.edge.outbox import Post, Urgency
-from mavlink_broker.effects import Acknowledgement, ForEdge, Report, Result, VehicleUpdate
+from mavlink_broker.effects import Acknowledgement, EdgeMessage, Report, Result, VehicleUpdate
 
 _KINDS: Final[Mapping[type[Report], tuple[wire.Kind, Urgency]]] = {
     Alarm: (wire.Kind.ALARM, Urgency.ALARM),
@@ -33,23 +33,23 @@ _KINDS: Final[Mapping[type[Report], tuple[wire.Kind, Urgency]]] = {
 }
 _MISSION_LANE: Final = wire.Kind.MISSION_REPORT.value
 _WORK: Final = "/broker/commands/"
-_MARK_LENGTH: Final = 48
-"""Of a key's 64 characters; the kind's name and a dash stand before it."""
-_MOST_MESSAGE: Final = 1000
-"""Characters that the edge server takes of an acknowledgement's message."""
+_HASH_LENGTH: Final = 48
+"""Of a key's 64 characters; the kind's name and a dash precede it."""
+_MAX_MESSAGE: Final = 1000
+"""Characters that the edge server accepts as an acknowledgement's message."""
 
 
-def post_for(word: ForEdge, *, vehicle_id: int, recorded_at: datetime, key: str) -> Post:
-    """Make the request that tells one word; `key` is its idempotency key for good."""
-    match word:
+def post_for(message: EdgeMessage, *, vehicle_id: int, recorded_at: datetime, key: str) -> Post:
+    """Make the request that carries a message; `key` is its idempotency key, also in retries."""
+    match message:
         case Acknowledgement():
-            return _acknowledgement(word, vehicle_id)
+            return _acknowledgement(message, vehicle_id)
         case VehicleUpdate():
-            return _update(word, recorded_at)
+            return _vehicle_update(message, recorded_at)
         case Result():
-            return _result(word, recorded_at)
+            return _result(message, recorded_at)
         case _:
-            return _report(word, recorded_at, key)
+            return _report(message, recorded_at, key)
 
 
 def is_acknowledgement(post: Post) -> bool:
@@ -62,7 +62,7 @@ def _report(report: Report, recorded_at: datetime, key: str) -> Post:
     return Post(
         method="POST",
         path=f"/{kind.value}/",
-        body=wire.write(_stamped(report, recorded_at)),
+        body=wire.write(_with_time(report, recorded_at)),
         vehicle_id=report.vehicle_id,
         lane=kind.value,
         urgency=urgency,
@@ -71,55 +71,56 @@ def _report(report: Report, recorded_at: datetime, key: str) -> Post:
     )
 
 
-def _result(word: Result, recorded_at: datetime) -> Post:
+def _result(result: Result, recorded_at: datetime) -> Post:
     """Make a post that a restarted broker makes again under the same key.
 
-    But for pictures it goes ahead of the mission's report that calls the command finished: a
-    broker that is killed in between has either told it, or has the command to finish again.
+    Except for pictures it precedes the mission report that calls the command finished: a broker
+    that is killed in between has either sent it, or has the command to finish again.
     """
-    kind, _ = _KINDS[type(word.report)]
-    mark = hashlib.sha256(word.of.encode()).hexdigest()[:_MARK_LENGTH]
-    post = _report(word.report, recorded_at, f"{kind.value}-{mark}")
-    post.may_be_known = True
+    kind, _ = _KINDS[type(result.report)]
+    digest = hashlib.sha256(result.of.encode()).hexdigest()[:_HASH_LENGTH]
+    post = _report(result.report, recorded_at, f"{kind.value}-{digest}")
+    post.may_be_duplicate = True
     if kind is not wire.Kind.IMAGE:
         post.lane, post.urgency = _MISSION_LANE, Urgency.REPORT
     return post
 
 
-def _stamped(report: Report, recorded_at: datetime) -> Report:
-    """Mark when it is told; what a vehicle without a clock has measured, it has measured now."""
-    stamp: dict[str, object] = {"recorded_at": recorded_at}
+def _with_time(report: Report, recorded_at: datetime) -> Report:
+    """Set the time of the report; observations of a vehicle without a clock get the same time."""
+    update: dict[str, object] = {"recorded_at": recorded_at}
     if isinstance(report, ObservationList):
         now_s = int(recorded_at.timestamp())
-        stamp["observation_array"] = tuple(
+        update["observation_array"] = tuple(
             one if one.result_time else one.model_copy(update={"result_time": now_s})
             for one in report.observation_array
         )
-    return report.model_copy(update=stamp)
+    return report.model_copy(update=update)
 
 
-def _acknowledgement(word: Acknowledgement, vehicle_id: int) -> Post:
-    body = {"status": word.status}
-    if word.message is not None:
-        body["message"] = word.message[:_MOST_MESSAGE]
+def _acknowledgement(acknowledgement: Acknowledgement, vehicle_id: int) -> Post:
+    status = acknowledgement.status
+    body = {"status": status}
+    if acknowledgement.message is not None:
+        body["message"] = acknowledgement.message[:_MAX_MESSAGE]
     return Post(
         method="POST",
-        path=f"{_WORK}{word.work_id}/ack",
+        path=f"{_WORK}{acknowledgement.work_id}/ack",
         body=body,
         vehicle_id=vehicle_id,
-        lane=_MISSION_LANE if word.status != "done" else "done",
+        lane=_MISSION_LANE if status != "done" else "done",
         urgency=Urgency.REPORT,
         needs_registration=False,
-        accepts=word.work_id if word.status == "accepted" else None,
+        accepted_work_id=acknowledgement.work_id if status == "accepted" else None,
     )
 
 
-def _update(word: VehicleUpdate, recorded_at: datetime) -> Post:
+def _vehicle_update(update: VehicleUpdate, recorded_at: datetime) -> Post:
     return Post(
         method="PUT",
-        path=f"/vehicles/{word.vehicle_id}",
-        body=word.body | {"recorded_at": format_time(recorded_at)},
-        vehicle_id=word.vehicle_id,
+        path=f"/vehicles/{update.vehicle_id}",
+        body=update.body | {"recorded_at": format_time(recorded_at)},
+        vehicle_id=update.vehicle_id,
         lane="vehicle",
         urgency=Urgency.REGISTRATION,
         needs_registration=False,

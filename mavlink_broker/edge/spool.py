@@ -1,8 +1,8 @@
-"""The spool as a whole: who may use it, what goes into which file, and what has room.
+"""The spool: posts that wait for the edge server, on disk, with a limit on their size.
 
-Words and pictures have a file each, so that pictures can give way at once: reports, alarms,
-result sets and acknowledgements exist here alone, a picture is still on its vehicle. What has no
-room waits in memory alone, as everything did before.
+Reports and pictures have a file each, so that pictures can be evicted at once. `Report` means every
+post but a picture here: reports, alarms, result sets and acknowledgements exist in the broker
+alone, while a picture is still on its vehicle. A post for which there is no space waits in memory.
 
 SpoolError       the spool cannot be used
   +- SpoolBusyError  another broker uses it
@@ -20,21 +20,21 @@ from mavlink_broker.edge.dead_letters import DeadLetters
 from mavlink_broker.edge.outbox import Post
 from mavlink_broker.edge.spool_file import LineFile
 from mavlink_broker.edge.spool_record import (
+    PendingPost,
     RecordError,
-    Waiting,
-    line_of,
-    line_of_answered,
-    read,
+    decode,
+    encode_answered,
+    encode_post,
 )
 
 MIB: Final = 1 << 20
-WORDS: Final = "spool.words"
-PICTURES: Final = "spool.pictures"
-LOCK: Final = "broker.lock"
+REPORTS_FILE: Final = "spool.words"
+PICTURES_FILE: Final = "spool.pictures"
+LOCK_FILE: Final = "broker.lock"
 PICTURES_SHARE: Final = 2
-"""They may take one part in so many."""
-DEAD_SHARE: Final = 4
-"""Dead letters have room of their own: as much as one part in so many."""
+"""Pictures may take one part in so many."""
+DEAD_LETTERS_SHARE: Final = 4
+"""Dead letters have a limit of their own: one part in so many."""
 
 _LOG = logging.getLogger(__name__)
 
@@ -48,157 +48,162 @@ class SpoolBusyError(SpoolError):
 
 
 class Spool:
-    """Posts that wait, on disk; one thread at a time."""
+    """Posts that wait, on disk; for one thread at a time."""
 
-    def __init__(self, folder: Path, *, most_bytes: int) -> None:
-        """Take the folder, and read what an earlier run has left.
+    def __init__(self, folder: Path, *, max_bytes: int) -> None:
+        """Lock the folder, and read the posts of an earlier run.
 
         Raises:
-            SpoolBusyError: if another broker has it.
+            SpoolBusyError: if another broker has locked it.
             SpoolError: if it cannot be used.
         """
         self.folder = folder
-        self._most_bytes = most_bytes
-        self._words = LineFile(folder / WORDS)
-        self._pictures = LineFile(folder / PICTURES)
-        self._given_up: set[int] = set()
+        self._max_bytes = max_bytes
+        self._reports = LineFile(folder / REPORTS_FILE)
+        self._pictures = LineFile(folder / PICTURES_FILE)
+        self._evicted: set[int] = set()
         self.damaged = 0  # Lines that could not be read
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self._lock = _lock(folder / LOCK)
-            self.dead = DeadLetters(folder, most_bytes // DEAD_SHARE)
-            left = {**self._recover(self._words), **self._recover(self._pictures)}
+            self._lock = _lock(folder / LOCK_FILE)
+            self.dead_letters = DeadLetters(folder, max_bytes // DEAD_LETTERS_SHARE)
+            inherited = {**self._recover(self._reports), **self._recover(self._pictures)}
         except OSError as error:
             raise SpoolError(f"{folder}: {error.strerror or error}") from error
-        self._number = max(max(left, default=0), self.dead.highest)
-        left = {number: post for number, post in left.items() if number not in self.dead}
-        self._left = [left[number] for number in sorted(left)]
+        self._number = max(max(inherited, default=0), self.dead_letters.highest)
+        self._inherited = [
+            inherited[number] for number in sorted(inherited) if number not in self.dead_letters
+        ]
 
     @property
     def writes(self) -> int:
-        """How often the disk was asked to change something."""
-        return self._words.writes + self._pictures.writes
+        """Number of changes to its files."""
+        return self._reports.writes + self._pictures.writes
 
     def __contains__(self, number: int) -> bool:
-        return number in self._words or number in self._pictures
+        return number in self._reports or number in self._pictures
 
-    def take_left(self) -> Sequence[Post]:
-        """Give what an earlier run has left, in order; once."""
-        left, self._left = self._left, []
-        return left
+    def take_inherited(self) -> Sequence[Post]:
+        """Give the posts of an earlier run, in order; once."""
+        inherited, self._inherited = self._inherited, []
+        return inherited
 
     def next_number(self) -> int:
         """Give a number that no post has had."""
         self._number += 1
         return self._number
 
-    def keep_words(self, posts: Iterable[Post]) -> None:
-        """Put posts onto the disk, each under its number, those of one lane in order.
+    def store_reports(self, posts: Iterable[Post]) -> None:
+        """Write posts other than pictures, each under its number, those of one lane in order.
 
         Raises:
-            OSError: if the disk refuses; the first of them may be there nevertheless.
+            OSError: if the disk refuses; the first of them may be stored nevertheless.
         """
         lines = _lines(posts)
         try:
-            self._add_words(lines)
+            self._add_reports(lines)
         except OSError:
             if len(lines) == 1:
                 raise
             for number, line in lines.items():
-                self._add_words({number: line})
+                self._add_reports({number: line})
 
-    def keep_pictures(self, posts: Iterable[Post]) -> None:
-        """Do the same with pictures, within their share.
+    def store_pictures(self, posts: Iterable[Post]) -> None:
+        """Write pictures, within their share of the space.
 
         Raises:
-            OSError: if there is no room; the first of them may be there nevertheless.
+            OSError: if there is no space; the first of them may be stored nevertheless.
         """
-        room = min(self._most_bytes // PICTURES_SHARE, self._most_bytes - self._words.size_bytes)
+        limit = min(self._max_bytes // PICTURES_SHARE, self._max_bytes - self._reports.size_bytes)
         for number, line in _lines(posts).items():
-            if self._pictures.live_bytes + len(line) > room:
+            if self._pictures.live_bytes + len(line) > limit:
                 raise OSError(errno.ENOSPC, "their share is used up")
-            if self._pictures.size_bytes + len(line) > room:
-                self._pictures.write_anew()
+            if self._pictures.size_bytes + len(line) > limit:
+                self._pictures.compact()
             self._pictures.add({number: line})
 
-    def take_given_up(self) -> frozenset[int]:
-        """Give the pictures that have lost their place since this was asked."""
-        given_up, self._given_up = frozenset(self._given_up), set()
-        return given_up
+    def take_evicted(self) -> frozenset[int]:
+        """Give the numbers of the pictures that were evicted since the last call."""
+        evicted, self._evicted = frozenset(self._evicted), set()
+        return evicted
 
-    def settle(self, numbers: frozenset[int]) -> None:
-        """Let go of posts that have their answer.
+    def release(self, numbers: frozenset[int]) -> None:
+        """Remove posts that have their final answer.
 
         Raises:
-            OSError: if the disk refuses; the next run may tell some of them again.
+            OSError: if the disk refuses; the next run may send some of them again.
         """
-        word = line_of_answered(numbers)
+        note = encode_answered(numbers)
         try:
-            self._words.let_go(numbers, word)
+            self._reports.release(numbers, note)
         finally:
-            self._pictures.let_go(numbers, word)
+            self._pictures.release(numbers, note)
 
     def close(self) -> None:
-        """Leave the folder to others."""
-        self._words.close()
+        """Close the files and unlock the folder."""
+        self._reports.close()
         self._pictures.close()
-        self.dead.close()
+        self.dead_letters.close()
         os.close(self._lock)
 
-    def _add_words(self, lines: Mapping[int, bytes]) -> None:
+    def _add_reports(self, lines: Mapping[int, bytes]) -> None:
         """Add all or none."""
         size = sum(map(len, lines.values()))
-        if self._words.live_bytes + size > self._most_bytes:
-            raise OSError(errno.ENOSPC, f"{self._most_bytes // MIB} MiB are used up")
-        if self._words.size_bytes + size > self._most_bytes:
-            self._words.write_anew()
-        if self._words.size_bytes + self._pictures.size_bytes + size > self._most_bytes:
-            self._give_pictures_up()
+        if self._reports.live_bytes + size > self._max_bytes:
+            raise OSError(errno.ENOSPC, f"{self._max_bytes // MIB} MiB are used up")
+        if self._reports.size_bytes + size > self._max_bytes:
+            self._reports.compact()
+        if self._reports.size_bytes + self._pictures.size_bytes + size > self._max_bytes:
+            self._evict_pictures()
         try:
-            self._words.add(lines)
+            self._reports.add(lines)
         except OSError:
             if not self._pictures.size_bytes:
                 raise
-            self._give_pictures_up()  # Their room may be what is lacking
-            self._words.add(lines)
+            self._evict_pictures()  # The disk may be full because of them
+            self._reports.add(lines)
 
-    def _give_pictures_up(self) -> None:
-        self._given_up |= self._pictures.numbers
+    def _evict_pictures(self) -> None:
+        self._evicted |= self._pictures.numbers
         self._pictures.clear()
 
     def _recover(self, file: LineFile) -> dict[int, Post]:
-        """Read what waits in a file, and let go of the rest."""
-        found: dict[int, Post] = {}
+        """Read the posts of a file that have no answer, and discard the others."""
+        posts: dict[int, Post] = {}
 
         def number_of(line: bytes) -> int | None:
             try:
-                record = read(line)
+                record = decode(line)
             except RecordError as error:
                 self.damaged += 1
                 _LOG.debug("%s: a line cannot be read: %s", self.folder, error)
                 return None
-            if isinstance(record, Waiting):
-                found[record.number] = record.post
+            if isinstance(record, PendingPost):
+                posts[record.number] = record.post
                 return record.number
             for number in record.numbers:
-                found.pop(number, None)
+                posts.pop(number, None)
             return None
 
         file.read(number_of)
-        file.forget(file.numbers - found.keys())
-        return found
+        file.discard(file.numbers - posts.keys())
+        return posts
 
 
 def _lines(posts: Iterable[Post]) -> dict[int, bytes]:
-    return {post.kept_as: line_of(post.kept_as, post) for post in posts if post.kept_as}
+    return {
+        post.spool_number: encode_post(post.spool_number, post)
+        for post in posts
+        if post.spool_number
+    }
 
 
 def _lock(path: Path) -> int:
-    """Take the folder's lock; it goes with the process.
+    """Lock the folder; the lock ends with the process.
 
     Raises:
-        SpoolBusyError: if another process has it.
-        OSError: if there can be none.
+        SpoolBusyError: if another process has locked it.
+        OSError: if it cannot be locked.
     """
     flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
     descriptor = os.open(path, flags, 0o600)

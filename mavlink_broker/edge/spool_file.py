@@ -1,8 +1,8 @@
-"""A file that grows by whole lines and is written anew when most of it is waste.
+"""An append-only file of lines, which is compacted when most of it is obsolete.
 
 Lines are added in one write and are on the disk when `add` returns. A process that is killed, or
-a machine that stops, leaves at most a torn end, which the next one cuts off. Bytes that were
-damaged cost the lines that they are in, and no other.
+a machine that stops, leaves at most a truncated last line, which the next process removes. Damaged
+bytes cost the lines that contain them, and no other.
 """
 
 import os
@@ -12,18 +12,18 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
-MOST_LINE_BYTES: Final = 4 << 20
+MAX_LINE_BYTES: Final = 4 << 20
 """Longer than any post: a picture has 1 MiB, and a third more as text."""
-MOST_READ_BYTES: Final = 1 << 30
-WASTE_BYTES: Final = 256 << 10
-"""So much waste is left alone."""
+MAX_READ_BYTES: Final = 1 << 30
+OBSOLETE_BYTES: Final = 256 << 10
+"""Up to so many obsolete bytes are no reason to compact."""
 _FLAGS: Final = os.O_RDWR | os.O_APPEND | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
 _MODE: Final = 0o600
 _COPIED_BYTES: Final = 1 << 20
 _CLOSED: Final = -1
 
 
-class _Place(NamedTuple):
+class _Extent(NamedTuple):
     """Where a line is in the file [bytes]."""
 
     offset: int
@@ -31,38 +31,38 @@ class _Place(NamedTuple):
 
 
 class LineFile:
-    """Lines by number; what has been let go of is waste until the file is written anew."""
+    """Lines by number; discarded lines are obsolete and stay in the file until it is compacted."""
 
     def __init__(self, path: Path) -> None:
-        """Name the file; there is none until something is added."""
+        """Name the file; it is created with the first line."""
         self._path = path
         self._descriptor = _CLOSED
-        self._end = 0  # Behind the last whole line
-        self._places: dict[int, _Place] = {}
-        self.live_bytes = 0  # Of what is held
-        self.writes = 0  # How often the disk was asked to change
+        self._end = 0  # Of the last complete line
+        self._extents: dict[int, _Extent] = {}
+        self.live_bytes = 0  # Of the lines that are not obsolete
+        self.writes = 0  # Number of changes to the file
 
     def __contains__(self, number: int) -> bool:
-        return number in self._places
+        return number in self._extents
 
     def __len__(self) -> int:
-        return len(self._places)
+        return len(self._extents)
 
     @property
     def numbers(self) -> frozenset[int]:
-        """What it holds."""
-        return frozenset(self._places)
+        """The numbers of its lines."""
+        return frozenset(self._extents)
 
     @property
     def size_bytes(self) -> int:
-        """What it takes on the disk."""
+        """Its size on the disk."""
         return self._end
 
     def read(self, number_of: Callable[[bytes], int | None]) -> None:
-        """Show every line, in order, and hold those that are given a number.
+        """Pass every line to `number_of`, in order, and keep those that get a number.
 
         Raises:
-            OSError: if it cannot be read or is no file; none at all is an empty one.
+            OSError: if it cannot be read or is not a regular file; a missing file is empty.
         """
         try:
             self._descriptor = _open(self._path, _FLAGS)
@@ -71,16 +71,16 @@ class LineFile:
         for offset, line in self._lines():
             number = number_of(line)
             if number is not None:
-                self._places[number] = _Place(offset, len(line))
+                self._extents[number] = _Extent(offset, len(line))
             if line.endswith(b"\n"):
                 self._end = offset + len(line)
-        self.live_bytes = sum(place.length for place in self._places.values())
+        self.live_bytes = sum(extent.length for extent in self._extents.values())
 
     def _lines(self) -> Iterator[tuple[int, bytes]]:
-        """Give offsets and lines; what is too long for one comes in pieces."""
+        """Give offsets and lines; a line that is too long comes in pieces."""
         offset = 0
         with open(self._descriptor, "rb", closefd=False) as reader:
-            while offset < MOST_READ_BYTES and (line := reader.readline(MOST_LINE_BYTES)):
+            while offset < MAX_READ_BYTES and (line := reader.readline(MAX_LINE_BYTES)):
                 yield offset, line
                 offset += len(line)
 
@@ -93,45 +93,45 @@ class LineFile:
         if self._descriptor == _CLOSED:
             self._descriptor = _open(self._path, _FLAGS | os.O_CREAT | os.O_EXCL)
             _sync_folder(self._path.parent)
-        elif os.fstat(self._descriptor).st_nlink == 0:  # Somebody has removed it
-            self.write_anew()
+        elif os.fstat(self._descriptor).st_nlink == 0:  # Another program has removed the file
+            self.compact()
         start = self._end
         self._append(b"".join(lines.values()))
         try:
             os.fdatasync(self._descriptor)
         except OSError:
-            self._cut_back(start)
+            self._truncate(start)
             raise
         for number, line in lines.items():
-            self._places[number] = _Place(start, len(line))
+            self._extents[number] = _Extent(start, len(line))
             start += len(line)
             self.live_bytes += len(line)
 
-    def forget(self, numbers: Iterable[int]) -> None:
-        """Hold these no longer; the disk learns of it by a word, or when it is written anew."""
+    def discard(self, numbers: Iterable[int]) -> None:
+        """Make lines obsolete in memory; on the disk a note or a compaction does so."""
         for number in numbers:
-            place = self._places.pop(number, None)
-            self.live_bytes -= 0 if place is None else place.length
+            extent = self._extents.pop(number, None)
+            self.live_bytes -= 0 if extent is None else extent.length
 
-    def let_go(self, numbers: Collection[int], word: bytes) -> None:
-        """Forget lines; `word` is the line that says so to whoever reads the file.
+    def release(self, numbers: Collection[int], note: bytes) -> None:
+        """Make lines obsolete, also on the disk; `note` is the line that says so to a reader.
 
         Raises:
-            OSError: if the disk refuses; they are forgotten all the same, until it is read again.
+            OSError: if the disk refuses; they are obsolete until the file is read again.
         """
-        held = len(self)
-        self.forget(numbers)
-        if len(self) == held:
+        before = len(self)
+        self.discard(numbers)
+        if len(self) == before:
             return
-        if not self._places:
-            self._cut_back(0)
-        elif self._end - self.live_bytes > self.live_bytes + WASTE_BYTES:
-            self.write_anew()
+        if not self._extents:
+            self._truncate(0)
+        elif self._end - self.live_bytes > self.live_bytes + OBSOLETE_BYTES:
+            self.compact()
         else:
-            self._append(word)
+            self._append(note)
 
-    def write_anew(self) -> None:
-        """Leave the waste behind; a copy takes the file's place in one step.
+    def compact(self) -> None:
+        """Write a copy without obsolete bytes, which replaces the file in one step.
 
         Raises:
             OSError: if the disk refuses; the file is then as before.
@@ -141,7 +141,7 @@ class LineFile:
         descriptor = _open(copy, _FLAGS | os.O_CREAT | os.O_EXCL)
         try:
             self.writes += 1
-            places = self._copy_to(descriptor)
+            extents = self._copy_to(descriptor)
             os.fsync(descriptor)
             copy.replace(self._path)
         except OSError:
@@ -150,50 +150,50 @@ class LineFile:
                 copy.unlink()
             raise
         os.close(self._descriptor)
-        self._descriptor, self._places, self._end = descriptor, places, self.live_bytes
+        self._descriptor, self._extents, self._end = descriptor, extents, self.live_bytes
         _sync_folder(self._path.parent)
 
     def clear(self) -> None:
-        """Give all of its space back.
+        """Remove all lines and free their space.
 
         Raises:
             OSError: if the disk refuses.
         """
-        self._places, self.live_bytes = {}, 0
-        self._cut_back(0)
+        self._extents, self.live_bytes = {}, 0
+        self._truncate(0)
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         if self._descriptor != _CLOSED:
             os.close(self._descriptor)
         self._descriptor = _CLOSED
 
-    def _append(self, words: bytes) -> None:
-        """Write behind the last whole line; a torn end goes before."""
+    def _append(self, data: bytes) -> None:
+        """Write after the last complete line; an incomplete one is removed first."""
         if os.fstat(self._descriptor).st_size != self._end:
-            self._cut_back(self._end)
+            self._truncate(self._end)
         self.writes += 1
         try:
-            _write(self._descriptor, words)
+            _write(self._descriptor, data)
         except OSError:
-            self._cut_back(self._end)
+            self._truncate(self._end)
             raise
-        self._end += len(words)
+        self._end += len(data)
 
-    def _cut_back(self, end: int) -> None:
+    def _truncate(self, end: int) -> None:
         if self._descriptor != _CLOSED:
             self.writes += 1
             os.ftruncate(self._descriptor, end)
             self._end = end
 
-    def _copy_to(self, descriptor: int) -> dict[int, _Place]:
-        places, end = {}, 0
-        for number, (offset, length) in self._places.items():
+    def _copy_to(self, descriptor: int) -> dict[int, _Extent]:
+        extents, end = {}, 0
+        for number, (offset, length) in self._extents.items():
             for piece in _pieces(self._descriptor, offset, length):
                 _write(descriptor, piece)
-            places[number] = _Place(end, length)
+            extents[number] = _Extent(end, length)
             end += length
-        return places
+        return extents
 
 
 def _pieces(descriptor: int, offset: int, length: int) -> Iterator[bytes]:
@@ -206,23 +206,23 @@ def _pieces(descriptor: int, offset: int, length: int) -> Iterator[bytes]:
         offset += len(piece)
 
 
-def _write(descriptor: int, piece: bytes) -> None:
+def _write(descriptor: int, data: bytes) -> None:
     written = 0
-    while written < len(piece):
-        written += os.write(descriptor, piece[written:])
+    while written < len(data):
+        written += os.write(descriptor, data[written:])
 
 
 def _open(path: Path, flags: int) -> int:
-    """Open a file that is one: no link, no folder, no pipe that would never answer."""
+    """Open a regular file; a link, folder or pipe is refused (opening a pipe could block)."""
     descriptor = os.open(path, flags, _MODE)
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
-        raise OSError(f"{path} is no file")
+        raise OSError(f"{path} is not a regular file")
     return descriptor
 
 
 def _sync_folder(folder: Path) -> None:
-    """See to it that a new name in the folder survives a loss of power."""
+    """Make a new name in the folder survive a loss of power."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
         os.fsync(descriptor)

@@ -1,11 +1,11 @@
-"""One line of a spool's file: a post that waits, or posts that have been answered. Pure.
+"""One line of a spool file: a post that waits, or numbers of posts that have been answered. Pure.
 
     <CRC-32 of the rest, 8 hexadecimal digits> <JSON without line breaks>
 
-What a line says is believed as little as what comes over the network: a path that is none of ours
-would send our access key to somebody else's server.
+A line is validated as strictly as input from the network: a path that is none of the edge server's
+would send the broker's access key to another server.
 
-RecordError  a line that is torn, damaged, or not of our making
+RecordError  a line that is truncated, damaged, or not written by the broker
 """
 
 import json
@@ -28,21 +28,21 @@ class RecordError(Exception):
     """A line that cannot be read."""
 
 
-class Waiting(NamedTuple):
-    """A post under its number."""
+class PendingPost(NamedTuple):
+    """A post and its number."""
 
     number: int
     post: Post
 
 
-class Settled(NamedTuple):
-    """Numbers of posts that have their answer."""
+class AnsweredPosts(NamedTuple):
+    """Numbers of posts that have their final answer."""
 
     numbers: tuple[int, ...]
 
 
-class _Told(BaseModel):
-    """A post as a line says it."""
+class _PostRecord(BaseModel):
+    """A post as it is stored."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
@@ -56,41 +56,62 @@ class _Told(BaseModel):
     body: dict[str, Any]
 
 
-class _Dead(_Told):
-    """A post that was given up, as a line says it."""
+class _DeadLetterRecord(_PostRecord):
+    """A dead letter as it is stored."""
 
     reason: Annotated[str, Field(max_length=2000)]
 
 
-class _Answered(BaseModel):
-    """Posts that have their answer, as a line says it."""
+class _AnsweredRecord(BaseModel):
+    """Answered posts as they are stored."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
     answered: list[Annotated[int, _NUMBER]]
 
 
-def line_of(number: int, post: Post) -> bytes:
-    """Write a post down."""
-    return _sealed(_document_of(number, post))
+def encode_post(number: int, post: Post) -> bytes:
+    """Give the line of a post."""
+    return _with_checksum(_document_of(number, post))
 
 
-def line_of_dead(number: int, letter: DeadLetter) -> bytes:
-    """Write a dead letter down."""
-    return _sealed(_document_of(number, letter.post) | {"reason": letter.reason[:2000]})
+def encode_dead_letter(number: int, letter: DeadLetter) -> bytes:
+    """Give the line of a dead letter."""
+    return _with_checksum(_document_of(number, letter.post) | {"reason": letter.reason[:2000]})
 
 
-def read_dead(line: bytes) -> tuple[int, DeadLetter]:
+def encode_answered(numbers: Iterable[int]) -> bytes:
+    """Give the line that records which posts have their final answer."""
+    return _with_checksum({"answered": sorted(numbers)})
+
+
+def decode_dead_letter(line: bytes) -> tuple[int, DeadLetter]:
     """Read the line of a dead letter; gives its number too.
 
     Raises:
-        RecordError: if it is not whole, or does not say what a line may say.
+        RecordError: if it is incomplete or not valid.
     """
     try:
-        dead = _Dead.model_validate(_document(line))
+        record = _DeadLetterRecord.model_validate(_document(line))
     except ValidationError as error:
-        raise _fault(error) from error
-    return dead.number, DeadLetter(_post(dead), dead.reason)
+        raise _record_error(error) from error
+    return record.number, DeadLetter(_post(record), record.reason)
+
+
+def decode(line: bytes) -> PendingPost | AnsweredPosts:
+    """Read a line.
+
+    Raises:
+        RecordError: if it is incomplete or not valid.
+    """
+    document = _document(line)
+    try:
+        if isinstance(document, dict) and "answered" in document:
+            return AnsweredPosts(tuple(_AnsweredRecord.model_validate(document).answered))
+        record = _PostRecord.model_validate(document)
+    except ValidationError as error:
+        raise _record_error(error) from error
+    return PendingPost(record.number, _post(record))
 
 
 def _document_of(number: int, post: Post) -> dict[str, Any]:
@@ -101,56 +122,35 @@ def _document_of(number: int, post: Post) -> dict[str, Any]:
         "vehicle_id": post.vehicle_id,
         "lane": post.lane,
         "urgency": int(post.urgency),
-        "may_be_known": post.may_be_known,
+        "may_be_known": post.may_be_duplicate,
         "body": post.body,
     }
 
 
-def line_of_answered(numbers: Iterable[int]) -> bytes:
-    """Write down which posts have their answer."""
-    return _sealed({"answered": sorted(numbers)})
-
-
-def read(line: bytes) -> Waiting | Settled:
-    """Read a line.
-
-    Raises:
-        RecordError: if it is not whole, or does not say what a line may say.
-    """
-    document = _document(line)
-    try:
-        if isinstance(document, dict) and "answered" in document:
-            return Settled(tuple(_Answered.model_validate(document).answered))
-        told = _Told.model_validate(document)
-    except ValidationError as error:
-        raise _fault(error) from error
-    return Waiting(told.number, _post(told))
-
-
-def _fault(error: ValidationError) -> RecordError:
+def _record_error(error: ValidationError) -> RecordError:
     first = error.errors()[0]
     path = ".".join(str(step) for step in first["loc"])
     return RecordError(f"{path}: {first['msg']}")
 
 
-def _post(told: _Told) -> Post:
-    """Give the post; its vehicle was registered by whoever wrote it, or soon will be."""
+def _post(record: _PostRecord) -> Post:
+    """Give the post; the run that wrote it has registered its vehicle, or this one soon will."""
     return Post(
         method="POST",
-        path=told.path,
-        body=told.body,
-        vehicle_id=told.vehicle_id,
-        lane=told.lane,
-        urgency=Urgency(told.urgency),
-        idempotency_key=told.key,
+        path=record.path,
+        body=record.body,
+        vehicle_id=record.vehicle_id,
+        lane=record.lane,
+        urgency=Urgency(record.urgency),
+        idempotency_key=record.key,
         needs_registration=False,
-        may_be_known=told.may_be_known,
-        kept_as=told.number,
+        may_be_duplicate=record.may_be_known,
+        spool_number=record.number,
         is_inherited=True,
     )
 
 
-def _sealed(document: dict[str, Any]) -> bytes:
+def _with_checksum(document: dict[str, Any]) -> bytes:
     text = json.dumps(document, separators=(",", ":")).encode("ascii")
     return b"%08x %s\n" % (zlib.crc32(text), text)
 
@@ -158,8 +158,8 @@ def _sealed(document: dict[str, Any]) -> bytes:
 def _document(line: bytes) -> Any:
     checksum, text = line[:_CHECKSUM_LENGTH], line[_CHECKSUM_LENGTH:-1]
     if not line.endswith(b"\n") or checksum != b"%08x " % zlib.crc32(text):
-        raise RecordError("torn or damaged")
+        raise RecordError("truncated or damaged")
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise RecordError(f"no JSON: {error}") from error
+        raise RecordError(f"not JSON: {error}") from error

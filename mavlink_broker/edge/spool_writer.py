@@ -1,7 +1,7 @@
-"""Puts what waits for the edge server onto the disk, on a thread of its own.
+"""Writes posts that wait for the edge server to the spool, on a thread of its own.
 
-Neither the loop nor those who send ever wait for the disk: they nudge, and go on. While the edge
-server answers there is nothing to do.
+The loop and the threads that send never wait for the disk: they notify this thread and go on.
+While the edge server answers, nothing is written.
 """
 
 import logging
@@ -11,104 +11,107 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Final
 
-from mavlink_broker.edge.dead_letters import Orders
-from mavlink_broker.edge.outbox import DEAD_KEPT, DeadLetter, Post, SendQueue, Urgency
+from mavlink_broker.edge.dead_letters import Actions
+from mavlink_broker.edge.outbox import MAX_DEAD_LETTERS, DeadLetter, Outbox, Post, Urgency
 from mavlink_broker.edge.spool import Spool
 from mavlink_broker.supervision import SupervisedThread
 
-LOOK_EVERY_S: Final = 1.0
-"""An edge server that hangs nudges nobody."""
-TRY_AGAIN_S: Final = 5.0
-"""After the disk has refused."""
-MOST_AT_ONCE: Final = 1000
-"""Lines that are written together: some 15 ms of work, also when the disk refuses them again."""
-END_WITHIN_S: Final = 5.0
+POLL_INTERVAL_S: Final = 1.0
+"""An edge server that does not answer causes no notification."""
+RETRY_AFTER_S: Final = 5.0
+"""When the disk has refused."""
+MAX_BATCH: Final = 1000
+"""Posts per write: some 15 ms of work, also when the disk refuses them again."""
+STOP_TIMEOUT_S: Final = 5.0
 """How long an ending program waits for a slow disk."""
 
 _LOG = logging.getLogger(__name__)
 
 
-class Keeper:
-    """Between the queue, which others use too, and the spool, which nobody else does."""
+class SpoolWriter:
+    """Moves posts from the outbox, which other threads use too, to the spool, which none does."""
 
-    def __init__(self, spool: Spool, queue: SendQueue, lock: threading.Condition) -> None:
-        """Take the queue's lock along; what an earlier run has left goes ahead of everything."""
+    def __init__(self, spool: Spool, outbox: Outbox, lock: threading.Condition) -> None:
+        """Take the outbox with its lock; the posts of an earlier run precede all others."""
         self._spool = spool
-        self._queue = queue
+        self._outbox = outbox
         self._lock = lock
-        self._nudged = threading.Event()
+        self._notified = threading.Event()
         self._stopping = threading.Event()
-        self._unburied: list[DeadLetter] = []
-        self._dead = spool.dead.of_vehicles
-        self._words_after = 0.0
+        self._unstored: list[DeadLetter] = []
+        self._dead_letters = spool.dead_letters.by_vehicle
+        self._reports_after = 0.0
         self._pictures_after = 0.0
-        self._refused: set[str] = set()  # What the disk did not take when it was last asked
+        self._refused: set[str] = set()  # What the disk refused at the last attempt
         self._has_ended = False
         self._thread = SupervisedThread("spool", self._run, self._stopping)
-        left = spool.take_left()
-        for post in left:
-            queue.put(post)
+        inherited = spool.take_inherited()
+        for post in inherited:
+            outbox.put(post)
         if spool.damaged:
             _LOG.warning("%s: %d lines cannot be read", spool.folder, spool.damaged)
-        if left:
-            _LOG.info("%d words of an earlier run are still to be told", len(left))
+        if inherited:
+            _LOG.info("%d posts of an earlier run are still to be sent", len(inherited))
 
     def start(self) -> None:
-        """Begin."""
+        """Start the thread."""
         self._thread.start()
 
-    def nudge(self) -> None:
-        """Say that there may be something to do."""
-        self._nudged.set()
+    def notify(self) -> None:
+        """Have the thread look for work now."""
+        self._notified.set()
 
     def stop(self) -> None:
-        """Put everything onto the disk that waits, and end."""
+        """Store all posts that wait, and end."""
         self._stopping.set()
-        self._nudged.set()
-        self._thread.join(END_WITHIN_S)
+        self._notified.set()
+        self._thread.join(STOP_TIMEOUT_S)
         if not self._thread.is_alive and not self._has_ended:
-            try:  # The thread has ended in its pause behind a failure
+            try:  # The thread has ended in its pause after a failure
                 self._end()
             except Exception:  # noqa: BLE001  # logged; the program ends anyway
-                _LOG.exception("%s: not all that waits could be kept", self._spool.folder)
+                _LOG.exception("%s: some posts that wait could not be stored", self._spool.folder)
 
     def _run(self) -> None:
         while not self._stopping.is_set():
-            self._nudged.wait(LOOK_EVERY_S)
-            self._nudged.clear()
-            self.go_round(time.monotonic())
+            self._notified.wait(POLL_INTERVAL_S)
+            self._notified.clear()
+            self.run_once(time.monotonic())
         self._end()
 
     def _end(self) -> None:
-        """Keep what waits, and leave the folder to the next run."""
-        self.keep_everything(time.monotonic())
+        """Store the posts that wait, and unlock the folder for the next run."""
+        self.store_all(time.monotonic())
         self._spool.close()
         self._has_ended = True
 
     @property
     def dead_letters(self) -> dict[int, int]:
-        """How many posts of each vehicle were given up and wait for a person."""
-        return dict(self._dead)
+        """The number of stored dead letters of each vehicle."""
+        return dict(self._dead_letters)
 
-    def go_round(self, now: float) -> None:
-        """Let go of what has been answered, keep what is endangered."""
-        self._bury(now)
-        self._obey(now)
-        words, pictures = now >= self._words_after, now >= self._pictures_after
-        self._round(now, lambda: self._queue.endangered(now, words=words, pictures=pictures))
+    def run_once(self, now: float) -> None:
+        """Remove posts that have been answered, store those at risk."""
+        self._store_dead_letters(now)
+        self._carry_out_actions(now)
+        reports, pictures = now >= self._reports_after, now >= self._pictures_after
+        self._store_batch(
+            now, lambda: self._outbox.at_risk(now, reports=reports, pictures=pictures)
+        )
 
-    def _bury(self, now: float) -> None:
-        """Bring what was given up onto the disk, and only then forget that it waited."""
+    def _store_dead_letters(self, now: float) -> None:
+        """Store dead letters, and only then remove their posts from the spool."""
         with self._lock:
-            self._unburied += self._queue.take_dead()
-        if not self._unburied or now < self._words_after:
+            self._unstored += self._outbox.take_dead_letters()
+        if not self._unstored or now < self._reports_after:
             return
-        waiting, self._unburied = self._unburied[-DEAD_KEPT:], []
+        waiting, self._unstored = self._unstored[-MAX_DEAD_LETTERS:], []
         for letter in waiting:
-            number = letter.post.kept_as or self._spool.next_number()
-            if not self._does("dead letters", partial(self._spool.dead.add, number, letter)):
-                self._unburied.append(letter)
-                self._words_after = now + TRY_AGAIN_S
+            number = letter.post.spool_number or self._spool.next_number()
+            add = partial(self._spool.dead_letters.add, number, letter)
+            if not self._try("dead letters", add):
+                self._unstored.append(letter)
+                self._reports_after = now + RETRY_AFTER_S
                 continue
             _LOG.error(
                 "dead letter %d: POST %s of vehicle %d is given up: %s; see "
@@ -116,85 +119,92 @@ class Keeper:
                 *(number, letter.post.path, letter.post.vehicle_id, letter.reason),
             )
             with self._lock:
-                if letter.post.kept_as is not None:
-                    self._queue.settle(letter.post.kept_as)
-        self._dead = self._spool.dead.of_vehicles
+                if letter.post.spool_number is not None:
+                    self._outbox.release(letter.post.spool_number)
+        self._dead_letters = self._spool.dead_letters.by_vehicle
 
-    def _obey(self, now: float) -> None:
-        """Send dead letters again, or remove them, as a person has asked."""
-        orders = Orders()
+    def _carry_out_actions(self, now: float) -> None:
+        """Send dead letters again, or remove them, as a person has requested."""
+        actions = Actions()
 
-        def look() -> None:
-            nonlocal orders
-            orders = self._spool.dead.take_orders()
+        def take() -> None:
+            nonlocal actions
+            actions = self._spool.dead_letters.take_actions()
 
-        if not self._does("orders", look):
+        if not self._try("actions", take):
             return
-        if orders != Orders() and not self._carry_out(orders, now):
-            return  # Once more in the next round
-        self._does("ended orders", self._spool.dead.end_orders)
+        if actions != Actions() and not self._carry_out(actions, now):
+            return  # They are tried again in the next round
+        self._try("completed actions", self._spool.dead_letters.complete_actions)
 
-    def _carry_out(self, orders: Orders, now: float) -> bool:
-        """Do what was asked; whether the disk has taken all of it."""
-        posts = [post for post in map(self._spool.dead.get, sorted(orders.retry)) if post]
+    def _carry_out(self, actions: Actions, now: float) -> bool:
+        """Carry actions out; whether the disk has taken all changes.
+
+        An acceptance that an earlier version has stored is removed instead of sent: its mission
+        is not flown.
+        """
+        letters = self._spool.dead_letters
+        found = [post for post in map(letters.get, sorted(actions.retry)) if post]
+        posts = [post for post in found if not post.is_acceptance]
         for post in posts:
-            post.kept_as = self._spool.next_number()
-        lost = self._keep(posts, now)
+            post.spool_number = self._spool.next_number()
+        missing = self._store(posts, now)
         with self._lock:
             for post in posts:
-                post.kept_as = None if post.kept_as in lost else post.kept_as
-                self._queue.put(post)
+                post.spool_number = None if post.spool_number in missing else post.spool_number
+                self._outbox.put(post)
             self._lock.notify_all()
-        dropped = sum(number in self._spool.dead for number in orders.drop)
-        remove = partial(self._spool.dead.remove, orders.retry | orders.drop)
-        is_removed = self._does("dead letters", remove)
-        self._dead = self._spool.dead.of_vehicles
+        dropped = len(found) - len(posts) + sum(number in letters for number in actions.drop)
+        is_removed = self._try(
+            "dead letters", partial(letters.remove, actions.retry | actions.drop)
+        )
+        self._dead_letters = letters.by_vehicle
         if posts or dropped:
             _LOG.info("dead letters: %d are sent again, %d were removed", len(posts), dropped)
         return is_removed
 
-    def keep_everything(self, now: float) -> None:
-        """Keep what waits, whether it is endangered or not."""
-        self._bury(now)
-        while self._round(now, self._queue.unkept):
+    def store_all(self, now: float) -> None:
+        """Store every post that waits, at risk or not."""
+        self._store_dead_letters(now)
+        while self._store_batch(now, self._outbox.unspooled):
             continue
 
-    def _round(self, now: float, choose: Callable[[], Sequence[Post]]) -> bool:
-        """Write the first of what is chosen; whether there is more, and it may have room."""
+    def _store_batch(self, now: float, choose: Callable[[], Sequence[Post]]) -> bool:
+        """Store the first of the chosen posts; whether there are more and may be space."""
         with self._lock:
-            settled = self._queue.take_settled()
+            released = self._outbox.take_released()
             waiting = choose()
-            chosen = waiting[:MOST_AT_ONCE]
-            for post in chosen:
-                post.kept_as = self._spool.next_number()
-        if settled:
-            self._does("answers", partial(self._spool.settle, settled))
-        missing = self._keep(chosen, now)
-        lost = missing | self._spool.take_given_up()
-        if lost:
+            batch = waiting[:MAX_BATCH]
+            for post in batch:
+                post.spool_number = self._spool.next_number()
+        if released:
+            self._try("answers", partial(self._spool.release, released))
+        missing = self._store(batch, now)
+        unspooled = missing | self._spool.take_evicted()
+        if unspooled:
             with self._lock:
-                self._queue.unkeep(lost)
-        is_more = len(waiting) > len(chosen)
+                self._outbox.mark_unspooled(unspooled)
+        is_more = len(waiting) > len(batch)
         if is_more:
-            self._nudged.set()
+            self._notified.set()
         return is_more and not missing
 
-    def _keep(self, posts: Sequence[Post], now: float) -> frozenset[int]:
+    def _store(self, posts: Sequence[Post], now: float) -> frozenset[int]:
         """Write posts; gives the numbers that are not on the disk."""
-        words = [post for post in posts if not _is_picture(post)]
+        reports = [post for post in posts if not _is_picture(post)]
         pictures = [post for post in posts if _is_picture(post)]
-        if words and not self._does("words", partial(self._spool.keep_words, words)):
-            self._words_after = now + TRY_AGAIN_S
-        if pictures and not self._does("pictures", partial(self._spool.keep_pictures, pictures)):
-            self._pictures_after = now + TRY_AGAIN_S
+        if reports and not self._try("reports", partial(self._spool.store_reports, reports)):
+            self._reports_after = now + RETRY_AFTER_S
+        if pictures and not self._try("pictures", partial(self._spool.store_pictures, pictures)):
+            self._pictures_after = now + RETRY_AFTER_S
         return self._missing(posts)
 
     def _missing(self, posts: Iterable[Post]) -> frozenset[int]:
-        numbers = (post.kept_as for post in posts)
+        numbers = (post.spool_number for post in posts)
         return frozenset(n for n in numbers if n is not None and n not in self._spool)
 
-    def _does(self, what: str, change: Callable[[], None]) -> bool:
-        """Change something on the disk; whether it could be done is told when that changes."""
+    def _try(self, what: str, change: Callable[[], None]) -> bool:
+        """Change something on the disk; whether that worked is logged when it changes."""
         folder = self._spool.folder
         try:
             change()

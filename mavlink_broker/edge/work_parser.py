@@ -1,9 +1,9 @@
-"""Reads the work that the edge server hands out, once each.
+"""Parses the work that the edge server assigns, each piece once.
 
-The edge server may give the same work again: after a restart on either side everything
-unfinished is asked for anew.
+The edge server may assign the same work again: after a restart on either side the broker gets all
+unfinished work anew.
 
-WorkError  a piece of work that cannot be read, with its number where it has one
+WorkError  work that cannot be parsed, with its number if it has one
 """
 
 from collections import OrderedDict
@@ -17,11 +17,11 @@ from afarcloud.plan import Event, Geofence, Mission, RallyPoint
 from afarcloud.state import MissionReport
 from mavlink_broker.edge.work import EventWork, MissionWork, StateVectorWork, Work
 
-REMEMBERED: Final = 10_000
+MAX_KNOWN_WORK: Final = 10_000
 
 
 class WorkError(Exception):
-    """Work that cannot be read."""
+    """Work that cannot be parsed."""
 
     def __init__(self, work_id: int | None, reason: str) -> None:
         super().__init__(reason)
@@ -29,13 +29,13 @@ class WorkError(Exception):
 
 
 class _RawWork(BaseModel):
-    """What every piece of work has; a field that we do not know is the edge server's affair."""
+    """The common fields of work; unknown fields are ignored."""
 
     id: StrictInt
     expires_at: AwareDatetime | None = None
 
     def deadline(self, now: float, utc: datetime) -> float | None:
-        """Give the expiry on the program's clock."""
+        """Give the time of expiry on the program's clock [s]."""
         if self.expires_at is None:
             return None
         return now + (self.expires_at - utc).total_seconds()
@@ -61,16 +61,16 @@ class _RawEvent(_RawWork):
 
 
 class Inbox:
-    """Remembers what was taken."""
+    """Recognises work that was taken before."""
 
     def __init__(self) -> None:
-        self._taken: OrderedDict[tuple[Any, ...], None] = OrderedDict()
+        self._known: OrderedDict[tuple[Any, ...], None] = OrderedDict()
 
     def read(self, raw: Mapping[str, Any], now: float, utc: datetime) -> Work | None:
-        """Turn raw work into its type; None when it was taken before.
+        """Parse work; None if it was taken before.
 
         Raises:
-            WorkError: if it cannot be read.
+            WorkError: if it cannot be parsed.
         """
         number = raw.get("id")
         work_id = number if isinstance(number, int) and not isinstance(number, bool) else None
@@ -81,48 +81,48 @@ class Inbox:
             path = ".".join(str(step) for step in first["loc"])
             raise WorkError(work_id, f"work cannot be read: {path}: {first['msg']}") from error
         if work is None:
-            raise WorkError(work_id, f"work of kind {raw.get('kind')} is not done here")
+            raise WorkError(work_id, f"work of kind {raw.get('kind')} is not supported")
         return work if self._is_new(key) else None
 
     def _is_new(self, key: tuple[Any, ...]) -> bool:
-        if key in self._taken:
+        if key in self._known:
             return False
-        self._taken[key] = None
-        if len(self._taken) > REMEMBERED:
-            self._taken.popitem(last=False)
+        self._known[key] = None
+        if len(self._known) > MAX_KNOWN_WORK:
+            self._known.popitem(last=False)
         return True
 
 
 def _read(raw: Mapping[str, Any], now: float, utc: datetime) -> tuple[Work | None, tuple[Any, ...]]:
-    """Give the work and what tells it from every other."""
+    """Give the work and its identity."""
     match raw.get("kind"):
         case "mission":
             mission = _mission(_RawMission.model_validate(raw), now, utc)
             return mission, mission.key
         case "latest_state_vector":
-            wish = _RawStateVector.model_validate(raw)
+            request = _RawStateVector.model_validate(raw)
             work = StateVectorWork(
-                work_id=wish.id,
-                vehicle_id=wish.vehicle_id,
-                expires_at=wish.deadline(now, utc),
+                work_id=request.id,
+                vehicle_id=request.vehicle_id,
+                expires_at=request.deadline(now, utc),
             )
-            return work, (wish.id, "latest_state_vector", wish.sequence_number)
+            return work, (request.id, "latest_state_vector", request.sequence_number)
         case "event":
             event = _RawEvent.model_validate(raw)
-            order = EventWork(
+            event_work = EventWork(
                 work_id=event.id,
                 event=event.event,
                 was_accepted=event.state == "accepted",
                 expires_at=event.deadline(now, utc),
             )
-            return order, (event.id, "event", repr(event.event))
+            return event_work, (event.id, "event", repr(event.event))
         case _:
             return None, ()
 
 
 def _mission(raw: _RawMission, now: float, utc: datetime) -> MissionWork:
     report = None if raw.report is None else _report(raw.report)
-    told_at = None if report is None else report.recorded_at
+    reported_at = None if report is None else report.recorded_at
     return MissionWork(
         work_id=raw.id,
         plan_id=str(raw.plan_id),
@@ -132,12 +132,12 @@ def _mission(raw: _RawMission, now: float, utc: datetime) -> MissionWork:
         rally_points=raw.rally_points,
         was_accepted=raw.state == "accepted",
         report=report,
-        reported_at=None if told_at is None else now + (told_at - utc).total_seconds(),
+        reported_at=None if reported_at is None else now + (reported_at - utc).total_seconds(),
         expires_at=raw.deadline(now, utc),
     )
 
 
 def _report(raw: Mapping[str, Any]) -> MissionReport:
-    """Read the last report; what the edge server added to it is its own affair."""
+    """Parse the last report; fields that the edge server has added are ignored."""
     known = {name: value for name, value in raw.items() if name in MissionReport.model_fields}
     return MissionReport.model_validate(known)

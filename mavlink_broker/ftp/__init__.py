@@ -1,1 +1,1 @@
-"""MAVFTP, the client's side: one file of a vehicle, whole, over a link that loses."""
+"""MAVFTP client: downloads one file of a vehicle over a lossy link."""

@@ -17,7 +17,7 @@ TERMINATE, RESET, OPEN, READ, CHECKSUM, BURST = 1, 2, 4, 5, 14, 15
 ACK, NAK = 128, 129
 
 FAIL_ERRNO, INVALID_SESSION, NO_SESSIONS, END_OF_FILE, UNKNOWN = 2, 4, 5, 6, 7
-FAULTS: Final = {
+NAK_REASONS: Final = {
     1: "failure",
     FAIL_ERRNO: "failure of its storage",
     3: "invalid size",
@@ -37,19 +37,19 @@ class Packet(NamedTuple):
     seq: int
     session: int
     opcode: int
-    size: int  # [bytes] Of the data, or how many are asked for
-    asked: int  # In an answer: the opcode that it answers
-    is_complete: bool  # In an answer to a burst: its last packet
+    size: int  # [bytes] Of the data, or requested
+    requested: int  # In an answer: the opcode of the request
+    is_complete: bool  # In an answer to a burst: it is the last packet
     offset: int
     data: bytes
 
     @property
-    def fault(self) -> int:
-        """Why it was refused; 0 where a NAK does not say."""
+    def error(self) -> int:
+        """Error code of a NAK; 0 if it has none."""
         return self.data[0] if self.data else 0
 
 
-def request(route: Route, packet: Packet) -> Message:
+def encode_request(route: Route, packet: Packet) -> Message:
     """FILE_TRANSFER_PROTOCOL to one component of the vehicle."""
     header = _HEADER.pack(
         packet.seq, packet.session, packet.opcode, packet.size, 0, 0, 0, packet.offset
@@ -63,11 +63,11 @@ def request(route: Route, packet: Packet) -> Message:
 
 
 def answer_of(message: Message) -> Packet | None:
-    """Read an answer; None for what is no answer, such as somebody's request."""
+    """Decode an answer; None for other payloads, such as requests of other clients."""
     payload = bytes(message.payload)
-    seq, session, opcode, size, asked, complete, _, offset = _HEADER.unpack_from(payload)
+    seq, session, opcode, size, requested, complete, _, offset = _HEADER.unpack_from(payload)
     if opcode not in {ACK, NAK}:
         return None
     size = min(size, DATA_MAX)
     data = payload[_HEADER.size : _HEADER.size + size]
-    return Packet(seq, session, opcode, size, asked, bool(complete), offset, data)
+    return Packet(seq, session, opcode, size, requested, bool(complete), offset, data)

@@ -1,7 +1,4 @@
-"""A file of which some bytes have come: what is missing are sorted ranges that shrink.
-
-And what becomes of it in the end.
-"""
+"""A partly received file with sorted ranges of missing bytes, and the outcome of a download."""
 
 import math
 import zlib
@@ -13,13 +10,13 @@ _ALL_ONES: Final = 0xFFFFFFFF
 
 
 class Fetched(NamedTuple):
-    """The file, whole."""
+    """The whole file."""
 
     data: bytes
 
 
 class NotFetched(NamedTuple):
-    """Why it could not be had."""
+    """Why the download has failed."""
 
     reason: str
 
@@ -44,35 +41,35 @@ class MissingRanges:
     @property
     def count(self) -> int:
         """How many bytes are missing."""
-        return sum(end - begin for begin, end in self._ranges)
+        return sum(end - start for start, end in self._ranges)
 
     def pieces(self, largest: int) -> Iterator[tuple[int, int]]:
-        """Give the gaps, cut into pieces (offset, size) of at most so many bytes."""
-        for begin, end in self._ranges:
-            for offset in range(begin, end, largest):
+        """Iterate over the gaps in pieces (offset, size) of at most `largest` bytes."""
+        for start, end in self._ranges:
+            for offset in range(start, end, largest):
                 yield offset, min(largest, end - offset)
 
-    def first_wide(self, least: int, position: int) -> int | None:
-        """Give where a gap of at least so many bytes begins: from a position on, else the first.
+    def first_gap(self, least: int, position: int) -> int | None:
+        """Start of a gap of at least `least` bytes: after `position`, else the first one.
 
-        A gap that reaches across the position is cut there.
+        A gap across the position is cut there.
         """
-        wide = [(begin, end) for begin, end in self._ranges if end - begin >= least]
-        for begin, end in wide:
-            if end - max(begin, position) >= least:
-                return max(begin, position)
+        wide = [(start, end) for start, end in self._ranges if end - start >= least]
+        for start, end in wide:
+            if end - max(start, position) >= least:
+                return max(start, position)
         return wide[0][0] if wide else None
 
-    def remove(self, begin: int, end: int) -> bool:
-        """Take that these bytes have come; whether any of them was missing."""
-        if begin >= end:
+    def remove(self, start: int, end: int) -> bool:
+        """Remove received bytes; true if any of them was missing."""
+        if start >= end:
             return False
-        index = max(0, bisect_right(self._ranges, (begin, end)) - 1)
+        index = max(0, bisect_right(self._ranges, (start, end)) - 1)
         kept: list[tuple[int, int]] = []
         touched = index
         while touched < len(self._ranges) and self._ranges[touched][0] < end:
             gap_begin, gap_end = self._ranges[touched]
-            kept += [(gap_begin, min(gap_end, begin))] if gap_begin < begin else []
+            kept += [(gap_begin, min(gap_end, start))] if gap_begin < start else []
             kept += [(max(gap_begin, end), gap_end)] if gap_end > end else []
             touched += 1
         before = self._ranges[index:touched]
@@ -81,7 +78,7 @@ class MissingRanges:
 
 
 class PartialFile:
-    """The bytes of a file, and which of them are still missing."""
+    """The bytes of a file, and which of them are missing."""
 
     def __init__(self, size: int) -> None:
         self._data = bytearray(size)
@@ -89,28 +86,28 @@ class PartialFile:
 
     @property
     def size(self) -> int:
-        """Of the whole file."""
+        """Size of the whole file."""
         return len(self._data)
 
     @property
     def received(self) -> int:
-        """How many bytes have come."""
+        """Number of received bytes."""
         return self.size - self.missing.count
 
     @property
     def data(self) -> bytes:
-        """The bytes, zero where they are missing."""
+        """The bytes; missing ones are zero."""
         return bytes(self._data)
 
-    def keep(self, offset: int, data: bytes) -> bool:
-        """Take some bytes; whether any of them was missing. What lies behind the end is dropped."""
+    def write(self, offset: int, data: bytes) -> bool:
+        """Store bytes up to the end of the file; true if any of them was missing."""
         end = min(offset + len(data), self.size)
-        is_news = offset < end and self.missing.remove(offset, end)
-        if is_news:
+        is_new = offset < end and self.missing.remove(offset, end)
+        if is_new:
             self._data[offset:end] = data[: end - offset]
-        return is_news
+        return is_new
 
     @property
     def checksum(self) -> int:
-        """CRC32 as file servers compute it: begun at zero and not inverted at the end."""
+        """CRC32 as MAVFTP servers compute it: starts at zero, not inverted at the end."""
         return zlib.crc32(self._data, _ALL_ONES) ^ _ALL_ONES

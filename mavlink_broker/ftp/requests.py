@@ -1,8 +1,8 @@
-"""Requests of a file transfer that wait for their answers: numbered, repeated, told apart.
+"""Pending requests of a file transfer: numbered, repeated, matched with their answers.
 
-A repetition keeps its number, so that a server gives the answer that was lost instead of doing
-the thing twice. While answers to other requests come, it is repeated after one timeout each time:
-the link loses, it is not away. In a silence the pauses double after a while.
+A repetition keeps its number, so that a server repeats a lost answer instead of executing the
+request twice. While answers to other requests arrive, a request is repeated after each timeout: the
+link loses frames but is up. In a silence the timeouts double after a while.
 """
 
 import math
@@ -17,26 +17,26 @@ from mavlink_broker.ftp.packets import (
     OPEN,
     TERMINATE,
     Packet,
-    request,
+    encode_request,
 )
 from mavlink_broker.mavlink.addressing import Route
 from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.microservices.round_trip import LONGEST_TIMEOUT_S, RoundTrip
 
 ATTEMPTS: Final = 20
-"""Requests in a row without an answer: at 20 % loss each way, one transfer in 10^9."""
+"""Attempts of one request: at 20 % loss each way all are lost in one transfer in 10^9."""
 _ATTEMPTS_OF: Final = {OPEN: 8, BURST: 8, CHECKSUM: 8, TERMINATE: 3}
-HEARD_WITHIN: Final = 2.0
-"""Timeouts since the last answer to any request, after which the link is taken for silent."""
-SAME_PATIENCE: Final = 3
-"""Repetitions in a silence before the pauses double: three lost frames are no outage."""
+SILENT_TIMEOUTS: Final = 2.0
+"""Timeouts since the last answer to any request, after which the link counts as silent."""
+CONSTANT_REPETITIONS: Final = 3
+"""Repetitions in a silence before the timeouts double: three lost frames are no outage."""
 CHECK_TIMEOUT_S: Final = 3.0
-"""A slow card takes that long to be read through."""
+"""Time for a checksum: a slow card is read completely."""
 
 
 @dataclass(slots=True)
-class Ask:
-    """One request on its way."""
+class PendingRequest:
+    """One request without an answer."""
 
     packet: Packet
     sent_at: float
@@ -45,17 +45,17 @@ class Ask:
 
     @property
     def is_spent(self) -> bool:
-        """Whether it is not worth another repetition."""
+        """Whether its attempts are used up."""
         return self.attempts >= _ATTEMPTS_OF.get(self.packet.opcode, ATTEMPTS)
 
 
-class Asks:
-    """All requests of one transfer; the round trip is the file server's own."""
+class PendingRequests:
+    """All pending requests of one transfer, with the round trip of the file server."""
 
     def __init__(self, route: Route, first_seq: int) -> None:
         self._route = route
-        self._pending: dict[int, Ask] = {}
-        self._heard_at = -math.inf
+        self._pending: dict[int, PendingRequest] = {}
+        self._received_at = -math.inf
         self.round_trip = RoundTrip()
         self.next_seq = first_seq & 0xFFFF
 
@@ -63,13 +63,13 @@ class Asks:
         return len(self._pending)
 
     def count(self, opcode: int) -> int:
-        """How many requests of a kind wait for their answers."""
-        return sum(ask.packet.opcode == opcode for ask in self._pending.values())
+        """Number of pending requests with an opcode."""
+        return sum(request.packet.opcode == opcode for request in self._pending.values())
 
     def offsets(self, opcode: int) -> set[int]:
-        """Where the data begin that requests of a kind ask for."""
-        asks = self._pending.values()
-        return {ask.packet.offset for ask in asks if ask.packet.opcode == opcode}
+        """Offsets of pending requests with an opcode."""
+        requests = self._pending.values()
+        return {request.packet.offset for request in requests if request.packet.opcode == opcode}
 
     def new(
         self,
@@ -81,70 +81,76 @@ class Asks:
         size: int = 0,
         data: bytes = b"",
     ) -> Message:
-        """Make the next request; `size` counts where there are no data to send along."""
+        """Make the next request; `size` is used if there is no data."""
         seq, self.next_seq = self.next_seq, (self.next_seq + 1) & 0xFFFF
         packet = Packet(
             seq=seq,
             session=session,
             opcode=opcode,
             size=len(data) or size,
-            asked=0,
+            requested=0,
             is_complete=False,
             offset=offset,
             data=data,
         )
-        self._pending[seq] = Ask(packet, now, now + self._patience_s(opcode))
-        return request(self._route, packet)
+        self._pending[seq] = PendingRequest(packet, now, now + self._timeout_s(opcode))
+        return encode_request(self._route, packet)
 
-    def overdue(self, now: float) -> Iterator[Ask]:
-        """Those whose answer ought to have come; they may be dropped meanwhile."""
-        for ask in list(self._pending.values()):
-            if now >= ask.due_at and ask.packet.seq in self._pending:
-                yield ask
+    def overdue(self, now: float) -> Iterator[PendingRequest]:
+        """Overdue requests; the caller may drop requests meanwhile."""
+        for request in list(self._pending.values()):
+            if now >= request.due_at and request.packet.seq in self._pending:
+                yield request
 
-    def repeat(self, ask: Ask, now: float) -> Message:
-        """Send one again, and wait longer each time."""
-        patience_s = self._patience_s(ask.packet.opcode)
-        if now - self._heard_at > HEARD_WITHIN * patience_s:
-            patience_s *= 2 ** min(max(0, ask.attempts - SAME_PATIENCE), 3)
-        ask.due_at = now + min(patience_s, LONGEST_TIMEOUT_S)
-        ask.attempts += 1
-        return request(self._route, ask.packet)
+    def repeat(self, request: PendingRequest, now: float) -> Message:
+        """Repeat a request, with a longer timeout each time."""
+        timeout_s = self._timeout_s(request.packet.opcode)
+        if now - self._received_at > SILENT_TIMEOUTS * timeout_s:
+            timeout_s *= 2 ** min(max(0, request.attempts - CONSTANT_REPETITIONS), 3)
+        request.due_at = now + min(timeout_s, LONGEST_TIMEOUT_S)
+        request.attempts += 1
+        return encode_request(self._route, request.packet)
 
-    def drop(self, ask: Ask) -> None:
-        """Wait for it no longer."""
-        self._pending.pop(ask.packet.seq, None)
+    def drop(self, request: PendingRequest) -> None:
+        """Remove a request."""
+        self._pending.pop(request.packet.seq, None)
 
     def clear(self) -> None:
-        """Wait for nothing."""
+        """Remove all requests."""
         self._pending.clear()
 
     def drop_all(self, opcode: int) -> None:
-        """Wait for no request of a kind any longer."""
-        for ask in [ask for ask in self._pending.values() if ask.packet.opcode == opcode]:
-            self.drop(ask)
+        """Remove all requests with an opcode."""
+        for request in [
+            request for request in self._pending.values() if request.packet.opcode == opcode
+        ]:
+            self.drop(request)
 
-    def answered_by(self, answer: Packet, now: float) -> Ask | None:
-        """The request that an answer is for; None if there is none.
+    def answered_by(self, answer: Packet, now: float) -> PendingRequest | None:
+        """Remove and return the request of an answer; None if there is none.
 
-        A packet of a burst answers the burst that is asked for, unless its data lie before that:
-        then it is a late one of the burst before.
+        A packet of a burst answers the requested burst, unless its data is before that: then it is
+        a late packet of the burst before.
         """
-        self._heard_at = now
-        if answer.asked == BURST:
+        self._received_at = now
+        if answer.requested == BURST:
             bursts = (a for a in self._pending.values() if a.packet.opcode == BURST)
-            ask = next(bursts, None)
-            if ask is not None and answer.opcode == ACK and answer.offset < ask.packet.offset:
-                ask = None
+            request = next(bursts, None)
+            if (
+                request is not None
+                and answer.opcode == ACK
+                and answer.offset < request.packet.offset
+            ):
+                request = None
         else:
-            ask = self._pending.get((answer.seq - 1) & 0xFFFF)
-        if ask is None or ask.packet.opcode != answer.asked:
+            request = self._pending.get((answer.seq - 1) & 0xFFFF)
+        if request is None or request.packet.opcode != answer.requested:
             return None
-        if ask.attempts == 1:  # Karn's rule
-            self.round_trip.sample(now - ask.sent_at)
-        self.drop(ask)
-        return ask
+        if request.attempts == 1:  # Karn's rule
+            self.round_trip.sample(now - request.sent_at)
+        self.drop(request)
+        return request
 
-    def _patience_s(self, opcode: int) -> float:
+    def _timeout_s(self, opcode: int) -> float:
         timeout_s = self.round_trip.timeout_s
         return max(CHECK_TIMEOUT_S, timeout_s) if opcode == CHECKSUM else timeout_s

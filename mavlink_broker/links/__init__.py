@@ -1,5 +1,4 @@
-"""The ways to vehicles and ground stations: sockets and serial lines behind one door.
+"""Links to vehicles and ground stations: sockets and serial lines behind one interface.
 
-`hub.open_links(urls)` opens any number of them; everything else here is how. Nothing here ever
-blocks the caller longer than he asked to wait.
+`hub.open_links(urls)` opens any number of them. No call blocks longer than its timeout.
 """

@@ -1,7 +1,7 @@
-"""What every link gives to the hub, and what may be wrong with one.
+"""The interface of a link, its errors and its retry timer.
 
 LinkError
-└── PortBusyError   another program listens there
+└── PortBusyError   another program uses the port
 """
 
 import logging
@@ -10,81 +10,81 @@ from typing import Final, Protocol, TypeAlias
 from mavlink_broker.links.url import Address, LinkUrl
 
 FIRST_RETRY_S: Final = 0.5
-LONGEST_RETRY_S: Final = 5.0
+MAX_RETRY_S: Final = 5.0
 
 Arrival: TypeAlias = tuple[Address, bytes]
-"""Bytes of whole frames, or a datagram of whatever, and whom they are from."""
+"""Sender, and a whole frame or a datagram with any content."""
 
 _LOG = logging.getLogger(__name__)
 
 
 class LinkError(Exception):
-    """A link cannot be opened, and will not come by itself; the text says which and why."""
+    """A link cannot be opened and retrying cannot help; the text says which link and why."""
 
 
 class PortBusyError(LinkError):
-    """Another program listens there."""
+    """Another program uses the port."""
 
 
 class Link(Protocol):
-    """One link; its methods never wait."""
+    """One link; its methods never block."""
 
     @property
     def url(self) -> LinkUrl:
-        """As it was asked for."""
+        """The URL that was configured."""
 
     @property
     def dropped(self) -> int:
-        """Frames that could not be sent in time."""
+        """Number of frames that could not be sent in time."""
 
     def readers(self) -> list[int]:
-        """Descriptors that something may come from."""
+        """File descriptors to read from."""
 
     def writers(self) -> list[int]:
-        """Descriptors that something waits to be sent to."""
+        """File descriptors for which data waits to be sent."""
 
     def due_at(self) -> float | None:
-        """When it has something to do by itself."""
+        """Time of its next timer; None if it has none."""
 
     def step(self, ready: frozenset[int], now: float) -> list[Arrival]:
-        """Do what is due, and give what has come."""
+        """Do what is due and return what was received."""
 
     def send(self, address: Address, frame: bytes) -> None:
-        """Send a frame; what cannot leave is lost, as on any radio."""
+        """Send a frame; a frame that cannot be sent is lost, as on any radio."""
 
-    def radio(self, free_percent: int) -> None:
-        """Take a radio's word about how much of its buffer is free."""
+    def radio_status(self, free_percent: int) -> None:
+        """Take RADIO_STATUS.txbuf of the link's radio: the free part of its buffer."""
 
-    def greeted(self) -> list[Address]:
-        """Who has to be spoken to first."""
+    def contact_addresses(self) -> list[Address]:
+        """Addresses to which this side must send before it can receive."""
 
     def close(self) -> None:
-        """Give everything back."""
+        """Close its sockets and devices."""
 
 
-class Retry:
-    """When a link is tried again: after growing pauses, for ever; each reason is told once."""
+class RetryTimer:
+    """When a link is opened again: after growing pauses, without end; logs each reason once."""
 
-    def __init__(self, url: LinkUrl, longest_s: float = LONGEST_RETRY_S) -> None:
+    def __init__(self, url: LinkUrl, longest_s: float = MAX_RETRY_S) -> None:
         self._url = url
         self._longest_s = longest_s
         self._pause_s = FIRST_RETRY_S
-        self._told: str | None = None
+        self._reported: str | None = None
         self.at = 0.0
 
     def failed(self, now: float, reason: str) -> None:
-        """Wait a while."""
-        if reason != self._told:
-            _LOG.warning("%s: %s; it is tried again and again", self._url, reason)
-        self._told = reason
+        """Start the next pause."""
+        if reason != self._reported:
+            _LOG.warning("%s: %s; retrying", self._url, reason)
+        self._reported = reason
         self.at = now + self._pause_s
         self._pause_s = min(2.0 * self._pause_s, self._longest_s)
 
     def opened(self) -> None:
-        """Tell that it is open; whether it is worth anything shows later."""
+        """Log that it is open; the pauses start again from the shortest only with `reset`."""
         _LOG.info("%s is open", self._url)
-        self._told = None
+        self._reported = None
 
-    def proven(self) -> None:
-        """Begin with short pauses again: something sensible has come."""
+    def reset(self) -> None:
+        """Use short pauses again: a frame was received."""
         self._pause_s = FIRST_RETRY_S

@@ -1,7 +1,7 @@
 """MAVLink over a serial line: a telemetry radio, a cable, or a pseudo-terminal.
 
-8 data bits, no parity, one stop bit, no flow control, by the standard library's termios. A device
-that is not there, or is pulled out, is looked for every second.
+8 data bits, no parity, one stop bit, no flow control, by the standard library's termios. A missing
+or unplugged device is opened again every second.
 """
 
 import errno
@@ -10,50 +10,50 @@ import os
 import termios
 from typing import Final
 
-from mavlink_broker.links.link import Arrival, LinkError, Retry
-from mavlink_broker.links.one_peer import OnePeerLink
-from mavlink_broker.links.pace import Pace
+from mavlink_broker.links.link import Arrival, LinkError, RetryTimer
+from mavlink_broker.links.one_peer import SinglePeerLink
+from mavlink_broker.links.rate_limit import RateLimiter
 from mavlink_broker.links.stream import QUEUE_BYTES, Stream
 from mavlink_broker.links.url import LinkUrl
 
-LOOK_AGAIN_S: Final = 1.0
+LOOKUP_INTERVAL_S: Final = 1.0
 _CHARACTERS: Final = 6
-"""Place in what tcgetattr gives; before them the four modes, input and output speed."""
+"""Index in the result of tcgetattr, after the four modes, input speed and output speed."""
 
 
-class SerialLink(OnePeerLink):
-    """Implements `mavlink_broker.links.link.Link` on a device."""
+class SerialLink(SinglePeerLink):
+    """Implements `mavlink_broker.links.link.Link` on a serial device."""
 
     def __init__(self, url: LinkUrl, number: int) -> None:
-        """Prepare a line; it is opened by `step`.
+        """Prepare a line; `step` opens it.
 
         Raises:
-            LinkError: if no line has that speed.
+            LinkError: if the system does not support that speed.
         """
         if not hasattr(termios, f"B{url.port}"):
-            raise LinkError(f"{url}: {url.port} baud is no speed of a serial line")
-        super().__init__(url, number, Retry(url, LOOK_AGAIN_S))
-        self._pace = Pace(url.port)
+            raise LinkError(f"{url}: {url.port} is not a supported baud rate")
+        super().__init__(url, number, RetryTimer(url, LOOKUP_INTERVAL_S))
+        self._rate_limiter = RateLimiter(url.port)
 
     def writers(self) -> list[int]:
-        """The open device while something waits for it."""
-        return [self._stream.descriptor] if self._stream and self._stream.is_behind else []
+        """The open device while data is queued for it."""
+        return [self._stream.descriptor] if self._stream and self._stream.has_backlog else []
 
     def due_at(self) -> float | None:
-        """When the device is looked for again."""
+        """When the device is opened again."""
         return None if self._stream else self._retry.at
 
-    def radio(self, free_percent: int) -> None:
-        """Write slower while the radio's buffer is full."""
-        self._pace.report(free_percent)
+    def radio_status(self, free_percent: int) -> None:
+        """Write more slowly while the radio's buffer is full."""
+        self._rate_limiter.report(free_percent)
 
     def step(self, ready: frozenset[int], now: float) -> list[Arrival]:
-        """Open the device when it is time, else read and write."""
+        """Open the device when it is due, else read and write."""
         if self._stream is None:
             if now >= self._retry.at:
                 self._open(now)
             return []
-        return self._exchange(self._stream, ready, now)
+        return self._transfer(self._stream, ready, now)
 
     def _release(self) -> None:
         if self._stream is not None:
@@ -65,12 +65,12 @@ class SerialLink(OnePeerLink):
         except (OSError, termios.error) as error:
             self._retry.failed(now, str(error.args[-1] if error.args else error))
             return
-        self._stream = Stream(descriptor, QUEUE_BYTES, self._pace)
+        self._stream = Stream(descriptor, QUEUE_BYTES, self._rate_limiter)
         self._retry.opened()
 
 
-def _take_for_us(descriptor: int) -> None:
-    """Lock a device: two readers would share its bytes.
+def _lock(descriptor: int) -> None:
+    """Lock a device: two readers would each get a part of its bytes.
 
     Raises:
         OSError: if another program has locked it.
@@ -82,17 +82,17 @@ def _take_for_us(descriptor: int) -> None:
 
 
 def _open_line(path: str, baud: int) -> int:
-    """Open a device raw at a speed, for this program alone.
+    """Open a device in raw mode, locked for this program.
 
     Raises:
         OSError: if it cannot be opened.
-        termios.error: if it is no terminal.
+        termios.error: if it is not a terminal.
     """
     descriptor = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     try:
-        _take_for_us(descriptor)
+        _lock(descriptor)
         characters = termios.tcgetattr(descriptor)[_CHARACTERS]
-        characters[termios.VMIN] = 1  # So that reading nothing means that the line is gone
+        characters[termios.VMIN] = 1  # An empty read then means that the device is gone
         characters[termios.VTIME] = 0
         speed = getattr(termios, f"B{baud}")
         control = termios.CS8 | termios.CREAD | termios.CLOCAL

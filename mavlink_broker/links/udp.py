@@ -1,4 +1,4 @@
-"""MAVLink over UDP: one socket that listens, or one that speaks first."""
+"""MAVLink over UDP: one socket that listens, or one that sends first."""
 
 import errno
 import logging
@@ -8,25 +8,25 @@ from typing import Any, Final
 
 from mavlink_broker.links.link import Arrival, LinkError, PortBusyError
 from mavlink_broker.links.name_lookup import HostName
-from mavlink_broker.links.url import EVERYBODY, Address, LinkKind, LinkUrl
+from mavlink_broker.links.url import ANY_ADDRESS, Address, LinkKind, LinkUrl
 
 RECEIVE_BUFFER_BYTES: Final = 1 << 20
-LARGEST_DATAGRAM_BYTES: Final = 4096
-"""Longer ones are cut: no sender packs more frames than a network packet holds."""
-DATAGRAMS_AT_ONCE: Final = 256
-"""So that a flood cannot keep the loop from its other duties."""
+MAX_DATAGRAM_BYTES: Final = 4096
+"""Longer ones are truncated: no sender packs more frames than a network packet holds."""
+MAX_DATAGRAMS_PER_READ: Final = 256
+"""Limit of one step, so that a flood cannot block the loop."""
 
 _LOG = logging.getLogger(__name__)
 
 
 class UdpLink:
-    """Implements `mavlink_broker.links.link.Link` with a socket for all correspondents."""
+    """Implements `mavlink_broker.links.link.Link` with one socket for all peers."""
 
     def __init__(self, url: LinkUrl, number: int, on_found: Callable[[], None]) -> None:
         """Bind a socket.
 
         Raises:
-            LinkError: if it cannot listen there; PortBusyError if another program does.
+            LinkError: if it cannot listen there; PortBusyError if another program uses the port.
         """
         self.url = url
         self._number = number
@@ -35,18 +35,18 @@ class UdpLink:
         if url.kind is LinkKind.UDP_OUT:
             family = socket.AF_INET6 if ":" in url.host else socket.AF_INET
             self._target = HostName(url.host, on_found, family)
-            here = ("::" if ":" in url.host else EVERYBODY, 0)
+            here = ("::" if ":" in url.host else ANY_ADDRESS, 0)
         family = socket.AF_INET6 if ":" in here[0] else socket.AF_INET
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._socket.settimeout(0.0)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)  # Modems wait for that
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)  # Some modems need it
         bind(self._socket, here, url)
         self._now = 0.0
 
     @property
     def dropped(self) -> int:
-        """Nothing waits, so nothing is given up: what the network drops nobody knows."""
+        """0: there is no queue, and losses in the network are not known."""
         return 0
 
     @property
@@ -60,46 +60,46 @@ class UdpLink:
         return [self._socket.fileno()]
 
     def writers(self) -> list[int]:
-        """A datagram never waits."""
+        """None: datagrams are not queued."""
         return []
 
     def due_at(self) -> float | None:
-        """Nothing is done unasked."""
+        """None: it has no timer."""
         return None
 
-    def radio(self, free_percent: int) -> None:
-        """Networks keep a pace of their own."""
+    def radio_status(self, free_percent: int) -> None:
+        """Ignored: the rate limit is for serial lines."""
 
-    def greeted(self) -> list[Address]:
-        """Whom this link was made for, once his address is known."""
+    def contact_addresses(self) -> list[Address]:
+        """The target of this link, once its address is known."""
         host = self._target.numeric(self._now) if self._target else None
         return [] if host is None else [Address(host, self.url.port, self._number)]
 
     def step(self, ready: frozenset[int], now: float) -> list[Arrival]:
-        """Give the datagrams that are there."""
+        """Return the received datagrams."""
         self._now = now
         return self._datagrams() if self._socket.fileno() in ready else []
 
     def send(self, address: Address, frame: bytes) -> None:
-        """Send one frame; a datagram that cannot leave is a lost one, as on any radio."""
+        """Send one frame; a datagram that cannot be sent is lost, as on any radio."""
         try:
             self._socket.sendto(frame, (address.host, address.port))
         except OSError:
             return
 
     def close(self) -> None:
-        """Give the port back."""
+        """Close the socket."""
         self._socket.close()
 
     def _datagrams(self) -> list[Arrival]:
         arrivals: list[Arrival] = []
-        while len(arrivals) < DATAGRAMS_AT_ONCE:
+        while len(arrivals) < MAX_DATAGRAMS_PER_READ:
             try:
-                data, place = self._socket.recvfrom(LARGEST_DATAGRAM_BYTES)
+                data, place = self._socket.recvfrom(MAX_DATAGRAM_BYTES)
             except BlockingIOError:
                 break
             except ConnectionError:
-                continue  # The answer to an earlier datagram: that port is closed
+                continue  # ICMP answer to an earlier datagram: that port is closed
             except OSError as error:
                 _LOG.warning("%s: %s", self.url, error)
                 break
@@ -108,10 +108,10 @@ class UdpLink:
 
 
 def bind(one: socket.socket, here: tuple[Any, ...], url: LinkUrl) -> None:
-    """Bind a socket to a place, or close it.
+    """Bind a socket; closes it if that fails.
 
     Raises:
-        LinkError: if it cannot listen there; PortBusyError if another program does.
+        LinkError: if it cannot listen there; PortBusyError if another program uses the port.
     """
     try:
         one.bind(here)
@@ -121,6 +121,6 @@ def bind(one: socket.socket, here: tuple[Any, ...], url: LinkUrl) -> None:
         if error.errno == errno.EADDRINUSE:
             text = f"{protocol} port {url.port} is in use by another program"
             raise PortBusyError(text) from error
-        hint = "; udpout:// and tcp:// speak to another machine"
+        hint = "; use udpout:// or tcp:// to connect to another machine"
         reason = f"{error.strerror}{hint if error.errno == errno.EADDRNOTAVAIL else ''}"
         raise LinkError(f"{url}: cannot listen there: {reason}") from error

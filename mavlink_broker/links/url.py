@@ -1,13 +1,13 @@
-"""Where MAVLink comes from and goes to: the URLs of links, and who is reached through them.
+"""URLs of links, and addresses of the peers on them.
 
-    udpin://0.0.0.0:14540         listens; whoever sends a datagram is answered
-    udpout://192.168.1.20:14550   speaks first
-    tcp://127.0.0.1:5760          connects, for ever again
-    tcpin://127.0.0.1:5790        is connected to
+    udpin://0.0.0.0:14540         listens, answers every sender
+    udpout://192.168.1.20:14550   sends first
+    tcp://127.0.0.1:5760          connects, and reconnects without end
+    tcpin://127.0.0.1:5790        accepts connections
     serial:///dev/ttyUSB0:57600   a telemetry radio, or a cable
 
-`udp` stands for `udpin` and `tcpout` for `tcp`, as other MAVLink programs spell them. `?trusted`
-behind a cable's or the loopback's URL believes unsigned frames of systems that have a key.
+`udp` is short for `udpin` and `tcpout` for `tcp`, as in other MAVLink programs. `?trusted` after
+the URL of a serial line or the loopback accepts unsigned frames of systems that have a key.
 """
 
 import re
@@ -18,8 +18,8 @@ from urllib.parse import SplitResult, urlsplit
 
 DEFAULT_MAVLINK_PORT: Final = 14540
 DEFAULT_BAUD: Final = 57_600
-"""What telemetry radios are delivered with."""
-EVERYBODY: Final = "0.0.0.0"  # noqa: S104  # vehicles come from anywhere on the farm
+"""Factory setting of telemetry radios."""
+ANY_ADDRESS: Final = "0.0.0.0"  # noqa: S104  # vehicles come from anywhere on the farm
 LOOPBACK: Final = "127.0.0.1"
 LARGEST_PORT: Final = 65_535
 FASTEST_BAUD: Final = 4_000_000
@@ -29,11 +29,11 @@ _DEVICE: Final = re.compile(r"(?P<path>/[^:]*)(?::(?P<baud>[0-9]+))?")
 
 
 class LinkUrlError(ValueError):
-    """A link's URL cannot be read; the text says which and why."""
+    """A link's URL is not valid; the text says which and why."""
 
 
 class LinkKind(Enum):
-    """How a link is made; the values are the URLs' schemes."""
+    """Kind of a link; the values are the URLs' schemes."""
 
     UDP_IN = "udpin"
     UDP_OUT = "udpout"
@@ -43,7 +43,7 @@ class LinkKind(Enum):
 
 
 class Address(NamedTuple):
-    """One correspondent: host and port, or device and baud, on the n-th link."""
+    """One peer: host and port, or device and baud, and the number of its link."""
 
     host: str
     port: int
@@ -54,11 +54,11 @@ class Address(NamedTuple):
 
 
 class LinkUrl(NamedTuple):
-    """A link as it was asked for."""
+    """A configured link."""
 
     kind: LinkKind
-    host: str  # Host name or address; of a serial line its device
-    port: int  # Of a serial line its baud
+    host: str  # Host name or address; the device of a serial line
+    port: int  # Or the baud rate of a serial line
     is_trusted: bool = False
 
     def __str__(self) -> str:
@@ -67,7 +67,7 @@ class LinkUrl(NamedTuple):
 
     @property
     def is_loopback(self) -> bool:
-        """Whether nobody beyond this machine can be at the other end."""
+        """Whether the other end is on this machine."""
         if self.kind is LinkKind.SERIAL:
             return False
         try:
@@ -76,11 +76,11 @@ class LinkUrl(NamedTuple):
             return self.host == "localhost"
 
     @classmethod
-    def parse(cls, text: str, here: str = EVERYBODY) -> Self:
-        """Read a URL; one that listens and names no host does so at `here`.
+    def parse(cls, text: str, here: str = ANY_ADDRESS) -> Self:
+        """Read a URL; `here` is the address of a listening link without a host.
 
         Raises:
-            LinkUrlError: if it names no link.
+            LinkUrlError: if it is not a valid link URL.
         """
         try:
             parts = urlsplit(text.strip())
@@ -91,19 +91,21 @@ class LinkUrl(NamedTuple):
         except ValueError as error:
             kinds = ", ".join(f"{kind.value}://" for kind in LinkKind)
             reason = error if isinstance(error, LinkUrlError) else f"it must begin with {kinds}"
-            raise LinkUrlError(f"{text!r} is no link: {reason}") from None
+            raise LinkUrlError(f"{text!r} is not a valid link: {reason}") from None
         if parts.fragment or parts.query not in {"", "trusted"}:
-            raise LinkUrlError(f"{text!r} is no link: only ?trusted may follow")
+            raise LinkUrlError(
+                f"{text!r} is not a valid link: only ?trusted may follow the address"
+            )
         if parts.query and not (kind is LinkKind.SERIAL or url.is_loopback):
-            raise LinkUrlError(f"{text!r}: only a cable or the loopback can be trusted")
+            raise LinkUrlError(f"{text!r}: only a serial line or the loopback can be trusted")
         return url._replace(is_trusted=bool(parts.query))
 
 
-def parse_links(text: str, here: str = EVERYBODY) -> tuple[LinkUrl, ...]:
-    """Read URLs that commas or blanks part; those that name no host listen at `here`.
+def parse_links(text: str, here: str = ANY_ADDRESS) -> tuple[LinkUrl, ...]:
+    """Read URLs separated by commas or blanks; those without a host listen at `here`.
 
     Raises:
-        LinkUrlError: if one of them names no link, or one stands there twice.
+        LinkUrlError: if one of them is not valid, or one is named twice.
     """
     links = tuple(LinkUrl.parse(part, here) for part in re.split(r"[,\s]+", text) if part)
     for link in links:
@@ -114,7 +116,7 @@ def parse_links(text: str, here: str = EVERYBODY) -> tuple[LinkUrl, ...]:
 
 def _host(parts: SplitResult, kind: LinkKind, here: str) -> tuple[str, int]:
     if parts.path not in {"", "/"} or parts.username is not None:
-        raise LinkUrlError("it is more than a host and a port")
+        raise LinkUrlError("it must contain only a host and a port")
     try:
         port = parts.port
     except ValueError:
@@ -133,8 +135,8 @@ def _host(parts: SplitResult, kind: LinkKind, here: str) -> tuple[str, int]:
 def _device(parts: SplitResult) -> tuple[str, int]:
     found = _DEVICE.fullmatch(parts.path)
     if parts.netloc or found is None:
-        raise LinkUrlError("a line is named like serial:///dev/ttyUSB0:57600")
+        raise LinkUrlError("a serial line is written as in serial:///dev/ttyUSB0:57600")
     baud = int(found["baud"] or DEFAULT_BAUD)
     if not 0 < baud <= FASTEST_BAUD:
-        raise LinkUrlError(f"its speed must be 1 to {FASTEST_BAUD} baud")
+        raise LinkUrlError(f"its baud rate must be 1 to {FASTEST_BAUD}")
     return found["path"], baud

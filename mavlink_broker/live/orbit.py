@@ -1,27 +1,27 @@
-"""A circle that the vehicle flies by itself, seen to its end.
+"""Monitors an orbit that the vehicle flies by itself.
 
-A vehicle that counts its turns ends by itself, and holds. Of one that goes round and round the
-positions tell how far it has gone.
+A vehicle that counts its turns ends the orbit by itself, and holds. For one that orbits without end
+the positions show the angle that it has flown.
 """
 
 from typing import Final
 
+from mavlink_broker.autopilots.families import OrbitMethod
 from mavlink_broker.autopilots.flight_modes import ModeRole
-from mavlink_broker.autopilots.orbit_support import Orbiting
-from mavlink_broker.live.turn_angle import Turning
+from mavlink_broker.live.turn_angle import TurnAngle
 from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.planning.live_actions import Turned
-from mavlink_broker.recovery.record import LiveNote, Pose
+from mavlink_broker.recovery.record import LiveCommandProgress, Pose
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 GAP_S: Final = 2.5
-"""Without positions for so long, by its own time, a vehicle may have gone farther than is seen."""
-FLOWN_FROM: Final = 0.7
-"""Share of a turn from which on a vehicle that holds is believed to have counted it itself."""
+"""After such a gap between positions, by its own clock, the angle is not known."""
+COUNTED_FROM: Final = 0.7
+"""A vehicle that holds after this share of a turn has ended the turn by itself."""
 
 
-class TurnRunner:
-    """One turn; `resumed` if the vehicle had begun it before this broker looked."""
+class OrbitMonitor:
+    """One turn; `resumed` if the vehicle had begun it before this broker started."""
 
     steps = 0  # It is one
     reason: str | None = None  # It cannot fail
@@ -29,33 +29,33 @@ class TurnRunner:
 
     def __init__(self, end: Turned, vehicle: Vehicle, *, resumed: bool) -> None:
         self._vehicle = vehicle
-        self._turning = Turning(end)
-        self.start: Pose | None = None  # Where it came onto the circle
+        self._turning = TurnAngle(end)
+        self.start: Pose | None = None  # Where it reached the circle
         self._was_guided = resumed
-        self._was_circling = False  # Round and round, until it is told otherwise
-        self._is_counted = not resumed  # Its positions show all of the turn
-        self._placed_s: float | None = None
+        self._was_circling = False  # Without end, until a command ends it
+        self._is_counted = not resumed  # There is no gap between its positions
+        self._position_s: float | None = None
 
-    def resume(self, note: LiveNote) -> None:
-        """Count on from where an earlier run of the broker began."""
+    def resume(self, note: LiveCommandProgress) -> None:
+        """Continue the turn that an earlier run of the broker began."""
         time_s, self.start = self._vehicle.snapshot.time_s, note.start
-        if time_s is not None and note.going_s is not None:
-            self._turning.resume(note.start, max(0.0, time_s - note.going_s))
+        if time_s is not None and note.accepted_s is not None:
+            self._turning.resume(note.start, max(0.0, time_s - note.accepted_s))
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take a position."""
+        """Process a position."""
         del now
-        place = self._vehicle.snapshot.position
-        if message.get_type() == "GLOBAL_POSITION_INT" and place is not None:
-            self._watch_gaps(self._vehicle.snapshot.time_s)
-            self._turning.take(place.latitude_deg, place.longitude_deg)
+        position = self._vehicle.snapshot.position
+        if message.get_type() == "GLOBAL_POSITION_INT" and position is not None:
+            self._check_gap(self._vehicle.snapshot.time_s)
+            self._turning.take(position.latitude_deg, position.longitude_deg)
             if self.start is None and self._turning.is_on_circle:
-                self.start = Pose(*place[:3])
+                self.start = Pose(*position[:3])
         return []
 
-    def _watch_gaps(self, time_s: float | None) -> None:
-        """Count nothing that was flown unseen."""
-        before, self._placed_s = self._placed_s, time_s
+    def _check_gap(self, time_s: float | None) -> None:
+        """Mark the turn as not counted after a gap between positions."""
+        before, self._position_s = self._position_s, time_s
         if time_s is None or (before is not None and time_s - before > GAP_S):
             self._is_counted = False
 
@@ -64,30 +64,30 @@ class TurnRunner:
         del now
         is_guided = self._vehicle.mode_role is ModeRole.GUIDED
         self._was_guided |= is_guided
-        self._was_circling |= is_guided and self._vehicle.family.orbiting is Orbiting.ENDLESS
+        self._was_circling |= is_guided and self._vehicle.family.orbiting is OrbitMethod.ENDLESS
         return []
 
     @property
     def is_over(self) -> bool:
-        """Whether it has gone round, or has ended by itself."""
+        """Whether the turn is complete, or the vehicle has ended it by itself."""
         return self._turning.is_complete or self.has_released
 
     @property
     def has_released(self) -> bool:
-        """Whether a vehicle that counts its turns has ended by itself.
+        """Whether a vehicle that counts its turns has ended the turn by itself.
 
-        One that does not may have been told to by an earlier run of the broker.
+        For one that does not an earlier run of the broker may have ended it.
         """
         is_over = self._was_guided and not self._was_circling and not self._is_cut_short
         return is_over and self._vehicle.mode_role is ModeRole.HOLD
 
     @property
     def has_left(self) -> bool:
-        """Whether a vehicle holds before its turn is over: somebody has paused it."""
+        """Whether the vehicle holds before its turn is over: it was paused."""
         has_begun = self._was_circling or (self._was_guided and self._is_cut_short)
         return has_begun and self._vehicle.mode_role is ModeRole.HOLD
 
     @property
     def _is_cut_short(self) -> bool:
-        """Whether its positions prove that it has not gone round."""
-        return self._is_counted and self._turning.share < FLOWN_FROM
+        """Whether its positions prove that the turn is not complete."""
+        return self._is_counted and self._turning.share < COUNTED_FROM

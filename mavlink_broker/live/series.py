@@ -1,7 +1,7 @@
-"""Takes the steps of a live command one after the other: turns, pictures, short ways.
+"""Executes the steps of a live command one after the other: turns, pictures, short moves.
 
-Places and headings count from where the vehicle was when it began; waits end by what the vehicle
-tells, or by its own clock.
+Positions and headings are relative to the vehicle's pose at the beginning; a step ends when the
+vehicle's messages show it, or after a time by the vehicle's clock.
 """
 
 import math
@@ -10,40 +10,46 @@ from typing import Final
 
 from afarcloud.geodesy import distance_m, shifted
 from mavlink_broker.mavlink.dialect import Message, mavlink
-from mavlink_broker.microservices.command import Accepted, Command, Refused, long_command
-from mavlink_broker.microservices.command_sequence import CommandSequence, Ways
+from mavlink_broker.microservices.command import (
+    Accepted,
+    Command,
+    CommandAlternatives,
+    CommandSequence,
+    Refused,
+    long_command,
+)
 from mavlink_broker.planning.live_actions import (
-    AS_IT_IS,
-    Face,
-    Order,
-    Shift,
+    KEEP_SPEED,
+    Move,
+    SendCommand,
     Step,
+    TurnInPlace,
     reposition,
-    speed_order,
+    speed_command,
 )
 from mavlink_broker.planning.situation import Spot
-from mavlink_broker.recovery.record import LiveNote, Pose
+from mavlink_broker.recovery.record import LiveCommandProgress, Pose
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 FACING_WITHIN_DEG: Final = 5.0
 THERE_WITHIN_M: Final = 1.5
-STEP_WITHIN_S: Final = 40.0
-"""What is not reached by then is taken as it is: a picture beside the mark is better than none."""
+STEP_TIMEOUT_S: Final = 40.0
+"""Then the step counts as done: a picture from a nearby pose is better than none."""
 TURN_RATE_DEG_S: Final = 30.0
 
 
-def heading_order(vehicle: Vehicle, here: Spot | None, heading_deg: float) -> Command | None:
-    """Turn the nose where the vehicle is; None while its home is not known."""
+def heading_command(vehicle: Vehicle, here: Spot | None, heading_deg: float) -> Command | None:
+    """Make the command to turn in place; None while the vehicle's home is not known."""
     if vehicle.family.yaw_by_condition:
-        way_round = (heading_deg % 360.0, TURN_RATE_DEG_S, 0.0, 0.0)
-        return long_command(mavlink.MAV_CMD_CONDITION_YAW, *way_round)
-    return way_order(vehicle, here, heading_deg)
+        parameters = (heading_deg % 360.0, TURN_RATE_DEG_S, 0.0, 0.0)
+        return long_command(mavlink.MAV_CMD_CONDITION_YAW, *parameters)
+    return reposition_command(vehicle, here, heading_deg)
 
 
-def way_order(
-    vehicle: Vehicle, spot: Spot | None, heading_deg: float, *, speed_m_s: float = AS_IT_IS
+def reposition_command(
+    vehicle: Vehicle, spot: Spot | None, heading_deg: float, *, speed_m_s: float = KEEP_SPEED
 ) -> Command | None:
-    """Go to a place with a heading; None while home, where altitudes begin, is not known."""
+    """Make the command to fly to a position with a heading; None while home is not known."""
     home = vehicle.snapshot.home
     if home is None or spot is None:
         return None
@@ -51,40 +57,40 @@ def way_order(
     return reposition(spot, home, yaw_rad, speed_m_s=speed_m_s)
 
 
-def missing_camera(vehicle: Vehicle, refusal: Refused) -> str | None:
-    """Say that a refused order to the camera was for one that is not there, or lacks the function.
+def camera_note(vehicle: Vehicle, refusal: Refused) -> str | None:
+    """Give a note for a refused camera command if there is no camera or it lacks the function.
 
-    A vehicle that has no camera flies its way all the same, as it does where pictures are items;
-    None for a camera that is there and refuses.
+    A vehicle without a camera flies on, as it does where pictures are mission items; None for a
+    camera that exists and refuses.
     """
     if not vehicle.cameras:
-        return "left out: no camera is heard on the vehicle"
+        return "left out: the vehicle has no camera"
     if refusal.result == mavlink.MAV_RESULT_UNSUPPORTED:
         return f"left out: {refusal.reason}"
     return None
 
 
-class SeriesRunner:
-    """One series on its way."""
+class StepSeries:
+    """One sequence of steps."""
 
     def __init__(
-        self, steps: Sequence[Step], vehicle: Vehicle, *, speed_m_s: float = AS_IT_IS
+        self, steps: Sequence[Step], vehicle: Vehicle, *, speed_m_s: float = KEEP_SPEED
     ) -> None:
-        """Take the steps, and how fast it flies between places."""
+        """Take the steps, and the speed between positions."""
         self._steps = list(steps)
         self._speed_m_s = speed_m_s
-        self.steps = 0  # That have been taken
+        self.steps = 0  # Completed
         self._vehicle = vehicle
         self._first: Spot | None = None
         self._first_heading_deg = 0.0
         self._sequence: CommandSequence | None = None
         self._accepted_at: float | None = None
         self._resting_since: float | None = None
-        self.reason: str | None = None  # Why it cannot go on
-        self.note: str | None = None  # What it is not, of what it was meant to be
+        self.reason: str | None = None  # Why it has failed
+        self.note: str | None = None  # What is left out
 
-    def resume(self, note: LiveNote) -> None:
-        """Go on behind the steps that an earlier run of the broker has taken."""
+    def resume(self, note: LiveCommandProgress) -> None:
+        """Continue after the steps that an earlier run of the broker has completed."""
         if note.start is None:
             return
         *place, self._first_heading_deg = note.start
@@ -94,25 +100,25 @@ class SeriesRunner:
 
     @property
     def start(self) -> Pose | None:
-        """Where it began, once that is known."""
+        """The pose at its beginning, once it is known."""
         return None if self._first is None else Pose(*self._first, self._first_heading_deg)
 
     @property
     def is_over(self) -> bool:
-        """Whether all steps have been taken."""
+        """Whether all steps are done."""
         return not self._steps
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take a message of the vehicle or its payload."""
+        """Process a message of the vehicle or its payload."""
         if self._sequence is None:
             return []
         return self._sequence.receive(message, now)
 
     def tick(self, now: float) -> list[Message]:
-        """Let time pass: go on with the step, or begin the next one."""
+        """Continue the current step, or begin the next one."""
         if self.is_over or self.reason is not None:
             return []
-        if self._first is None and not self._look_round():
+        if self._first is None and not self._find_start():
             return []
         if self._sequence is None:
             return self._begin(now)
@@ -120,80 +126,81 @@ class SeriesRunner:
         outcome = self._sequence.outcome
         if isinstance(outcome, Refused):
             self._refused(outcome)
-        elif isinstance(outcome, Accepted) and self._is_taken(now):
+        elif isinstance(outcome, Accepted) and self._is_done(now):
             self._steps.pop(0)
             self.steps += 1
             self._sequence = self._accepted_at = self._resting_since = None
         return messages
 
     def _refused(self, refusal: Refused) -> None:
-        """End, or go on without pictures where nobody takes any."""
-        missing = missing_camera(self._vehicle, refusal)
-        if missing is None or not isinstance(self._steps[0], Order):
+        """End, or continue without pictures if there is no camera."""
+        missing = camera_note(self._vehicle, refusal)
+        if missing is None or not isinstance(self._steps[0], SendCommand):
             self.reason = refusal.reason
             return
         self.note = f"pictures {missing}"
-        self._steps = [step for step in self._steps if not isinstance(step, Order)]
+        self._steps = [step for step in self._steps if not isinstance(step, SendCommand)]
         self._sequence = self._accepted_at = self._resting_since = None
 
-    def _look_round(self) -> bool:
-        """Note where it begins, once the vehicle has told."""
-        place, attitude = self._vehicle.snapshot.position, self._vehicle.snapshot.attitude
-        if place is None or attitude is None:
+    def _find_start(self) -> bool:
+        """Store the pose at the beginning, once it is known."""
+        position, attitude = self._vehicle.snapshot.position, self._vehicle.snapshot.attitude
+        if position is None or attitude is None:
             return False
-        self._first = Spot(place.latitude_deg, place.longitude_deg, place.altitude_m)
+        self._first = Spot(position.latitude_deg, position.longitude_deg, position.altitude_m)
         self._first_heading_deg = attitude.yaw_deg
         return True
 
     def _begin(self, now: float) -> list[Message]:
-        ways = self._ways(self._steps[0])
-        if not ways:
+        alternatives = self._alternatives(self._steps[0])
+        if not alternatives:
             self.reason = "the vehicle's home is not known"
             return []
         vehicle = self._vehicle
-        self._sequence = CommandSequence(ways, vehicle.route, vehicle.round_trip)
+        self._sequence = CommandSequence(alternatives, vehicle.route, vehicle.round_trip)
         return self._sequence.start(now)
 
-    def _ways(self, step: Step) -> Ways:
+    def _alternatives(self, step: Step) -> CommandAlternatives:
         match step:
-            case Order(ways):
-                return ways
-            case Face(turn_deg):
+            case SendCommand(alternatives):
+                return alternatives
+            case TurnInPlace(turn_deg):
                 heading_deg = self._first_heading_deg + turn_deg
-                order = heading_order(self._vehicle, self._first, heading_deg)
-                return () if order is None else ((order,),)
-            case Shift():
+                command = heading_command(self._vehicle, self._first, heading_deg)
+                return () if command is None else ((command,),)
+            case Move():
                 speed_m_s, heading_deg = self._speed_m_s, self._first_heading_deg
                 spot, vehicle = self._spot(step), self._vehicle
-                order = way_order(vehicle, spot, heading_deg, speed_m_s=speed_m_s)
-                if order is None:
+                command = reposition_command(vehicle, spot, heading_deg, speed_m_s=speed_m_s)
+                if command is None:
                     return ()
-                sets_speed = vehicle.family.speed_by_order and speed_m_s > 0.0
-                return ((order, speed_order(speed_m_s)) if sets_speed else (order,),)
+                sets_speed = vehicle.family.speed_by_command and speed_m_s > 0.0
+                return ((command, speed_command(speed_m_s)) if sets_speed else (command,),)
 
-    def _spot(self, step: Shift) -> Spot | None:
+    def _spot(self, step: Move) -> Spot | None:
         if self._first is None:
             return None
         latitude, longitude, altitude_m = self._first
         place = shifted(latitude, longitude, self._first_heading_deg, step.forward_m)
         return Spot(*place, altitude_m + step.up_m)
 
-    def _is_taken(self, now: float) -> bool:
-        """Whether the step is done: what it was for has come about, and it has rested."""
+    def _is_done(self, now: float) -> bool:
+        """Whether the step is done: its pose is reached, and it has rested there."""
         time_s = self._time_s(now)
         if self._accepted_at is None:
             self._accepted_at = time_s
-        late = time_s - self._accepted_at >= STEP_WITHIN_S
+        late = time_s - self._accepted_at >= STEP_TIMEOUT_S
         match self._steps[0]:
-            case Order():
+            case SendCommand():
                 return True
-            case Face(turn_deg, rest_s):
-                return self._has_rested(self._faces(turn_deg) or late, rest_s, time_s)
-            case Shift() as step:
+            case TurnInPlace(turn_deg, rest_s):
+                is_there = self._faces(turn_deg) or late
+                return self._has_rested(rest_s, time_s, is_there=is_there)
+            case Move() as step:
                 return late or self._is_at(step)
 
-    def _has_rested(self, there: bool, rest_s: float, time_s: float) -> bool:  # noqa: FBT001  # a fact
-        if not there:
+    def _has_rested(self, rest_s: float, time_s: float, *, is_there: bool) -> bool:
+        if not is_there:
             self._resting_since = None
             return False
         if self._resting_since is None:
@@ -207,13 +214,13 @@ class SeriesRunner:
         off_deg = math.remainder(attitude.yaw_deg - self._first_heading_deg - turn_deg, 360.0)
         return abs(off_deg) <= FACING_WITHIN_DEG
 
-    def _is_at(self, step: Shift) -> bool:
-        spot, place = self._spot(step), self._vehicle.snapshot.position
-        if spot is None or place is None:
+    def _is_at(self, step: Move) -> bool:
+        spot, position = self._spot(step), self._vehicle.snapshot.position
+        if spot is None or position is None:
             return False
-        high = abs(place.altitude_m - spot.relative_altitude_m)
-        return max(distance_m(*place[:2], *spot[:2]), high) <= THERE_WITHIN_M
+        vertical_m = abs(position.altitude_m - spot.relative_altitude_m)
+        return max(distance_m(*position[:2], *spot[:2]), vertical_m) <= THERE_WITHIN_M
 
     def _time_s(self, now: float) -> float:
-        told = self._vehicle.snapshot.time_s
-        return now if told is None else told
+        time_s = self._vehicle.snapshot.time_s
+        return now if time_s is None else time_s

@@ -1,4 +1,4 @@
-"""From whom to whom: the addresses that every directed message carries."""
+"""Source and target ids of directed messages."""
 
 from typing import NamedTuple
 
@@ -6,7 +6,7 @@ from mavlink_broker.mavlink.dialect import Message
 
 
 class Route(NamedTuple):
-    """Our own address and that of one vehicle's autopilot."""
+    """The broker's own ids and those of one vehicle's autopilot."""
 
     own_system: int
     own_component: int
@@ -14,7 +14,7 @@ class Route(NamedTuple):
     target_component: int
 
     def is_for_us(self, message: Message) -> bool:
-        """Whether a directed message means us; 0 means everybody, and so do senders without it."""
+        """Whether a message addresses the broker; 0 or a missing field addresses everybody."""
         system = getattr(message, "target_system", 0)
         component = getattr(message, "target_component", 0)
         return system in {0, self.own_system} and component in {0, self.own_component}

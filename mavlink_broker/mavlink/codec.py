@@ -1,7 +1,7 @@
-"""Datagrams to messages and back, on pymavlink's codec.
+"""Decodes datagrams to messages and encodes messages, with pymavlink's codec.
 
-A datagram is searched for whole, correct frames; nothing is carried over to the next datagram,
-so a broken or hostile one costs only itself.
+The decoder finds whole, correct frames in a datagram and keeps nothing for the next one, so a
+broken or hostile datagram affects only itself.
 """
 
 from typing import Any, Final
@@ -19,22 +19,22 @@ from mavlink_broker.mavlink.frames import (
 
 _SEQUENCES: Final = 256
 _MAX_FAULTS_PER_DATAGRAM: Final = 16
-"""So that a datagram full of frames' first bytes cannot keep the broker busy."""
+"""Limit for a datagram full of start bytes, which would be slow to search."""
 
 
 SOURCES_KEPT: Final = 256
-"""Senders per correspondent whose frames are counted."""
+"""Senders per peer whose losses are counted."""
 
 
 class Encoder:
-    """Frames messages for one peer, with a sequence counter of its own."""
+    """Encodes messages for one peer, with its own sequence counter."""
 
     def __init__(self, system: int, component: int) -> None:
         self._codec = mavlink.MAVLink(None, srcSystem=system, srcComponent=component)
         self._unsigned = self._codec.signing
 
     def encode(self, message: Message, signing: Any = None) -> bytes:
-        """Give the next frame on this link; `signing` is what pymavlink signs by, if at all.
+        """Return the next frame on this link; `signing` is pymavlink's signing state, if any.
 
         Raises:
             struct.error: if a field does not fit its wire type.
@@ -46,7 +46,7 @@ class Encoder:
 
 
 def encoded_as(message: Message, source: Source, sequence: int) -> bytes:
-    """Frame a message in somebody's name."""
+    """Encode a message with another source."""
     codec = mavlink.MAVLink(None, source.system, source.component)
     codec.seq = sequence
     frame: bytes = message.pack(codec)
@@ -54,10 +54,10 @@ def encoded_as(message: Message, source: Source, sequence: int) -> bytes:
 
 
 class Decoder:
-    """Reads one peer's datagrams and counts what was lost, by the gaps in its sequences."""
+    """Decodes one peer's datagrams and counts lost frames by gaps in the sequence numbers."""
 
     def __init__(self, *, keeps_unknown: bool = False) -> None:
-        """Read with the dialect; what it does not know is given out without fields, if asked."""
+        """Decode with the dialect; `keeps_unknown` returns unknown messages, without fields."""
         self._keeps_unknown = keeps_unknown
         self._codec = mavlink.MAVLink(None)
         self._expected: dict[Source, int] = {}
@@ -66,7 +66,7 @@ class Decoder:
         self.faults = 0
 
     def decode(self, datagram: bytes) -> list[Message]:
-        """Find every whole, correct frame whose message the dialect knows."""
+        """Return every whole, correct frame whose message the dialect knows."""
         messages: list[Message] = []
         position = 0
         faults_allowed = self.faults + _MAX_FAULTS_PER_DATAGRAM
@@ -100,10 +100,10 @@ class Decoder:
     def _count(self, message: Message) -> None:
         source, sequence = source_of(message), message.get_seq()
         if source not in self._expected and len(self._expected) >= SOURCES_KEPT:
-            self._expected.clear()  # Somebody counts through all numbers
+            self._expected.clear()  # A hostile peer uses all ids
         gap = (sequence - self._expected.get(source, sequence)) % _SEQUENCES
         self.received += 1
-        if gap < _SEQUENCES // 2:  # Beyond half a turn it is a late or repeated frame
+        if gap < _SEQUENCES // 2:  # A larger gap is a late or repeated frame
             self.lost += gap
             self._expected[source] = (sequence + 1) % _SEQUENCES
 

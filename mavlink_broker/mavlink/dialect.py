@@ -1,8 +1,8 @@
 """MAVLink as bytes and messages: the broker's only importer of pymavlink.
 
-The shipped `all` dialect is used as a codec, version 2 on the way out, both versions on the way
-in. Messages are pymavlink's generated classes, elsewhere `mavlink.MAVLink_<name>_message`, told
-apart by `get_type()`. Three of them are replaced here, because the shipped dialect lacks
+The shipped `all` dialect is the codec: it encodes version 2 and decodes both versions. Messages are
+pymavlink's generated classes `mavlink.MAVLink_<name>_message`; `get_type()` returns their name.
+Three of them are replaced here, because the shipped dialect lacks
 the opaque plan ids of the current message definitions (extension fields: the checksum seed and
 the older fields stay as they are, and a sender without them is read as id 0, "not supported").
 """
@@ -64,7 +64,7 @@ class MissionAck(mavlink.MAVLink_mission_ack_message):  # type: ignore[misc]  # 
         self.opaque_id = opaque_id
 
     def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:  # noqa: FBT001, FBT002  # codec
-        """Give the frame, as the codec asks for it."""
+        """Return the frame, with the signature that the codec requires."""
         payload = self.unpacker.pack(
             self.target_system,
             self.target_component,
@@ -105,7 +105,7 @@ class MissionCount(mavlink.MAVLink_mission_count_message):  # type: ignore[misc]
         self.opaque_id = opaque_id
 
     def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:  # noqa: FBT001, FBT002  # codec
-        """Give the frame, as the codec asks for it."""
+        """Return the frame, with the signature that the codec requires."""
         payload = self.unpacker.pack(
             self.count,
             self.target_system,
@@ -152,7 +152,7 @@ class MissionCurrent(mavlink.MAVLink_mission_current_message):  # type: ignore[m
         self.rally_points_id = rally_points_id
 
     def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:  # noqa: FBT001, FBT002  # codec
-        """Give the frame, as the codec asks for it."""
+        """Return the frame, with the signature that the codec requires."""
         payload = self.unpacker.pack(
             self.seq,
             self.total,

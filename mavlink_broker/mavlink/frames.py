@@ -1,4 +1,4 @@
-"""MAVLink frames as bytes: where one ends, whether it is whole, and copies with another mark.
+"""MAVLink frames as bytes: length, checksum, copies with another sequence number or signature.
 
 Layout and checksum: MAVLink's guide, "Packet Serialization" and "Message Signing". A frame of
 version 2 is 0xFD, payload length, incompatibility and compatibility flags, sequence, system,
@@ -19,7 +19,7 @@ VERSION_1: Final = 0xFE
 VERSION_2: Final = 0xFD
 SIGNED_FLAG: Final = 0x01
 SIGNATURE_LENGTH: Final = 13
-MARK_LENGTH: Final = 6
+DIGEST_LENGTH: Final = 6
 LARGEST_FRAME: Final = 12 + 255 + SIGNATURE_LENGTH
 
 _OVERHEAD: Final = {VERSION_1: 8, VERSION_2: 12}
@@ -31,15 +31,15 @@ _LINK_AND_TIME_LENGTH: Final = 7
 
 
 def next_marker(data: bytes, position: int) -> int:
-    """Where the next first byte of a frame stands; the end where there is none."""
+    """Position of the next start byte of a frame; the end if there is none."""
     found = _MARKER.search(data, position)
     return found.start() if found else len(data)
 
 
 def frame_size(data: bytes, position: int) -> int | None:
-    """Bytes of the frame that begins at a marker, which may be more than are there.
+    """Length of the frame that starts at `position`; it may be longer than the data.
 
-    0 where none can begin; None where the bytes do not reach to tell.
+    0 if no frame can start there; None if the data is too short to tell.
     """
     overhead = _OVERHEAD.get(data[position], 0)
     if not overhead:
@@ -50,7 +50,7 @@ def frame_size(data: bytes, position: int) -> int | None:
     if data[position] == VERSION_2:
         flags = data[position + 2]
         if flags & ~SIGNED_FLAG:
-            return 0  # An incompatibility that we do not know: not to be read
+            return 0  # An unknown incompatibility flag: the frame must be discarded
         size += SIGNATURE_LENGTH if flags & SIGNED_FLAG else 0
     return size
 
@@ -61,14 +61,14 @@ def is_signed(frame: bytes) -> bool:
 
 
 def message_id(frame: bytes) -> int:
-    """Number of a whole frame's message."""
+    """Message id of a whole frame."""
     if frame[0] == VERSION_1:
         return frame[5]
     return int.from_bytes(frame[7:10], "little")
 
 
 def sender(frame: bytes) -> tuple[int, int]:
-    """System and component that a whole frame says it is from."""
+    """System and component id of a whole frame."""
     at = _SEQUENCE_AT[frame[0]] + 1
     return frame[at], frame[at + 1]
 
@@ -79,7 +79,7 @@ def sequence(frame: bytes) -> int:
 
 
 def checksum_holds(frame: bytes) -> bool | None:
-    """Whether a frame arrived undamaged; None where the dialect does not know its message."""
+    """Whether the checksum is correct; None if the dialect does not know the message."""
     extra = _extra_of(message_id(frame))
     if extra is None:
         return None
@@ -99,7 +99,7 @@ def with_sequence(frame: bytes, number: int) -> bytes:
 
 
 def unsigned(frame: bytes) -> bytes:
-    """A frame without its signature; one that has none stays as it is."""
+    """A frame without its signature; an unsigned frame unchanged."""
     if not is_signed(frame):
         return frame
     body, checksum, _ = _parts(frame)
@@ -115,11 +115,11 @@ def signed(frame: bytes, key: bytes, link_id: int, ticks: int) -> bytes:
         body = _in_version_2(body)
     whole = _sealed(VERSION_2, _with_flags(body, body[1] | SIGNED_FLAG), extra)
     whole += _LINK_AND_TIME.pack(link_id, ticks)[:_LINK_AND_TIME_LENGTH]
-    return whole + hashlib.sha256(key + whole).digest()[:MARK_LENGTH]
+    return whole + hashlib.sha256(key + whole).digest()[:DIGEST_LENGTH]
 
 
 def _parts(frame: bytes) -> tuple[bytes, int, bytes]:
-    """Everything that the checksum covers, the checksum, and the signature."""
+    """The bytes that the checksum covers, the checksum, and the signature."""
     end = len(frame) - (SIGNATURE_LENGTH if is_signed(frame) else 0)
     checksum: int = _CHECKSUM.unpack_from(frame, end - 2)[0]
     return bytes(frame[1 : end - 2]), checksum, bytes(frame[end:])
@@ -134,7 +134,7 @@ def _with_flags(body: bytes, flags: int) -> bytes:
 
 
 def _in_version_2(body: bytes) -> bytes:
-    """Length, sequence, system, component, id and payload in version 2's order."""
+    """Length, sequence, system, component, id and payload in the order of version 2."""
     return bytes((body[0], 0, 0, *body[1:4], body[4], 0, 0)) + body[5:]
 
 
@@ -149,7 +149,7 @@ def _extra_of(number: int) -> int | None:
 
 
 def _true_extra(frame: bytes, body: bytes, checksum: int) -> int:
-    """CRC_EXTRA of a whole frame; of a message that the dialect lacks, what its checksum shows."""
+    """CRC_EXTRA of a whole frame; derived from the checksum if the dialect lacks the message."""
     known = _extra_of(message_id(frame))
     if known is not None:
         return known

@@ -1,9 +1,9 @@
-"""One mission item in degrees and metres, and its way to and from the wire.
+"""Mission items in degrees and metres, and their encoding.
 
-Encoding that strict and lenient autopilots both accept: an unset parameter is 0, never NaN,
+The encoding is accepted by strict and lenient autopilots: an unset parameter is 0, never NaN,
 except the yaw (fourth parameter) of waypoint, land and take-off, where 0 would mean north, and
 the rates of a gimbal, where 0 would mean that it does not move.
-Positions go in frame 6 (altitude above home), everything else in frame 2.
+Positions use frame 6 (altitude above home), everything else uses frame 2.
 """
 
 import math
@@ -17,14 +17,14 @@ Four: TypeAlias = tuple[float, float, float, float]
 UNSET_YAW: Final = math.nan
 _E7: Final = 1e7
 _FRAME_NAMES: Final = {0: 5, 3: 6, 10: 11}
-"""In MISSION_ITEM_INT the plain global frames mean the same as their integer twins."""
+"""In MISSION_ITEM_INT the plain global frames mean the same as the _INT frames."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissionItem:
     """One item; `frame` is a MAV_FRAME, `parameters` are the first four of its command.
 
-    `at_home` marks a place that is home as it was when the mission was translated.
+    `at_home` marks the home position as it was when the mission was translated.
     """
 
     command: int
@@ -33,12 +33,12 @@ class MissionItem:
     latitude_deg: float = 0.0
     longitude_deg: float = 0.0
     altitude_m: float = 0.0
-    fifth: int = 0  # Fifth parameter of a command without a place
+    fifth: int = 0  # Fifth parameter of a command without a position
     at_home: bool = False
 
     @property
     def is_positional(self) -> bool:
-        """Whether it has a place."""
+        """Whether it has a position."""
         return bool(self.frame != mavlink.MAV_FRAME_MISSION)
 
 
@@ -51,7 +51,7 @@ def waypoint(
     acceptance_radius_m: float = 0.0,
     yaw_deg: float | None = None,
 ) -> MissionItem:
-    """NAV_WAYPOINT(16); radius 0 leaves it to the vehicle, yaw None points along the track."""
+    """NAV_WAYPOINT(16); radius 0: the vehicle's default; yaw None: along the track."""
     return MissionItem(
         command=mavlink.MAV_CMD_NAV_WAYPOINT,
         frame=mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
@@ -108,9 +108,9 @@ def hold(
     relative_altitude_m: float,
     yaw_deg: float = 0.0,
 ) -> MissionItem:
-    """NAV_LOITER_UNLIM(17): stay at the position until told otherwise.
+    """NAV_LOITER_UNLIM(17): hold the position until the next command.
 
-    `yaw_deg` is what the family takes for "as it is": NaN, or 0 where a NaN is refused.
+    `yaw_deg` is what the family takes for "unchanged": NaN, or 0 if it refuses NaN.
     """
     return MissionItem(
         command=mavlink.MAV_CMD_NAV_LOITER_UNLIM,
@@ -142,7 +142,7 @@ def condition_yaw(yaw_deg: float) -> MissionItem:
 
 
 def delay(duration_s: float) -> MissionItem:
-    """NAV_DELAY(93): stay for some time; its clock times stay unused (0)."""
+    """NAV_DELAY(93): hold for a duration; its clock times are unused (0)."""
     return MissionItem(command=mavlink.MAV_CMD_NAV_DELAY, parameters=(duration_s, 0.0, 0.0, 0.0))
 
 
@@ -151,8 +151,8 @@ def point_gimbal(
 ) -> MissionItem:
     """DO_GIMBAL_MANAGER_PITCHYAW(1000) of every gimbal, at the gimbal's own rate.
 
-    `flags` (GIMBAL_MANAGER_FLAGS) stand where a place has its latitude, as a plain number.
-    `no_rate_deg_s` is what the family takes for no rate: NaN, or 0 where a NaN is refused.
+    `flags` (GIMBAL_MANAGER_FLAGS) are in the latitude field, as a plain number.
+    `no_rate_deg_s` is what the family takes for no rate: NaN, or 0 if it refuses NaN.
     """
     return MissionItem(
         command=mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW,
@@ -204,7 +204,7 @@ def turns(
 def look_at(
     *, latitude_deg: float, longitude_deg: float, relative_altitude_m: float
 ) -> MissionItem:
-    """DO_SET_ROI_LOCATION(195): the nose or the camera keeps to a place."""
+    """DO_SET_ROI_LOCATION(195): the nose or the camera points to a position."""
     return MissionItem(
         command=mavlink.MAV_CMD_DO_SET_ROI_LOCATION,
         frame=mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
@@ -220,7 +220,7 @@ def look_ahead() -> MissionItem:
 
 
 def home(*, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> MissionItem:
-    """Item 0 of families that keep home in the mission: a waypoint above mean sea level."""
+    """Item 0 of families that store home in the mission: a waypoint with altitude AMSL."""
     return MissionItem(
         command=mavlink.MAV_CMD_NAV_WAYPOINT,
         frame=mavlink.MAV_FRAME_GLOBAL,
@@ -239,7 +239,7 @@ def to_message(
     component: int,
     mission_type: int = mavlink.MAV_MISSION_TYPE_MISSION,
 ) -> Message:
-    """MISSION_ITEM_INT(73); `first` is the number of the item at which a mission begins."""
+    """MISSION_ITEM_INT(73); `first` is the index of the first item of the mission."""
     return mavlink.MAVLink_mission_item_int_message(
         system,
         component,
@@ -257,7 +257,7 @@ def to_message(
 
 
 def from_message(message: Message) -> MissionItem:
-    """Read MISSION_ITEM_INT(73), or MISSION_ITEM(39), as a vehicle sends it."""
+    """Decode MISSION_ITEM_INT(73), or MISSION_ITEM(39), as a vehicle sends it."""
     frame = _FRAME_NAMES.get(message.frame, message.frame)
     is_place = frame != mavlink.MAV_FRAME_MISSION
     scale = _E7 if message.get_type() == "MISSION_ITEM_INT" else 1.0

@@ -1,12 +1,12 @@
-"""Which vehicles are listened to: signatures asked for, checked, and what is refused counted.
+"""Checks signatures of received frames and signs sent ones; counts refused frames.
 
-The rules for times and the making of signatures are pymavlink's own. What stands here is the
-order: pymavlink 2.4.50 keeps a frame's time before it has looked at the signature, so that one
-forged frame locks the genuine sender out. Here it is asked only about frames that are genuine.
+The rules for timestamps and the computation of signatures are pymavlink's. The order is ours:
+pymavlink 2.4.50 stores a frame's timestamp before it checks the signature, so that one forged frame
+locks the genuine sender out. Here pymavlink checks the timestamp of genuine frames only.
 
-Nothing is kept over a restart. A vehicle signs above every time that it has accepted, so its
-first frame puts the broker's clock above all that the broker ever sent to it; and the broker
-says nothing to a vehicle that it has not heard.
+No timestamp is stored over a restart. A vehicle signs with a timestamp above all that it has
+accepted, so its first frame raises the broker's timestamp above all that the broker ever sent to
+it; and the broker sends nothing to a vehicle that it has not received.
 """
 
 import hashlib
@@ -24,10 +24,10 @@ from mavlink_broker.mavlink.key_ring import KeyRing
 
 EPOCH: Final = datetime(2015, 1, 1, tzinfo=UTC)
 TICKS_PER_S: Final = 100_000
-TELL_EVERY_S: Final = 30.0
-"""At most one line in half a minute, whatever arrives."""
+LOG_INTERVAL_S: Final = 30.0
+"""Interval of log lines."""
 
-_MARK_LENGTH: Final = 6
+_DIGEST_LENGTH: Final = 6
 _SIGNED_FLAG: Final = 0x01
 _VERSION_1: Final = 0xFE
 
@@ -35,7 +35,7 @@ _LOG = logging.getLogger(__name__)
 
 
 class Refusal(Enum):
-    """Why a whole, undamaged frame is not listened to."""
+    """Why a whole, undamaged frame is refused."""
 
     UNSIGNED = "unsigned"
     BAD_SIGNATURE = "bad signature"
@@ -44,42 +44,42 @@ class Refusal(Enum):
     NO_KEY = "no key for that system"
 
 
-class VehicleSigning:
-    """The key shared with one vehicle."""
+class LinkSigning:
+    """Signs and checks frames with the key of one vehicle."""
 
     def __init__(self, key: bytes, utc: Callable[[], datetime]) -> None:
-        self._judge = mavlink.MAVLink(None)  # Its clock is not what we have signed with
-        self._judge.signing.secret_key = key
-        self._newest = 0  # [10 us] Of all genuine frames
+        self._verifier = mavlink.MAVLink(None)  # Separate from the timestamp that we sign with
+        self._verifier.signing.secret_key = key
+        self._newest = 0  # [10 us] Highest timestamp of genuine frames
         self._codec = mavlink.MAVLink(None)
         self._codec.signing.secret_key = key
         self._codec.signing.sign_outgoing = True
         self._key = key
         self._utc = utc
 
-    def for_sending(self) -> Any:
-        """What pymavlink signs the next frame by: the key, and a time that is never used twice."""
+    def next_signature(self) -> Any:
+        """Signing state of pymavlink for the next frame: the key and an unused timestamp."""
         signing = self._codec.signing
         signing.timestamp = max(signing.timestamp, self._ticks(), self._newest)
         return signing
 
-    def mark(self, frame: bytes) -> bytes:
-        """Give a copy of somebody's frame that is signed with this key."""
-        signing = self.for_sending()
+    def sign(self, frame: bytes) -> bytes:
+        """Return a copy of a frame that is signed with this key."""
+        signing = self.next_signature()
         copy = signed(frame, self._key, signing.link_id, signing.timestamp)
         signing.timestamp += 1
         return copy
 
-    def judge(self, frame: bytearray, source: Source) -> Refusal | None:
-        """Why a signed frame is refused; None for a genuine one that was not heard before."""
-        mark = hashlib.sha256(self._key + frame[:-_MARK_LENGTH]).digest()[:_MARK_LENGTH]
-        if not hmac.compare_digest(mark, frame[-_MARK_LENGTH:]):
+    def check(self, frame: bytearray, source: Source) -> Refusal | None:
+        """Why a signed frame is refused; None for a genuine one that was not received before."""
+        digest = hashlib.sha256(self._key + frame[:-_DIGEST_LENGTH]).digest()[:_DIGEST_LENGTH]
+        if not hmac.compare_digest(digest, frame[-_DIGEST_LENGTH:]):
             return Refusal.BAD_SIGNATURE
-        # A new stream is held against the time of day as it is now, and what was genuine: a clock
-        # that was ahead and has been corrected must not keep genuine frames out.
-        clock = self._judge.signing
+        # A new stream is compared with the current time of day and the newest genuine frame: after
+        # a clock that was ahead is corrected, genuine frames must still be accepted.
+        clock = self._verifier.signing
         clock.timestamp = max(self._ticks(), self._newest)
-        is_news: bool = self._judge.check_signature(frame, *source)
+        is_news: bool = self._verifier.check_signature(frame, *source)
         if not is_news:
             return Refusal.REPLAYED
         self._newest = max(self._newest, int.from_bytes(frame[-12:-6], "little"))
@@ -89,76 +89,78 @@ class VehicleSigning:
         return int((self._utc() - EPOCH).total_seconds() * TICKS_PER_S)
 
 
-class Guard:
-    """Judges every message; without a key ring every vehicle is listened to."""
+class SignatureCheck:
+    """Checks every message; without a key ring every message is accepted."""
 
     def __init__(
         self, ring: KeyRing | None, unsigned: Collection[int], utc: Callable[[], datetime]
     ) -> None:
-        """Ask for signatures by the keys of a ring, but not of the systems that cannot sign."""
+        """Require signatures with the keys of a ring, except of systems that cannot sign."""
         self._ring = ring
         self._unsigned = frozenset(unsigned)
         self._utc = utc
-        self._signing: dict[int, VehicleSigning] = {}
-        self._told: Counter[Refusal] = Counter()
-        self._tell_again = 0.0
+        self._signing: dict[int, LinkSigning] = {}
+        self._logged: Counter[Refusal] = Counter()
+        self._log_at = 0.0
         self.refused: Counter[Refusal] = Counter()
 
     @property
-    def is_open(self) -> bool:
-        """Whether nobody has to sign."""
+    def accepts_unsigned(self) -> bool:
+        """Whether no signatures are required."""
         return self._ring is None
 
-    def admits(self, message: Message, now: float, *, is_trusted: bool = False) -> bool:
-        """Whether a message is listened to; if not, it is counted and now and then told.
+    def accepts(self, message: Message, now: float, *, is_trusted: bool = False) -> bool:
+        """Whether a message is accepted; refused ones are counted and logged periodically.
 
-        On a trusted link it need not be signed; a signature that is there must be right.
+        On a trusted link a message may be unsigned; a wrong signature is refused there too.
         """
-        refusal = self._judge(message, now)
+        refusal = self._refusal_of(message, now)
         if is_trusted and refusal in {Refusal.UNSIGNED, Refusal.VERSION_1}:
             return True
         if refusal is None:
             return True
         self.refused[refusal] += 1
-        if now >= self._tell_again:
-            self._tell_again = now + TELL_EVERY_S
-            self._tell(source_of(message))
+        if now >= self._log_at:
+            self._log_at = now + LOG_INTERVAL_S
+            self._log(source_of(message))
         return False
 
-    def signing_for(self, system: int, now: float) -> VehicleSigning | None:
-        """How frames to a system are signed; None: not at all."""
+    def signing_for(self, system: int, now: float) -> LinkSigning | None:
+        """Signing of frames to a system; None if they are not signed."""
         if self._ring is None or system in self._unsigned:
             return None
         if system not in self._signing:
             key = self._ring.key_of(system, now)
             if key is None:
                 return None
-            self._signing[system] = VehicleSigning(key, self._utc)
+            self._signing[system] = LinkSigning(key, self._utc)
         return self._signing[system]
 
-    def greetings(self, is_heard: Callable[[int], bool], now: float) -> list[VehicleSigning | None]:
-        """How to sign what is said to vehicles that have not spoken: once by each one's key."""
+    def signings_for_contact(
+        self, is_received: Callable[[int], bool], now: float
+    ) -> list[LinkSigning | None]:
+        """Signings of first heartbeats: one with the key of each system that is not received."""
         if self._ring is None:
             return [None]
-        keyed = [system for system in self._ring.systems() if not is_heard(system)]
+        keyed = [system for system in self._ring.systems() if not is_received(system)]
         by_key = [self.signing_for(system, now) for system in keyed]
         unsigned = [None] if self._unsigned else []
         return [*unsigned, *(signing for signing in by_key if signing is not None)]
 
-    def _judge(self, message: Message, now: float) -> Refusal | None:
+    def _refusal_of(self, message: Message, now: float) -> Refusal | None:
         source = source_of(message)
         if self._ring is None or source.system in self._unsigned:
             return None
         frame = message.get_msgbuf()
         if message.get_header().incompat_flags & _SIGNED_FLAG:
             signing = self.signing_for(source.system, now)
-            return Refusal.NO_KEY if signing is None else signing.judge(frame, source)
+            return Refusal.NO_KEY if signing is None else signing.check(frame, source)
         if message.get_type() == "RADIO_STATUS":
-            return None  # Modems have no keys, and nothing is done by their word
+            return None  # Radios have no keys, and their reports only limit a rate
         return Refusal.VERSION_1 if frame[0] == _VERSION_1 else Refusal.UNSIGNED
 
-    def _tell(self, last: Source) -> None:
-        new = self.refused - self._told
-        self._told = self.refused.copy()
+    def _log(self, last: Source) -> None:
+        new = self.refused - self._logged
+        self._logged = self.refused.copy()
         reasons = ", ".join(f"{count} {refusal.value}" for refusal, count in new.items())
         _LOG.warning("MAVLink frames refused: %s; the last from system %d", reasons, last.system)

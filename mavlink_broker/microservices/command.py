@@ -1,9 +1,11 @@
-"""One command, repeated until it is answered: MAVLink's command protocol, sender's side.
+"""MAVLink's command protocol, sender's side: commands that are repeated until they are answered.
 
-Each repetition raises `confirmation`, so that the receiver does not act twice. IN_PROGRESS
-extends the wait; a temporary rejection is tried again after a while. Exactly one final outcome.
+Each repetition increments `confirmation`, so that the receiver does not act twice. IN_PROGRESS
+extends the timeout; a temporary rejection is retried after a pause. Each command has exactly one
+outcome.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final, TypeAlias
 
@@ -12,7 +14,7 @@ from mavlink_broker.mavlink.dialect import RESULT_NAMES, Message, mavlink
 from mavlink_broker.microservices.round_trip import RoundTrip
 
 ATTEMPTS: Final = 8
-"""At 20 % loss each way one in 3,500 commands stays unanswered after as many."""
+"""At 20 % loss each way one command in 3,500 stays unanswered."""
 PROGRESS_TIMEOUT_S: Final = 3.0
 REJECTION_PAUSE_S: Final = 1.0
 REJECTIONS: Final = 5
@@ -26,7 +28,7 @@ class CommandLong:
 
     command: int
     parameters: Seven = (0.0,) * 7
-    component: int | None = None  # Another than the autopilot, such as its camera
+    component: int | None = None  # None: the autopilot; else e.g. a camera
 
     def message(self, route: Route, confirmation: int) -> Message:
         """COMMAND_LONG(76) for one vehicle."""
@@ -40,7 +42,7 @@ class CommandLong:
 
 
 def long_command(command: int, *values: float, component: int | None = None) -> CommandLong:
-    """Make a command of its first parameters; the others are 0."""
+    """Make a command from its first parameters; the others are 0."""
     p1, p2, p3, p4, p5, p6, p7 = (*map(float, values), *(0.0,) * (7 - len(values)))
     return CommandLong(
         command=command, parameters=(p1, p2, p3, p4, p5, p6, p7), component=component
@@ -49,7 +51,7 @@ def long_command(command: int, *values: float, component: int | None = None) -> 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandInt:
-    """A command with a position: degrees, and metres by frame."""
+    """A command with a position; the frame gives the datum of the altitude."""
 
     command: int
     frame: int
@@ -59,7 +61,7 @@ class CommandInt:
     altitude_m: float
 
     def message(self, route: Route, confirmation: int) -> Message:
-        """COMMAND_INT(75) for one vehicle; it has no place for a confirmation."""
+        """COMMAND_INT(75) for one vehicle; it has no confirmation field."""
         del confirmation
         return mavlink.MAVLink_command_int_message(
             route.target_system,
@@ -80,12 +82,12 @@ Command: TypeAlias = CommandLong | CommandInt
 
 @dataclass(frozen=True, slots=True)
 class Accepted:
-    """The vehicle does it, or has done it."""
+    """The vehicle has accepted the command."""
 
 
 @dataclass(frozen=True, slots=True)
 class Refused:
-    """The vehicle does not, or never answered."""
+    """The vehicle has refused the command, or has not answered."""
 
     reason: str
     result: int | None = field(default=None, compare=False)  # MAV_RESULT; None: no answer
@@ -95,13 +97,13 @@ CommandOutcome: TypeAlias = Accepted | Refused
 
 
 class CommandTransaction:
-    """One command on its way to a final answer."""
+    """One command until its final answer."""
 
     def __init__(
-        self, command: Command, route: Route, round_trip: RoundTrip, *, said_before: bool = False
+        self, command: Command, route: Route, round_trip: RoundTrip, *, is_repetition: bool = False
     ) -> None:
-        """`said_before`: mark it as a repetition, for it may have been heard already."""
-        self._first_confirmation = int(said_before)
+        """`is_repetition`: the vehicle may have received the command before."""
+        self._first_confirmation = int(is_repetition)
         self._command = command
         self._route = route
         self._round_trip = round_trip
@@ -110,7 +112,7 @@ class CommandTransaction:
         self._first_sent_at = self._sent_at = 0.0
         self._deadline = 0.0
         self._asking = False
-        self.is_in_progress = False  # The vehicle has said that it works on it
+        self.is_in_progress = False  # The vehicle has answered IN_PROGRESS
         self.outcome: CommandOutcome | None = None
 
     def start(self, now: float) -> list[Message]:
@@ -120,7 +122,7 @@ class CommandTransaction:
         return self._send(now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take an answer; everything else is ignored."""
+        """Take an answer; other messages are ignored."""
         if self.outcome is None and self._answers(message):
             if self._asking:
                 self._sample(now)
@@ -183,3 +185,79 @@ class CommandTransaction:
     def _name(self) -> str:
         entry = mavlink.enums["MAV_CMD"].get(self._command.command)
         return entry.name if entry else f"MAV_CMD {self._command.command}"
+
+
+CommandAlternatives: TypeAlias = Sequence[Sequence[Command]]
+"""Each alternative is a list of commands that must all be accepted; tried in order."""
+
+
+class CommandSequence:
+    """Sends the first alternative of which every command is accepted.
+
+    When no alternative is left, the outcome is the first refusal: it belongs to the preferred
+    alternative.
+    """
+
+    def __init__(
+        self,
+        alternatives: CommandAlternatives,
+        route: Route,
+        round_trip: RoundTrip,
+        *,
+        is_repetition: bool = False,
+    ) -> None:
+        self._is_repetition = is_repetition
+        self._steps = [list(alternative) for alternative in alternatives]
+        self._route = route
+        self._round_trip = round_trip
+        self._running: CommandTransaction | None = None
+        self._first_refusal: Refused | None = None
+        self.alternative = 0  # That is being gone, or was gone
+        self.outcome: CommandOutcome | None = None
+
+    @property
+    def is_in_progress(self) -> bool:
+        """Whether the vehicle has answered IN_PROGRESS to the latest command."""
+        return self._running is not None and self._running.is_in_progress
+
+    def start(self, now: float) -> list[Message]:
+        """Send the first command of the first alternative."""
+        return self._next(now)
+
+    def receive(self, message: Message, now: float) -> list[Message]:
+        """Take an answer and send the next command."""
+        if self.outcome is not None or self._running is None:
+            return []
+        return [*self._running.receive(message, now), *self._advance(now)]
+
+    def tick(self, now: float) -> list[Message]:
+        """Repeat what is overdue."""
+        if self.outcome is not None or self._running is None:
+            return []
+        return [*self._running.tick(now), *self._advance(now)]
+
+    def _advance(self, now: float) -> list[Message]:
+        match self._running.outcome if self._running else None:
+            case Accepted():
+                return self._next(now)
+            case Refused() as refusal:
+                self._first_refusal = self._first_refusal or refusal
+                del self._steps[0]
+                self.alternative += 1
+                return self._next(now)
+            case _:
+                return []
+
+    def _next(self, now: float) -> list[Message]:
+        if not self._steps:
+            self.outcome = self._first_refusal or Refused(
+                "this kind of vehicle has no such command"
+            )
+            return []
+        if not self._steps[0]:
+            self.outcome = Accepted()
+            return []
+        self._running = CommandTransaction(
+            self._steps[0].pop(0), self._route, self._round_trip, is_repetition=self._is_repetition
+        )
+        return self._running.start(now)

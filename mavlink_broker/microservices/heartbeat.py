@@ -1,7 +1,8 @@
-"""When our own heartbeat is due, and whether a vehicle's is still heard.
+"""The broker's heartbeat, and the link state of a vehicle by its heartbeats.
 
-Type 18, onboard controller, unless a vehicle asks for a ground station, 6: one that loses its last
-ground station may be told to return home, but a mission must survive a broker that dies.
+The broker is an onboard controller (type 18), unless a vehicle requires a ground station (type 6):
+a vehicle may return home when it loses its last ground station, but a mission must survive a broker
+that dies.
 """
 
 import re
@@ -34,11 +35,11 @@ NOT_VEHICLES: Final = frozenset(
         mavlink.MAV_TYPE_WINCH,
     }
 )
-"""MAV_TYPE of what sends heartbeats and cannot fly a mission."""
+"""MAV_TYPEs that send heartbeats and cannot fly a mission."""
 
 
 class LinkState(StrEnum):
-    """How fresh a vehicle's heartbeat is; the values are the edge server's."""
+    """State of a vehicle's link by the age of its heartbeat; the values are the edge server's."""
 
     CONNECTED = "connected"
     STALE = "stale"
@@ -46,32 +47,32 @@ class LinkState(StrEnum):
 
 
 AUTOPILOT: Final[int] = mavlink.MAV_COMP_ID_AUTOPILOT1
-_OF_USERS: Final = re.compile("MAV_COMP_ID_(USER[0-9]+|AUTOPILOT1)")
-OTHER_PARTS: Final = frozenset(
+_USER_COMPONENT: Final = re.compile("MAV_COMP_ID_(USER[0-9]+|AUTOPILOT1)")
+NON_AUTOPILOT_COMPONENTS: Final = frozenset(
     number
     for number, entry in mavlink.enums["MAV_COMPONENT"].items()
-    if _OF_USERS.fullmatch(entry.name) is None
+    if _USER_COMPONENT.fullmatch(entry.name) is None
 )
-"""Component ids that belong to something else than an autopilot: companions, cameras, gimbals."""
+"""Component ids of companions, cameras, gimbals and other parts that are not an autopilot."""
 
 
 def is_vehicle(message: Message) -> bool:
-    """Whether a HEARTBEAT is that of an autopilot which flies.
+    """Whether a HEARTBEAT is that of a flying vehicle's autopilot.
 
-    A companion computer may call itself a generic autopilot; its component id says what it is.
+    A companion computer may report a generic autopilot; its component id tells them apart.
     """
     is_autopilot = message.autopilot != mavlink.MAV_AUTOPILOT_INVALID
-    is_part = message.get_srcComponent() in OTHER_PARTS
+    is_part = message.get_srcComponent() in NON_AUTOPILOT_COMPONENTS
     return is_autopilot and not is_part and message.type not in NOT_VEHICLES
 
 
-def is_elected(component: int, before: int | None) -> bool:
-    """Whether a component is the system's autopilot, instead of the one that was taken for it."""
+def replaces_autopilot(component: int, before: int | None) -> bool:
+    """Whether a component becomes the system's autopilot instead of the one known before."""
     return before is None or (component == AUTOPILOT and before != AUTOPILOT)
 
 
 def own_heartbeat(kind: int = mavlink.MAV_TYPE_ONBOARD_CONTROLLER) -> Message:
-    """HEARTBEAT(0) of the broker, as a MAV_TYPE."""
+    """HEARTBEAT(0) of the broker with a MAV_TYPE."""
     return mavlink.MAVLink_heartbeat_message(
         kind,
         mavlink.MAV_AUTOPILOT_INVALID,
@@ -83,37 +84,37 @@ def own_heartbeat(kind: int = mavlink.MAV_TYPE_ONBOARD_CONTROLLER) -> Message:
 
 
 class OwnHeartbeat:
-    """Gives our heartbeat once a second."""
+    """Sends the broker's heartbeat once a second."""
 
     def __init__(self) -> None:
         self._due_at: float | None = None
         self._kind: int | None = None
 
     def tick(self, now: float, kind: int = mavlink.MAV_TYPE_ONBOARD_CONTROLLER) -> list[Message]:
-        """Send it if it is time, or if we are something else now."""
+        """Send it if it is due, or if the type has changed."""
         if self._due_at is not None and now < self._due_at and kind == self._kind:
             return []
         self._due_at, self._kind = now + INTERVAL_S, kind
         return [own_heartbeat(kind)]
 
 
-class LinkWatch:
-    """Judges one vehicle's link by the age of its own heartbeat, and by nothing else.
+class LinkMonitor:
+    """State of one vehicle's link by the age of its heartbeat only.
 
-    A radio modem that goes on talking must not make a dead vehicle look alive.
+    A radio that continues to send must not make a dead vehicle look connected.
     """
 
     def __init__(self) -> None:
-        self._heard_at: float | None = None
+        self._received_at: float | None = None
 
-    def heard(self, now: float) -> None:
+    def heartbeat_received(self, now: float) -> None:
         """Take a heartbeat of the vehicle."""
-        self._heard_at = now
+        self._received_at = now
 
     def state(self, now: float) -> LinkState:
-        """Judge the link; before the first heartbeat it is lost."""
-        if self._heard_at is None or now - self._heard_at > LOST_AFTER_S:
+        """Return the state; LOST before the first heartbeat."""
+        if self._received_at is None or now - self._received_at > LOST_AFTER_S:
             return LinkState.LOST
-        if now - self._heard_at > STALE_AFTER_S:
+        if now - self._received_at > STALE_AFTER_S:
             return LinkState.STALE
         return LinkState.CONNECTED

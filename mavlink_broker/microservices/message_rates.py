@@ -1,14 +1,19 @@
-"""Asks the vehicle for the messages that the broker lives on, and asks again when they stop.
+"""Sets the rates of the messages that the broker requires, and sets them again when they stop.
 
 One SET_MESSAGE_INTERVAL is outstanding at a time, because COMMAND_ACK does not say which of
-several it answers. HOME_POSITION is asked for until it is there; vehicles send it rarely.
-AUTOPILOT_VERSION is asked for a few times, since it tells kinds of vehicles apart. What
-a vehicle sends often and nobody here reads is turned off: PX4 pours some 400 messages a second
-on a companion computer's link, and a fleet's broker would read them all for nothing.
+several it answers. HOME_POSITION is requested until it is received; vehicles send it rarely.
+AUTOPILOT_VERSION is requested a few times, since it distinguishes kinds of vehicles. Frequent
+messages that the broker does not read are disabled: PX4 sends some 400 messages a second on a
+companion computer's link.
 
-Every message has an age, and is asked for again when it is older than three of its periods: a
-vehicle forgets its streams when it restarts, and a link may lose the request. An old autopilot
-that knows no SET_MESSAGE_INTERVAL is asked by REQUEST_DATA_STREAM(66), by groups.
+A message that is older than three of its periods is requested again: a vehicle forgets its streams
+when it restarts, and a link may lose the request. An old autopilot without SET_MESSAGE_INTERVAL
+gets REQUEST_DATA_STREAM(66) for groups of messages.
+
+The rates of the broker's link serve a ground station behind the broker too. While one is connected,
+the messages that its instruments show are set to rates that a slow radio can carry, and messages
+that it has requested itself are left alone. When the last one has gone, these messages get their
+default rates, and the broker disables frequent ones as before.
 """
 
 import math
@@ -24,30 +29,29 @@ from mavlink_broker.microservices.command import (
     CommandTransaction,
 )
 from mavlink_broker.microservices.round_trip import RoundTrip
-from mavlink_broker.microservices.watched_rates import Watched
 
 
 class Stream(NamedTuple):
-    """A message that is wanted regularly."""
+    """A message that the broker requires, with its rate."""
 
     name: str
     message_id: int
     rate_hz: float
-    flows: bool = True  # Else a vehicle may do without, or need not tell it twice
+    is_periodic: bool = True  # False: optional, or one message is enough
 
     @property
-    def patience_s(self) -> float:
-        """Age from which on it is overdue: three lost ones, and a second for the link."""
+    def timeout_s(self) -> float:
+        """Age at which it is overdue: three periods and a second for the link."""
         return 3.0 / self.rate_hz + 1.0
 
     @property
     def request(self) -> CommandLong:
-        """The command that asks for it."""
+        """The command that sets its rate."""
         return set_interval(self.message_id, 1e6 / self.rate_hz)
 
 
 def set_interval(message_id: int, interval_us: float) -> CommandLong:
-    """SET_MESSAGE_INTERVAL(511), interval in microseconds; -1 turns the message off."""
+    """SET_MESSAGE_INTERVAL(511), interval in microseconds; -1 disables the message."""
     return CommandLong(
         command=mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
         parameters=(float(message_id), interval_us, 0.0, 0.0, 0.0, 0.0, 0.0),
@@ -61,18 +65,18 @@ STREAMS: Final = (
     Stream("ATTITUDE", mavlink.MAVLINK_MSG_ID_ATTITUDE, 5.0),
     Stream("SYS_STATUS", mavlink.MAVLINK_MSG_ID_SYS_STATUS, 1.0),
     Stream("BATTERY_STATUS", mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, 1.0),
-    Stream("HOME_POSITION", mavlink.MAVLINK_MSG_ID_HOME_POSITION, 0.5, flows=False),
-    Stream("SYSTEM_TIME", mavlink.MAVLINK_MSG_ID_SYSTEM_TIME, 0.5, flows=False),
-    Stream("ESTIMATOR_STATUS", mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS, 1.0, flows=False),
-    Stream("EKF_STATUS_REPORT", mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT, 1.0, flows=False),
-    Stream("FENCE_STATUS", mavlink.MAVLINK_MSG_ID_FENCE_STATUS, 1.0, flows=False),
-    Stream("HYGROMETER_SENSOR", mavlink.MAVLINK_MSG_ID_HYGROMETER_SENSOR, 1.0, flows=False),
-    Stream("NAMED_VALUE_FLOAT", mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT, 1.0, flows=False),
-    Stream("SCALED_PRESSURE", mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE, 0.5, flows=False),
-    Stream("WIND_COV", mavlink.MAVLINK_MSG_ID_WIND_COV, 0.5, flows=False),
-    Stream("WIND", mavlink.MAVLINK_MSG_ID_WIND, 0.5, flows=False),
+    Stream("HOME_POSITION", mavlink.MAVLINK_MSG_ID_HOME_POSITION, 0.5, is_periodic=False),
+    Stream("SYSTEM_TIME", mavlink.MAVLINK_MSG_ID_SYSTEM_TIME, 0.5, is_periodic=False),
+    Stream("ESTIMATOR_STATUS", mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS, 1.0, is_periodic=False),
+    Stream("EKF_STATUS_REPORT", mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT, 1.0, is_periodic=False),
+    Stream("FENCE_STATUS", mavlink.MAVLINK_MSG_ID_FENCE_STATUS, 1.0, is_periodic=False),
+    Stream("HYGROMETER_SENSOR", mavlink.MAVLINK_MSG_ID_HYGROMETER_SENSOR, 1.0, is_periodic=False),
+    Stream("NAMED_VALUE_FLOAT", mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT, 1.0, is_periodic=False),
+    Stream("SCALED_PRESSURE", mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE, 0.5, is_periodic=False),
+    Stream("WIND_COV", mavlink.MAVLINK_MSG_ID_WIND_COV, 0.5, is_periodic=False),
+    Stream("WIND", mavlink.MAVLINK_MSG_ID_WIND, 0.5, is_periodic=False),
 )
-"""What is wanted, the most urgent first; nothing that a slow radio could not carry."""
+"""Required messages, the most urgent first; a slow radio can carry all of them."""
 
 UNREAD: Final = {
     mavlink.mavlink_map[message_id].msgname: message_id
@@ -95,12 +99,12 @@ UNREAD: Final = {
         mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
     )
 }
-"""What is turned off when it is heard, the most frequent first, by name."""
-OFTEN_S: Final = 0.22
-"""What comes more rarely is let be: a ground station on the same radio may have asked for it."""
+"""Messages that are disabled when they are received, the most frequent first, by name."""
+UNREAD_MAX_INTERVAL_S: Final = 0.22
+"""Rarer messages are left alone: a ground station on the same radio may have requested them."""
 _OFF_US: Final = -1.0
 _NEWEST: Final = 0.2  # Weight of the newest interval: two that come together are no stream
-STOPS: Final = 2  # What comes back behind as many is asked for by somebody else on this link
+MAX_STOPS: Final = 2  # A message that returns more often is requested by another client
 
 _GROUPS: Final = (
     (mavlink.MAV_DATA_STREAM_EXTENDED_STATUS, 2),
@@ -110,22 +114,23 @@ _GROUPS: Final = (
 )
 """REQUEST_DATA_STREAM: MISSION_CURRENT and SYS_STATUS; position; attitude; battery; and rates."""
 
-ASK_AGAIN_S: Final = 10.0
+REQUEST_INTERVAL_S: Final = 10.0
 LONGEST_PAUSE_S: Final = 60.0
-"""What a vehicle does not have is asked for ever more rarely."""
+"""Longest pause; the pauses grow for a message that a vehicle does not send."""
 REFUSALS: Final = 2
-"""That many and nothing accepted: it does not know the command. PX4 refuses MISSION_CURRENT."""
-HOME_EVERY_S: Final = 1.0
-SINGLE_EVERY_S: Final = 1.5
-VERSION_EVERY_S: Final = 0.5
+"""After so many refusals and none accepted, the vehicle lacks the command. PX4 refuses it for
+MISSION_CURRENT."""
+HOME_INTERVAL_S: Final = 1.0
+SINGLE_INTERVAL_S: Final = 1.5
+VERSION_INTERVAL_S: Final = 0.5
 VERSION_ATTEMPTS: Final = 8
 
 
 class StreamRequests:
-    """Keeps the wanted messages of one vehicle coming.
+    """Keeps the required messages of one vehicle coming.
 
-    `turns_off`: what nobody here reads is turned off; not where others listen to the same link.
-    `observes`: no rate is changed at all; what does not come is asked for once at a time.
+    `turns_off`: unread messages are disabled; not if other clients use the same link.
+    `observes`: no rate is changed; missing messages are requested one at a time.
     """
 
     def __init__(
@@ -140,55 +145,57 @@ class StreamRequests:
         self.route = route
         self._round_trip = round_trip
         self._turns_off = turns_off
-        self._heard_at: dict[str, float] = {}
+        self._received_at: dict[str, float] = {}
         self._interval_s: dict[str, float] = {}
-        self._watched = Watched()
+        self._gcs_rates = GroundStationRates()
         self.renew()
 
     def renew(self) -> None:
-        """Ask for everything again: the vehicle has been restarted, or was long out of reach."""
-        self._heard_at.clear()
-        self._watched.renew()
-        self._asked_at: dict[str, float] = {}
+        """Set everything again: the vehicle has restarted, or its link was lost for long."""
+        self._received_at.clear()
+        self._gcs_rates.renew()
+        self._requested_at: dict[str, float] = {}
         self._pause_s: dict[str, float] = {}
         self._running: CommandTransaction | None = None
         self._accepted = self._refused = 0
-        self._asked_for = ""
-        self._lacks: set[str] = set()  # What it has said that it does not have
+        self._requested = ""
+        self._unsupported: set[str] = set()  # Messages that it has refused
         self._stops: dict[str, int] = {}
-        self._groups_at = -math.inf
-        self._home_asked_at: float | None = None
-        self._version_asked = 0
-        self._version_asked_at = -math.inf
+        self._groups_requested_at = -math.inf
+        self._home_requested_at: float | None = None
+        self._version_requests = 0
+        self._version_requested_at = -math.inf
 
-    def watch(self, asked_elsewhere: Collection[int] | None) -> None:
-        """Learn that ground stations watch, and what they have asked for; None: nobody does.
+    def watch(self, requested_by_gcs: Collection[int] | None) -> None:
+        """Take the message ids that ground stations have requested; None without one.
 
-        When the last one has gone the rates are set back: he may have had them faster.
+        When the last one has gone the rates are set again, because it may have raised them.
         """
-        if self._watched.update(asked_elsewhere) and not self._watched.by_somebody:
+        if self._gcs_rates.update(requested_by_gcs) and not self._gcs_rates.is_present:
             for stream in STREAMS:
-                self._asked_at.pop(stream.name, None)
+                self._requested_at.pop(stream.name, None)
 
     @property
     def is_version_settled(self) -> bool:
-        """Whether AUTOPILOT_VERSION has come, or has been asked for often enough."""
-        return self._version_asked > VERSION_ATTEMPTS
+        """Whether AUTOPILOT_VERSION was received or requested often enough."""
+        return self._version_requests > VERSION_ATTEMPTS
 
     def overdue(self, now: float) -> tuple[str, ...]:
-        """Names of the messages that were asked for and have not come in time."""
+        """Names of the required messages that are overdue."""
         return tuple(
-            stream.name for stream in STREAMS if stream.flows and self._is_overdue(stream, now)
+            stream.name
+            for stream in STREAMS
+            if stream.is_periodic and self._is_overdue(stream, now)
         )
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take a message or an answer."""
+        """Take a message of the vehicle."""
         name = message.get_type()
-        if name in _FOLLOWED:
-            mean_s = self._interval_s.get(name, ASK_AGAIN_S)
-            newest_s = min(now - self._heard_at.get(name, -math.inf), ASK_AGAIN_S)
+        if name in _TRACKED:
+            mean_s = self._interval_s.get(name, REQUEST_INTERVAL_S)
+            newest_s = min(now - self._received_at.get(name, -math.inf), REQUEST_INTERVAL_S)
             self._interval_s[name] = mean_s + _NEWEST * (newest_s - mean_s)
-            self._heard_at[name] = now
+            self._received_at[name] = now
             self._pause_s.pop(name, None)
         if self._running is None:
             return []
@@ -196,7 +203,7 @@ class StreamRequests:
         return self._next(now)
 
     def tick(self, now: float) -> list[Message]:
-        """Ask for what is missing; to be called only while the vehicle is heard."""
+        """Request what is missing; to be called only while the vehicle is received."""
         messages = [*self._home(now), *self._version(now)]
         if self._observes:
             return messages + self._single(now)
@@ -206,15 +213,15 @@ class StreamRequests:
         return messages + self._next(now)
 
     def _single(self, now: float) -> list[Message]:
-        """Ask once for each message that does not come by itself."""
+        """Request each missing message once."""
         messages = []
         for stream in STREAMS:
             last = max(
-                self._heard_at.get(stream.name, -math.inf),
-                self._asked_at.get(stream.name, -math.inf),
+                self._received_at.get(stream.name, -math.inf),
+                self._requested_at.get(stream.name, -math.inf),
             )
-            if now - last >= SINGLE_EVERY_S:
-                self._asked_at[stream.name] = now
+            if now - last >= SINGLE_INTERVAL_S:
+                self._requested_at[stream.name] = now
                 number = getattr(mavlink, f"MAVLINK_MSG_ID_{stream.name}")
                 messages.append(request_message(self.route, number))
         return messages
@@ -223,73 +230,79 @@ class StreamRequests:
         if self._running is not None:
             if self._running.outcome is None:
                 return []
-            self._note(self._running.outcome)
+            self._count_outcome(self._running.outcome)
         self._running = None
         for stream in STREAMS:
             if self._is_wanted(stream, now):
-                return self._ask(stream.name, stream.request, now)
+                return self._request(stream.name, stream.request, now)
         if not self._accepted:
             return []
-        if (shown := self._watched.take_next()) is not None:
-            message_id, interval_us = shown
+        if (request := self._gcs_rates.take_next()) is not None:
+            message_id, interval_us = request
             name = mavlink.mavlink_map[message_id].msgname
-            return self._ask(name, set_interval(message_id, interval_us), now)
+            return self._request(name, set_interval(message_id, interval_us), now)
         for name, message_id in UNREAD.items() if self._turns_off else ():
-            if self._is_to_stop(name, now) and not self._watched.keeps(message_id):
+            if self._is_to_disable(name, now) and not self._gcs_rates.keeps(message_id):
                 self._stops[name] = self._stops.get(name, 0) + 1
-                return self._ask(name, set_interval(message_id, _OFF_US), now)
+                return self._request(name, set_interval(message_id, _OFF_US), now)
         return []
 
-    def _note(self, outcome: CommandOutcome) -> None:
+    def _count_outcome(self, outcome: CommandOutcome) -> None:
         if isinstance(outcome, Accepted):
             self._accepted += 1
         else:
             self._refused += 1
-            self._lacks |= set() if outcome.result is None else {self._asked_for}
+            self._unsupported |= set() if outcome.result is None else {self._requested}
 
     @property
-    def _knows_no_intervals(self) -> bool:
+    def _lacks_set_message_interval(self) -> bool:
         return self._refused >= REFUSALS and self._accepted == 0
 
-    def _ask(self, name: str, request: CommandLong, now: float) -> list[Message]:
-        if name in self._asked_at:
-            pause_s = self._pause_s.get(name, ASK_AGAIN_S)
+    def _request(self, name: str, request: CommandLong, now: float) -> list[Message]:
+        if name in self._requested_at:
+            pause_s = self._pause_s.get(name, REQUEST_INTERVAL_S)
             self._pause_s[name] = min(2.0 * pause_s, LONGEST_PAUSE_S)
-        self._asked_at[name], self._asked_for = now, name
+        self._requested_at[name], self._requested = now, name
         self._running = CommandTransaction(request, self.route, self._round_trip)
         return self._running.start(now)
 
     def _is_wanted(self, stream: Stream, now: float) -> bool:
-        asked_at = self._asked_at.get(stream.name)
-        if asked_at is None:
-            return not self._knows_no_intervals or self._is_overdue(stream, now)
-        pause_s = self._pause_s.get(stream.name, ASK_AGAIN_S)
-        if stream.name in self._lacks and not stream.flows:
+        requested_at = self._requested_at.get(stream.name)
+        if requested_at is None:
+            return not self._lacks_set_message_interval or self._is_overdue(stream, now)
+        pause_s = self._pause_s.get(stream.name, REQUEST_INTERVAL_S)
+        if stream.name in self._unsupported and not stream.is_periodic:
             return False
-        if self._knows_no_intervals:
+        if self._lacks_set_message_interval:
             pause_s = LONGEST_PAUSE_S
-        return self._is_overdue(stream, now) and now - asked_at > pause_s
+        return self._is_overdue(stream, now) and now - requested_at > pause_s
 
     def _is_overdue(self, stream: Stream, now: float) -> bool:
-        last = self._heard_at.get(stream.name, self._asked_at.get(stream.name))
+        last = self._received_at.get(stream.name, self._requested_at.get(stream.name))
         if last is None:
-            last = self._groups_at
-        return now - last > stream.patience_s
+            last = self._groups_requested_at
+        return now - last > stream.timeout_s
 
-    def _is_to_stop(self, name: str, now: float) -> bool:
-        """Whether an unread message comes often, and no request to stop it is under way."""
-        asked_at = self._asked_at.get(name, -math.inf)
-        is_news = self._heard_at.get(name, -math.inf) > asked_at and now - asked_at > ASK_AGAIN_S
-        is_ours = self._stops.get(name, 0) < STOPS
-        return is_news and is_ours and self._interval_s[name] < OFTEN_S
+    def _is_to_disable(self, name: str, now: float) -> bool:
+        """Whether an unread message is frequent, and no request to disable it is pending."""
+        requested_at = self._requested_at.get(name, -math.inf)
+        is_new = (
+            self._received_at.get(name, -math.inf) > requested_at
+            and now - requested_at > REQUEST_INTERVAL_S
+        )
+        may_stop = self._stops.get(name, 0) < MAX_STOPS
+        return is_new and may_stop and self._interval_s[name] < UNREAD_MAX_INTERVAL_S
 
     def _by_groups(self, now: float) -> list[Message]:
-        """Ask an autopilot of the older kind, as long as something is missing."""
-        if not self._knows_no_intervals or now - self._groups_at <= ASK_AGAIN_S:
+        """Request groups of an old autopilot while something is missing."""
+        if (
+            not self._lacks_set_message_interval
+            or now - self._groups_requested_at <= REQUEST_INTERVAL_S
+        ):
             return []
         if not self.overdue(now):
             return []
-        self._groups_at = now
+        self._groups_requested_at = now
         target = self.route.target_system, self.route.target_component
         return [
             mavlink.MAVLink_request_data_stream_message(*target, group, rate_hz, 1)
@@ -297,26 +310,26 @@ class StreamRequests:
         ]
 
     def _home(self, now: float) -> list[Message]:
-        if "HOME_POSITION" in self._heard_at:
+        if "HOME_POSITION" in self._received_at:
             return []
-        if self._home_asked_at is not None and now - self._home_asked_at < HOME_EVERY_S:
+        if self._home_requested_at is not None and now - self._home_requested_at < HOME_INTERVAL_S:
             return []
-        self._home_asked_at = now
+        self._home_requested_at = now
         return [request_message(self.route, mavlink.MAVLINK_MSG_ID_HOME_POSITION)]
 
     def _version(self, now: float) -> list[Message]:
-        if "AUTOPILOT_VERSION" in self._heard_at:
-            self._version_asked = VERSION_ATTEMPTS + 1
-        if self.is_version_settled or now - self._version_asked_at < VERSION_EVERY_S:
+        if "AUTOPILOT_VERSION" in self._received_at:
+            self._version_requests = VERSION_ATTEMPTS + 1
+        if self.is_version_settled or now - self._version_requested_at < VERSION_INTERVAL_S:
             return []
-        self._version_asked += 1
-        self._version_asked_at = now
-        if self._version_asked > VERSION_ATTEMPTS:
+        self._version_requests += 1
+        self._version_requested_at = now
+        if self._version_requests > VERSION_ATTEMPTS:
             return []
         return [request_message(self.route, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)]
 
 
-_FOLLOWED: Final = frozenset({*(stream.name for stream in STREAMS), *UNREAD, "AUTOPILOT_VERSION"})
+_TRACKED: Final = frozenset({*(stream.name for stream in STREAMS), *UNREAD, "AUTOPILOT_VERSION"})
 
 
 def request_message(route: Route, message_id: int) -> Message:
@@ -325,3 +338,65 @@ def request_message(route: Route, message_id: int) -> Message:
         command=mavlink.MAV_CMD_REQUEST_MESSAGE,
         parameters=(float(message_id), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     ).message(route, 0)
+
+
+GCS_RATES_HZ: Final = {
+    mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: 1.0,
+    mavlink.MAVLINK_MSG_ID_VFR_HUD: 4.0,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: 5.0,
+    mavlink.MAVLINK_MSG_ID_ALTITUDE: 1.0,
+    mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 2.0,
+    mavlink.MAVLINK_MSG_ID_RC_CHANNELS: 1.0,
+    mavlink.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT: 1.0,
+    mavlink.MAVLINK_MSG_ID_GIMBAL_DEVICE_ATTITUDE_STATUS: 2.0,
+    mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR: 1.0,
+}
+"""By message id, the most important first: some 800 bytes a second together."""
+DEFAULT_RATE_US: Final = 0.0
+"""Interval of SET_MESSAGE_INTERVAL that stands for the vehicle's default rate."""
+
+
+class GroundStationRates:
+    """Rates for connected ground stations: what they have requested, what is still to be set."""
+
+    def __init__(self) -> None:
+        self._requested_by_gcs: Collection[int] | None = None
+        self._waiting: list[int] = []
+        self._set_for_gcs: set[int] = set()
+
+    @property
+    def is_present(self) -> bool:
+        """Whether a ground station is connected."""
+        return self._requested_by_gcs is not None
+
+    def update(self, requested_by_gcs: Collection[int] | None) -> bool:
+        """Take what ground stations have requested, None without one; true if that has changed."""
+        was_present = self.is_present
+        self._requested_by_gcs = requested_by_gcs
+        if self.is_present and not was_present:
+            self.renew()
+        elif was_present and not self.is_present:
+            self._waiting = sorted(self._set_for_gcs)
+        return self.is_present != was_present
+
+    def renew(self) -> None:
+        """Set everything again: the vehicle has restarted."""
+        self._waiting = list(GCS_RATES_HZ) if self.is_present else []
+        self._set_for_gcs = set()
+
+    def take_next(self) -> tuple[int, float] | None:
+        """Return the next message to set and its interval [us]."""
+        while self._waiting:
+            message_id = self._waiting.pop(0)
+            if self._requested_by_gcs is None:
+                return message_id, DEFAULT_RATE_US
+            if message_id not in self._requested_by_gcs:
+                self._set_for_gcs.add(message_id)
+                return message_id, 1e6 / GCS_RATES_HZ[message_id]
+        return None
+
+    def keeps(self, message_id: int) -> bool:
+        """Whether a message must not be disabled."""
+        if self._requested_by_gcs is None:
+            return False
+        return message_id in GCS_RATES_HZ or message_id in self._requested_by_gcs

@@ -1,11 +1,11 @@
-"""Removes a plan (mission, fence or rally points) from a vehicle, and hears it say so."""
+"""Clears a plan (mission, geofence or rally points) of a vehicle and waits for its answer."""
 
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from mavlink_broker.mavlink.addressing import Route
 from mavlink_broker.mavlink.dialect import MISSION_RESULT_NAMES, Message, mavlink
-from mavlink_broker.microservices.plan_kinds import PLAN_NAMES
+from mavlink_broker.microservices.mission_protocol import PLAN_NAMES
 from mavlink_broker.microservices.round_trip import RoundTrip
 
 ATTEMPTS: Final = 10
@@ -15,12 +15,12 @@ _BUSY: Final = frozenset({mavlink.MAV_MISSION_ERROR, mavlink.MAV_MISSION_DENIED}
 
 @dataclass(frozen=True, slots=True)
 class Cleared:
-    """The vehicle says that it holds none any more."""
+    """The vehicle has confirmed that it holds none."""
 
 
 @dataclass(frozen=True, slots=True)
 class NotCleared:
-    """It refused, or never answered."""
+    """The vehicle has refused, or has not answered."""
 
     reason: str
 
@@ -45,7 +45,7 @@ class MissionClear:
         self.outcome: ClearOutcome | None = None
 
     def start(self, now: float) -> list[Message]:
-        """Ask for it."""
+        """Send the request."""
         self._attempts += 1
         self._pausing = False
         self._deadline = now + self._round_trip.timeout_s
@@ -53,7 +53,7 @@ class MissionClear:
         return [mavlink.MAVLink_mission_clear_all_message(*target, self._type)]
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take the acknowledgement; a vehicle that is busy is asked again."""
+        """Take the acknowledgement; a busy vehicle is retried."""
         if self.outcome is not None or self._pausing or not self._is_answer(message):
             return []
         if message.type == mavlink.MAV_MISSION_ACCEPTED:
@@ -64,7 +64,7 @@ class MissionClear:
             self._pausing, self._attempts = True, 0
             self._deadline = now + self._busy_pause_s
         else:
-            self._give_up(MISSION_RESULT_NAMES.get(message.type, str(message.type)))
+            self._fail(MISSION_RESULT_NAMES.get(message.type, str(message.type)))
         return []
 
     def tick(self, now: float) -> list[Message]:
@@ -72,7 +72,7 @@ class MissionClear:
         if self.outcome is not None or now < self._deadline:
             return []
         if self._attempts >= ATTEMPTS:
-            self._give_up("no answer")
+            self._fail("no answer")
             return []
         return self.start(now)
 
@@ -83,5 +83,5 @@ class MissionClear:
             and self._route.is_for_us(message)
         )
 
-    def _give_up(self, why: str) -> None:
+    def _fail(self, why: str) -> None:
         self.outcome = NotCleared(f"{PLAN_NAMES[self._type]} could not be removed: {why}")

@@ -1,7 +1,7 @@
-"""Reads a plan (mission, fence or rally points) that a vehicle holds.
+"""Downloads a plan (mission, geofence or rally points) of a vehicle.
 
-One request is outstanding, and is repeated until it is answered: many vehicles break off a
-download at the first request that they do not expect.
+One request is outstanding and is repeated until it is answered: many vehicles abort a download at
+the first request that they do not expect.
 """
 
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from typing import Final, TypeAlias
 
 from mavlink_broker.mavlink.addressing import Route
 from mavlink_broker.mavlink.dialect import MISSION_RESULT_NAMES, Message, MissionAck, mavlink
-from mavlink_broker.microservices.plan_kinds import PLAN_NAMES
+from mavlink_broker.microservices.mission_protocol import PLAN_NAMES
 from mavlink_broker.microservices.round_trip import RoundTrip
 
 ATTEMPTS: Final = 10
@@ -19,14 +19,14 @@ PAUSE_S: Final = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Downloaded:
-    """The items as the vehicle gave them, in order: MISSION_ITEM_INT, or MISSION_ITEM."""
+    """The items as received, in order: MISSION_ITEM_INT, or MISSION_ITEM."""
 
     items: tuple[Message, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class NotDownloaded:
-    """The vehicle would not tell."""
+    """The vehicle has refused, or has not answered."""
 
     reason: str
 
@@ -35,7 +35,7 @@ DownloadOutcome: TypeAlias = Downloaded | NotDownloaded
 
 
 class MissionDownload:
-    """One plan on its way from one vehicle; `as_floats` if it knows no integer items."""
+    """One download; `as_floats` if the vehicle supports no integer items."""
 
     def __init__(
         self,
@@ -57,11 +57,11 @@ class MissionDownload:
         self._sent_at = 0.0
         self._deadline = 0.0
         self._pausing = False
-        self._complaint = "no answer"
+        self._last_error = "no answer"
         self.outcome: DownloadOutcome | None = None
 
     def start(self, now: float) -> list[Message]:
-        """Ask for the count."""
+        """Request the count."""
         self._transfers += 1
         self._count = None
         self._items = []
@@ -70,8 +70,8 @@ class MissionDownload:
         return self._ask(now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take the count, an item or a refusal; everything else is ignored."""
-        if self.outcome is not None or self._pausing or not self._is_ours(message):
+        """Take the count, an item or a refusal; other messages are ignored."""
+        if self.outcome is not None or self._pausing or not self._is_for_us(message):
             return []
         match message.get_type():
             case "MISSION_COUNT" if self._count is None:
@@ -83,7 +83,7 @@ class MissionDownload:
                 self._items.append(message)
                 return self._answered(now)
             case "MISSION_ACK" if message.type != mavlink.MAV_MISSION_ACCEPTED:
-                self._complaint = MISSION_RESULT_NAMES.get(message.type, str(message.type))
+                self._last_error = MISSION_RESULT_NAMES.get(message.type, str(message.type))
                 self._pause(now)
         return []
 
@@ -98,7 +98,7 @@ class MissionDownload:
         self._pause(now)
         return []
 
-    def _is_ours(self, message: Message) -> bool:
+    def _is_for_us(self, message: Message) -> bool:
         same_type = getattr(message, "mission_type", 0) == self._type
         return same_type and self._route.is_for_us(message)
 
@@ -127,7 +127,7 @@ class MissionDownload:
     def _pause(self, now: float) -> None:
         if self._transfers >= TRANSFERS:
             self.outcome = NotDownloaded(
-                f"{PLAN_NAMES[self._type]} could not be read back: {self._complaint}"
+                f"{PLAN_NAMES[self._type]} could not be read back: {self._last_error}"
             )
             return
         self._pausing = True

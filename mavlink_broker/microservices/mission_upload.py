@@ -1,18 +1,18 @@
-"""Puts a plan (mission, fence, rally points) onto a vehicle over a link that loses and repeats.
+"""Uploads a plan (mission, geofence or rally points) over a link that loses and repeats.
 
-The vehicle leads: we announce the count, it requests items, it acknowledges. Requests are
-answered statelessly, any number of times. What heals which loss:
+The broker announces the count, the vehicle requests the items and acknowledges. Requests are
+answered without state, any number of times. Recovery from losses:
 
     count or first request lost   the count is repeated
-    request or item lost          the vehicle requests again; nothing is sent unasked
-    final acknowledgement lost    the last item is repeated, which makes the vehicle repeat it
-    transfer given up or refused as busy   begun again, after a pause that doubles
+    request or item lost          the vehicle repeats its request
+    final acknowledgement lost    the last item is repeated, and the vehicle repeats the answer
+    transfer aborted or refused as busy   a new transfer starts, after a pause that doubles
 
-A vehicle that goes on asking is alive, however often it asks for the same item; one that is
-silent, or asks for one item without end, has given up.
+A transfer continues as long as the vehicle requests items. It has failed when the vehicle is
+silent, or requests the same item more often than losses explain.
 
-An acknowledgement counts only after every item was requested. Even then the outcome is no more
-than a claim: the caller verifies what the vehicle holds.
+An acknowledgement counts only after every item was requested. The caller then verifies what the
+vehicle holds.
 """
 
 from collections.abc import Sequence
@@ -22,8 +22,7 @@ from typing import Final, TypeAlias
 
 from mavlink_broker.mavlink.addressing import Route
 from mavlink_broker.mavlink.dialect import MISSION_RESULT_NAMES, Message, MissionCount, mavlink
-from mavlink_broker.microservices.float_items import in_floats
-from mavlink_broker.microservices.plan_kinds import PLAN_NAMES
+from mavlink_broker.microservices.mission_protocol import PLAN_NAMES, to_float_item
 from mavlink_broker.microservices.round_trip import RoundTrip
 
 COUNT_ATTEMPTS: Final = 8
@@ -31,13 +30,13 @@ LAST_ITEM_ATTEMPTS: Final = 6
 TRANSFERS: Final = 4
 STALLED_AFTER_S: Final = 5.0
 MOST_REPETITIONS: Final = 60
-"""Of one request: at 30 % loss each way nobody asks so often who can hear the answer."""
+"""Of one request: more than 30 % loss each way would cause."""
 FIRST_PAUSE_S: Final = 1.0
 
 _REQUESTS: Final = frozenset({"MISSION_REQUEST", "MISSION_REQUEST_INT"})
 _BUSY: Final = frozenset({mavlink.MAV_MISSION_ERROR, mavlink.MAV_MISSION_DENIED})
 _TRANSIENT: Final = frozenset({mavlink.MAV_MISSION_ERROR, mavlink.MAV_MISSION_INVALID_SEQUENCE})
-"""What some vehicles answer to a repeated item although the transfer goes on, or is complete."""
+"""Answers of some vehicles to a repeated item although the transfer continues or is complete."""
 _UNSUPPORTED: Final = frozenset(
     {
         mavlink.MAV_MISSION_UNSUPPORTED,
@@ -46,28 +45,28 @@ _UNSUPPORTED: Final = frozenset(
         *range(mavlink.MAV_MISSION_INVALID_PARAM1, mavlink.MAV_MISSION_INVALID_PARAM7 + 1),
     }
 )
-"""What a vehicle answers to a command that it does not know as an item, or not so."""
+"""Answers to an item whose command or parameters the vehicle does not support."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stored:
-    """The vehicle says that it holds the mission, under this id (0: it gives none)."""
+    """The vehicle has acknowledged the plan with this id; 0 if it has none."""
 
     opaque_id: int
 
 
 @dataclass(frozen=True, slots=True)
 class Uncertain:
-    """Every item was sent and the final word is missing: only reading back can tell."""
+    """Every item was sent and the acknowledgement is missing: the plan must be read back."""
 
 
 @dataclass(frozen=True, slots=True)
 class NotStored:
-    """The vehicle refused the mission, at this item as far as one can tell, or was not there."""
+    """The vehicle has refused the plan or has not answered; `item` is the last one requested."""
 
     reason: str
     item: int | None = None
-    is_unsupported: bool = False  # It knows no such item, or not with such parameters
+    is_unsupported: bool = False  # It does not support such an item or its parameters
     is_too_long: bool = False  # It has no space for so many items
 
 
@@ -75,14 +74,14 @@ UploadOutcome: TypeAlias = Stored | Uncertain | NotStored
 
 
 class _Phase(Enum):
-    COUNTING = auto()  # Announced, no request yet
+    COUNTING = auto()  # Count sent, no request yet
     SENDING = auto()  # Items are being requested
     CLOSING = auto()  # Every item was requested, no acknowledgement yet
-    PAUSING = auto()  # Waiting to begin again
+    PAUSING = auto()  # Waits before the next transfer
 
 
 class MissionUpload:
-    """One mission on its way to one vehicle."""
+    """One upload to one vehicle."""
 
     def __init__(
         self,
@@ -94,16 +93,16 @@ class MissionUpload:
         mission_type: int = mavlink.MAV_MISSION_TYPE_MISSION,
         as_floats: bool = False,
     ) -> None:
-        """Begin with nothing sent.
+        """Prepare an upload.
 
         Args:
             items: MISSION_ITEM_INT messages in order, of that mission type.
-            route: From whom to whom.
-            round_trip: Estimate of the link.
-            busy_pause_s: Pause [s] after the vehicle has said that it is busy.
+            route: Source and target ids.
+            round_trip: Estimate of the link's round trip.
+            busy_pause_s: Pause [s] after the vehicle has answered that it is busy.
             mission_type: MAV_MISSION_TYPE.
-            as_floats: The vehicle knows no integer items: what it asks for by MISSION_REQUEST(40)
-                it gets as MISSION_ITEM(39).
+            as_floats: The vehicle supports no integer items: MISSION_REQUEST(40) is answered by
+                MISSION_ITEM(39).
         """
         self._items = items
         self._type = mission_type
@@ -119,41 +118,41 @@ class MissionUpload:
         self._requested: set[int] = set()
         self._last_requested: int | None = None
         self._repetitions = 0
-        self._complaint = "no answer to MISSION_COUNT"
-        self._refused = False  # The complaint is the vehicle's own
+        self._last_error = "no answer to MISSION_COUNT"
+        self._is_refused_by_vehicle = False  # The complaint is the vehicle's own
         self.outcome: UploadOutcome | None = None
 
     def start(self, now: float) -> list[Message]:
-        """Announce the mission."""
+        """Announce the count."""
         self._transfers += 1
         self._attempts = 0
         self._requested.clear()
         self._last_requested = None
-        self._refused = False
+        self._is_refused_by_vehicle = False
         self._phase = _Phase.COUNTING
         return self._count(now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take a request or an acknowledgement; everything else is ignored."""
-        if self.outcome is not None or not self._is_ours(message):
+        """Take a request or an acknowledgement; other messages are ignored."""
+        if self.outcome is not None or not self._is_for_us(message):
             return []
         if message.get_type() in _REQUESTS:
             wants_float = self._as_floats and message.get_type() == "MISSION_REQUEST"
-            return [in_floats(i) if wants_float else i for i in self._answer(message.seq, now)]
+            return [to_float_item(i) if wants_float else i for i in self._answer(message.seq, now)]
         if message.get_type() == "MISSION_ACK":
             self._acknowledged(message, now)
         return []
 
     def tick(self, now: float) -> list[Message]:
-        """Repeat or begin again what is overdue."""
+        """Repeat or restart what is overdue."""
         if self.outcome is not None or now < self._deadline:
             return []
         match self._phase:
             case _Phase.COUNTING:
                 return self._repeat_count(now)
             case _Phase.SENDING:
-                if not self._refused:
-                    self._complaint = f"item {self._last_requested} was the last one requested"
+                if not self._is_refused_by_vehicle:
+                    self._last_error = f"item {self._last_requested} was the last one requested"
                 self._pause(FIRST_PAUSE_S * 2 ** (self._transfers - 1), now)
                 return []
             case _Phase.CLOSING:
@@ -161,7 +160,7 @@ class MissionUpload:
             case _Phase.PAUSING:
                 return self.start(now)
 
-    def _is_ours(self, message: Message) -> bool:
+    def _is_for_us(self, message: Message) -> bool:
         same_type = getattr(message, "mission_type", 0) == self._type
         return same_type and self._route.is_for_us(message)
 
@@ -179,11 +178,11 @@ class MissionUpload:
         return []
 
     def _answer(self, seq: int, now: float) -> list[Message]:
-        """Give the item that was asked for, any number of times."""
+        """Return the requested item, any number of times."""
         if seq >= len(self._items):
             return []
         if self._phase is _Phase.PAUSING and seq in self._requested:
-            return [self._items[seq]]  # No progress: it is begun again all the same
+            return [self._items[seq]]  # No progress: the transfer restarts nevertheless
         if seq not in self._requested:
             self._sample(now)
             self._requested.add(seq)
@@ -221,8 +220,8 @@ class MissionUpload:
             if complete:
                 self.outcome = Stored(getattr(message, "opaque_id", 0))
             return
-        self._complaint = MISSION_RESULT_NAMES.get(result, f"MAV_MISSION_RESULT {result}")
-        self._refused = True
+        self._last_error = MISSION_RESULT_NAMES.get(result, f"MAV_MISSION_RESULT {result}")
+        self._is_refused_by_vehicle = True
         if self._phase is _Phase.PAUSING:
             return
         if result == mavlink.MAV_MISSION_OPERATION_CANCELLED:
@@ -235,7 +234,7 @@ class MissionUpload:
             is_too_long = result == mavlink.MAV_MISSION_NO_SPACE
             size = f" for {len(self._items)} items" if is_too_long else ""
             self.outcome = NotStored(
-                f"{PLAN_NAMES[self._type]} refused: {self._complaint}{size}",
+                f"{PLAN_NAMES[self._type]} refused: {self._last_error}{size}",
                 self._last_requested,
                 is_unsupported=result in _UNSUPPORTED,
                 is_too_long=is_too_long,
@@ -244,7 +243,7 @@ class MissionUpload:
     def _pause(self, seconds: float, now: float) -> None:
         if self._transfers >= TRANSFERS:
             self.outcome = NotStored(
-                f"{PLAN_NAMES[self._type]} upload failed {TRANSFERS} times: {self._complaint}",
+                f"{PLAN_NAMES[self._type]} upload failed {TRANSFERS} times: {self._last_error}",
                 self._last_requested,
             )
             return

@@ -1,7 +1,7 @@
-"""Makes sure that the vehicle holds the plan that was meant, before it may fly.
+"""Verifies before a flight that the vehicle holds the uploaded plan.
 
-The short way: the id of the final acknowledgement is the one that MISSION_CURRENT now tells.
-The long way, for vehicles without ids and for uncertain uploads: read back and compare.
+MISSION_CURRENT must report the id of the acknowledgement. For vehicles without ids and for
+uncertain uploads, the plan is read back and compared.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,36 +12,36 @@ from mavlink_broker.mavlink.addressing import Route
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.microservices.message_rates import request_message
 from mavlink_broker.microservices.mission_download import Downloaded, MissionDownload, NotDownloaded
-from mavlink_broker.microservices.plan_kinds import ID_NAMES
+from mavlink_broker.microservices.mission_protocol import ID_NAMES
 from mavlink_broker.microservices.round_trip import RoundTrip
 
 ID_ATTEMPTS: Final = 6
 
 Comparison: TypeAlias = Callable[[Sequence[Message]], str | None]
-"""Gives the first difference from the mission that was meant, or None."""
+"""Returns the first difference from the uploaded plan, or None."""
 
 
 @dataclass(frozen=True, slots=True)
 class Verified:
-    """The vehicle holds exactly the mission that was meant."""
+    """The vehicle holds exactly the uploaded plan."""
 
 
 @dataclass(frozen=True, slots=True)
 class Different:
-    """It holds something else."""
+    """The vehicle holds another plan."""
 
     reason: str
 
 
-class Untold(Different):
-    """It does not tell; the link may be away."""
+class ReadBackFailed(Different):
+    """The plan could not be read back; the link may be lost."""
 
 
 VerifyOutcome: TypeAlias = Verified | Different
 
 
 class MissionVerify:
-    """One verification; `opaque_id` is that of the acknowledgement, 0 where there was none."""
+    """One verification; `opaque_id` is that of the acknowledgement, 0 without one."""
 
     def __init__(
         self,
@@ -65,31 +65,31 @@ class MissionVerify:
         self.outcome: VerifyOutcome | None = None
 
     def start(self, now: float) -> list[Message]:
-        """Ask for the id, or for the items at once where there are no ids."""
-        return self._ask_for_id(now) if self._opaque_id else self._read_back(now)
+        """Request the id, or the items if there is no id."""
+        return self._request_id(now) if self._opaque_id else self._read_back(now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
-        """Take what the vehicle tells about its mission."""
+        """Take a message of the mission protocol."""
         if self.outcome is not None:
             return []
         if self._download is not None:
             return [*self._download.receive(message, now), *self._compare()]
-        is_told = message.get_type() == "MISSION_CURRENT"
-        if is_told and getattr(message, ID_NAMES[self._type]) == self._opaque_id:
+        is_current = message.get_type() == "MISSION_CURRENT"
+        if is_current and getattr(message, ID_NAMES[self._type]) == self._opaque_id:
             self.outcome = Verified()
         return []
 
     def tick(self, now: float) -> list[Message]:
-        """Repeat what is overdue; a vehicle that never tells the right id is read back."""
+        """Repeat what is overdue; without the right id the plan is read back."""
         if self.outcome is not None:
             return []
         if self._download is not None:
             return [*self._download.tick(now), *self._compare()]
         if now < self._deadline:
             return []
-        return self._ask_for_id(now) if self._attempts < ID_ATTEMPTS else self._read_back(now)
+        return self._request_id(now) if self._attempts < ID_ATTEMPTS else self._read_back(now)
 
-    def _ask_for_id(self, now: float) -> list[Message]:
+    def _request_id(self, now: float) -> list[Message]:
         self._attempts += 1
         self._deadline = now + self._round_trip.timeout_s
         return [request_message(self._route, mavlink.MAVLINK_MSG_ID_MISSION_CURRENT)]
@@ -106,7 +106,7 @@ class MissionVerify:
                 difference = self._difference(items)
                 self.outcome = Different(difference) if difference else Verified()
             case NotDownloaded(reason):
-                self.outcome = Untold(reason)
+                self.outcome = ReadBackFailed(reason)
             case _:
                 pass
         return []

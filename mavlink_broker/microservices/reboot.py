@@ -1,10 +1,9 @@
-"""Notices that a vehicle was restarted: its time since boot goes back.
+"""Detects a reboot of a vehicle: its time since boot goes back.
 
-What looks alike and is none: frames that overtake one another; frames that a modem kept back and
-sends late, some seconds of them in a row; messages whose clocks differ by some seconds, which is
-why every kind is followed by itself; and the counter's end, 2^32 ms after 49.7 days, behind which
-it begins at 0 and goes on. How fast the clock runs is nobody's concern here: a simulated one may
-run at any speed.
+These are not reboots: frames that overtake one another; frames that a radio has delayed, some
+seconds of them in a row; messages whose clocks differ by some seconds, which is why each kind of
+message is tracked separately; and the overflow of the counter at 2^32 ms, after 49.7 days. The
+speed of the clock does not matter: a simulated one may run at any speed.
 """
 
 import math
@@ -12,14 +11,14 @@ from dataclasses import dataclass
 from typing import Final
 
 TOLERANCE_MS: Final = 1000
-"""Frames that overtake one another make small steps back."""
+"""Frames that overtake one another step back by less."""
 CONFIRMATIONS: Final = 3
-"""A single late frame proves nothing; a restarted vehicle goes on counting from zero."""
+"""One late frame proves nothing; a rebooted vehicle continues to count from zero."""
 SILENCE_S: Final = 2.0
-"""After which any step back is believed: a vehicle may have been switched off meanwhile."""
+"""After this silence any step back counts: the vehicle may have been switched off."""
 FAR_BACK_MS: Final = 30_000
-"""Without a silence: farther back than anything is kept back."""
-KINDS_KEPT: Final = 64
+"""Step back that counts without a silence: no radio delays frames for so long."""
+MESSAGES_KEPT: Final = 64
 _COUNTER: Final = 1 << 32
 _NEAR_THE_END_MS: Final = 600_000
 
@@ -29,36 +28,36 @@ class _Clock:
     """The clock of one kind of message."""
 
     newest_ms: int
-    heard_at: float
+    received_at: float
     behind: int = 0
     was_silent: bool = False  # Before it went back
 
 
-class RebootWatch:
+class RebootMonitor:
     """Follows `time_boot_ms` of one vehicle."""
 
     def __init__(self) -> None:
         self._clocks: dict[str, _Clock] = {}
-        self.judged_at = -math.inf  # When a time was last seen to go on, or a restart was proved
+        self.confirmed_at = -math.inf  # When the clock last went on, or a reboot was detected
 
     def sample(self, kind: str, time_boot_ms: int, now: float) -> bool:
-        """Take a time since boot of a kind of message; true when it proves a restart."""
+        """Take a time since boot of a kind of message; true when it proves a reboot."""
         clock = self._clocks.get(kind)
         if clock is None:
-            if len(self._clocks) < KINDS_KEPT:
+            if len(self._clocks) < MESSAGES_KEPT:
                 self._clocks[kind] = _Clock(time_boot_ms, now)
             return False
-        gap_s, clock.heard_at = now - clock.heard_at, now
+        gap_s, clock.received_at = now - clock.received_at, now
         if time_boot_ms >= clock.newest_ms or _has_wrapped(clock.newest_ms, time_boot_ms):
             clock.newest_ms, clock.behind, clock.was_silent = time_boot_ms, 0, False
-            self.judged_at = now
+            self.confirmed_at = now
         else:
             clock.was_silent |= gap_s >= SILENCE_S
             clock.behind += _is_suspicious(clock, time_boot_ms)
         if clock.behind < CONFIRMATIONS:
             return False
         self._clocks = {kind: _Clock(time_boot_ms, now)}
-        self.judged_at = now
+        self.confirmed_at = now
         return True
 
 

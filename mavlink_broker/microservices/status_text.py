@@ -1,7 +1,7 @@
-"""Collects what a vehicle says to its operator, long sentences put together from their parts.
+"""Collects STATUSTEXTs of a vehicle and joins the chunks of long ones.
 
-A text of more than 50 bytes comes in numbered chunks under a common id. Chunks may be lost; what
-has arrived is better than nothing, with three dots for what has not.
+A text of more than 50 bytes is sent in numbered chunks with a common id. Three dots stand for lost
+chunks.
 """
 
 from collections import deque
@@ -11,17 +11,17 @@ from typing import Final
 from mavlink_broker.mavlink.dialect import Message, mavlink
 
 KEPT: Final = 16
-TOLD: Final = 3
-"""Complaints that go into one report: the first is often the reason of the last."""
-SENTENCE_WITHIN_S: Final = 10.0
-"""After which the same id means another sentence."""
+MAX_REPORTED: Final = 3
+"""Texts in one report: the first is often the cause of the last."""
+CHUNK_TIMEOUT_S: Final = 10.0
+"""After this time the same id means another text."""
 _GAP: Final = "..."
 
 
 @dataclass(slots=True)
-class _Sentence:
+class _Text:
     time: float
-    identifier: int  # 0: it came whole
+    identifier: int  # 0: sent in one chunk
     chunks: dict[int, str] = field(default_factory=dict)
 
     @property
@@ -31,39 +31,39 @@ class _Sentence:
 
 
 class StatusTexts:
-    """The latest complaints of one vehicle: STATUSTEXT of warning severity or worse."""
+    """The latest STATUSTEXTs of one vehicle with severity WARNING or worse."""
 
     def __init__(self) -> None:
-        self._sentences: deque[_Sentence] = deque(maxlen=KEPT)
+        self._texts: deque[_Text] = deque(maxlen=KEPT)
 
     def receive(self, message: Message, now: float) -> None:
-        """Take a STATUSTEXT; everything else is ignored."""
+        """Take a STATUSTEXT; other messages are ignored."""
         if message.get_type() != "STATUSTEXT" or message.severity > mavlink.MAV_SEVERITY_WARNING:
             return
-        sentence = self._open(message.id, now)
-        if sentence is None:
-            sentence = _Sentence(now, message.id)
-            self._sentences.append(sentence)
-        sentence.chunks[message.chunk_seq] = message.text
+        entry = self._open(message.id, now)
+        if entry is None:
+            entry = _Text(now, message.id)
+            self._texts.append(entry)
+        entry.chunks[message.chunk_seq] = message.text
 
     def since(self, time: float) -> list[str]:
-        """Give the latest different complaints since a time, in their order."""
-        texts = [sentence.text for sentence in self._sentences if sentence.time >= time]
+        """Return the latest different texts since a time, in their order."""
+        texts = [entry.text for entry in self._texts if entry.time >= time]
         different = dict.fromkeys(text for text in texts if text)
-        return list(different)[-TOLD:]
+        return list(different)[-MAX_REPORTED:]
 
     def clear(self) -> None:
         """Forget everything."""
-        self._sentences.clear()
+        self._texts.clear()
 
-    def _open(self, identifier: int, now: float) -> _Sentence | None:
+    def _open(self, identifier: int, now: float) -> _Text | None:
         if identifier == 0:
             return None
         return next(
             (
-                sentence
-                for sentence in self._sentences
-                if sentence.identifier == identifier and now - sentence.time < SENTENCE_WITHIN_S
+                entry
+                for entry in self._texts
+                if entry.identifier == identifier and now - entry.time < CHUNK_TIMEOUT_S
             ),
             None,
         )

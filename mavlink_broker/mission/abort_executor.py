@@ -1,54 +1,78 @@
-"""What is flown after an event has ended a mission: land, go somewhere, come home.
+"""What the vehicle flies after an event has ended a mission: land, go to a place, return.
 
     on the ground        disarm, and stay there; also while an order to arm may still arrive
     without a position   land here: neither a place nor home can be found
-    else                 what the event says
+    else                 what the event orders
 
-An order that is refused, not answered or not obeyed is given again for as long as the vehicle is
-armed; a place that it will not go to is given up for landing where it is, unless the link is away.
+An order that is refused, not answered or not obeyed is repeated for as long as the vehicle is
+armed; a place that it will not go to is replaced by a landing where it is, unless the link is away.
 The orders end at once when somebody else takes command of the vehicle, or its own failsafe does.
 An order that leads to a place becomes a landing as soon as the vehicle has lost its position.
 """
 
 import math
+from dataclasses import dataclass
 from typing import Final
 
 from afarcloud.enumerations import EventType
 from afarcloud.plan import AbortPoint, Event
 from mavlink_broker.autopilots.families import Family
 from mavlink_broker.autopilots.flight_modes import ModeRole
-from mavlink_broker.live.executor import Performer, Phase
+from mavlink_broker.edge.work import EventWork
+from mavlink_broker.live.executor import LiveCommandExecutor, Phase
 from mavlink_broker.mavlink.dialect import Message, mavlink
-from mavlink_broker.microservices.command import long_command
-from mavlink_broker.microservices.command_sequence import Ways
+from mavlink_broker.microservices.command import CommandAlternatives, long_command
 from mavlink_broker.microservices.heartbeat import LinkState
+from mavlink_broker.planning.geofence_check import AreaCheck
 from mavlink_broker.planning.live_actions import Lasted, LiveAction
 from mavlink_broker.planning.situation import Spot
-from mavlink_broker.recovery.record import AbortNote, Pose
+from mavlink_broker.recovery.record import PendingAbort, Pose
 from mavlink_broker.vehicle import control_authority
-from mavlink_broker.vehicle.control_authority import COMING_DOWN, ON_THE_WAY, Claim, InCommand
+from mavlink_broker.vehicle.control_authority import AIRBORNE_MODES, DESCENT_MODES, Authority, Claim
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 AGAIN_AFTER_S: Final = 1.5
 """Two heartbeats of a quick vehicle: longer than its mode takes to show."""
 WITHIN_S: Final = 600.0
 """To reach a place; then the vehicle lands where it is."""
-STRAY_S: Final = 5.0
-"""How long an order of the mission may still arrive behind one that ends it: the longest time-out
-of a command. Later nobody but another hand puts the vehicle back into its mission."""
+LATE_ORDER_S: Final = 5.0
+"""How long an order of the mission may still arrive behind one that ends it: the longest timeout
+of a command. Later only somebody else puts the vehicle back into its mission."""
 _DISARM: Final = long_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)
+REPLACED: Final = "a later event replaced it"
+"""Answer to an abort behind which a newer one decides where the vehicle goes."""
+REASONS: Final = {
+    EventType.ABORT_MISSION: "aborted by an event",
+    EventType.SOFT_ABORT_MISSION: "aborted softly by an event",
+}
+COMMAND_WITHIN_S: Final = 30.0
+"""How long a soft abort waits for the running command, by the vehicle's time."""
 
 
-def coming_home(vehicle_id: int) -> Event:
-    """What ends a mission that an alarm has failed: as if somebody had aborted it softly."""
+@dataclass(slots=True)
+class SoftAbort:
+    """Waits for the running command to end."""
+
+    work: EventWork
+    command: int | None  # Running when it came; None: there is nothing to wait for
+    deadline_s: float
+    since: float  # [s] When it was accepted, on the broker's clock
+
+    def is_due(self, *, command_ended: bool, now_s: float) -> bool:
+        """Whether the mission ends now."""
+        return self.command is None or command_ended or now_s >= self.deadline_s
+
+
+def return_event(vehicle_id: int) -> Event:
+    """The event that ends a mission after an alarm: a soft abort without a place."""
     return Event(vehicle_id=vehicle_id, event_type_id=EventType.SOFT_ABORT_MISSION)
 
 
-def abort_note(event: Event, work_id: int, vehicle: Vehicle) -> AbortNote:
-    """Write down an abort that a restarted broker has to carry out."""
+def abort_note(event: Event, work_id: int, vehicle: Vehicle) -> PendingAbort:
+    """Describe an abort for the journal; a restarted broker carries it out."""
     there = event.abort
     point = None if there is None else Pose(there.latitude, there.longitude, there.altitude)
-    return AbortNote(
+    return PendingAbort(
         work_id=work_id,
         event_type=int(event.event_type_id),
         point=point,
@@ -56,32 +80,51 @@ def abort_note(event: Event, work_id: int, vehicle: Vehicle) -> AbortNote:
     )
 
 
-def noted_event(note: AbortNote, vehicle_id: int) -> Event:
-    """Read an abort that an earlier run of the broker has written down."""
+def noted_event(note: PendingAbort, vehicle_id: int) -> Event:
+    """Read an abort that an earlier run of the broker has noted."""
     place = note.point
     point = place and AbortPoint(latitude=place[0], longitude=place[1], altitude=place[2])
     return Event(vehicle_id=vehicle_id, event_type_id=EventType(note.event_type), abort=point)
 
 
-def action_after(event: Event, vehicle: Vehicle, *, goes_there: bool = True) -> LiveAction:
-    """What an abort asks for at its end; its last order alone to one that need not go anywhere."""
+def within_fence(
+    event: Event, area: AreaCheck | None, vehicle: Vehicle
+) -> tuple[Event, str | None]:
+    """Leave out a place that the plan's geofence forbids, and name what comes instead.
+
+    An emergency is not refused for it: the vehicle lands where it is, or returns.
+    """
+    point, here = event.abort, vehicle.snapshot.position
+    if area is None or point is None:
+        return event, None
+    start = None if here is None else (here.latitude_deg, here.longitude_deg)
+    fault = area.fault_of_order(start, Spot(point.latitude, point.longitude, point.altitude))
+    if fault is None:
+        return event, None
+    is_soft = event.event_type_id is EventType.SOFT_ABORT_MISSION
+    instead = "it returns and lands" if is_soft else "it lands where it is"
+    return event.model_copy(update={"abort": None}), f"abort: {fault}: {instead}"
+
+
+def abort_action(event: Event, vehicle: Vehicle, *, with_place: bool = True) -> LiveAction:
+    """The action that an abort asks for; without its place (`with_place`) its last order only."""
     if vehicle.is_standing_armed:
-        return staying(vehicle)
+        return disarm_action(vehicle)
     if vehicle.snapshot.lacks_position:
-        return landing_here(vehicle)
-    point = event.abort if goes_there else None
+        return land_action(vehicle)
+    point = event.abort if with_place else None
     spot = None if point is None else Spot(point.latitude, point.longitude, point.altitude)
     begin = _last_order(event, vehicle.family)
     return LiveAction(begin=begin, end=Lasted(), within_s=WITHIN_S, approach=spot, moves=False)
 
 
-def landing_here(vehicle: Vehicle) -> LiveAction:
-    """What is done where nothing else can be."""
+def land_action(vehicle: Vehicle) -> LiveAction:
+    """Land where the vehicle is."""
     begin = vehicle.family.landing
     return LiveAction(begin=begin, end=Lasted(), within_s=WITHIN_S, moves=False)
 
 
-def staying(vehicle: Vehicle) -> LiveAction:
+def disarm_action(vehicle: Vehicle) -> LiveAction:
     """Stop the propellers of a vehicle on the ground; one that refuses may be off it: it lands.
 
     It leaves its mission mode first: whoever arms it next would fly off on what was aborted.
@@ -91,17 +134,17 @@ def staying(vehicle: Vehicle) -> LiveAction:
     return LiveAction(begin=begin, end=Lasted(), within_s=WITHIN_S, moves=False)
 
 
-def _last_order(event: Event, family: Family) -> Ways:
+def _last_order(event: Event, family: Family) -> CommandAlternatives:
     if event.event_type_id is not EventType.SOFT_ABORT_MISSION:
         return family.landing
     return family.returning if event.abort is None else family.holding
 
 
-_BEFORE_HOLDING: Final = frozenset({ModeRole.MISSION})
+_BEFORE_HOLD: Final = frozenset({ModeRole.MISSION})
 
 
-class Ending:
-    """Sees to it that a vehicle does what an abort asks for."""
+class AbortExecutor:
+    """Orders what an abort asks for until the vehicle has obeyed."""
 
     def __init__(
         self,
@@ -121,83 +164,83 @@ class Ending:
         self._arms_until = arms_until
         self._first_mode = vehicle.mode if was_ours else None  # Ours until it is left
         self._again_at = math.inf
-        self._given_up = False
-        self._obeyed_at: float | None = None  # It has left its mission, by its own word
+        self._lands_instead = False
+        self._obeyed_at: float | None = None  # It has left its mission
         self.taken: str | None = None  # Who has taken the vehicle meanwhile
-        self._leads = False  # What is ordered needs a position
-        self._performer = Performer(self._action(goes_there=True), vehicle)
+        self._needs_position = False  # For what is ordered
+        self._executor = LiveCommandExecutor(self._action(with_place=True), vehicle)
 
     @property
     def is_over(self) -> bool:
-        """Whether the vehicle has obeyed the last order, stands disarmed, or is somebody else's."""
+        """Whether the vehicle has obeyed the last order, is disarmed, or is somebody else's."""
         if self.taken is not None:
             return True
         if self._vehicle.snapshot.armed is False:
             return self._arms_until is None
-        is_done = self._performer.phase is Phase.DONE
+        is_done = self._executor.phase is Phase.DONE
         return is_done and not self._flies_on and not self._vehicle.is_standing_armed
 
     @property
     def _flies_on(self) -> bool:
-        """Whether its mode still flies something else; an unknown autopilot's word must do."""
-        others = _BEFORE_HOLDING if self.leaves_hovering else ON_THE_WAY
+        """Whether its mode flies something else; without known modes the answers count."""
+        others = _BEFORE_HOLD if self.leaves_hovering else AIRBORNE_MODES
         return self._vehicle.family.knows_modes and self._vehicle.mode_role in others
 
     @property
     def leaves_hovering(self) -> bool:
         """Whether the vehicle waits in the air for what comes next."""
         soft = self._event.event_type_id is EventType.SOFT_ABORT_MISSION
-        is_there = self.taken is None and not self._given_up and not self._comes_down
-        return soft and self._event.abort is not None and is_there
+        may_hover = self.taken is None and not self._lands_instead and not self._descends
+        return soft and self._event.abort is not None and may_hover
 
     @property
-    def _comes_down(self) -> bool:
-        return self._stands or self._vehicle.snapshot.lacks_position
+    def _descends(self) -> bool:
+        return self._is_down or self._vehicle.snapshot.lacks_position
 
     @property
-    def _stands(self) -> bool:
+    def _is_down(self) -> bool:
         """Whether it is on the ground, armed or about to be."""
         is_about_to_arm = self._arms_until is not None and self._vehicle.snapshot.armed is False
         return is_about_to_arm or self._vehicle.is_standing_armed
 
     def start(self, now: float) -> list[Message]:
         """Give the first order."""
-        return [] if self._is_taken(now) else self._performer.start(now)
+        return [] if self._is_taken(now) else self._executor.start(now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
         """Take a message of the vehicle."""
-        if self._is_taken(now) or self._must_not_go_there():
+        if self._is_taken(now) or self._must_drop_place():
             return []
-        return self._performer.receive(message, now)
+        return self._executor.receive(message, now)
 
     def tick(self, now: float) -> list[Message]:
         """Repeat what is overdue, and begin again what was refused or not obeyed."""
         if self._is_taken(now):
             return []
-        self._watch_arming(now)
-        if self._must_not_go_there():
-            self._performer = Performer(self._action(goes_there=False), self._vehicle)
-            return self._performer.start(now)
-        messages = self._performer.tick(now)
-        has_failed = self._performer.phase is Phase.FAILED
+        self._expire_arming(now)
+        if self._must_drop_place():
+            self._executor = LiveCommandExecutor(self._action(with_place=False), self._vehicle)
+            return self._executor.start(now)
+        messages = self._executor.tick(now)
+        has_failed = self._executor.phase is Phase.FAILED
         is_obeyed = not self._flies_on and not self._vehicle.is_standing_armed
-        if not has_failed and (is_obeyed or self._performer.phase is not Phase.DONE):
+        if not has_failed and (is_obeyed or self._executor.phase is not Phase.DONE):
             self._again_at = math.inf
             return messages
         if self._again_at == math.inf:
             self._again_at = now + AGAIN_AFTER_S
-            is_there = self._vehicle.link.state(now) is LinkState.CONNECTED
-            self._given_up |= has_failed and is_there  # Else it may not have heard the order
+            is_connected = self._vehicle.link.state(now) is LinkState.CONNECTED
+            self._lands_instead |= has_failed and is_connected  # Else the order may be lost
         if now < self._again_at:
             return messages
         self._again_at = math.inf
-        self._performer = Performer(self._action(goes_there=has_failed), self._vehicle)
-        return [*messages, *self._performer.start(now)]
+        self._executor = LiveCommandExecutor(self._action(with_place=has_failed), self._vehicle)
+        return [*messages, *self._executor.start(now)]
 
-    def _watch_arming(self, now: float) -> None:
-        """Stop to expect the arming when it is too late; heartbeats missed in between may hide it.
+    def _expire_arming(self, now: float) -> None:
+        """Stop expecting the arming when it is too late; lost heartbeats extend the time.
 
-        A vehicle that has armed is judged by its own reports from then on.
+        A vehicle that has armed counts by its own reports from then on.
         """
         if self._arms_until is None:
             return
@@ -206,49 +249,49 @@ class Ending:
         if self._vehicle.snapshot.armed or now >= self._arms_until:
             self._arms_until = None
 
-    def _must_not_go_there(self) -> bool:
-        """Whether it is led to a place, and stands, or cannot find it any more."""
-        is_going = self._performer.phase is Phase.APPROACHING and self._performer.goes_somewhere
-        return (is_going and self._comes_down) or (self._leads and self._lacks_position)
+    def _must_drop_place(self) -> bool:
+        """Whether it is on its approach to a place, and has landed or lost its position."""
+        is_going = self._executor.phase is Phase.APPROACHING and self._executor.has_approach
+        return (is_going and self._descends) or (self._needs_position and self._lacks_position)
 
     @property
     def _lacks_position(self) -> bool:
         return self._vehicle.snapshot.lacks_position
 
-    def _action(self, *, goes_there: bool) -> LiveAction:
-        """Begin anew, or end only: one that came to its place does not leave it again."""
-        self._leads = False
-        if self._stands:
-            return staying(self._vehicle)
-        if self._given_up or self._lacks_position:
-            return landing_here(self._vehicle)
+    def _action(self, *, with_place: bool) -> LiveAction:
+        """Choose the action; a vehicle that has reached its place gets the last order only."""
+        self._needs_position = False
+        if self._is_down:
+            return disarm_action(self._vehicle)
+        if self._lands_instead or self._lacks_position:
+            return land_action(self._vehicle)
         is_soft = self._event.event_type_id is EventType.SOFT_ABORT_MISSION
-        self._leads = is_soft or (goes_there and self._event.abort is not None)
-        return action_after(self._event, self._vehicle, goes_there=goes_there)
+        self._needs_position = is_soft or (with_place and self._event.abort is not None)
+        return abort_action(self._event, self._vehicle, with_place=with_place)
 
     def _is_taken(self, now: float) -> bool:
         """Whether somebody else has taken the vehicle, once and for all."""
         if self.taken is None:
             who = self.who(now)
-            if who is not InCommand.BROKER:
-                self.taken = control_authority.reason(who, self._vehicle.seen)
-                self._vehicle.is_taken = True
+            if who is not Authority.BROKER:
+                self.taken = control_authority.reason(who, self._vehicle.observed_mode)
+                self._vehicle.take_away()
         return self.taken is not None
 
-    def who(self, now: float) -> InCommand:
+    def who(self, now: float) -> Authority:
         """Decide who is in command of the vehicle."""
-        return control_authority.in_command(self._vehicle.seen, self._claim(now))
+        return control_authority.authority_of(self._vehicle.observed_mode, self._claim(now))
 
     def _claim(self, now: float) -> Claim:
         """Modes in which the vehicle obeys, or has not obeyed yet."""
         vehicle = self._vehicle
         if vehicle.mode_role not in {ModeRole.MISSION, ModeRole.PAUSED, ModeRole.OTHER}:
             self._obeyed_at = self._obeyed_at or now
-        is_approaching = self._performer.phase is Phase.APPROACHING
-        is_going = is_approaching and self._performer.goes_somewhere
-        comes_down = not is_going and not self.leaves_hovering
-        roles = COMING_DOWN if comes_down else ON_THE_WAY
-        if self._obeyed_at is not None and now - self._obeyed_at > STRAY_S:
+        is_approaching = self._executor.phase is Phase.APPROACHING
+        is_going = is_approaching and self._executor.has_approach
+        descends = not is_going and not self.leaves_hovering
+        roles = DESCENT_MODES if descends else AIRBORNE_MODES
+        if self._obeyed_at is not None and now - self._obeyed_at > LATE_ORDER_S:
             roles = roles - {ModeRole.MISSION}
         if vehicle.mode != self._first_mode:
             self._first_mode = None

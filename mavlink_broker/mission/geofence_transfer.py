@@ -1,38 +1,46 @@
-"""Puts a plan's fence and rally points onto a vehicle, and gives back what was there before.
+"""Places a plan's geofence and rally points on a vehicle, and restores what was there before.
 
-What the vehicle holds is read, replaced where it differs, and proved; then come the parameters
-that guard the fence. What was there before is remembered in the vehicle's loan, and noted for good
-before anything changes. A fence or a value that somebody else has put there since is theirs, and
-stays.
+What the vehicle holds is read, replaced where it differs, and verified; then follow the parameters
+that enforce the geofence. What was there before is kept in the vehicle's overrides, and is on the
+disk before anything changes. A geofence or a value that somebody else has set since stays.
 """
 
+import logging
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
 from afarcloud.plan import Geofence
-from mavlink_broker.autopilots.geofence_parameters import Guarding
+from mavlink_broker.autopilots.geofence_parameters import FenceParameters
 from mavlink_broker.mavlink.dialect import Message
-from mavlink_broker.microservices.borrowed_config import ExchangedPlan, Items
-from mavlink_broker.microservices.borrowed_parameters import Borrowed, is_same
-from mavlink_broker.microservices.command import CommandOutcome
-from mavlink_broker.microservices.parameter_write import Setting
-from mavlink_broker.microservices.plan_kinds import FENCE, PLAN_NAMES, RALLY
+from mavlink_broker.microservices.command import CommandOutcome, Refused
+from mavlink_broker.microservices.config_overrides import (
+    Items,
+    OverriddenParameter,
+    OverriddenPlan,
+    is_same,
+)
+from mavlink_broker.microservices.mission_protocol import FENCE, PLAN_NAMES, RALLY
+from mavlink_broker.microservices.parameter import Setting
 from mavlink_broker.mission.transfer_sequence import (
-    Course,
-    CourseRun,
+    SequenceRun,
     StepRefusedError,
+    TransferSequence,
     VehicleSteps,
 )
 from mavlink_broker.planning import geofence
 from mavlink_broker.vehicle.vehicle import Vehicle
 
+AGAIN_AFTER_S: Final = 30.0
+
+_LOG = logging.getLogger(__name__)
 _ALONE: Final = {FENCE: "the broker alone has checked the mission", RALLY: "they were left out"}
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
-    """What a plan wants on its vehicle; nothing: what was there before the plan before it."""
+class WantedGeofence:
+    """Geofence and rally points of a plan; empty: what was there before the last plan."""
 
     geofence: Geofence | None = None
     rally: Items = ()
@@ -54,20 +62,20 @@ class Wanted:
 
 
 @dataclass(slots=True)
-class Fencing:
-    """One vehicle on its way to what is wanted."""
+class GeofenceTransfer:
+    """The transfer to one vehicle."""
 
-    wanted: Wanted
+    wanted: WantedGeofence
     vehicle: Vehicle
     notes: list[str] = field(default_factory=list)
     own_limit_m: float | None = None  # The vehicle's height limit, narrower than the plan's
     _steps: VehicleSteps = field(init=False)
-    _run: CourseRun = field(init=False)
+    _run: SequenceRun = field(init=False)
 
     def __post_init__(self) -> None:
-        """Plan the course."""
+        """Prepare the sequence."""
         self._steps = VehicleSteps(self.vehicle)
-        self._run = CourseRun(self._go())
+        self._run = SequenceRun(self._go())
 
     @property
     def outcome(self) -> CommandOutcome | None:
@@ -76,8 +84,8 @@ class Fencing:
 
     @property
     def is_needless(self) -> bool:
-        """Whether nothing is wanted, and nothing to be given back."""
-        return self.wanted.is_nothing and not self.vehicle.loan.is_open
+        """Whether nothing is to be placed or restored."""
+        return self.wanted.is_nothing and not self.vehicle.overrides.is_open
 
     def start(self, now: float) -> list[Message]:
         """Begin; it may be over at once."""
@@ -91,95 +99,154 @@ class Fencing:
         """Repeat what is overdue."""
         return self._run.tick(now)
 
-    def _go(self) -> Course:
+    def _go(self) -> TransferSequence:
         for kind in (FENCE, RALLY):
-            yield from self._see_to_plan(kind)
-        yield from self._see_to_values()
+            yield from self._transfer_plan(kind)
+        yield from self._transfer_parameters()
 
     def _keeps(self, kind: int) -> bool:
-        """Whether the vehicle says that it keeps such plans."""
+        """Whether the vehicle's capabilities include such plans."""
         return bool(self.vehicle.capabilities & geofence.CAPABILITIES[kind])
 
-    def _see_to_plan(self, kind: int) -> Course:
-        items, plans = self.wanted.items(kind), self.vehicle.loan.plans
+    def _transfer_plan(self, kind: int) -> TransferSequence:
+        items, plans = self.wanted.items(kind), self.vehicle.overrides.plans
         wants_any = bool(items) or (kind == FENCE and self.wanted.fence is not None)
         if not self._keeps(kind):
             plans.pop(kind, None)
             if wants_any:
                 self.notes.append(f"the vehicle keeps no {PLAN_NAMES[kind]}: {_ALONE[kind]}")
         elif items or kind in plans:
-            held = yield from self._steps.held(kind)
+            held = yield from self._steps.read_items(kind)
             yield from self._replace(kind, held, items)
 
-    def _replace(self, kind: int, held: Items, items: Items) -> Course:
-        plans = self.vehicle.loan.plans
-        loan = plans.get(kind)
-        if loan and loan.placed is not None and self._steps.difference(loan.placed, held):
-            del plans[kind]  # Somebody else's now
-            loan = None
+    def _replace(self, kind: int, held: Items, items: Items) -> TransferSequence:
+        plans = self.vehicle.overrides.plans
+        override = plans.get(kind)
+        if (
+            override
+            and override.placed is not None
+            and self._steps.difference(override.placed, held)
+        ):
+            del plans[kind]  # Somebody else has replaced it
+            override = None
             if not items:
                 return
-        before = held if loan is None else loan.before
+        before = held if override is None else override.before
         wanted = items or before
         if self._steps.difference(wanted, held):
-            plans[kind] = ExchangedPlan(before, None)
-            yield from self._steps.noted()
-            yield from self._steps.put(kind, wanted)
+            plans[kind] = OverriddenPlan(before, None)
+            yield from self._steps.journal_stored()
+            yield from self._steps.replace_items(kind, wanted)
         if items:
-            plans[kind] = ExchangedPlan(before, items)
+            plans[kind] = OverriddenPlan(before, items)
         else:
             plans.pop(kind, None)
         if items and before and self._steps.difference(items, before):
             name = PLAN_NAMES[kind]
             self.notes.append(f"the vehicle's own {name} come back after the mission")
 
-    def _see_to_values(self) -> Course:
-        """Set what guards the fence; give back what guards it no more."""
+    def _transfer_parameters(self) -> TransferSequence:
+        """Set what enforces the geofence; restore the other parameters."""
         family, geofence = self.vehicle.family, self.wanted.fence
         if geofence is None or not self._keeps(FENCE):
-            yield from self._give_back(kept=frozenset())
+            yield from self._restore_parameters(kept=frozenset())
             return
         held: dict[str, float] = {}
-        for name in family.guard_parameters:
-            value = yield from self._steps.value(name)
+        for name in family.fence_parameter_names:
+            value = yield from self._steps.read_parameter(name)
             if value is not None:
                 held[name] = value
-        self._forget_others(held)
-        loan = self.vehicle.loan.values
-        before = {name: loan[name].before if name in loan else held[name] for name in held}
-        guarding = family.guard(before, geofence, self.wanted.highest_m)
-        if guarding.lacks is not None:
-            raise StepRefusedError(guarding.lacks)
-        yield from self._guard(guarding, held, before)
+        self._drop_foreign_values(held)
+        overrides = self.vehicle.overrides.values
+        before = {
+            name: overrides[name].before if name in overrides else held[name] for name in held
+        }
+        parameters = family.fence_parameters(before, geofence, self.wanted.highest_m)
+        if parameters.lacks is not None:
+            raise StepRefusedError(parameters.lacks)
+        yield from self._enforce(parameters, held, before)
 
-    def _guard(
-        self, guarding: Guarding, held: Mapping[str, float], before: Mapping[str, float]
-    ) -> Course:
-        self.own_limit_m = guarding.own_limit_m
-        self.notes += [guarding.note] if guarding.note else []
-        yield from self._give_back(kept=frozenset(setting.name for setting in guarding.settings))
-        others = [s for s in guarding.settings if not is_same(held[s.name], s.value)]
-        loan = self.vehicle.loan.values
+    def _enforce(
+        self, parameters: FenceParameters, held: Mapping[str, float], before: Mapping[str, float]
+    ) -> TransferSequence:
+        self.own_limit_m = parameters.own_limit_m
+        self.notes += [parameters.note] if parameters.note else []
+        yield from self._restore_parameters(
+            kept=frozenset(setting.name for setting in parameters.settings)
+        )
+        others = [s for s in parameters.settings if not is_same(held[s.name], s.value)]
+        overrides = self.vehicle.overrides.values
         for name, value in others:
-            loan[name] = (loan.get(name) or Borrowed(before[name], ())).and_then(value)
+            overrides[name] = (
+                overrides.get(name) or OverriddenParameter(before[name], ())
+            ).with_value(value)
         if others:
-            yield from self._steps.noted()
+            yield from self._steps.journal_stored()
         for setting in others:
-            yield from self._steps.set(setting)
+            yield from self._steps.set_parameter(setting)
 
-    def _give_back(self, kept: frozenset[str]) -> Course:
-        """Put the values back that no fence needs any more, the last one first."""
-        loan = self.vehicle.loan.values
-        for name in [name for name in reversed(loan) if name not in kept]:
-            value = yield from self._steps.value(name)
+    def _restore_parameters(self, kept: frozenset[str]) -> TransferSequence:
+        """Restore the values that no geofence needs any more, the last one first."""
+        overrides = self.vehicle.overrides.values
+        for name in [name for name in reversed(overrides) if name not in kept]:
+            value = yield from self._steps.read_parameter(name)
             if value is None:
                 raise StepRefusedError(f"parameter {name}: no answer")
-            if loan[name].is_ours(value):
-                yield from self._steps.set(Setting(name, loan[name].before))
-            del loan[name]
+            if overrides[name].is_ours(value):
+                yield from self._steps.set_parameter(Setting(name, overrides[name].before))
+            del overrides[name]
 
-    def _forget_others(self, held: Mapping[str, float]) -> None:
-        """What somebody else has set since is theirs."""
-        loan = self.vehicle.loan.values
-        for name in [n for n in loan if n in held and not loan[n].is_ours(held[n])]:
-            del loan[name]
+    def _drop_foreign_values(self, held: Mapping[str, float]) -> None:
+        """Keep what somebody else has set since."""
+        overrides = self.vehicle.overrides.values
+        for name in [n for n in overrides if n in held and not overrides[n].is_ours(held[n])]:
+            del overrides[name]
+
+
+class VehicleConfigRestorer:
+    """Restores the vehicle's own geofence and parameters when it has landed and has no mission.
+
+    After a landing and a power-off, when the link is back.
+    """
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+        self._fencing: GeofenceTransfer | None = None
+        self._not_before = -math.inf
+        self._is_reachable = False
+        self._has_failed = False
+
+    @property
+    def is_due(self) -> bool:
+        """Whether something is still to be restored, and can be now."""
+        return self._waits and not self._has_failed
+
+    @property
+    def _waits(self) -> bool:
+        vehicle = self._vehicle
+        return self._is_reachable and vehicle.overrides.is_open and vehicle.snapshot.is_on_ground
+
+    def receive(self, message: Message, now: float) -> list[Message]:
+        """Take a message of the vehicle."""
+        return [] if self._fencing is None else self._fencing.receive(message, now)
+
+    def step(self, now: float, *, idle: bool) -> list[Message]:
+        """Let time pass; a mission that begins takes everything over."""
+        self._is_reachable = self._vehicle.is_reachable(now)
+        self._has_failed &= idle and self._is_reachable
+        if not idle or not self._waits or now < self._not_before:
+            self._fencing = None
+            return []
+        if self._fencing is None:
+            self._fencing = GeofenceTransfer(WantedGeofence(), self._vehicle)
+            return self._fencing.start(now)
+        messages = self._fencing.tick(now)
+        if isinstance(self._fencing.outcome, Refused):
+            _LOG.warning(
+                "vehicle %d keeps the settings of its last plan: %s",
+                self._vehicle.vehicle_id,
+                self._fencing.outcome.reason,
+            )
+            self._has_failed = True
+            self._not_before = now + AGAIN_AFTER_S
+        return messages

@@ -1,34 +1,106 @@
 """Follows a mission that flies: what has been done, and whether the vehicle still flies it.
 
-A paused mission (a hold mode) stays RUNNING: whoever paused it may resume it. A mission whose
-vehicle is flown by another hand, goes home by a failsafe, was disarmed early or was given
-another mission has failed, once that has lasted longer than a lost message would explain.
-A lost link is no failure: the vehicle flies on, and is asked when it is back.
+Progress never goes back. Three sources show it and each may be lost: MISSION_ITEM_REACHED shows
+that item k was reached, MISSION_CURRENT beyond k proves it, and a complete mission proves all. A
+repeated MISSION_ITEM_REACHED of the mission before differs by MISSION_CURRENT: nothing can be
+reached that was not current first.
+
+A paused mission (a hold mode) stays RUNNING: whoever paused it may resume it. A mission has failed
+when somebody else flies its vehicle, a failsafe returns it, it was disarmed early or holds another
+mission, and that has lasted longer than a lost message would explain. A lost link is no failure:
+the vehicle flies on, and reports when the link is back.
 """
 
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Final, Self
 
 from afarcloud.enumerations import Status
 from afarcloud.geodesy import distance_m
 from mavlink_broker.autopilots.flight_modes import ModeRole
-from mavlink_broker.effects import Told
+from mavlink_broker.autopilots.status_texts import TextMeaning, means
+from mavlink_broker.effects import EdgeReport
 from mavlink_broker.mavlink.dialect import Message, mavlink
-from mavlink_broker.mission.progress import Progress
 from mavlink_broker.planning.mission import FlightPlan
 from mavlink_broker.vehicle import control_authority
-from mavlink_broker.vehicle.control_authority import IN_MISSION, Claim, InCommand
-from mavlink_broker.vehicle.mission_ledger import Ledger
+from mavlink_broker.vehicle.control_authority import (
+    HELD_BY_FAILSAFE,
+    MISSION_MODES,
+    Authority,
+    Claim,
+    TakeoverDebounce,
+)
+from mavlink_broker.vehicle.mission_ledger import MissionLedger
 from mavlink_broker.vehicle.reporter import Reporter
-from mavlink_broker.vehicle.takeover_debounce import HELD_BY_FAILSAFE, Departure
 from mavlink_broker.vehicle.vehicle import Vehicle
 
+NOTHING = -1
 REPORT_EVERY_S: Final = 30.0
-AT_THE_END_M: Final = 30.0
+END_WITHIN_M: Final = 30.0
 """How far from its place a vehicle may land: home is moved when it arms, a return is not exact."""
 
-_GIVES_UP: Final = "No valid mission available"
-"""PX4's words for a mission in flight that a new fence forbids."""
 _UNDER_WAY: Final = frozenset({mavlink.MISSION_STATE_ACTIVE, mavlink.MISSION_STATE_PAUSED})
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """The farthest that is known of one segment; its commands are counted from its own first."""
+
+    plan: FlightPlan
+    current: int = NOTHING  # Highest item that was current
+    reached: int = NOTHING  # Highest item that was reached
+    on_ground: bool = False  # Landed and disarmed after the last command had begun
+
+    @classmethod
+    def after(cls, plan: FlightPlan, finished_commands: int) -> Self:
+        """Take up a flight of which so many commands were finished before."""
+        if finished_commands == 0:
+            return cls(plan)
+        done = plan.done_item[finished_commands - 1]
+        return cls(plan, current=done, reached=done)
+
+    def with_current(self, seq: int) -> Self:
+        """Take MISSION_CURRENT: everything before it has been reached."""
+        if not self.current < seq < len(self.plan.items):
+            return self
+        return replace(self, current=seq, reached=max(self.reached, seq - 1))
+
+    def with_reached(self, seq: int) -> Self:
+        """Take MISSION_ITEM_REACHED."""
+        if not self.reached < seq <= self.current:
+            return self
+        return replace(self, reached=seq)
+
+    def with_complete(self) -> Self:
+        """Take that the vehicle reports the mission as complete."""
+        last = len(self.plan.items) - 1
+        return replace(self, current=last, reached=last)
+
+    def with_landing(self) -> Self:
+        """Take that the vehicle is on the ground and disarmed; early, it proves nothing."""
+        return replace(self, on_ground=True) if self.last_command_has_begun else self
+
+    @property
+    def last_command_has_begun(self) -> bool:
+        """Whether the last command's items are being flown, or have been."""
+        last = self.plan.commands[-1]
+        return self.current >= self.plan.first_item_of(last)
+
+    @property
+    def finished_commands(self) -> int:
+        """How many commands, counted from the first, are finished.
+
+        A last command that lands is finished on the ground and disarmed, not before.
+        """
+        count = sum(done <= self.reached for done in self.plan.done_item)
+        if not self.plan.ends_on_ground:
+            return count
+        total = len(self.plan.done_item)
+        return total if self.on_ground else min(count, total - 1)
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether every command is."""
+        return self.finished_commands == len(self.plan.done_item)
 
 
 def last_leg(plan: FlightPlan) -> int:
@@ -38,13 +110,13 @@ def last_leg(plan: FlightPlan) -> int:
     return legs[-1] if legs else plan.first_item
 
 
-class Follower:
-    """One mission on its way; `resumed` if it was started by an earlier run of the broker."""
+class ProgressMonitor:
+    """One segment in flight; `resumed` if an earlier run of the broker started it."""
 
     def __init__(
         self,
         plan: FlightPlan,
-        ledger: Ledger,
+        ledger: MissionLedger,
         vehicle: Vehicle,
         reporter: Reporter,
         *,
@@ -55,10 +127,10 @@ class Follower:
         self._reporter = reporter
         self._progress = Progress.after(plan, max(0, ledger.finished - plan.first_command))
         self._plan = plan
-        self._mission_id: int | None = None  # The vehicle's own, once it has told it
+        self._mission_id: int | None = None  # The vehicle's own, once received
         self._under_way = self._resumed = resumed
         self._reported_at = 0.0
-        self._departed = Departure()
+        self._debounce = TakeoverDebounce()
         self._given_up: str | None = None
         self.departure: str | None = None
 
@@ -76,10 +148,10 @@ class Follower:
     def claim(self) -> Claim:
         """Modes in which the vehicle flies the mission; its last command may land it."""
         lands = self._progress.plan.ends_on_ground and self._progress.last_command_has_begun
-        return Claim(IN_MISSION | {ModeRole.ENDING} if lands else IN_MISSION)
+        return Claim(MISSION_MODES | {ModeRole.ENDING} if lands else MISSION_MODES)
 
-    def begin(self, now: float) -> list[Told]:
-        """Say that it flies, unless that was said when the vehicle was told to start."""
+    def begin(self, now: float) -> list[EdgeReport]:
+        """Report that it flies, unless that was reported with the order to start."""
         begins = self._ledger.set_mission(Status.RUNNING)
         goes_on = self._run_next()
         if self._vehicle.snapshot.mission is not None:
@@ -88,22 +160,22 @@ class Follower:
         return self._report(now) if begins or goes_on or self._under_way else []
 
     def receive(self, message: Message) -> None:
-        """Take what the vehicle says about the mission."""
+        """Take a message about the mission."""
         match message.get_type():
             case "MISSION_CURRENT":
                 self._current(message)
             case "MISSION_ITEM_REACHED":
                 self._progress = self._progress.with_reached(message.seq)
-            case "STATUSTEXT" if message.text.startswith(_GIVES_UP):
+            case "STATUSTEXT" if means(message.text, TextMeaning.MISSION_INVALID):
                 self._given_up = "the vehicle has given up the mission"
 
-    def step(self, now: float) -> list[Told]:
-        """Judge where things stand; gives results and reports to post."""
-        if self._vehicle.snapshot.is_on_ground and self._vehicle.is_heard(now):
+    def step(self, now: float) -> list[EdgeReport]:
+        """Update the progress; gives results and reports to post."""
+        if self._vehicle.snapshot.is_on_ground and self._vehicle.is_reachable(now):
             if self._resumed and self._has_landed_meanwhile():
                 self._progress = self._progress.with_complete()
             self._progress = self._progress.with_landing()
-        self._watch(now)
+        self._detect_takeover(now)
         before = self._ledger.commands
         reports = self._finish_commands(now)
         self._run_next()
@@ -113,13 +185,13 @@ class Follower:
         return reports
 
     def _has_landed_meanwhile(self) -> bool:
-        """Whether a vehicle that has run its mission stands where that ends."""
+        """Whether a vehicle that has run its mission has landed where that ends."""
         vehicle, last = self._vehicle, self._plan.items[-1]
         place, home = vehicle.snapshot.position, vehicle.snapshot.home
         end = (last.latitude_deg, last.longitude_deg) if last.is_positional else home
         if place is None or end is None or not vehicle.has_run_its_mission:
             return False
-        return self._plan.ends_on_ground and distance_m(*place[:2], *end[:2]) <= AT_THE_END_M
+        return self._plan.ends_on_ground and distance_m(*place[:2], *end[:2]) <= END_WITHIN_M
 
     def _current(self, message: Message) -> None:
         if self._mission_id is None:
@@ -133,7 +205,7 @@ class Follower:
             self._ended(message.seq)
 
     def _ended(self, seq: int) -> None:
-        """Believe a vehicle that has come to the end; PX4 says the same of what it gives up."""
+        """Take a mission as complete at its end only: PX4 reports the same when it gives up."""
         begins_anew = seq == 0 < self._progress.current
         if begins_anew or self._progress.current >= last_leg(self._plan):
             self._progress = self._progress.with_complete()
@@ -142,8 +214,8 @@ class Follower:
         else:
             self._given_up = f"the vehicle has given up the mission at item {seq}"
 
-    def _finish_commands(self, now: float) -> list[Told]:
-        reports: list[Told] = []
+    def _finish_commands(self, now: float) -> list[EdgeReport]:
+        reports: list[EdgeReport] = []
         for index in self._plan.commands[: self._progress.finished_commands]:
             if not self._ledger.commands[index].is_terminal:
                 self._ledger.set_command(index, Status.FINISHED)
@@ -158,28 +230,28 @@ class Follower:
             return False
         return self._ledger.set_command(index, Status.RUNNING)
 
-    def _report(self, now: float) -> list[Told]:
+    def _report(self, now: float) -> list[EdgeReport]:
         self._reported_at = now
         return [self._reporter.mission(self._ledger)]
 
-    def _watch(self, now: float) -> None:
+    def _detect_takeover(self, now: float) -> None:
         reason = None
-        if self._vehicle.is_heard(now) and not self.is_finished:
+        if self._vehicle.is_reachable(now) and not self.is_finished:
             held = self._vehicle.is_held_by_failsafe
-            reason = HELD_BY_FAILSAFE if held else self._reason_to_doubt()
-        self.departure = self._departed.judge(reason, now)
+            reason = HELD_BY_FAILSAFE if held else self._takeover_reason()
+        self.departure = self._debounce.update(reason, now)
 
-    def _reason_to_doubt(self) -> str | None:
+    def _takeover_reason(self) -> str | None:
         vehicle, snapshot = self._vehicle, self._vehicle.snapshot
         role = vehicle.mode_role
         if snapshot.armed is False:
             return "the vehicle disarmed before the end of the mission"
-        seen = vehicle.seen
+        seen = vehicle.observed_mode
         survives = self.claim._replace(roles=self.claim.roles | {ModeRole.PAUSED})
-        who = control_authority.in_command(seen, survives)
-        if who is not InCommand.BROKER:
+        who = control_authority.authority_of(seen, survives)
+        if who is not Authority.BROKER:
             return control_authority.reason(who, seen)
-        told = snapshot.mission.mission_id if snapshot.mission else None
-        if self._mission_id is not None and told != self._mission_id:
+        held_id = snapshot.mission.mission_id if snapshot.mission else None
+        if self._mission_id is not None and held_id != self._mission_id:
             return "another mission was put onto the vehicle"
         return self._given_up if role is ModeRole.MISSION else None

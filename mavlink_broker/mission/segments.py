@@ -1,4 +1,4 @@
-"""The stages of one mission on one vehicle: which is flown now, and what it became."""
+"""The segments of one mission on one vehicle: which one is flown now, and what it became."""
 
 import math
 from typing import Final
@@ -16,10 +16,10 @@ from mavlink_broker.planning.situation import Home
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 SHORTEST_ITEMS: Final = 50
-"""A vehicle that has no space for so few items has another reason to refuse them."""
+"""A vehicle that refuses so few items has another reason than their number."""
 
 
-class Stages:
+class Segments:
     """An itinerary and a place in it."""
 
     def __init__(self, mission: Mission, vehicle: Vehicle) -> None:
@@ -40,8 +40,8 @@ class Stages:
             vehicle.family,
             vehicle.snapshot.home or Home(0.0, 0.0, 0.0),
             own_system=vehicle.route.own_system,
-            refused=frozenset(vehicle.refused_items),
-            most_items=vehicle.most_items,
+            refused=vehicle.item_limits.refused,
+            most_items=vehicle.item_limits.most_items,
         )
 
     @property
@@ -61,18 +61,18 @@ class Stages:
             self.translate()
 
     def shorten(self) -> bool:
-        """Fly this stretch, which is too long for the vehicle, in two; false if it cannot be."""
+        """Halve this segment, which has too many items; false if it is too short for that."""
         before = self.plan
         if len(before.items) <= SHORTEST_ITEMS:
             return False
-        self._vehicle.most_items = math.ceil(len(before.items) / 2) + SPARE_ITEMS
+        self._vehicle.item_limits.limit(math.ceil(len(before.items) / 2) + SPARE_ITEMS)
         self.translate()
         self.go_to(before.first_command)
         return len(self.plan.items) < len(before.items)
 
     @property
     def longest(self) -> int:
-        """How many items the longest stretch has."""
+        """How many items the longest segment has."""
         return max(
             (len(part.items) for part in self._segments if isinstance(part, FlightPlan)), default=0
         )
@@ -80,7 +80,7 @@ class Stages:
     def do_without(self, item: int) -> bool:
         """Translate again without the command of an item; whether that changes anything."""
         before = self.plan
-        self._vehicle.refused_items.add(before.items[item].command)
+        self._vehicle.item_limits.refuse(before.items[item].command)
         self.translate()
         return self.plan.items != before.items
 
@@ -91,17 +91,17 @@ class Stages:
 
     @property
     def ends_on_ground(self) -> bool:
-        """Whether the vehicle stands when all stages are over."""
+        """Whether the vehicle is on the ground when all segments are over."""
         return self._itinerary is None or self._itinerary.ends_on_ground
 
     @property
     def current(self) -> Segment:
-        """The stage that is flown; before there is one, a stretch of nothing."""
+        """The segment that is flown; before the translation an empty one."""
         return FlightPlan.empty() if self._itinerary is None else self._segments[self._number]
 
     @property
     def plan(self) -> FlightPlan:
-        """The stretch of items that is flown; a stretch of nothing in a live command."""
+        """The mission items that are flown; none in a live command."""
         current = self.current
         return current if isinstance(current, FlightPlan) else FlightPlan.empty()
 
@@ -119,22 +119,22 @@ class Stages:
 
     @property
     def has_moved(self) -> bool:
-        """Whether this stage or one before it moves the vehicle."""
+        """Whether this segment or one before it moves the vehicle."""
         return self._moves(self._number + 1)
 
     @property
     def is_on_ground(self) -> bool:
-        """Whether the vehicle stands when this stage is over, if any has moved it."""
+        """Whether the vehicle is on the ground when this segment is over, if any has moved it."""
         return Itinerary(self._segments[: self._number + 1]).ends_on_ground
 
     @property
     def is_from_ground(self) -> bool:
-        """Whether the vehicle stands before this stage."""
+        """Whether the vehicle is on the ground before this segment."""
         before = Itinerary(self._segments[: self._number])
         return not self._moves(self._number) or before.ends_on_ground
 
     def _moves(self, count: int) -> bool:
-        """Whether one of the first so many stages moves the vehicle."""
+        """Whether one of the first so many segments moves the vehicle."""
         return any(
             isinstance(segment, FlightPlan) or segment.action.moves
             for segment in self._segments[:count]
@@ -142,23 +142,23 @@ class Stages:
 
     @property
     def is_first(self) -> bool:
-        """Whether no stage lies before."""
+        """Whether no segment lies before."""
         return self._number == 0
 
     @property
     def is_last(self) -> bool:
-        """Whether no stage follows."""
+        """Whether no segment follows."""
         return self._number + 1 >= len(self._segments)
 
     def advance(self) -> bool:
-        """Go to the next stage; false if there is none."""
+        """Go to the next segment; false if there is none."""
         if self.is_last:
             return False
         self._number += 1
         return True
 
     def go_to(self, command: int) -> None:
-        """Go to the stage of a command."""
+        """Go to the segment of a command."""
         if self._itinerary is not None:
             self._number = self._itinerary.segment_of(command)
 

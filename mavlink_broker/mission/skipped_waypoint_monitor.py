@@ -1,8 +1,8 @@
 """Notices that somebody else set the vehicle on to a later item: what lies between was not flown.
 
-MISSION_CURRENT beyond an item says that it is done, but not how. A vehicle that has been seen at
-waypoints, and then leaves one behind that it was nowhere near, was told to. Nothing is concluded
-where positions are missing, or from a vehicle that has not been near a waypoint yet.
+MISSION_CURRENT beyond an item shows that it is done, but not how. A vehicle that was near its
+waypoints, and then passes one that it was nowhere near, was ordered to. Nothing follows where
+positions are missing, or before the vehicle was near a waypoint.
 """
 
 from typing import Final
@@ -15,13 +15,13 @@ from mavlink_broker.vehicle.vehicle import Vehicle
 
 NEAR_M: Final = 50.0
 NEAR_S: Final = 3.0
-"""Of flight at its speed: a plane turns early, and what it tells is late."""
+"""Of flight at its speed: a plane turns early, and its positions are late."""
 GAP_S: Final = 2.5
-"""Without positions for so long, it may have been anywhere."""
+"""Without positions for so long the vehicle may have been anywhere."""
 
 
-class SkipWatch:
-    """Watches one stretch of a mission in flight."""
+class SkippedWaypointMonitor:
+    """Monitors one segment in flight."""
 
     def __init__(self, plan: FlightPlan, vehicle: Vehicle) -> None:
         self._plan = plan
@@ -37,7 +37,7 @@ class SkipWatch:
         self._skipped: list[tuple[int, str]] = []
 
     def receive(self, message: Message, now: float) -> None:
-        """Take what the vehicle says."""
+        """Take a message of the vehicle."""
         match message.get_type():
             case "GLOBAL_POSITION_INT" if (message.lat, message.lon) != (0, 0):
                 self._see_position(now)
@@ -53,7 +53,7 @@ class SkipWatch:
 
     def _see_position(self, now: float) -> None:
         if self._placed_at is not None and now - self._placed_at > GAP_S:
-            self._doubt()
+            self._lose_track()
         self._placed_at = now
         for seq in [seq for seq, item in self._unseen.items() if self._is_near(item)]:
             self._is_proven = self._is_proven or seq == self._current
@@ -68,15 +68,15 @@ class SkipWatch:
         )
         return away <= max(NEAR_M, item.parameters[1]) + NEAR_S * position.speed_m_s
 
-    def _doubt(self) -> None:
-        """Believe from now on that what was current has been flown."""
+    def _lose_track(self) -> None:
+        """Take the current item as flown."""
         if self._current is not None:
             self._unseen.pop(self._current, None)
         self._current = None
 
     def _see_current(self, seq: int, now: float) -> None:
         if self._placed_at is None or now - self._placed_at > GAP_S:
-            self._doubt()
+            self._lose_track()
         before, self._current = self._current, seq
         if before is None or seq <= before or not self._vehicle.snapshot.armed:
             return

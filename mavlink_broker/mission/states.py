@@ -1,6 +1,22 @@
-"""The states of one vehicle's session, and every way from one to another: one table.
+"""The states of one vehicle's mission, and every transition from one to another: one table.
 
-IllegalTransitionError  an event that a state does not know; nothing has changed
+    IDLE --MISSION_TAKEN--> WAITING --READY--> PLACING_GEOFENCE --GEOFENCE_PLACED--> UPLOADING
+    PLACING_GEOFENCE --IN_AIR--> HOLDING --HELD--> UPLOADING --STORED--> VERIFYING
+    VERIFYING --VERIFIED--> SELECTING --SELECTED--> ARMING --ARMED--> STARTING --FLYING--> RUNNING
+    RUNNING --LIVE_NEXT--> FLYING_LIVE --ITEMS_NEXT--> HOLDING
+    FLYING_LIVE --GROUND_NEXT--> WAITING
+    IDLE --MISSION_RESUMED--> ATTACHING --FLYING--> RUNNING
+    ATTACHING --NOT_STARTED--> WAITING
+
+A mission also leaves these states by five events that may occur in many of them:
+
+    ENDED              to IDLE: the mission has its terminal status
+    FAULT              to FAILING, and from there by ENDED
+    ABORTED            to ABORTING, and from there by ENDED
+    LINK_LOST          to ATTACHING, out of a state that needs the vehicle's answers
+    VEHICLE_RESTARTED  to WAITING, before the vehicle flies
+
+IllegalTransitionError  a state does not know the event; nothing has changed
 """
 
 from collections.abc import Mapping
@@ -9,27 +25,27 @@ from typing import Final
 
 
 class State(Enum):
-    """What the session is doing for its vehicle."""
+    """What the broker does for the mission of one vehicle."""
 
-    IDLE = auto()  # No mission, or one that waits for the vehicle to come down
-    ATTACHING = auto()  # Finding out what the vehicle has made of a mission meanwhile
-    WAITING = auto()  # A mission waits for the vehicle to be heard, placed and ready to arm
-    FENCING = auto()  # The plan's geofence goes onto the vehicle, before it may fly
-    HOLDING = auto()  # A hovering vehicle leaves its mission mode, lest it fly what arrives
-    UPLOADING = auto()  # The mission goes onto the vehicle
-    VERIFYING = auto()  # The vehicle proves that it holds the mission
+    IDLE = auto()  # No mission, or one that waits until the vehicle has landed
+    ATTACHING = auto()  # Finds out what the vehicle has made of a mission meanwhile
+    WAITING = auto()  # Waits until the vehicle is connected, has a position, is ready to arm
+    PLACING_GEOFENCE = auto()  # The plan's geofence goes onto the vehicle before it may fly
+    HOLDING = auto()  # A hovering vehicle leaves its mission mode before items arrive
+    UPLOADING = auto()  # The items go onto the vehicle
+    VERIFYING = auto()  # The vehicle proves that it holds the items
     SELECTING = auto()  # The first item becomes the current one
     ARMING = auto()
-    STARTING = auto()  # Told to start, not yet seen to fly
-    RUNNING = auto()  # It flies; progress is followed and reported
-    PERFORMING = auto()  # A command is flown live, between stretches of the mission
-    LEAVING = auto()  # An event has ended the mission; the vehicle is told where to go
-    FAILING = auto()  # Something was refused or went wrong; the vehicle may say why
+    STARTING = auto()  # The start is ordered, no heartbeat has shown the flight
+    RUNNING = auto()  # The vehicle flies items; progress is reported
+    FLYING_LIVE = auto()  # The broker flies a command live, between segments of items
+    ABORTING = auto()  # An event or alarm has ended the mission; the vehicle is sent away
+    FAILING = auto()  # A fault has ended the mission; the vehicle may send its reasons
 
 
 BEFORE_TAKEOFF: Final = frozenset(
     {
-        State.FENCING,
+        State.PLACING_GEOFENCE,
         State.HOLDING,
         State.UPLOADING,
         State.VERIFYING,
@@ -38,19 +54,29 @@ BEFORE_TAKEOFF: Final = frozenset(
         State.STARTING,
     }
 )
-"""States of a mission, or of a part of it, that is being given to its vehicle."""
+"""States of a mission, or of a segment of it, that is transferred to its vehicle and started."""
+ASKING: Final = BEFORE_TAKEOFF | {State.FLYING_LIVE}
+"""States that need the vehicle's answers: a link that is away shows as a refusal."""
+ARMED_BY_BROKER: Final = frozenset({State.ARMING, State.STARTING})
+IN_FLIGHT: Final = frozenset({State.RUNNING, State.FLYING_LIVE})
+READING: Final = frozenset({State.ATTACHING, State.RUNNING})
+"""States that order nothing, so that they go on while somebody else is in command."""
+WITH_ITEMS: Final = BEFORE_TAKEOFF - {State.PLACING_GEOFENCE, State.HOLDING}
+"""States in which the items of a segment are on their way to the vehicle or on it."""
+ENDING: Final = frozenset({State.ABORTING, State.FAILING, State.IDLE})
+"""States behind which nothing of the mission is flown any more."""
 
 
 class Event(Enum):
-    """What moves a session on."""
+    """What moves a mission on."""
 
     MISSION_TAKEN = auto()
-    MISSION_RESUMED = auto()  # It was accepted by an earlier run of the broker
+    MISSION_RESUMED = auto()  # An earlier run of the broker accepted it
     FLYING = auto()
     NOT_STARTED = auto()
     READY = auto()
-    HOVERS = auto()  # Ready, in the air where a mission of ours has left it
-    FENCED = auto()
+    GEOFENCE_PLACED = auto()
+    IN_AIR = auto()  # The geofence is placed, and the vehicle hovers where a mission left it
     HELD = auto()
     REFUSED = auto()  # An item, for which there is another one
     STORED = auto()
@@ -60,102 +86,63 @@ class Event(Enum):
     LIVE_NEXT = auto()  # The next command is flown live
     ITEMS_NEXT = auto()  # The next commands are mission items, and the vehicle is in the air
     GROUND_NEXT = auto()  # The next commands begin with a take-off
-    UNHEARD = auto()  # Not answered while the link was away: what became of it is to be found out
-    REBOOTED = auto()  # On the ground, before it flew: begin again
-    ABORTED = auto()  # By an event, in the air
+    LINK_LOST = auto()  # No answer while the link was away: find out what became of the order
+    VEHICLE_RESTARTED = auto()  # On the ground, before it flew: begin again
+    ABORTED = auto()  # By an event or an alarm, in the air
     FAULT = auto()
     ENDED = auto()  # The mission has its terminal status
 
+
+_FROM_GROUND: Final = BEFORE_TAKEOFF - {State.HOLDING}
+"""A vehicle that holds in the air fails when it restarts."""
 
 TRANSITIONS: Final[Mapping[tuple[State, Event], State]] = {
     (State.IDLE, Event.MISSION_TAKEN): State.WAITING,
     (State.IDLE, Event.MISSION_RESUMED): State.ATTACHING,
     (State.ATTACHING, Event.FLYING): State.RUNNING,
     (State.ATTACHING, Event.NOT_STARTED): State.WAITING,
-    (State.ATTACHING, Event.LIVE_NEXT): State.PERFORMING,
+    (State.ATTACHING, Event.LIVE_NEXT): State.FLYING_LIVE,
     (State.ATTACHING, Event.ITEMS_NEXT): State.HOLDING,
     (State.ATTACHING, Event.GROUND_NEXT): State.WAITING,
-    (State.ATTACHING, Event.FAULT): State.FAILING,
-    (State.WAITING, Event.READY): State.FENCING,
-    (State.WAITING, Event.FAULT): State.FAILING,
-    (State.WAITING, Event.ENDED): State.IDLE,
-    (State.FENCING, Event.FENCED): State.UPLOADING,
-    (State.FENCING, Event.HOVERS): State.HOLDING,
-    (State.FENCING, Event.LIVE_NEXT): State.PERFORMING,
-    (State.FENCING, Event.REBOOTED): State.WAITING,
-    (State.FENCING, Event.UNHEARD): State.ATTACHING,
-    (State.FENCING, Event.FAULT): State.FAILING,
+    (State.WAITING, Event.READY): State.PLACING_GEOFENCE,
+    (State.PLACING_GEOFENCE, Event.GEOFENCE_PLACED): State.UPLOADING,
+    (State.PLACING_GEOFENCE, Event.IN_AIR): State.HOLDING,
+    (State.PLACING_GEOFENCE, Event.LIVE_NEXT): State.FLYING_LIVE,
     (State.HOLDING, Event.HELD): State.UPLOADING,
-    (State.HOLDING, Event.UNHEARD): State.ATTACHING,
-    (State.HOLDING, Event.FAULT): State.FAILING,
     (State.UPLOADING, Event.STORED): State.VERIFYING,
-    (State.UPLOADING, Event.REBOOTED): State.WAITING,
     (State.UPLOADING, Event.REFUSED): State.UPLOADING,
-    (State.UPLOADING, Event.LIVE_NEXT): State.PERFORMING,
-    (State.UPLOADING, Event.UNHEARD): State.ATTACHING,
-    (State.UPLOADING, Event.FAULT): State.FAILING,
+    (State.UPLOADING, Event.LIVE_NEXT): State.FLYING_LIVE,
     (State.VERIFYING, Event.VERIFIED): State.SELECTING,
-    (State.VERIFYING, Event.REBOOTED): State.WAITING,
-    (State.VERIFYING, Event.UNHEARD): State.ATTACHING,
-    (State.VERIFYING, Event.FAULT): State.FAILING,
     (State.SELECTING, Event.SELECTED): State.ARMING,
-    (State.SELECTING, Event.REBOOTED): State.WAITING,
-    (State.SELECTING, Event.UNHEARD): State.ATTACHING,
-    (State.SELECTING, Event.FAULT): State.FAILING,
     (State.ARMING, Event.ARMED): State.STARTING,
-    (State.ARMING, Event.REBOOTED): State.WAITING,
-    (State.ARMING, Event.UNHEARD): State.ATTACHING,
-    (State.ARMING, Event.FAULT): State.FAILING,
     (State.STARTING, Event.FLYING): State.RUNNING,
-    (State.STARTING, Event.REBOOTED): State.WAITING,
-    (State.STARTING, Event.UNHEARD): State.ATTACHING,
-    (State.STARTING, Event.FAULT): State.FAILING,
-    (State.RUNNING, Event.ENDED): State.IDLE,
-    (State.RUNNING, Event.LIVE_NEXT): State.PERFORMING,
+    (State.RUNNING, Event.LIVE_NEXT): State.FLYING_LIVE,
     (State.RUNNING, Event.ITEMS_NEXT): State.HOLDING,
     (State.RUNNING, Event.GROUND_NEXT): State.WAITING,
-    (State.RUNNING, Event.FAULT): State.FAILING,
-    (State.PERFORMING, Event.LIVE_NEXT): State.PERFORMING,
-    (State.PERFORMING, Event.ITEMS_NEXT): State.HOLDING,
-    (State.PERFORMING, Event.GROUND_NEXT): State.WAITING,
-    (State.PERFORMING, Event.ENDED): State.IDLE,
-    (State.PERFORMING, Event.UNHEARD): State.ATTACHING,
-    (State.PERFORMING, Event.FAULT): State.FAILING,
-    (State.FAILING, Event.ENDED): State.IDLE,
-    (State.ATTACHING, Event.ABORTED): State.LEAVING,
-    (State.WAITING, Event.ABORTED): State.LEAVING,
-    (State.FENCING, Event.ABORTED): State.LEAVING,
-    (State.HOLDING, Event.ABORTED): State.LEAVING,
-    (State.UPLOADING, Event.ABORTED): State.LEAVING,
-    (State.VERIFYING, Event.ABORTED): State.LEAVING,
-    (State.SELECTING, Event.ABORTED): State.LEAVING,
-    (State.ARMING, Event.ABORTED): State.LEAVING,
-    (State.STARTING, Event.ABORTED): State.LEAVING,
-    (State.RUNNING, Event.ABORTED): State.LEAVING,
-    (State.PERFORMING, Event.ABORTED): State.LEAVING,
-    (State.FAILING, Event.ABORTED): State.LEAVING,
-    (State.LEAVING, Event.ABORTED): State.LEAVING,
-    (State.ATTACHING, Event.ENDED): State.IDLE,
-    (State.FENCING, Event.ENDED): State.IDLE,
-    (State.HOLDING, Event.ENDED): State.IDLE,
-    (State.UPLOADING, Event.ENDED): State.IDLE,
-    (State.VERIFYING, Event.ENDED): State.IDLE,
-    (State.SELECTING, Event.ENDED): State.IDLE,
-    (State.ARMING, Event.ENDED): State.IDLE,
-    (State.STARTING, Event.ENDED): State.IDLE,
-    (State.LEAVING, Event.ENDED): State.IDLE,
+    (State.FLYING_LIVE, Event.LIVE_NEXT): State.FLYING_LIVE,
+    (State.FLYING_LIVE, Event.ITEMS_NEXT): State.HOLDING,
+    (State.FLYING_LIVE, Event.GROUND_NEXT): State.WAITING,
+    **{(state, Event.LINK_LOST): State.ATTACHING for state in ASKING},
+    **{(state, Event.VEHICLE_RESTARTED): State.WAITING for state in _FROM_GROUND},
+    **{
+        (state, Event.FAULT): State.FAILING
+        for state in State
+        if state not in {State.IDLE, State.ABORTING, State.FAILING}
+    },
+    **{(state, Event.ABORTED): State.ABORTING for state in State if state is not State.IDLE},
+    **{(state, Event.ENDED): State.IDLE for state in State if state is not State.IDLE},
 }
 
 
 class IllegalTransitionError(Exception):
-    """A state that does not know an event."""
+    """A state does not know an event."""
 
 
 def follow(state: State, event: Event) -> State:
     """Give the state after an event.
 
     Raises:
-        IllegalTransitionError: if the table has no such step.
+        IllegalTransitionError: if the table has no such transition.
     """
     try:
         return TRANSITIONS[state, event]

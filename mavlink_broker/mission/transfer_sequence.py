@@ -1,7 +1,7 @@
-"""Steps of a course: protocols run one after the other until one of them is refused.
+"""A sequence of protocols that run one after the other until one of them is refused.
 
-A course is a generator that yields protocols and is sent their outcomes, so that what depends on
-an answer can be written down in the order in which it happens.
+A sequence is a generator that yields protocols and is sent their outcomes, so that what depends on
+an answer is written in the order in which it happens.
 
 StepRefusedError  the vehicle refuses a step, or does not answer
 """
@@ -14,23 +14,31 @@ from typing import Any, Final, Protocol, TypeAlias
 from mavlink_broker.mavlink.addressing import Route
 from mavlink_broker.mavlink.dialect import Message
 from mavlink_broker.mavlink.mission_item import to_message
-from mavlink_broker.microservices.borrowed_config import Items
 from mavlink_broker.microservices.command import Accepted, CommandOutcome, Refused
-from mavlink_broker.microservices.float_items import POSITION_STEP_DEG, floats_only
+from mavlink_broker.microservices.config_overrides import Items
 from mavlink_broker.microservices.mission_clear import MissionClear, NotCleared
 from mavlink_broker.microservices.mission_download import Downloaded, MissionDownload, NotDownloaded
+from mavlink_broker.microservices.mission_protocol import (
+    PLAN_NAMES,
+    POSITION_STEP_DEG,
+    supports_only_float_items,
+)
 from mavlink_broker.microservices.mission_upload import MissionUpload, NotStored, Stored
 from mavlink_broker.microservices.mission_verify import Different, MissionVerify
-from mavlink_broker.microservices.parameter_read import ParameterRead, Told
-from mavlink_broker.microservices.parameter_write import ParameterWrite, Setting, Written
-from mavlink_broker.microservices.plan_kinds import PLAN_NAMES
+from mavlink_broker.microservices.parameter import (
+    ParameterRead,
+    ParameterValue,
+    ParameterWrite,
+    Setting,
+    Written,
+)
 from mavlink_broker.microservices.round_trip import RoundTrip
 from mavlink_broker.planning import geofence
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 READ_ATTEMPTS: Final = 10
 WRITE_ROUNDS: Final = 3
-"""A parameter is asked for, or set, so often: at 20 % loss each way one in 20,000 fails."""
+"""Attempts to read or set a parameter: at 20 % loss each way one in 20,000 fails."""
 
 
 class StepProtocol(Protocol):
@@ -50,7 +58,7 @@ class StepProtocol(Protocol):
         """Repeat what is overdue."""
 
 
-Course: TypeAlias = Generator[StepProtocol, Any, None]
+TransferSequence: TypeAlias = Generator[StepProtocol, Any, None]
 Step: TypeAlias = Generator[StepProtocol, Any, Any]
 
 
@@ -59,10 +67,10 @@ class StepRefusedError(Exception):
 
 
 @dataclass(slots=True)
-class CourseRun:
-    """A course on its way; accepted when it comes to its end."""
+class SequenceRun:
+    """A running sequence; accepted when it ends."""
 
-    course: Course
+    sequence: TransferSequence
     outcome: CommandOutcome | None = None
     _running: StepProtocol | None = field(default=None)
 
@@ -88,7 +96,7 @@ class CourseRun:
 
     def _advance(self, outcome: Any, now: float) -> list[Message]:
         try:
-            self._running = self.course.send(outcome)
+            self._running = self.sequence.send(outcome)
         except StopIteration:
             self.outcome = Accepted()
             return []
@@ -99,8 +107,8 @@ class CourseRun:
 
 
 @dataclass(slots=True)
-class _Noted:
-    """Waits until what is to be known of a vehicle is on the disk."""
+class _JournalWait:
+    """Waits until the recovery state of a vehicle is on the disk."""
 
     vehicle: Vehicle
     outcome: Accepted | None = None
@@ -114,22 +122,22 @@ class _Noted:
 
     def tick(self, now: float) -> list[Message]:
         del now
-        if self.vehicle.is_noted:
+        if self.vehicle.recovery.is_stored:
             self.outcome = Accepted()
         return []
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleSteps:
-    """What courses do on one vehicle; each raises StepRefusedError where it refuses."""
+    """The steps on one vehicle; each raises StepRefusedError where the vehicle refuses."""
 
     vehicle: Vehicle
 
-    def noted(self) -> Step:
-        """Wait until a broker that is killed from now on knows what it has borrowed."""
-        yield _Noted(self.vehicle)
+    def journal_stored(self) -> Step:
+        """Wait until the journal holds what the sequence is about to change."""
+        yield _JournalWait(self.vehicle)
 
-    def held(self, kind: int) -> Step:
+    def read_items(self, kind: int) -> Step:
         """Read a fence or rally points."""
         download = MissionDownload(*self._link, mission_type=kind, as_floats=self._floats)
         match (yield download):
@@ -138,7 +146,7 @@ class VehicleSteps:
             case NotDownloaded(reason):
                 raise StepRefusedError(reason)
 
-    def put(self, kind: int, items: Items) -> Step:
+    def replace_items(self, kind: int, items: Items) -> Step:
         """Replace a fence or rally points, and prove it; no items remove them."""
         pause_s = self.vehicle.family.busy_pause_s
         if not items:
@@ -162,21 +170,21 @@ class VehicleSteps:
             case _:
                 yield from self._prove(kind, items, 0)
 
-    def value(self, name: str) -> Step:
-        """Read a parameter; None where the vehicle does not tell it.
+    def read_parameter(self, name: str) -> Step:
+        """Read a parameter; None without an answer.
 
-        One that is not a number is refused: nobody could give it back.
+        A value that is not a number is refused: it could not be restored.
         """
         encoding = self.vehicle.parameter_encoding
         read = ParameterRead(name, *self._link, encoding=encoding, attempts=READ_ATTEMPTS)
         outcome = yield read
-        if not isinstance(outcome, Told):
+        if not isinstance(outcome, ParameterValue):
             return None
         if not math.isfinite(outcome.value):
             raise StepRefusedError(f"parameter {name}: {outcome.value} is not a number")
         return outcome.value
 
-    def set(self, setting: Setting) -> Step:
+    def set_parameter(self, setting: Setting) -> Step:
         """Write a parameter, and see the vehicle show it."""
         refusal = Refused("")
         for _ in range(WRITE_ROUNDS):
@@ -188,10 +196,10 @@ class VehicleSteps:
                     refusal = outcome
         raise StepRefusedError(refusal.reason)
 
-    def difference(self, meant: Items, held: Items) -> str | None:
-        """Name the first difference that the vehicle's way to store does not explain, or None."""
+    def difference(self, wanted: Items, held: Items) -> str | None:
+        """Name the first difference beyond the precision of the vehicle's storage, or None."""
         return geofence.difference(
-            meant,
+            wanted,
             held,
             tolerance_deg=POSITION_STEP_DEG if self._floats else geofence.TOLERANCE_DEG,
             altitude_step_m=self.vehicle.family.rally_altitude_step_m,
@@ -225,7 +233,7 @@ class VehicleSteps:
 
     @property
     def _floats(self) -> bool:
-        return floats_only(self.vehicle.capabilities)
+        return supports_only_float_items(self.vehicle.capabilities)
 
     @property
     def _link(self) -> tuple[Route, RoundTrip]:

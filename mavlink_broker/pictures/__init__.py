@@ -1,1 +1,1 @@
-"""Pictures that a vehicle takes: announced, counted, fetched and told to the edge server."""
+"""Pictures of a vehicle: announcements, downloads, and posts to the edge server."""

@@ -1,9 +1,9 @@
-"""Whose picture it is: the command that was running when it was taken.
+"""Attributes pictures to commands: each picture belongs to the command that ran when it was taken.
 
-A command's time runs from the end of the one before to its own end, by the vehicle's clock and
-as far as the broker has heard of it. News of a command comes up to a second late, and a camera
-may need some time, so a command that was to take pictures and lacks some also gets those from
-shortly before and after.
+The interval of a command runs from the end of the previous command to its own end, by the vehicle's
+clock and as far as the broker knows it. The broker learns of a command up to a second late, and a
+camera may need some time, so a command that lacks pictures also gets those from shortly before and
+after its interval.
 """
 
 import math
@@ -14,27 +14,27 @@ from typing import Final
 
 from afarcloud.commands import CameraImage, CameraPanorama, Command
 from afarcloud.enumerations import PanoramaMode
-from mavlink_broker.vehicle.mission_ledger import Ledger
+from mavlink_broker.vehicle.mission_ledger import MissionLedger
 
 EARLY_S: Final = 3.0
 LATE_S: Final = 10.0
-SPANS_KEPT: Final = 1000
+MAX_INTERVALS: Final = 1000
 _PANORAMA_SHOTS: Final = {PanoramaMode.FULL_CIRCLE: 8, PanoramaMode.HALF_CIRCLE: 5}
 
 
 @dataclass(frozen=True, slots=True)
-class Taker:
-    """A command, and how many pictures it is to take."""
+class PictureCommand:
+    """A command, and the number of pictures that it takes."""
 
-    mission: str  # Tells the mission from every other for good
+    mission: str  # Unique name of the mission
     mission_id: int
-    command: int  # Its place in the mission
+    command: int  # Its index in the mission
     command_id: int
     expected: int
 
 
 def pictures_of(command: Command) -> int:
-    """How many pictures a command asks for."""
+    """Give the number of pictures of a command."""
     match command:
         case CameraImage():
             return command.parameters.photo_count
@@ -44,12 +44,14 @@ def pictures_of(command: Command) -> int:
             return 0
 
 
-def running(ledger: Ledger, commands: tuple[Command, ...], mission: str) -> Taker | None:
-    """The command of a mission that runs, or is about to."""
+def current_command(
+    ledger: MissionLedger, commands: tuple[Command, ...], mission: str
+) -> PictureCommand | None:
+    """Give the command of a mission that runs, or is next."""
     if ledger.finished >= len(commands):
         return None
     command = commands[ledger.finished]
-    return Taker(
+    return PictureCommand(
         mission,
         ledger.mission_id,
         ledger.finished,
@@ -59,69 +61,75 @@ def running(ledger: Ledger, commands: tuple[Command, ...], mission: str) -> Take
 
 
 @dataclass(slots=True)
-class Span:
-    """The time of one command; of none, between missions."""
+class CommandInterval:
+    """The interval of one command, or between missions."""
 
-    taker: Taker | None
+    command: PictureCommand | None
     began_s: float
     ended_s: float = math.inf
-    is_partial: bool = False  # Its beginning was not watched
-    count: int = 0  # Pictures that are its
-    is_given_up: bool = False  # What it lacks has been looked for often enough
-    checks: int = 0  # How often it has been
+    is_partial: bool = False  # Its beginning was not observed
+    count: int = 0  # Its pictures
+    is_given_up: bool = False  # Its missing pictures were requested often enough
+    checks: int = 0  # Number of these requests
     check_at_s: float = 0.0
 
     @property
-    def lacks(self) -> int:
-        """How many of its pictures nobody has announced."""
-        return 0 if self.taker is None else max(0, self.taker.expected - self.count)
+    def missing(self) -> int:
+        """How many of its pictures were not announced."""
+        return 0 if self.command is None else max(0, self.command.expected - self.count)
 
 
 class Attribution:
-    """The times of the last commands of one vehicle."""
+    """The intervals of the last commands of one vehicle."""
 
     def __init__(self) -> None:
-        self._spans: deque[Span] = deque(maxlen=SPANS_KEPT)
-        self._lacking: list[Span] = []
+        self._intervals: deque[CommandInterval] = deque(maxlen=MAX_INTERVALS)
+        self._incomplete: list[CommandInterval] = []
 
     @property
-    def current(self) -> Taker | None:
+    def current(self) -> PictureCommand | None:
         """The command that runs."""
-        return self._spans[-1].taker if self._spans else None
+        return self._intervals[-1].command if self._intervals else None
 
-    def watch(self, taker: Taker | None, time_s: float, *, is_resumed: bool = False) -> bool:
-        """Take which command runs now, `is_resumed` if it ran before; whether that is news."""
-        if self._spans and self._spans[-1].taker == taker:
+    def update(
+        self, command: PictureCommand | None, time_s: float, *, is_resumed: bool = False
+    ) -> bool:
+        """Take the command that runs now, `is_resumed` if it ran before; whether it has changed."""
+        if self._intervals and self._intervals[-1].command == command:
             return False
-        if self._spans:
-            self._end(self._spans[-1], time_s)
-        is_first = all(span.taker is None for span in self._spans)
-        self._spans.append(Span(taker, time_s, is_partial=is_resumed and is_first))
+        if self._intervals:
+            self._end(self._intervals[-1], time_s)
+        is_first = all(interval.command is None for interval in self._intervals)
+        self._intervals.append(CommandInterval(command, time_s, is_partial=is_resumed and is_first))
         return True
 
-    def _end(self, span: Span, time_s: float) -> None:
-        span.ended_s = time_s
-        if span.lacks and not span.is_partial:
-            self._lacking.append(span)
+    def _end(self, interval: CommandInterval, time_s: float) -> None:
+        interval.ended_s = time_s
+        if interval.missing and not interval.is_partial:
+            self._incomplete.append(interval)
 
-    def attribute(self, time_s: float) -> Taker | None:
-        """Give a picture to its command."""
-        for span in self._spans:
-            is_near = span.began_s - EARLY_S <= time_s <= span.ended_s + LATE_S
-            if span.lacks and is_near:
-                span.count += 1
-                return span.taker
-        for span in self._spans:
-            if span.began_s <= time_s < span.ended_s:
-                span.count += 1
-                return span.taker
+    def attribute(self, time_s: float) -> PictureCommand | None:
+        """Give the command of a picture that was taken at a time, and count the picture."""
+        for interval in self._intervals:
+            is_near = interval.began_s - EARLY_S <= time_s <= interval.ended_s + LATE_S
+            if interval.missing and is_near:
+                interval.count += 1
+                return interval.command
+        for interval in self._intervals:
+            if interval.began_s <= time_s < interval.ended_s:
+                interval.count += 1
+                return interval.command
         return None
 
     def began_before(self, time_s: float) -> bool:
-        """Whether commands have been watched at a time already."""
-        return bool(self._spans) and self._spans[0].began_s <= time_s
+        """Whether the intervals reach back to a time."""
+        return bool(self._intervals) and self._intervals[0].began_s <= time_s
 
-    def ended_and_lacking(self) -> Iterator[Span]:
-        """Commands that have ended without all of their pictures."""
-        self._lacking = [span for span in self._lacking if span.lacks and not span.is_given_up]
-        return iter(self._lacking)
+    def incomplete(self) -> Iterator[CommandInterval]:
+        """Give the commands that have ended without all of their pictures."""
+        self._incomplete = [
+            interval
+            for interval in self._incomplete
+            if interval.missing and not interval.is_given_up
+        ]
+        return iter(self._incomplete)

@@ -1,4 +1,4 @@
-"""One picture as its camera announces it, and where it lies."""
+"""One picture as its camera announces it, and the location of its file."""
 
 import re
 from dataclasses import dataclass
@@ -11,38 +11,38 @@ _FTP_URL: Final = re.compile(r"^(?:mftp|mavftp|mavlinkftp|file)://(.*)$", re.DOT
 _COMPONENT: Final = re.compile(r"^/?\[?;comp=(\d{1,3})\]?(.*)$", re.DOTALL)
 
 
-class FilePlace(NamedTuple):
-    """A file of the vehicle, read over MAVFTP; without a component it is the camera's own."""
+class FileLocation(NamedTuple):
+    """A file on the vehicle, read over MAVFTP; without a component it is on the camera."""
 
     path: str
     component: int | None = None
 
 
-class WebPlace(NamedTuple):
-    """A file of a web server, such as the camera's."""
+class WebLocation(NamedTuple):
+    """A file on a web server, such as the camera's."""
 
     url: str
 
 
-Place: TypeAlias = FilePlace | WebPlace
+Location: TypeAlias = FileLocation | WebLocation
 
 
-def place_of(url: str) -> Place | None:
-    """Read `file_url`: `mftp://[;comp=<id>]path`, a plain path, http or https; None for others."""
+def location_of(url: str) -> Location | None:
+    """Parse `file_url`: `mftp://[;comp=<id>]path`, a plain path, http or https; None for others."""
     match = _FTP_URL.match(url)
     if match is not None:
-        directed = _COMPONENT.match(match[1])
-        path = match[1] if directed is None else directed[2]
-        component = None if directed is None else int(directed[1])
+        with_component = _COMPONENT.match(match[1])
+        path = match[1] if with_component is None else with_component[2]
+        component = None if with_component is None else int(with_component[1])
         is_component = component is None or 1 <= component <= 255
-        return FilePlace(path, component) if path and is_component else None
+        return FileLocation(path, component) if path and is_component else None
     if "://" not in url:
-        return FilePlace(url) if url else None
+        return FileLocation(url) if url else None
     try:
         parts = urlsplit(url)
     except ValueError:
         return None
-    return WebPlace(url) if parts.scheme in {"http", "https"} and parts.hostname else None
+    return WebLocation(url) if parts.scheme in {"http", "https"} and parts.hostname else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +51,7 @@ class Capture:
 
     component: int
     index: int
-    taken_s: float | None  # By its camera's clock, since it was switched on; None: not told
+    taken_s: float | None  # By its camera's clock since boot; None: not sent
     taken_utc_s: float | None = None  # Since 1970; None: its clock is not set
     altitude_m: float  # Above home
     has_succeeded: bool
@@ -59,15 +59,15 @@ class Capture:
     identity: str  # The same for the same picture, however often it is announced
 
     @property
-    def place(self) -> Place | None:
-        """Where it lies."""
-        return place_of(self.url)
+    def location(self) -> Location | None:
+        """The location of its file."""
+        return location_of(self.url)
 
 
 def read_capture(message: Message) -> Capture:
-    """Read CAMERA_IMAGE_CAPTURED(263)."""
+    """Parse CAMERA_IMAGE_CAPTURED(263)."""
     component, url = source_of(message).component, str(message.file_url)
-    marks = (message.time_utc, message.time_boot_ms, message.lat, message.lon, message.image_index)
+    fields = (message.time_utc, message.time_boot_ms, message.lat, message.lon, message.image_index)
     return Capture(
         component=component,
         index=message.image_index,
@@ -76,5 +76,5 @@ def read_capture(message: Message) -> Capture:
         altitude_m=message.relative_alt / 1e3,
         has_succeeded=message.capture_result == 1,
         url=url,
-        identity="/".join(map(str, (component, message.camera_id, *marks, url))),
+        identity="/".join(map(str, (component, message.camera_id, *fields, url))),
     )

@@ -1,9 +1,8 @@
-"""Everything about the pictures of one vehicle: from their announcement to the edge server.
+"""The pictures of one vehicle, from their announcement to the edge server.
 
-The ledger of captures: each picture belongs to the command that was running when it was taken,
-is fetched from where it lies, made to fit, and told once. Nothing of it holds a mission up, and
-nothing is lost silently: what cannot be had is said in its command's report, or in the log when
-the mission is over.
+Each picture belongs to the command that was running when it was taken; it is downloaded, reduced to
+the size that the edge server takes, and sent once. No mission waits for its pictures, and none is
+lost silently: the report of its command, or the log after the mission, names a missing picture.
 """
 
 import logging
@@ -13,173 +12,186 @@ from typing import Final
 
 from afarcloud.enumerations import Status
 from mavlink_broker.edge.work import MissionWork
-from mavlink_broker.effects import Effects
-from mavlink_broker.jobs import Develop, Developed, Downloaded, JobFailed, JobOutcome
+from mavlink_broker.effects import (
+    ConvertedPicture,
+    ConvertPicture,
+    Downloaded,
+    Effects,
+    JobFailed,
+    JobOutcome,
+)
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
-from mavlink_broker.pictures.attribution import Attribution, Span, Taker, running
+from mavlink_broker.pictures.attribution import (
+    Attribution,
+    CommandInterval,
+    PictureCommand,
+    current_command,
+)
 from mavlink_broker.pictures.capture import Capture, read_capture
-from mavlink_broker.pictures.counting import PictureCount
-from mavlink_broker.pictures.fetching import Errand, Fetching, Progress
-from mavlink_broker.vehicle.mission_ledger import Ledger
+from mavlink_broker.pictures.counting import AnnouncementTracker
+from mavlink_broker.pictures.fetching import PictureDownload, PictureFetcher, Progress
+from mavlink_broker.vehicle.mission_ledger import MissionLedger
 from mavlink_broker.vehicle.reporter import Reporter
 from mavlink_broker.vehicle.vehicle import Vehicle
 
-HEARD: Final = frozenset(
+PICTURE_MESSAGES: Final = frozenset(
     {"CAMERA_IMAGE_CAPTURED", "CAMERA_CAPTURE_STATUS", "FILE_TRANSFER_PROTOCOL"}
 )
-"""What a vehicle's components say about pictures."""
+"""Messages of a vehicle's components about pictures."""
 RECENT_S: Final = 900.0
-"""Older pictures, taken before this run of the broker, are not looked for."""
+"""Older pictures, taken before this run of the broker, are not downloaded."""
 OWN_CLOCK_S: Final = 3.0
-"""A camera whose clock is further from the autopilot's than that has one of its own."""
+"""A camera whose clock differs more from the autopilot's has a clock of its own."""
 CHECK_AFTER_S: Final = 2.0
 CHECKS: Final = 5
 DEVELOPING: Final = 2
 """Pictures at once whose bytes are in hand: a bound to memory."""
-ERRANDS_KEPT: Final = 1000
-IDENTITIES_KEPT: Final = 4000
-CAMERAS_KEPT: Final = 8
+MAX_UNFINISHED: Final = 1000
+MAX_IDENTITIES: Final = 4000
+MAX_CAMERAS: Final = 8
 
 _LOG = logging.getLogger(__name__)
 
 
-class PictureDesk:
+class PictureCollector:
     """The pictures of one vehicle."""
 
     def __init__(self, vehicle: Vehicle, reporter: Reporter) -> None:
         self._vehicle = vehicle
         self._reporter = reporter
         self._attribution = Attribution()
-        self._cameras: dict[int, PictureCount] = {}
-        self._clock_s: dict[int, float] = {}  # Of each camera: how far it is behind the autopilot
+        self._cameras: dict[int, AnnouncementTracker] = {}
+        self._clock_s: dict[int, float] = {}  # Of each camera: its lag behind the autopilot's clock
         self._seen: OrderedDict[str, None] = OrderedDict()
         first_seq = zlib.crc32(reporter.session_id.encode())
-        self._fetching = Fetching(vehicle.route, first_seq)
-        self._developing: dict[int, Errand] = {}
-        self._postponed: list[Errand] = []
+        self._fetching = PictureFetcher(vehicle.route, first_seq)
+        self._developing: dict[int, PictureDownload] = {}
+        self._postponed: list[PictureDownload] = []
         self._number = 0
-        self._flight: tuple[MissionWork, Ledger] | None = None
-        self._told: list[tuple[Taker, str]] = []
-        self._epoch_s = 0.0  # Added to the vehicle's time, so that it never goes back
+        self._flight: tuple[MissionWork, MissionLedger] | None = None
+        self._faults: list[tuple[PictureCommand, str]] = []
+        self._epoch_s = 0.0  # Added to the vehicle's time, which a restart sets back
         self._epoch_before_s: float | None = None  # The same, before the vehicle's last restart
         self._latest_s = 0.0
-        self.has_room = True  # The edge server takes pictures as fast as they come
-        self.is_reachable = False  # The vehicle is heard
+        self.has_room = True  # The edge server keeps up with the pictures
+        self.is_reachable = False  # Whether the vehicle is connected
 
     @property
     def unfinished(self) -> int:
-        """How many announced pictures have not been told yet."""
+        """How many announced pictures were not sent yet."""
         return len(self._fetching) + len(self._developing) + len(self._postponed)
 
     @property
     def is_fetching(self) -> bool:
-        """Whether pictures are still to come from a vehicle that is heard."""
+        """Whether downloads from a connected vehicle are unfinished."""
         return self.is_reachable and self.unfinished > 0
 
-    def watch(self, work: MissionWork | None, ledger: Ledger | None, now: float) -> None:
-        """Take which mission is flown, if any, and how far it is."""
-        taker = None
+    def update_mission(
+        self, work: MissionWork | None, ledger: MissionLedger | None, now: float
+    ) -> None:
+        """Take the mission that is flown, if any, and its progress."""
+        command = None
         if work is not None and ledger is not None:
             self._flight = work, ledger
             if ledger.status is Status.RUNNING:
-                taker = running(ledger, work.mission.command_array, work.name)
+                command = current_command(ledger, work.mission.command_array, work.name)
         before = self._attribution.current
         is_resumed = work is not None and work.was_accepted
-        is_news = self._attribution.watch(taker, self._time_s(now), is_resumed=is_resumed)
-        if is_news and (taker is None or before is None):
+        is_change = self._attribution.update(command, self._time_s(now), is_resumed=is_resumed)
+        if is_change and (command is None or before is None):
             for camera in self._cameras.values():  # A mission begins or ends
-                camera.ask_count()
+                camera.request_count()
 
     def restarted(self) -> None:
-        """Take that the vehicle was restarted: its time begins anew, and its camera's perhaps.
+        """Take that the vehicle has restarted: its clock begins anew, and perhaps its camera's.
 
-        Pictures of before stay with the commands of before.
+        Earlier pictures stay with earlier commands.
         """
         self._epoch_before_s = self._epoch_s
         self._epoch_s = self._latest_s + 2.0 * RECENT_S
         self._clock_s.clear()
         for camera in self._cameras.values():
-            camera.ask_count()
+            camera.request_count()
 
-    def camera_heard(self, component: int) -> None:
-        """Take that a component is a camera; the first time, what was not heard of is asked for."""
-        if component not in self._cameras and len(self._cameras) < CAMERAS_KEPT:
-            camera = PictureCount(component, self._vehicle.route, self._vehicle.round_trip)
-            camera.ask_count(go_back=True)
+    def add_camera(self, component: int) -> None:
+        """Add a component that is a camera; request the pictures that were not announced here."""
+        if component not in self._cameras and len(self._cameras) < MAX_CAMERAS:
+            camera = AnnouncementTracker(component, self._vehicle.route, self._vehicle.round_trip)
+            camera.request_count(go_back=True)
             self._cameras[component] = camera
-            self._vehicle.cameras.add(component)
+            self._vehicle.add_camera(component)
 
     def receive(self, message: Message, now: float, effects: Effects) -> None:
-        """Take what a component says about pictures."""
+        """Process a component's message about pictures."""
         match message.get_type():
             case "CAMERA_IMAGE_CAPTURED":
-                self._captured(read_capture(message), now)
+                self._take_capture(read_capture(message), now)
             case "CAMERA_CAPTURE_STATUS":
-                self._counted(message, now)
+                self._take_status(message, now)
             case "FILE_TRANSFER_PROTOCOL":
                 self._carry_out(self._fetching.receive(message, now), effects)
 
     def step(self, now: float, effects: Effects, *, is_busy: bool) -> None:
-        """Let time pass while the vehicle is heard; `is_busy` with what matters more."""
+        """Do what is due, while the vehicle is connected; `is_busy` with more urgent transfers."""
         for camera in self._cameras.values():
             messages, lost = camera.tick(now)
             effects.messages += messages
             for number in lost:
                 _LOG.warning("vehicle %d: picture %d is lost", self._vehicle.vehicle_id, number)
-        self._look_for_missing(now)
-        self._take_up_postponed()
+        self._request_missing(now)
+        self._resume_postponed()
         self._fetching.route = self._vehicle.route
-        is_held = is_busy or not self.has_room or len(self._developing) >= DEVELOPING
-        self._carry_out(self._fetching.step(now, is_held=is_held), effects)
-        self._tell_faults(effects)
+        is_paused = is_busy or not self.has_room or len(self._developing) >= DEVELOPING
+        self._carry_out(self._fetching.step(now, is_paused=is_paused), effects)
+        self._report_faults(effects)
 
     def take_outcome(self, outcome: JobOutcome, now: float, effects: Effects) -> None:
-        """Take what became of a job."""
+        """Process the outcome of a job."""
         match outcome:
             case Downloaded(number, data):
-                self._carry_out(self._fetching.web_brought(number, data), effects)
-            case Developed(number) if number in self._developing:
-                errand = self._developing.pop(number)
-                effects.for_edge.append(self._reporter.image(outcome, *self._named(errand)))
+                self._carry_out(self._fetching.web_completed(number, data), effects)
+            case ConvertedPicture(number) if number in self._developing:
+                picture = self._developing.pop(number)
+                effects.for_edge.append(self._reporter.image(outcome, *self._named(picture)))
             case JobFailed(number, reason) if number in self._developing:
                 self._fault(self._developing.pop(number), reason)
             case JobFailed(number, reason):
                 self._carry_out(self._fetching.web_failed(number, reason, now), effects)
-        self._tell_faults(effects)
+        self._report_faults(effects)
 
-    # Announcements.
+    # Announcements
 
-    def _counted(self, message: Message, now: float) -> None:
+    def _take_status(self, message: Message, now: float) -> None:
         component = source_of(message).component
         if component in self._cameras:
-            self._cameras[component].told(message.image_count)
+            self._cameras[component].take_count(message.image_count)
             if message.time_boot_ms:
                 camera_s = self._vehicle.snapshot.since_boot_s(message.time_boot_ms)
                 self._clock_s[component] = self._vehicle_time_s(now) - camera_s
 
-    def _captured(self, capture: Capture, now: float) -> None:
-        self.camera_heard(capture.component)
+    def _take_capture(self, capture: Capture, now: float) -> None:
+        self.add_camera(capture.component)
         camera = self._cameras.get(capture.component)
         if camera is None:
             return
         taken_s = self._taken_s(capture, now)
         is_recent = self._time_s(now) - taken_s <= RECENT_S
         is_of_earlier_run = is_recent and not self._attribution.began_before(taken_s)
-        is_news = camera.take(capture, goes_back=is_of_earlier_run)
-        if not is_news or capture.identity in self._seen:
+        is_new = camera.take(capture, goes_back=is_of_earlier_run)
+        if not is_new or capture.identity in self._seen:
             return
         self._seen[capture.identity] = None
-        if len(self._seen) > IDENTITIES_KEPT:
+        if len(self._seen) > MAX_IDENTITIES:
             self._seen.popitem(last=False)
-        taker = self._attribution.attribute(taken_s)
-        if taker is not None or is_of_earlier_run:
-            self._fetch(capture, taker)
+        command = self._attribution.attribute(taken_s)
+        if command is not None or is_of_earlier_run:
+            self._fetch(capture, command)
 
     def _taken_s(self, capture: Capture, now: float) -> float:
-        """When it was taken, by the autopilot's clock; a camera may have its own.
+        """The time when it was taken, by the autopilot's clock; a camera may have its own.
 
-        How far the two are apart is known from what the camera answers at once. An announcement
-        does not tell: a camera may take its time to store a picture.
+        The difference of the clocks is known from CAMERA_CAPTURE_STATUS, which a camera sends at
+        once; it sends an announcement only when it has stored the picture.
         """
         time_s = self._vehicle_time_s(now)
         if capture.taken_s is None:
@@ -187,116 +199,122 @@ class PictureDesk:
         behind_s = self._clock_s.get(capture.component, 0.0)
         taken_s = self._vehicle.snapshot.since_boot_s(round(capture.taken_s * 1e3))
         taken_s += behind_s if abs(behind_s) > OWN_CLOCK_S else 0.0
-        if self._epoch_before_s is not None and self._is_of_before(capture, taken_s, time_s):
+        if self._epoch_before_s is not None and self._is_before_restart(capture, taken_s, time_s):
             return taken_s + self._epoch_before_s
         return min(taken_s, time_s) + self._epoch_s
 
-    def _is_of_before(self, capture: Capture, taken_s: float, time_s: float) -> bool:
+    def _is_before_restart(self, capture: Capture, taken_s: float, time_s: float) -> bool:
         """Whether a picture is older than the vehicle's last restart.
 
-        Its time of day tells, else its time since boot, which has not come yet.
+        Its time of day shows it, else a time since boot that lies in the future.
         """
         booted_s = self._vehicle.snapshot.booted_at_utc_s
         if capture.taken_utc_s is not None and booted_s is not None:
             return capture.taken_utc_s < booted_s - OWN_CLOCK_S
         return taken_s > time_s + OWN_CLOCK_S
 
-    def _fetch(self, capture: Capture, taker: Taker | None) -> None:
+    def _fetch(self, capture: Capture, command: PictureCommand | None) -> None:
         self._number += 1
-        place = capture.place
+        location = capture.location
         if not capture.has_succeeded:
-            self._say(taker, f"the camera could not take picture {capture.index}")
-        elif place is None:
-            where = f"{capture.url!r} is no place" if capture.url else "it is told nowhere"
-            self._say(taker, f"picture {capture.index} cannot be fetched: {where}")
-        elif self.unfinished >= ERRANDS_KEPT:
-            self._say(taker, f"picture {capture.index} is not fetched: too many wait")
+            self._report(command, f"the camera could not take picture {capture.index}")
+        elif location is None:
+            where = (
+                f"{capture.url!r} is not a location" if capture.url else "its location is unknown"
+            )
+            self._report(command, f"picture {capture.index} cannot be fetched: {where}")
+        elif self.unfinished >= MAX_UNFINISHED:
+            self._report(command, f"picture {capture.index} is not fetched: too many wait")
         else:
-            self._fetching.add(Errand(self._number, capture, taker, place))
+            self._fetching.add(PictureDownload(self._number, capture, command, location))
 
-    def _look_for_missing(self, now: float) -> None:
-        for span in self._attribution.ended_and_lacking():
-            if self._time_s(now) >= span.ended_s + CHECK_AFTER_S:
-                self._look_for(span, now)
+    def _request_missing(self, now: float) -> None:
+        for interval in self._attribution.incomplete():
+            if self._time_s(now) >= interval.ended_s + CHECK_AFTER_S:
+                self._request_missing_of(interval, now)
 
-    def _look_for(self, span: Span, now: float) -> None:
-        if now < span.check_at_s or any(camera.is_asking for camera in self._cameras.values()):
+    def _request_missing_of(self, interval: CommandInterval, now: float) -> None:
+        if now < interval.check_at_s or any(
+            camera.is_requesting for camera in self._cameras.values()
+        ):
             return
-        span.checks += 1
-        span.check_at_s = now + CHECK_AFTER_S * 2 ** (span.checks - 1)
-        if span.checks > CHECKS or not self._cameras:
-            span.is_given_up = True
-            expected = 0 if span.taker is None else span.taker.expected
-            self._say(span.taker, f"{span.lacks} of {expected} pictures were not announced")
+        interval.checks += 1
+        interval.check_at_s = now + CHECK_AFTER_S * 2 ** (interval.checks - 1)
+        if interval.checks > CHECKS or not self._cameras:
+            interval.is_given_up = True
+            expected = 0 if interval.command is None else interval.command.expected
+            self._report(
+                interval.command, f"{interval.missing} of {expected} pictures were not announced"
+            )
             return
         for camera in self._cameras.values():
-            camera.ask_count()
+            camera.request_count()
 
-    # Results.
+    # Results
 
     def _carry_out(self, progress: Progress, effects: Effects) -> None:
         effects.messages += progress.messages
         effects.jobs += progress.jobs
-        for errand, data in progress.brought:
-            self._developing[errand.number] = errand
-            effects.jobs.append(Develop(errand.number, data))
-        for errand in progress.failed:
-            self._give_up(errand)
+        for picture, data in progress.completed:
+            self._developing[picture.number] = picture
+            effects.jobs.append(ConvertPicture(picture.number, data))
+        for picture in progress.failed:
+            self._give_up(picture)
 
-    def _give_up(self, errand: Errand) -> None:
-        """Leave a picture, for good or until the vehicle has landed: some give files only then."""
-        if errand.is_second_chance or self._vehicle.snapshot.armed is False:
-            self._fault(errand, errand.reason)
+    def _give_up(self, picture: PictureDownload) -> None:
+        """Give a picture up, or postpone it: some vehicles send files only after landing."""
+        if picture.is_second_chance or self._vehicle.snapshot.armed is False:
+            self._fault(picture, picture.reason)
             return
-        number = errand.capture.index
-        self._say(errand.taker, f"picture {number} cannot be had in flight: {errand.reason}")
-        self._postponed.append(errand)
+        number = picture.capture.index
+        self._report(picture.command, f"picture {number} cannot be had in flight: {picture.reason}")
+        self._postponed.append(picture)
 
-    def _take_up_postponed(self) -> None:
+    def _resume_postponed(self) -> None:
         if self._vehicle.snapshot.armed is not False:
             return
-        for errand in self._postponed:
-            self._fetching.add(errand.again())
+        for picture in self._postponed:
+            self._fetching.add(picture.restarted())
         self._postponed.clear()
 
-    def _named(self, errand: Errand) -> tuple[str, str]:
-        """Name a picture, and tell it from every other for good."""
-        taker, capture = errand.taker, errand.capture
-        whose = "found" if taker is None else f"m{taker.mission_id}_c{taker.command_id}"
-        if taker is None and self._flight is not None:
-            whose = f"m{self._flight[1].mission_id}_found"
+    def _named(self, picture: PictureDownload) -> tuple[str, str]:
+        """Give the name and the unique identity of a picture."""
+        command, capture = picture.command, picture.capture
+        prefix = "found" if command is None else f"m{command.mission_id}_c{command.command_id}"
+        if command is None and self._flight is not None:
+            prefix = f"m{self._flight[1].mission_id}_found"
         camera = "" if capture.component == mavlink.MAV_COMP_ID_CAMERA else f"_k{capture.component}"
-        mark = f"{self._vehicle.vehicle_id}/{capture.identity}"
-        return f"{whose}{camera}_{capture.index:04d}", mark
+        identity = f"{self._vehicle.vehicle_id}/{capture.identity}"
+        return f"{prefix}{camera}_{capture.index:04d}", identity
 
-    def _fault(self, errand: Errand, reason: str) -> None:
-        self._say(errand.taker, f"picture {errand.capture.index} cannot be had: {reason}")
+    def _fault(self, picture: PictureDownload, reason: str) -> None:
+        self._report(picture.command, f"picture {picture.capture.index} cannot be had: {reason}")
 
-    def _say(self, taker: Taker | None, text: str) -> None:
+    def _report(self, command: PictureCommand | None, text: str) -> None:
         _LOG.warning("vehicle %d: %s", self._vehicle.vehicle_id, text)
-        if taker is not None:
-            self._told.append((taker, text))
+        if command is not None:
+            self._faults.append((command, text))
 
-    def _tell_faults(self, effects: Effects) -> None:
-        """Put what is missing into the report of its command, while its mission is under way."""
-        told, self._told = self._told, []
-        is_news = False
-        for taker, text in told:
+    def _report_faults(self, effects: Effects) -> None:
+        """Add missing pictures to the reports of their commands, while the mission runs."""
+        faults, self._faults = self._faults, []
+        has_changed = False
+        for command, text in faults:
             work, ledger = self._flight or (None, None)
-            if work is None or ledger is None or work.name != taker.mission:
+            if work is None or ledger is None or work.name != command.mission:
                 continue
             if not ledger.status.is_terminal:
-                ledger.add_note(taker.command, text)
-                is_news = True
-        if is_news and self._flight is not None:
+                ledger.add_note(command.command, text)
+                has_changed = True
+        if has_changed and self._flight is not None:
             effects.for_edge.append(self._reporter.mission(self._flight[1]))
 
     def _time_s(self, now: float) -> float:
-        """The vehicle's time, going on over its restarts; the broker's where it tells none."""
+        """The vehicle's time, continued over its restarts; the broker's if it sends none."""
         time_s = self._vehicle_time_s(now) + self._epoch_s
         self._latest_s = max(self._latest_s, time_s)
         return time_s
 
     def _vehicle_time_s(self, now: float) -> float:
-        told = self._vehicle.snapshot.time_s
-        return now if told is None else told
+        time_s = self._vehicle.snapshot.time_s
+        return now if time_s is None else time_s

@@ -1,13 +1,13 @@
-"""Makes a picture fit into a number of bytes; run as a program of its own, for its own safety.
+"""Reduces a picture to a number of bytes; a separate program, for safety.
 
     shrink.py LIMIT < picture > smaller.jpg
 
-A picture comes from a vehicle's camera or from whoever stands in its place. Decoders have been
-attacked through pictures, and some bytes can describe a terabyte of pixels. So this runs beside
-the broker, with bounds to memory and time, imports nothing of it, and may die.
+A picture comes from a vehicle's camera or from an attacker in its place. Pictures can exploit
+decoders, and a few bytes can describe a terabyte of pixels. So this program runs beside the broker
+with limits on memory and time, imports nothing of it, and may crash.
 
-The result is a JPEG: first of lower quality, then of fewer pixels. EXIF and XMP are kept, for
-they say where it was taken. Exits with a sentence on stderr and status 1 if it cannot be done.
+The result is a JPEG: first of lower quality, then of fewer pixels. EXIF and XMP, which contain the
+position, are copied. On a failure it exits with a sentence on stderr and status 1.
 """
 
 import contextlib
@@ -37,29 +37,29 @@ FORMATS = tuple(
     )
     if plugin.format is not None
 )
-"""What is read; the fewer decoders, the fewer holes."""
+"""Supported formats; fewer decoders have fewer vulnerabilities."""
 MEMORY_BYTES = 768 * 1024 * 1024
 CPU_S = 30
 LARGEST_PIXELS = 100_000_000
-"""Of the picture as it is told to be."""
+"""Of the picture, by its header."""
 DECODED_PIXELS = 25_000_000
 """Of a picture that cannot be decoded at a fraction of its size: some 75 MB."""
 QUALITIES = (88, 80, 70, 60)
 SHRINKING = 0.8
 SMALLEST_SIDE = 64
 MARKER_BYTES = 65_000
-"""What fits into one segment of a JPEG; larger EXIF or XMP cannot be kept."""
+"""The size of one segment of a JPEG; larger EXIF or XMP is not copied."""
 
 
-def bound() -> None:
-    """Give up rather than take the machine's memory and time."""
+def set_limits() -> None:
+    """Limit memory and CPU time of this process."""
     for what, limit in ((resource.RLIMIT_AS, MEMORY_BYTES), (resource.RLIMIT_CPU, CPU_S)):
-        with contextlib.suppress(ValueError):  # A tighter bound is set already
+        with contextlib.suppress(ValueError):  # A lower limit is set already
             resource.setrlimit(what, (limit, limit))
 
 
 def shrink(data: bytes, limit: int) -> bytes:
-    """Give a JPEG of at most so many bytes.
+    """Give a JPEG of at most `limit` bytes.
 
     Raises:
         ValueError: if it cannot be read, is too large, or does not become small enough.
@@ -111,8 +111,8 @@ def _encode(pixels: Image.Image, quality: int, marks: dict[str, bytes]) -> bytes
 
 
 def main() -> int:
-    """Read stdin, write stdout; gives the exit status."""
-    bound()
+    """Read stdin, write stdout; give the exit status."""
+    set_limits()
     warnings.simplefilter("error", Image.DecompressionBombWarning)
     try:
         smaller = shrink(sys.stdin.buffer.read(), int(sys.argv[1]))

@@ -1,4 +1,4 @@
-"""Pictures, video and panoramas: as mission items, or live where the vehicle's place is unknown.
+"""Pictures, video and panoramas: as mission items, or live if the vehicle's position is unknown.
 
 A gimbal's or camera's command that the vehicle has refused as an item is replaced by the older
 one, as ground stations do.
@@ -17,7 +17,14 @@ from mavlink_broker.mavlink import mission_item
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mavlink.mission_item import MissionItem
 from mavlink_broker.microservices.command import CommandLong, long_command
-from mavlink_broker.planning.live_actions import Face, Lasted, LiveAction, Order, Series, Step
+from mavlink_broker.planning.live_actions import (
+    Lasted,
+    LiveAction,
+    SendCommand,
+    Series,
+    Step,
+    TurnInPlace,
+)
 from mavlink_broker.planning.situation import Items, Refusal, Situation
 
 CAMERA: Final[int] = mavlink.MAV_COMP_ID_CAMERA
@@ -29,12 +36,12 @@ _SHOTS: Final = {PanoramaMode.FULL_CIRCLE: 8, PanoramaMode.HALF_CIRCLE: 5}
 _SPAN_DEG: Final = {PanoramaMode.FULL_CIRCLE: 360.0, PanoramaMode.HALF_CIRCLE: 180.0}
 _SETTLE_S: Final = 2.0
 TURNED_WITHIN_S: Final = 600.0
-_TURNS_ITSELF: Final = "the vehicle turns from picture to picture: the camera takes no panoramas"
+_VEHICLE_TURNS: Final = "the vehicle turns from picture to picture: the camera takes no panoramas"
 _NO_GIMBAL: Final = "the vehicle has no gimbal: pitch_angle and yaw_angle were left out"
 _SEQUENCES: Final = 2**23
-"""Numbers that a float carries exactly."""
-_OURSELVES: Final = (-2.0, -2.0)
-"""Who is to be first in control of a gimbal: system and component that say so."""
+"""Numbers that a float represents exactly."""
+_SENDER: Final = (-2.0, -2.0)
+"""Primary control of a gimbal: system and component of the sender."""
 _AS_BEFORE: Final = (-1.0, -1.0)
 _EARTH: Final = float(
     mavlink.GIMBAL_MANAGER_FLAGS_YAW_IN_EARTH_FRAME | mavlink.GIMBAL_MANAGER_FLAGS_YAW_LOCK
@@ -56,7 +63,7 @@ def image(command: CameraImage, situation: Situation) -> Items | LiveAction:
     if situation.after_live:
         return _live_image(situation.family, aim, shots, number, duration_s + slew_s)
     pointing, notes = _pointing(p.pitch_angle, p.yaw_angle, situation)
-    wholes = situation.family.whole_parameters.get(mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW)
+    wholes = situation.family.truncated_parameters.get(mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW)
     if wholes and (p.pitch_angle % 1.0 or (p.yaw_angle or 0.0) % 1.0):
         notes = (*notes, f"{situation.family.name} points its gimbal in whole degrees")
     capture, more = _capture(shots, number, situation.refused)
@@ -82,18 +89,18 @@ def video_stop(command: VideoStopCapture, situation: Situation) -> Items | LiveA
 
 
 def panorama(command: CameraPanorama, situation: Situation) -> Items | LiveAction | Refusal:
-    """Have the camera take it where it can, else turn the vehicle from picture to picture."""
+    """Have the camera take it if it can, else turn the vehicle from picture to picture."""
     mode = command.parameters.panorama_mode
     if situation.family.takes_panoramas:
         angles = (_SPAN_DEG[mode], math.nan, math.nan, math.nan)
         create = long_command(mavlink.MAV_CMD_PANORAMA_CREATE, *angles, component=CAMERA)
         in_hold = tuple((*way, create) for way in situation.family.holding)
-        begin = (*in_hold, (create,))  # It is refused where the vehicle does not hold its place
+        begin = (*in_hold, (create,))  # The vehicle refuses it unless it holds its position
         return LiveAction(
             begin=begin,
             end=Lasted(),
             within_s=PANORAMA_WITHIN_S,
-            works_s=PANORAMA_WORKS_S,
+            execution_s=PANORAMA_WORKS_S,
             moves=False,
         )
     if situation.spot is None:
@@ -107,11 +114,11 @@ def panorama(command: CameraPanorama, situation: Situation) -> Items | LiveActio
         items += _turn(yaw_deg, situation)
         items.append(_capture((0.0, 1.0), number, situation.refused)[0])
     items.append(mission_item.delay(1.0))
-    return Items(tuple(items), len(items) - 1, (_TURNS_ITSELF,))
+    return Items(tuple(items), len(items) - 1, (_VEHICLE_TURNS,))
 
 
 def _turned_panorama(command: CameraPanorama, situation: Situation) -> LiveAction | Refusal:
-    """Turn on the spot, wherever a live command or an earlier mission has left the vehicle."""
+    """Turn in place, at the position after a live command or an earlier mission."""
     family, mode = situation.family, command.parameters.panorama_mode
     if not situation.after_live:
         return Refusal("command_type_id", "no command before it brings the vehicle to a place")
@@ -120,27 +127,30 @@ def _turned_panorama(command: CameraPanorama, situation: Situation) -> LiveActio
     for shot in range(_SHOTS[mode]):
         number = _picture_number(situation.mission_id, command.command_id, shot)
         take = _to_camera(family, mavlink.MAV_CMD_IMAGE_START_CAPTURE, 0.0, 0.0, 1.0, number)
-        steps += [Face(first_deg + shot * _STEP_DEG, _SETTLE_S), Order(tuple((t,) for t in take))]
-    steps.append(Face(0.0))
+        steps += [
+            TurnInPlace(first_deg + shot * _STEP_DEG, _SETTLE_S),
+            SendCommand(tuple((t,) for t in take)),
+        ]
+    steps.append(TurnInPlace(0.0))
     return LiveAction(
         begin=family.holding,
         end=Series(tuple(steps)),
         within_s=TURNED_WITHIN_S,
-        notes=(_TURNS_ITSELF,),
+        notes=(_VEHICLE_TURNS,),
     )
 
 
 def _to_camera(family: Family, command: int, *values: float) -> tuple[CommandLong, CommandLong]:
-    """Tell the camera, or the autopilot where that is the camera; the other one in its stead."""
+    """Address the camera, or the autopilot if that is the camera; then the other one."""
     camera = long_command(command, *values, component=CAMERA)
     autopilot = long_command(command, *values)
     return (autopilot, camera) if family.camera_is_autopilot else (camera, autopilot)
 
 
 def _turn(yaw_deg: float, situation: Situation) -> Sequence[MissionItem]:
-    """Look into a direction from where the vehicle is, and come to rest."""
+    """Turn to a heading at the vehicle's position, and wait until it rests."""
     if situation.spot is None:
-        raise ValueError("nobody knows where to turn")
+        raise ValueError("the position of the turn is not known")
     by_condition = situation.family.yaw_by_condition
     stop = mission_item.waypoint(
         **situation.spot._asdict(), hold_s=_SETTLE_S, yaw_deg=None if by_condition else yaw_deg
@@ -151,7 +161,7 @@ def _turn(yaw_deg: float, situation: Situation) -> Sequence[MissionItem]:
 def _pointing(
     pitch_deg: float, yaw_deg: float | None, situation: Situation
 ) -> tuple[tuple[MissionItem, ...], tuple[str, ...]]:
-    """Aim the gimbal by the newest command that has not been refused."""
+    """Point the gimbal by the newest command that the vehicle has not refused."""
     refused = situation.refused
     if mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW not in refused:
         flags, yaw = (_VEHICLE, 0.0) if yaw_deg is None else (_EARTH, yaw_deg)
@@ -185,12 +195,12 @@ def _live_image(
     point = long_command(
         mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW, pitch_deg, yaw, math.nan, math.nan, flags
     )
-    control = long_command(mavlink.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE, *_OURSELVES, *_AS_BEFORE)
+    control = long_command(mavlink.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE, *_SENDER, *_AS_BEFORE)
     single = number if shots[1] == 1.0 else 0.0
     takes = _to_camera(family, mavlink.MAV_CMD_IMAGE_START_CAPTURE, 0.0, *shots, single)
     return LiveAction(
         begin=((control, point, takes[0]), (point, takes[0]), *((take,) for take in takes)),
-        way_notes=("", "", _NO_GIMBAL, _NO_GIMBAL),
+        alternative_notes=("", "", _NO_GIMBAL, _NO_GIMBAL),
         end=Lasted(duration_s),
         within_s=duration_s + PANORAMA_WITHIN_S,
         moves=False,
@@ -210,5 +220,5 @@ def _video(command: int, values: tuple[float, float], situation: Situation) -> I
 
 
 def _picture_number(mission_id: int, command_id: int, shot: int = 0) -> float:
-    """A number that the camera has not seen lately: it ignores a single picture's repetition."""
+    """Give a number that differs from recent ones: a camera ignores a repeated single picture."""
     return float(1 + zlib.crc32(f"{mission_id}/{command_id}/{shot}".encode()) % _SEQUENCES)

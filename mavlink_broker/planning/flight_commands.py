@@ -1,6 +1,6 @@
 """Take-off, waypoint, landing and home as mission items: one pure function each.
 
-What a family does not honour is left out and said in a note, which becomes the command's
+A field that a family does not support is left out; a note says so and becomes the command's
 `message`.
 """
 
@@ -10,7 +10,11 @@ from typing import Final
 from afarcloud.commands import NavHome, NavLand, NavTakeoff, NavWaypoint
 from afarcloud.enumerations import PrecisionLandMode
 from mavlink_broker.autopilots.families import Family
-from mavlink_broker.autopilots.parameter_settings import COPTER_RADIUS_M, Loans, copter_radius
+from mavlink_broker.autopilots.parameter_settings import (
+    COPTER_RADIUS_M,
+    ParameterOverrides,
+    copter_radius,
+)
 from mavlink_broker.mavlink import mission_item
 from mavlink_broker.mavlink.mission_item import MissionItem
 from mavlink_broker.planning.situation import Items, Situation, Spot
@@ -19,10 +23,10 @@ _CLIMBS_UPRIGHT: Final = "minimum_pitch: a vehicle with rotors climbs upright"
 
 
 def takeoff(command: NavTakeoff, situation: Situation) -> Items:
-    """Climb, then go to the position: on most autopilots take-off climbs where it stands.
+    """Climb, then fly to the position: on most autopilots a take-off climbs vertically.
 
-    The waypoint is there even when the vehicle stands at the position, so that the items do not
-    depend on where it stands: after a restart they must come out the same.
+    The waypoint exists even if the vehicle is at the position, so that the items do not depend on
+    the vehicle's position: after a restart they must be the same.
     """
     p, family = command.parameters, situation.family
     place = {
@@ -48,7 +52,7 @@ def waypoint(command: NavWaypoint, situation: Situation) -> Items:
     notes = []
     if p.trajectory_control != 0:
         notes.append("trajectory_control is not supported and was left out")
-    loans, more = _radius(situation)
+    overrides, more = _radius(situation)
     notes += more
     if family.yaw_by_condition and p.hold_time % 1.0:
         notes.append(f"hold_time: {family.name} keeps whole seconds")
@@ -62,7 +66,9 @@ def waypoint(command: NavWaypoint, situation: Situation) -> Items:
     )
     items = (*_yaw_before(p.desired_yaw_angle, family), go)
     spot = Spot(p.latitude, p.longitude, p.altitude)
-    return Items(items, len(items) - 1, tuple(notes), spot, p.desired_yaw_angle, loans=loans)
+    return Items(
+        items, len(items) - 1, tuple(notes), spot, p.desired_yaw_angle, overrides=overrides
+    )
 
 
 def land(command: NavLand, situation: Situation) -> Items:
@@ -92,7 +98,7 @@ def land(command: NavLand, situation: Situation) -> Items:
 
 
 def home(command: NavHome, situation: Situation) -> Items:
-    """Return and land, or go home at the mission's altitude; the mission's end is a hover."""
+    """Return and land, or fly home at the mission's altitude; the mission ends in a hover."""
     if command.parameters.landing:
         return Items((mission_item.return_to_launch(),), 0, ends_on_ground=True)
     go = mission_item.waypoint(
@@ -104,8 +110,8 @@ def home(command: NavHome, situation: Situation) -> Items:
     return Items((replace(go, at_home=True),), 0, spot=spot, at_home=True)
 
 
-def _radius(situation: Situation) -> tuple[Loans, tuple[str, ...]]:
-    """Borrow the acceptance radius where it is a parameter, if one will do for all waypoints."""
+def _radius(situation: Situation) -> tuple[ParameterOverrides, tuple[str, ...]]:
+    """Override the acceptance radius where it is a parameter, if all waypoints have the same."""
     family, radius_m = situation.family, situation.common_radius_m
     if family.honours_acceptance_radius:
         return (), ()

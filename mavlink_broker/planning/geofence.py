@@ -1,7 +1,7 @@
 """A plan's geofence and rally points as mission items. Pure.
 
-Areas are items of mission type FENCE, rally points of type RALLY. A polygon's corners each carry
-their number, in the order of the outline. Heights are no items: see
+Areas are items of mission type FENCE, rally points of type RALLY. Each corner of a polygon
+carries the number of corners, in the order of the outline. Heights are not items: see
 `mavlink_broker.autopilots.geofence_parameters`.
 """
 
@@ -11,13 +11,13 @@ from typing import Final
 from afarcloud.plan import Geofence, RallyPoint
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.mavlink.mission_item import MissionItem, from_message
-from mavlink_broker.microservices.plan_kinds import FENCE, RALLY
+from mavlink_broker.microservices.mission_protocol import FENCE, RALLY
 
 CAPABILITIES: Final = {
     FENCE: mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE,
     RALLY: mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY,
 }
-"""Bits of AUTOPILOT_VERSION by which a vehicle says that it keeps such items."""
+"""Bits of AUTOPILOT_VERSION for vehicles that store such items."""
 
 TOLERANCE_DEG: Final = 1.5e-7
 _ALTITUDE_TOLERANCE_M: Final = 0.011
@@ -27,7 +27,7 @@ _HAS_RADIUS: Final = frozenset(
 
 
 def fence_items(geofence: Geofence | None) -> tuple[MissionItem, ...]:
-    """Give the areas of a geofence, inclusions first; nothing where it has none."""
+    """Give the areas of a geofence, inclusions first."""
     if geofence is None:
         return ()
     inclusion: int = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
@@ -62,12 +62,12 @@ def rally_items(points: Sequence[RallyPoint]) -> tuple[MissionItem, ...]:
 
 
 def items_of(messages: Sequence[Message]) -> tuple[MissionItem, ...]:
-    """Read what a vehicle gave back."""
+    """Parse downloaded items."""
     return tuple(map(from_message, messages))
 
 
 def difference(
-    meant: Sequence[MissionItem],
+    wanted: Sequence[MissionItem],
     held: Sequence[MissionItem],
     *,
     tolerance_deg: float = TOLERANCE_DEG,
@@ -75,13 +75,13 @@ def difference(
 ) -> str | None:
     """Name the first difference that matters, or None.
 
-    Frame and altitude of an area mean nothing and come back as the vehicle likes; its first
-    parameter is a number of corners or a radius. A rally point's altitude may be cut to steps.
+    Frame and altitude of an area have no meaning and may differ; its first parameter is a number of
+    corners or a radius. A rally point's altitude may be rounded to steps.
     """
-    if len(meant) != len(held):
-        return f"the vehicle holds {len(held)} items instead of {len(meant)}"
+    if len(wanted) != len(held):
+        return f"the vehicle holds {len(held)} items instead of {len(wanted)}"
     altitude_m = max(_ALTITUDE_TOLERANCE_M, altitude_step_m)
-    for number, (one, other) in enumerate(zip(meant, held, strict=True)):
+    for number, (one, other) in enumerate(zip(wanted, held, strict=True)):
         is_rally = one.command == mavlink.MAV_CMD_NAV_RALLY_POINT
         tolerance_m = 0.01 if one.command in _HAS_RADIUS else 0.0
         same = {

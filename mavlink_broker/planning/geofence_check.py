@@ -16,10 +16,10 @@ from mavlink_broker.planning.situation import Home, Refusal, RefusedError, Spot
 
 
 def check_flyable(mission: Mission) -> None:
-    """Hold a mission against what every vehicle refuses.
+    """Check a mission against the limits of every vehicle.
 
     Raises:
-        RefusedError: for the first command of which that is true.
+        RefusedError: for the first command that no vehicle can fly.
     """
     for index, field, text in flyable.unflyable(mission):
         place = index or 0
@@ -28,7 +28,7 @@ def check_flyable(mission: Mission) -> None:
 
 
 class AreaCheck:
-    """One geofence, which missions, places and legs are held against."""
+    """Checks missions, positions and legs against one geofence."""
 
     def __init__(self, geofence: Geofence) -> None:
         self._check = FenceCheck(geofence)
@@ -44,13 +44,13 @@ class AreaCheck:
         rally: tuple[Spot, ...] = (),
         own_limit_m: float | None = None,
     ) -> None:
-        """Follow the vehicle through its mission from where it stands.
+        """Check a mission from the vehicle's position on.
 
-        What is not known yet (`start`, `home`) is not judged. `own_limit_m` is a height that the
-        vehicle keeps below by itself.
+        An unknown `start` or `home` is not checked. `own_limit_m` is a height limit of the vehicle
+        itself.
 
         Raises:
-            RefusedError: for a polygon that cannot be meant, or the first command that leads out.
+            RefusedError: for an invalid polygon, or the first command that leaves the geofence.
         """
         self._check.renew()
         for outline in self._check.outline_faults:
@@ -72,13 +72,13 @@ class AreaCheck:
 
 
 def _refused(outline: OutlineFault, mission: Mission) -> RefusedError:
-    """Give what to raise for a geofence that cannot be kept to; the whole mission is concerned."""
+    """Give the error for a geofence that cannot be checked; it concerns the whole mission."""
     refusal = Refusal(f"geofence.{outline.field}", outline.text)
     return RefusedError(0, mission.command_array[0], refusal)
 
 
 def as_flown(commands: tuple[Command, ...], family: Family) -> tuple[Command, ...]:
-    """Give commands with the places and heights that a family's vehicles make of them."""
+    """Give commands with the positions and heights at which a family's vehicles fly them."""
     return tuple(_as_flown(command, family) for command in commands)
 
 

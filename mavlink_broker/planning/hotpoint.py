@@ -1,4 +1,4 @@
-"""A turn about a point: DO_ORBIT in flight, or LOITER_TURNS where missions have it."""
+"""A turn about a point: DO_ORBIT in flight, or LOITER_TURNS if the family has it as an item."""
 
 import math
 from dataclasses import replace
@@ -9,8 +9,7 @@ from afarcloud.enumerations import OrbitType
 from afarcloud.flyable import SLOWEST_TURN_DEG_S
 from afarcloud.geodesy import offset, shifted
 from afarcloud.route import start_point
-from mavlink_broker.autopilots.families import Family
-from mavlink_broker.autopilots.orbit_support import Orbiting
+from mavlink_broker.autopilots.families import Family, OrbitMethod
 from mavlink_broker.autopilots.parameter_settings import copter_circle
 from mavlink_broker.mavlink import mission_item
 from mavlink_broker.mavlink.dialect import mavlink
@@ -22,9 +21,9 @@ from mavlink_broker.planning.speed_items import speed_items
 FULL_TURN_RAD: Final = 2.0 * math.pi
 SPEED_MAX_M_S: Final = 10.0
 ACCELERATION_MAX_M_S2: Final = 0.98 * 0.98 * 2.0
-"""PX4 lets a vehicle on a circle accelerate by 2 m/s^2; a little less is always accepted."""
+"""PX4 limits the acceleration on an orbit to 2 m/s^2; it always accepts a little less."""
 COPTER_ACCELERATION_MAX_M_S2: Final = 1.25
-"""ArduCopter takes half of WPNAV_ACCEL for the way round, 2.5 m/s^2 unless somebody changed it."""
+"""ArduCopter uses half of WPNAV_ACCEL on a circle; its default is 2.5 m/s^2."""
 SLACK_S: Final = 120.0
 _ALWAYS_FLOWN: Final = frozenset(
     {
@@ -33,15 +32,15 @@ _ALWAYS_FLOWN: Final = frozenset(
         OrbitType.USING_INITIAL_HEADING,
     }
 )
-"""Headings that are flown from point to point where a vehicle's own circle lacks them."""
+"""Headings that are flown from point to point if a vehicle's own orbit lacks them."""
 _HARDLY_FASTER_DEG_S: Final = 0.5
 _LOOKS: Final = frozenset({mavlink.MAV_CMD_DO_SET_ROI_LOCATION, mavlink.MAV_CMD_DO_SET_ROI_NONE})
-"""For the gimbal's sake: the nose points inwards by the circle's own options."""
+"""For the gimbal: the circle's own options point the nose inwards."""
 _FORWARDS: Final = 3.0  # ORBIT_YAW_BEHAVIOUR_HOLD_FRONT_TANGENT_TO_CIRCLE
 
 
 def hotpoint(command: NavHotpoint, situation: Situation) -> Items | LiveAction | Refusal:
-    """One full turn, begun at the start point if there is one."""
+    """Fly one full turn, from the start point if there is one."""
     p = command.parameters
     if p.angular_velocity < SLOWEST_TURN_DEG_S:
         slow = f"a turn at {p.angular_velocity:g} deg/s takes longer than a day"
@@ -55,13 +54,13 @@ def _part(p: NavHotpointParameters, situation: Situation) -> Items | LiveAction:
     manner = _manner(p, situation.family)
     if isinstance(manner, str):
         return _from_point_to_point(p, situation, manner)
-    if manner is Orbiting.BY_ITEM:
+    if manner is OrbitMethod.BY_ITEM:
         return _as_items(p, situation)
     return _live(p, situation)
 
 
 def _within_speed(p: NavHotpointParameters, most_m_s: float) -> NavHotpointParameters:
-    """Give the turn that is no faster than the mission; 0: that has no greatest speed."""
+    """Limit the turn to the mission's maximum speed; 0: the mission has none."""
     if most_m_s <= 0.0 or speed_on_circle_m_s(p.angular_velocity, p.radius) <= most_m_s:
         return p
     return p.model_copy(update={"angular_velocity": math.degrees(most_m_s / p.radius)})
@@ -71,8 +70,8 @@ def _slowed(p: NavHotpointParameters) -> str:
     return f"angular_velocity was limited to {p.angular_velocity:.1f} deg/s by maximum_speed"
 
 
-def _manner(p: NavHotpointParameters, family: Family) -> Orbiting | str:
-    """Give how a family flies a circle, or why it is flown from point to point."""
+def _manner(p: NavHotpointParameters, family: Family) -> OrbitMethod | str:
+    """Give the method of a family, or the reason to fly from point to point."""
     if p.orbit_type in _ALWAYS_FLOWN and p.orbit_type not in family.orbit_headings:
         reason = "orbit_type: flown from point to point, for"
         return f"{reason} {family.name}'s own circle knows no such heading"
@@ -84,18 +83,18 @@ def _manner(p: NavHotpointParameters, family: Family) -> Orbiting | str:
 
 
 def speed_on_circle_m_s(angular_velocity_deg_s: float, radius_m: float) -> float:
-    """Speed that the angular velocity asks for, within what a vehicle can do on the circle."""
+    """Give the speed for the angular velocity, within the vehicle's limits on the circle [m/s]."""
     wanted = math.radians(angular_velocity_deg_s) * radius_m
     return min(wanted, SPEED_MAX_M_S, math.sqrt(ACCELERATION_MAX_M_S2 * radius_m))
 
 
 def _rate_deg_s(p: NavHotpointParameters) -> float:
-    """What is left of its angular velocity."""
+    """Give the angular velocity within these limits [deg/s]."""
     return math.degrees(speed_on_circle_m_s(p.angular_velocity, p.radius) / p.radius)
 
 
 def _end_point(p: NavHotpointParameters, situation: Situation) -> Spot | None:
-    """Where a full turn ends: where it began, which is the nearest point if none was named."""
+    """Give the end of a full turn: its start point, else the nearest point of the circle."""
     start, before = start_point(p), situation.spot
     if start is not None or before is None:
         return start
@@ -107,7 +106,7 @@ def _end_point(p: NavHotpointParameters, situation: Situation) -> Spot | None:
 def _live(p: NavHotpointParameters, situation: Situation) -> LiveAction:
     speed_m_s = speed_on_circle_m_s(p.angular_velocity, p.radius)
     heading, notes = _heading(p.orbit_type, situation.family)
-    counts = situation.family.orbiting is Orbiting.COUNTED
+    counts = situation.family.orbiting is OrbitMethod.COUNTED
     orbit = CommandInt(
         command=mavlink.MAV_CMD_DO_ORBIT,
         frame=mavlink.MAV_FRAME_GLOBAL,
@@ -137,8 +136,8 @@ def _live(p: NavHotpointParameters, situation: Situation) -> LiveAction:
     )
 
 
-def _from_point_to_point(p: NavHotpointParameters, situation: Situation, told: str) -> LiveAction:
-    """Send it round by places, in a way that its own circle does not know."""
+def _from_point_to_point(p: NavHotpointParameters, situation: Situation, reason: str) -> LiveAction:
+    """Fly the circle from point to point."""
     speed_m_s = speed_on_circle_m_s(p.angular_velocity, p.radius)
     return LiveAction(
         begin=situation.family.holding,
@@ -151,13 +150,13 @@ def _from_point_to_point(p: NavHotpointParameters, situation: Situation, told: s
             heading=p.orbit_type,
         ),
         within_s=3.0 * FULL_TURN_RAD * p.radius / speed_m_s + SLACK_S,
-        notes=(*_limited(p, speed_m_s), told),
+        notes=(*_limited(p, speed_m_s), reason),
         ends_at=_end_point(p, situation),
     )
 
 
 def _as_items(p: NavHotpointParameters, situation: Situation) -> Items:
-    """ArduPilot's circle; it looks ahead, or at the centre by a ROI.
+    """ArduPilot's circle; the nose points ahead, or to the centre by a ROI.
 
     It goes round no faster than it may fly: that alone makes it slower than 20 deg/s, for AUTO
     keeps the rate that it was switched on with (`AC_Circle.cpp`).
@@ -188,17 +187,17 @@ def _as_items(p: NavHotpointParameters, situation: Situation) -> Items:
     behind += speed_items(situation.maximum_speed_m_s, situation.family)
     spot = _end_point(p, situation) or _north_of(p)
     rate_deg_s = math.degrees(speed_m_s / p.radius) * (1.0 if p.is_clockwise else -1.0)
-    loans = copter_circle(rate_deg_s, along=not inwards)
-    return Items((*before, circle, *behind), len(before), tuple(notes), spot, loans=loans)
+    overrides = copter_circle(rate_deg_s, along=not inwards)
+    return Items((*before, circle, *behind), len(before), tuple(notes), spot, overrides=overrides)
 
 
 def _north_of(p: NavHotpointParameters) -> Spot:
-    """Somewhere on the circle: a vehicle is never sent to the middle of what it goes round."""
+    """Give a point of the circle: a vehicle is never sent to the centre."""
     return Spot(*shifted(p.latitude, p.longitude, 0.0, p.radius), p.orbit_altitude)
 
 
 def _kept(p: NavHotpointParameters) -> tuple[NavHotpointParameters, tuple[str, ...]]:
-    """Give the circle as ArduPilot keeps it: whole metres of radius, beyond 255 m whole tens."""
+    """Give the circle as ArduPilot stores it: whole metres of radius, beyond 255 m whole tens."""
     radius_m = _whole_m(p.radius)
     if radius_m == p.radius:
         return p, ()
@@ -207,8 +206,8 @@ def _kept(p: NavHotpointParameters) -> tuple[NavHotpointParameters, tuple[str, .
 
 
 def kept_radius_m(p: NavHotpointParameters, family: Family) -> float:
-    """Give the radius that a family's vehicles fly."""
-    return _whole_m(p.radius) if _manner(p, family) is Orbiting.BY_ITEM else p.radius
+    """Give the radius at which a family's vehicles fly."""
+    return _whole_m(p.radius) if _manner(p, family) is OrbitMethod.BY_ITEM else p.radius
 
 
 def _whole_m(radius_m: float) -> float:

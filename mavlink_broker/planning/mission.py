@@ -1,11 +1,13 @@
-"""A mission to what a vehicle flies: stretches of mission items, and live actions between them.
+"""Translates a mission to what a vehicle flies: segments of mission items, live actions between.
 
-Everything is one stretch where the vehicle's family takes it all as items, so that a link that
-is lost after the start costs nothing. A stretch that does not end on the ground ends in a hold.
+The mission is one segment of items if the vehicle's family supports all its commands as items, so
+that a lost link after the start has no effect. A segment that does not end on the ground ends in a
+hold.
 """
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Final, Self, TypeAlias
+from typing import Any, Final, Self, TypeAlias
 
 from afarcloud.commands import FLYING, CameraImage, Command, NavWaypoint
 from afarcloud.enumerations import CommandType
@@ -14,13 +16,30 @@ from mavlink_broker.autopilots.families import Family
 from mavlink_broker.mavlink import mission_item
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.mavlink.mission_item import MissionItem
-from mavlink_broker.microservices.borrowed_parameters import Loan
-from mavlink_broker.planning.commands import translate_command
+from mavlink_broker.microservices.config_overrides import ParameterOverride
+from mavlink_broker.planning import camera_commands, flight_commands, target_commands
+from mavlink_broker.planning.hotpoint import hotpoint
 from mavlink_broker.planning.live_actions import LiveAction
 from mavlink_broker.planning.situation import Home, Items, Refusal, RefusedError, Situation
 from mavlink_broker.planning.speed_items import with_speed
 
 __all__ = ["FlightPlan", "Home", "Itinerary", "LiveCommand", "RefusedError", "translate"]
+
+Translator: TypeAlias = Callable[[Any, Situation], Items | LiveAction | Refusal]
+
+TRANSLATORS: Final[Mapping[CommandType, Translator]] = {
+    CommandType.NAV_TAKEOFF: flight_commands.takeoff,
+    CommandType.NAV_LAND: flight_commands.land,
+    CommandType.NAV_WAYPOINT: flight_commands.waypoint,
+    CommandType.CAMERA_IMAGE: camera_commands.image,
+    CommandType.VIDEO_START_CAPTURE: camera_commands.video_start,
+    CommandType.VIDEO_STOP_CAPTURE: camera_commands.video_stop,
+    CommandType.NAV_HOTPOINT: hotpoint,
+    CommandType.NAV_FOLLOW_TARGET: target_commands.follow,
+    CommandType.NAV_TRACK_SUBJECT: target_commands.track,
+    CommandType.CAMERA_PANORAMA: camera_commands.panorama,
+    CommandType.NAV_HOME: flight_commands.home,
+}
 
 _NOTHING_TO_HOLD_AT = Refusal(
     "command_type_id", "nothing before it says where the vehicle is to be when the mission ends"
@@ -30,31 +49,31 @@ _ON_THE_GROUND = Refusal("command_type_id", "it follows a landing: a take-off ha
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightPlan:
-    """The items of one stretch and what they belong to.
+    """The items of one segment, and the command of each.
 
-    Commands are told by their place in the mission's `command_array`. Items that serve the whole
-    stretch (home, the speed, the hold at its end) belong to the command next to them.
+    Commands are indices of the mission's `command_array`. Items of the whole segment (home, the
+    speed, the hold at its end) belong to the command next to them.
     """
 
     items: tuple[MissionItem, ...]
     command_of_item: tuple[int, ...]
-    done_item: tuple[int, ...]  # Per command of the stretch: the item that finishes it
+    done_item: tuple[int, ...]  # Per command of the segment: the item that completes it
     notes: tuple[tuple[str, ...], ...]  # Per command: what was left out, for its report
-    first_item: int  # At which the mission begins: 1 behind home, else 0
+    first_item: int  # The first item that is flown: 1 after home, else 0
     ends_on_ground: bool  # The last command lands: it ends on the ground and disarmed
     first_command: int = 0
-    loans: tuple[tuple[int, Loan], ...] = ()  # Parameters borrowed, each with its command
+    overrides: tuple[tuple[int, ParameterOverride], ...] = ()  # Each with its command's index
 
     @classmethod
     def empty(cls) -> Self:
-        """Give the plan of nothing, before there is one."""
+        """Give an empty plan."""
         return cls(
             items=(), command_of_item=(), done_item=(), notes=(), first_item=0, ends_on_ground=True
         )
 
     @property
     def first_leg(self) -> int:
-        """The first item, from where the mission begins, that a vehicle navigates by."""
+        """The first navigation item that is flown."""
         legs = (
             seq
             for seq, item in enumerate(self.items)
@@ -64,7 +83,7 @@ class FlightPlan:
 
     @property
     def comes_down_at_once(self) -> bool:
-        """Whether its only leg is a landing or a return, so that it may end in the mode of one."""
+        """Whether its only leg is a landing or a return, so that it may end in that mode."""
         legs = [
             item
             for item in self.items[self.first_leg :]
@@ -109,13 +128,13 @@ Segment: TypeAlias = FlightPlan | LiveCommand
 
 @dataclass(frozen=True, slots=True)
 class Itinerary:
-    """A whole mission, in the order of its flight."""
+    """A whole mission: its segments in the order of the flight."""
 
     segments: tuple[Segment, ...]
 
     @property
     def ends_on_ground(self) -> bool:
-        """Whether the vehicle stands at the end; pictures and video change nothing about that."""
+        """Whether the vehicle is landed at the end; pictures and video have no effect on that."""
         moving = [
             segment.ends_on_ground if isinstance(segment, FlightPlan) else False
             for segment in self.segments
@@ -141,19 +160,19 @@ class Itinerary:
 
 
 SPARE_ITEMS: Final = 6
-"""Of a stretch: home, its speed, which some are told three times, and the hold at its end."""
+"""Of a segment: home, its speed (up to three items), and the hold at its end."""
 
 
 @dataclass(slots=True)
-class _Stretch:
-    """Items that are being put together."""
+class _Segment:
+    """The items of a segment that is not complete."""
 
     first_command: int
     items: list[MissionItem] = field(default_factory=list)
     owners: list[int] = field(default_factory=list)
     done: list[int] = field(default_factory=list)
     notes: list[tuple[str, ...]] = field(default_factory=list)
-    loans: list[tuple[int, Loan]] = field(default_factory=list)
+    overrides: list[tuple[int, ParameterOverride]] = field(default_factory=list)
     ends_on_ground: bool = False
     has_speed: bool = False
 
@@ -162,25 +181,41 @@ class _Stretch:
         self.owners.extend([owner] * len(more))
 
     def contradicts(self, part: Items) -> bool:
-        """Whether it borrows a parameter at another value."""
-        values = {setting.name: setting.value for _, loan in self.loans for setting in loan}
+        """Whether it overrides a parameter with another value."""
+        values = {
+            setting.name: setting.value for _, override in self.overrides for setting in override
+        }
         return any(
             values.get(setting.name, setting.value) != setting.value
-            for loan in part.loans
-            for setting in loan
+            for override in part.overrides
+            for setting in override
         )
 
     def take(self, owner: int, part: Items) -> None:
-        known = {loan for _, loan in self.loans}
-        self.loans += [(owner, loan) for loan in part.loans if loan not in known]
+        known = {override for _, override in self.overrides}
+        self.overrides += [
+            (owner, override) for override in part.overrides if override not in known
+        ]
         self.done.append(len(self.items) + part.done)
         self.notes.append(part.notes)
         self.ends_on_ground = part.ends_on_ground
         self.add(owner, *part.items)
 
 
+def _translate_command(index: int, command: Command, situation: Situation) -> Items | LiveAction:
+    """Translate the command at `index` of a mission.
+
+    Raises:
+        RefusedError: if it cannot be flown where it stands.
+    """
+    translated = TRANSLATORS[command.command_type_id](command, situation)
+    if isinstance(translated, Refusal):
+        raise RefusedError(index, command, translated)
+    return translated
+
+
 class _Translation:
-    """Goes through the commands and keeps what the next one has to know."""
+    """Translates the commands in order; each changes the situation of the next."""
 
     def __init__(
         self, mission: Mission, situation: Situation, most_items: int | None = None
@@ -190,13 +225,13 @@ class _Translation:
         self._situation = situation
         self._at_home = False
         self._landed = False
-        self._stretch: _Stretch | None = None
+        self._segment: _Segment | None = None
         self.segments: list[Segment] = []
 
-    def go(self) -> Itinerary:
+    def run(self) -> Itinerary:
         for index, command in enumerate(self._mission.command_array):
             self._refuse_on_ground(index, command)
-            part = translate_command(index, command, self._situation)
+            part = _translate_command(index, command, self._situation)
             if isinstance(part, LiveAction):
                 self._close()
                 self.segments.append(LiveCommand(index, part))
@@ -211,7 +246,7 @@ class _Translation:
     def _aim_behind(
         self, command: Command, part: Items | LiveAction
     ) -> tuple[float, float | None] | None:
-        """Where the camera looks behind a command, as far as that is known."""
+        """Give the camera's direction after a command, if it is known."""
         if isinstance(command, CameraImage):
             return command.parameters.pitch_angle, command.parameters.yaw_angle
         return None if isinstance(part, LiveAction) else self._situation.aim
@@ -222,17 +257,17 @@ class _Translation:
             raise RefusedError(index, command, _ON_THE_GROUND)
 
     def _take(self, index: int, command: Command, part: Items) -> None:
-        if self._stretch is not None and self._must_end(self._stretch, part):
+        if self._segment is not None and self._must_end(self._segment, part):
             self._close()
-        if self._stretch is None:
-            self._stretch = _Stretch(index)
+        if self._segment is None:
+            self._segment = _Segment(index)
             if self._situation.family.home_is_item_0:
-                self._stretch.add(index, _home_item(self._situation.home))
-        stretch = self._stretch
-        if not stretch.has_speed and command.command_type_id in FLYING:
-            stretch.has_speed = True
+                self._segment.add(index, _home_item(self._situation.home))
+        segment = self._segment
+        if not segment.has_speed and command.command_type_id in FLYING:
+            segment.has_speed = True
             part = with_speed(part, self._mission.maximum_speed, self._situation.family)
-        stretch.take(index, part)
+        segment.take(index, part)
         if part.spot is not None:
             self._at_home = part.at_home
             self._situation = self._situation._replace(
@@ -248,36 +283,36 @@ class _Translation:
             self._situation = self._situation._replace(spot=None, after_live=True)
             self._close()
 
-    def _must_end(self, stretch: _Stretch, part: Items) -> bool:
-        """Whether a stretch cannot take one more part, and the vehicle can wait where it ends."""
-        if stretch.contradicts(part):
+    def _must_end(self, segment: _Segment, part: Items) -> bool:
+        """Whether a segment must end before a part, and the vehicle can wait at its end."""
+        if segment.contradicts(part):
             return True
         if self._most_items is None or self._situation.spot is None:
             return False
-        return len(stretch.items) + len(part.items) + SPARE_ITEMS > self._most_items
+        return len(segment.items) + len(part.items) + SPARE_ITEMS > self._most_items
 
     def _close(self) -> None:
-        stretch, self._stretch = self._stretch, None
-        if stretch is None:
+        segment, self._segment = self._segment, None
+        if segment is None:
             return
-        if not stretch.ends_on_ground:
-            last = stretch.owners[-1]
-            stretch.add(last, self._hold(last))
+        if not segment.ends_on_ground:
+            last = segment.owners[-1]
+            segment.add(last, self._hold(last))
         self.segments.append(
             FlightPlan(
-                items=tuple(stretch.items),
-                command_of_item=tuple(stretch.owners),
-                done_item=tuple(stretch.done),
-                notes=tuple(stretch.notes),
+                items=tuple(segment.items),
+                command_of_item=tuple(segment.owners),
+                done_item=tuple(segment.done),
+                notes=tuple(segment.notes),
                 first_item=int(self._situation.family.home_is_item_0),
-                ends_on_ground=stretch.ends_on_ground,
-                first_command=stretch.first_command,
-                loans=tuple(stretch.loans),
+                ends_on_ground=segment.ends_on_ground,
+                first_command=segment.first_command,
+                overrides=tuple(segment.overrides),
             )
         )
 
     def _hold(self, last: int) -> MissionItem:
-        """Stay at the last place; arriving at this item also proves the one before."""
+        """Stay at the last position; reaching this item also completes the previous one."""
         if self._situation.spot is None:
             command = self._mission.command_array[last]
             raise RefusedError(last, command, _NOTHING_TO_HOLD_AT)
@@ -299,7 +334,7 @@ def translate(
     """Translate a whole mission for one family of autopilots.
 
     The same mission, family, home and refusals always give the same items. `refused` are the
-    MAV_CMDs that the vehicle has refused as mission items; a stretch of more than `most_items` is
+    MAV_CMDs that the vehicle has refused as mission items; a segment of more than `most_items` is
     flown in parts, between which the vehicle holds.
 
     Raises:
@@ -315,7 +350,7 @@ def translate(
         common_radius_m=_common_radius_m(mission),
         after_live=not any(one.command_type_id in FLYING for one in mission.command_array),
     )
-    return _Translation(mission, situation, most_items).go()
+    return _Translation(mission, situation, most_items).run()
 
 
 def _common_radius_m(mission: Mission) -> float | None:

@@ -1,4 +1,4 @@
-"""Compares what a vehicle gave back with what it was meant to hold."""
+"""Compares the mission that was downloaded from a vehicle with the uploaded one."""
 
 import math
 from collections.abc import Sequence
@@ -7,25 +7,25 @@ from typing import Final
 from mavlink_broker.autopilots.families import Family
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.mavlink.mission_item import MissionItem, from_message
-from mavlink_broker.microservices.float_items import POSITION_STEP_DEG
+from mavlink_broker.microservices.mission_protocol import POSITION_STEP_DEG
 from mavlink_broker.planning.mission import FlightPlan
 
 ALTITUDE_TOLERANCE_M: Final = 0.011
 """ArduPilot stores centimetres."""
 POSITION_TOLERANCE_DEG: Final = 1.5e-7
-"""The last digit of the wire."""
+"""One unit of the encoded integer."""
 HOME_TOLERANCE_DEG: Final = 2e-4
-"""Some 20 m: vehicles set home anew when they are armed, where they then believe to stand."""
+"""Some 20 m: vehicles set home when they are armed, at their estimated position."""
 PARAMETER_TOLERANCE: Final = 1e-5
-"""Relative, or absolute below 1: the wire carries single precision."""
+"""Relative, or absolute below 1: messages carry single precision."""
 
 YAW_TOLERANCE_DEG: Final = 1e-2
-"""PX4 keeps radians."""
+"""PX4 stores radians."""
 RADIUS_IN_TENS_ABOVE_M: Final = 255.0
-"""ArduPilot keeps the radius of a circle in a byte, a larger one in tens of metres."""
+"""ArduPilot stores the radius of a circle in a byte, a larger one in tens of metres."""
 
 _YAW: Final = 3
-"""Where a yaw stands: the fourth parameter."""
+"""Index of the yaw: the fourth parameter."""
 _WITH_YAW: Final = frozenset(
     {
         mavlink.MAV_CMD_NAV_WAYPOINT,
@@ -35,7 +35,7 @@ _WITH_YAW: Final = frozenset(
     }
 )
 _SPEED: Final = (mavlink.MAV_CMD_DO_CHANGE_SPEED, 1)
-"""Where the speed stands: the second parameter."""
+"""Index of the speed: the second parameter."""
 _AMSL: Final = mavlink.MAV_FRAME_GLOBAL_INT
 
 
@@ -48,9 +48,9 @@ def difference(
 ) -> str | None:
     """Name the first difference that the family's storage does not explain, or None.
 
-    Home, where it is an item, is the vehicle's own and is not compared. A mission that flies since
-    an earlier run of the broker (`home_may_have_moved`) may differ in two things: a place that was
-    home then may be some metres from home now, and an event may have changed the speed since.
+    A home item is the vehicle's own and is not compared. A mission that flies since an earlier run
+    of the broker (`home_may_have_moved`) may differ in two ways: a position that was home then may
+    be some metres from home now, and an event may have changed the speed.
     """
     if len(messages) != len(plan.items):
         return f"the vehicle holds {len(messages)} items instead of {len(plan.items)}"
@@ -76,7 +76,7 @@ def _different_field(
 ) -> str | None:
     if sent.command != held.command:
         return "command"
-    kept = family.kept_parameters.get(sent.command, frozenset(range(4)))
+    kept = family.stored_parameters.get(sent.command, frozenset(range(4)))
     for index in sorted(kept):
         if loosely and (sent.command, index) == _SPEED:
             continue
@@ -97,18 +97,18 @@ def _different_place(sent: MissionItem, held: MissionItem, tolerance_deg: float)
 
 def _same(sent: MissionItem, held: MissionItem, index: int, family: Family) -> bool:
     """Compare one parameter as the family stores it."""
-    wanted, told = sent.parameters[index], held.parameters[index]
-    if index == _YAW and sent.command in _WITH_YAW and math.isfinite(wanted - told):
-        return abs(math.remainder(wanted - told, 360.0)) <= YAW_TOLERANCE_DEG
-    if index in family.whole_parameters.get(sent.command, frozenset()):
+    wanted, stored = sent.parameters[index], held.parameters[index]
+    if index == _YAW and sent.command in _WITH_YAW and math.isfinite(wanted - stored):
+        return abs(math.remainder(wanted - stored, 360.0)) <= YAW_TOLERANCE_DEG
+    if index in family.truncated_parameters.get(sent.command, frozenset()):
         in_tens = sent.command == mavlink.MAV_CMD_NAV_LOITER_TURNS and index > 0
         step = 10.0 if in_tens and abs(wanted) > RADIUS_IN_TENS_ABOVE_M else 1.0
-        return abs(wanted - told) < step
-    return _same_parameter(wanted, told)
+        return abs(wanted - stored) < step
+    return _same_parameter(wanted, stored)
 
 
 def _same_parameter(sent: float, held: float) -> bool:
-    """Compare; an unset yaw (NaN) may come back as NaN only, for 0 would be north."""
+    """Compare; an unset yaw (NaN) equals NaN only, for 0 would be north."""
     if math.isnan(sent) or math.isnan(held):
         return math.isnan(sent) and math.isnan(held)
     return math.isclose(sent, held, rel_tol=PARAMETER_TOLERANCE, abs_tol=PARAMETER_TOLERANCE)

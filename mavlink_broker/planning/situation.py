@@ -1,4 +1,4 @@
-"""What the meaning of a command may depend on, and what a command becomes.
+"""The situation in which a command is translated, and the mission items that it becomes.
 
 RefusedError  a command that cannot be flown, with its id, the parameter and the reason
 """
@@ -10,15 +10,15 @@ from afarcloud.commands import Command
 from afarcloud.route import DEFAULT_ALTITUDE_M, Spot
 from mavlink_broker.autopilots.families import Family
 from mavlink_broker.mavlink.mission_item import MissionItem
-from mavlink_broker.microservices.borrowed_parameters import Loan
+from mavlink_broker.microservices.config_overrides import ParameterOverride
 
 __all__ = ["Home", "Items", "Refusal", "RefusedError", "Situation", "Spot"]
 
 
 class Refusal(NamedTuple):
-    """Why a command cannot be flown, and which of its fields asks for it."""
+    """Why a command cannot be flown, and which of its fields is the cause."""
 
-    parameter: str  # As AFarCloud names it; the command_type_id where that is out of place
+    parameter: str  # AFarCloud's name; command_type_id if the command itself is misplaced
     why: str
 
 
@@ -34,7 +34,7 @@ class RefusedError(Exception):
 
 
 class Home(NamedTuple):
-    """Where the vehicle's altitudes begin."""
+    """The vehicle's home position, the origin of its relative altitudes."""
 
     latitude_deg: float
     longitude_deg: float
@@ -42,36 +42,36 @@ class Home(NamedTuple):
 
 
 class Situation(NamedTuple):
-    """What the meaning of a command may depend on."""
+    """The state before a command, as far as its translation depends on it."""
 
     family: Family
     home: Home
     mission_id: int = 0
     own_system: int = 254  # The broker's, whose target a vehicle follows
     refused: frozenset[int] = frozenset()  # MAV_CMD that this vehicle refused as mission items
-    spot: Spot | None = None  # Where the command before ends; None where that is not known
-    heading_deg: float | None = None  # Last one asked for
+    spot: Spot | None = None  # End of the previous command; None: unknown
+    heading_deg: float | None = None  # The last commanded one
     maximum_speed_m_s: float = 0.0
-    relative_altitude_m: float = DEFAULT_ALTITUDE_M  # At which the mission flies
-    common_radius_m: float | None = None  # Acceptance radius of all waypoints, if they are alike
-    aim: tuple[float, float | None] | None = None  # [deg] Pitch and yaw of the pictures before
-    after_live: bool = False  # It may be anywhere, behind a live command or where nothing moves it
+    relative_altitude_m: float = DEFAULT_ALTITUDE_M  # Of the mission
+    common_radius_m: float | None = None  # Acceptance radius of all waypoints, if equal
+    aim: tuple[float, float | None] | None = None  # [deg] Pitch and yaw of the last pictures
+    after_live: bool = False  # The position is unknown: after a live command or on the ground
 
     @property
     def approach_speed_m_s(self) -> float | None:
-        """Speed to a place that is flown to live, the mission's; None where that has none."""
+        """The mission's speed, for positions that are approached live; None: it has none."""
         return self.maximum_speed_m_s or None
 
 
 @dataclass(frozen=True, slots=True)
 class Items:
-    """Mission items that one command became."""
+    """The mission items of one command."""
 
     items: tuple[MissionItem, ...]
-    done: int  # Which of them, when reached, finishes the command
+    done: int  # Index of the item that completes the command
     notes: tuple[str, ...] = ()
-    spot: Spot | None = None  # Where the vehicle is afterwards; None: where it was
-    heading_deg: float | None = None  # Asked for; None: as it was
+    spot: Spot | None = None  # Position afterwards; None: unchanged
+    heading_deg: float | None = None  # Commanded; None: unchanged
     at_home: bool = False  # The spot is home
     ends_on_ground: bool = False
-    loans: tuple[Loan, ...] = ()  # Parameters that it borrows of the vehicle
+    overrides: tuple[ParameterOverride, ...] = ()  # While it is flown

@@ -1,19 +1,18 @@
-"""Following a target and tracking a subject: both live, both end after a while."""
+"""Following a target and tracking a subject: both are live and have a fixed duration."""
 
 from typing import Final
 
 from afarcloud.commands import NavFollowTarget, NavTrackSubject
 from afarcloud.enumerations import FollowHeading, TrackMode
-from mavlink_broker.autopilots.families import Following
-from mavlink_broker.autopilots.parameter_settings import BEHIND_DEG, BESIDE_DEG, Loans
+from mavlink_broker.autopilots.families import FollowMethod
+from mavlink_broker.autopilots.parameter_settings import BEHIND_DEG, BESIDE_DEG, ParameterOverrides
 from mavlink_broker.mavlink.dialect import mavlink
-from mavlink_broker.microservices.command import long_command
-from mavlink_broker.microservices.command_sequence import Ways
+from mavlink_broker.microservices.command import CommandAlternatives, long_command
 from mavlink_broker.planning.live_actions import Lasted, LiveAction, Tracked, reposition
 from mavlink_broker.planning.situation import Situation, Spot
 
 FOLLOWED_FOR_S: Final = 60.0
-"""AFarCloud gives no end; an event may end it earlier."""
+"""AFarCloud defines no end; an event may end it earlier."""
 TRACKED_FOR_S: Final = 60.0
 SLACK_S: Final = 120.0
 _ANGLES_DEG: Final = {TrackMode.TRACE: BEHIND_DEG, TrackMode.PROFILE: BESIDE_DEG}
@@ -21,7 +20,7 @@ _FIXED_HEIGHT: Final = 2.0  # Altitude mode of DO_FOLLOW
 
 
 def follow(command: NavFollowTarget, situation: Situation) -> LiveAction:
-    """Follow a target that is told to the vehicle; where that is not known, go to its place."""
+    """Follow a target that the broker sends; a vehicle that cannot flies to its position."""
     p, family = command.parameters, situation.family
     height_m = max(p.altitude, family.lowest_follow_m)
     spot = Spot(p.latitude, p.longitude, height_m)
@@ -34,9 +33,9 @@ def follow(command: NavFollowTarget, situation: Situation) -> LiveAction:
         notes.append("heading: nobody steers it by hand, the nose points to the target")
     return LiveAction(
         begin=(*ways, (reposition(spot, situation.home),)),
-        way_notes=(*lost, "the vehicle follows nothing: it waits at the target's place"),
+        alternative_notes=(*lost, "the vehicle follows nothing: it waits at the target's place"),
         follow=spot,
-        loans=family.follow_loans(height_m, BEHIND_DEG, situation.own_system),
+        overrides=family.follow_overrides(height_m, BEHIND_DEG, situation.own_system),
         end=Lasted(FOLLOWED_FOR_S),
         finish=family.holding,
         within_s=FOLLOWED_FOR_S + SLACK_S,
@@ -44,22 +43,24 @@ def follow(command: NavFollowTarget, situation: Situation) -> LiveAction:
     )
 
 
-def _following(situation: Situation, height_m: float) -> Ways:
-    """How a vehicle is told to follow us at a height above home."""
+def _following(situation: Situation, height_m: float) -> CommandAlternatives:
+    """Give the commands that make a vehicle follow the broker's target at a height above home."""
     order = long_command(
         mavlink.MAV_CMD_DO_FOLLOW, situation.own_system, 0.0, 0.0, _FIXED_HEIGHT, height_m
     )
     family = situation.family
-    by_command: Ways = ((order,),) if family.following is Following.BY_COMMAND else ()
+    by_command: CommandAlternatives = (
+        ((order,),) if family.following is FollowMethod.BY_COMMAND else ()
+    )
     return (*by_command, *family.follow_modes)
 
 
 def track(command: NavTrackSubject, situation: Situation) -> LiveAction:
-    """Have the camera keep to what is inside the rectangle; a point in its middle will do too.
+    """Have the camera track the rectangle, or a point in its centre.
 
-    The mode says what the vehicle does meanwhile: trace follows behind the subject, profile
-    beside it, spotlight turns the nose to it, spotlight pro leaves it to the gimbal, and a quick
-    shot goes round it once.
+    The mode defines the motion of the vehicle: trace follows behind the subject, profile beside it,
+    spotlight turns the nose to it, spotlight pro moves the gimbal only, and a quick shot flies one
+    turn round it.
     """
     mode, family = command.parameters.track_mode, situation.family
     height_m = max(situation.relative_altitude_m, family.lowest_follow_m)
@@ -75,8 +76,8 @@ def track(command: NavTrackSubject, situation: Situation) -> LiveAction:
     stop = long_command(mavlink.MAV_CMD_CAMERA_STOP_TRACKING, component=camera)
     return LiveAction(
         begin=((rectangle,), (point,)),
-        way_notes=("", "the camera tracks a point instead of a rectangle"),
-        loans=_borrowed(mode, situation, height_m),
+        alternative_notes=("", "the camera tracks a point instead of a rectangle"),
+        overrides=_borrowed(mode, situation, height_m),
         end=Tracked(
             mode=mode,
             duration_s=TRACKED_FOR_S,
@@ -93,8 +94,8 @@ def track(command: NavTrackSubject, situation: Situation) -> LiveAction:
     )
 
 
-def _borrowed(mode: TrackMode, situation: Situation, height_m: float) -> Loans:
+def _borrowed(mode: TrackMode, situation: Situation, height_m: float) -> ParameterOverrides:
     angle_deg = _ANGLES_DEG.get(mode)
     if angle_deg is None:
         return ()
-    return situation.family.follow_loans(height_m, angle_deg, situation.own_system)
+    return situation.family.follow_overrides(height_m, angle_deg, situation.own_system)

@@ -1,6 +1,6 @@
-"""The way of a target that moves: places by time, from a file or from another vehicle. Pure.
+"""The track of a moving target: positions by time, from a file or from another vehicle. Pure.
 
-TargetFileError  a file that tells no way, with the line and the reason
+TargetFileError  a file that contains no valid track, with the line and the reason
 """
 
 import csv
@@ -8,119 +8,149 @@ import io
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol, TypeAlias
 
 from afarcloud.geodesy import offset
-from mavlink_broker.planning.follow_target import STANDING, Vector
+from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.planning.situation import Home, Spot
 
+Vector: TypeAlias = tuple[float, float, float]
+STANDING: Final[Vector] = (0.0, 0.0, 0.0)
 COLUMNS: Final = ("time_s", "latitude_deg", "longitude_deg")
 STALE_S: Final = 1.0
-"""How long a place is told on after its last confirmation."""
-_MEMORY_S: Final = 2.0
+"""A position is used for this time after the last update."""
+_AVERAGED_S: Final = 2.0
+"""The velocity is the mean over this time."""
+_POSITION_AND_VELOCITY: Final = 3
+"""Bits of `est_capabilities`."""
 
 
 class TargetFileError(ValueError):
-    """A file that tells no way."""
+    """A file that contains no valid track."""
 
 
-class Sighting(NamedTuple):
-    """Where a target is, and how it moves."""
+class TargetState(NamedTuple):
+    """Position and velocity of a target."""
 
     latitude_deg: float
     longitude_deg: float
     velocity_ned_m_s: Vector = STANDING
 
 
-class Lead(Protocol):
+class TargetSource(Protocol):
     """A target that moves."""
 
-    def at(self, elapsed_s: float, now: float) -> Sighting | None:
-        """Where it is, some time after the follow began; None while nobody knows."""
+    def at(self, elapsed_s: float, now: float) -> TargetState | None:
+        """Give its state some time after the follow began; None while it is not known."""
 
 
-class _Mark(NamedTuple):
+class _Fix(NamedTuple):
     time_s: float
     latitude_deg: float
     longitude_deg: float
 
 
 class TargetTrack:
-    """A way from a file: straight from mark to mark, and standing before and behind them."""
+    """A track from a file: straight between its positions; before and after them it stands."""
 
-    def __init__(self, marks: Sequence[tuple[float, float, float]]) -> None:
-        self._marks = [_Mark(*mark) for mark in marks]
-        self._times = [mark.time_s for mark in self._marks]
+    def __init__(self, positions: Sequence[tuple[float, float, float]]) -> None:
+        """Take time [s], latitude [deg] and longitude [deg] of each position, in order."""
+        self._fixes = [_Fix(*position) for position in positions]
+        self._times = [fix.time_s for fix in self._fixes]
 
-    def at(self, elapsed_s: float) -> Sighting:
-        """Where the target is, some time after the follow began."""
+    def at(self, elapsed_s: float) -> TargetState:
+        """Give the target's state some time after the follow began."""
         index = bisect_right(self._times, elapsed_s)
         if index == 0:
-            return Sighting(*self._marks[0][1:])
-        before = self._marks[index - 1]
-        if index == len(self._marks):
-            return Sighting(*before[1:])
-        after = self._marks[index]
+            return TargetState(*self._fixes[0][1:])
+        before = self._fixes[index - 1]
+        if index == len(self._fixes):
+            return TargetState(*before[1:])
+        after = self._fixes[index]
         span_s = after.time_s - before.time_s
         share = (elapsed_s - before.time_s) / span_s
         east_deg = math.remainder(after.longitude_deg - before.longitude_deg, 360.0)
-        way = offset(*before[1:], *after[1:])
-        return Sighting(
+        leg = offset(*before[1:], *after[1:])
+        return TargetState(
             before.latitude_deg + share * (after.latitude_deg - before.latitude_deg),
             math.remainder(before.longitude_deg + share * east_deg, 360.0),
-            (way.north_m / span_s, way.east_m / span_s, 0.0),
+            (leg.north_m / span_s, leg.east_m / span_s, 0.0),
         )
 
 
-class LeadTrack:
-    """The way of another vehicle, from the places that it tells."""
+class VehicleTrack:
+    """The track of another vehicle, from the positions that it sends."""
 
     def __init__(self) -> None:
-        self._marks: list[_Mark] = []
+        self._fixes: list[_Fix] = []
 
     def take(self, time_s: float, latitude_deg: float, longitude_deg: float) -> None:
-        """Take a place."""
-        if self._marks and time_s < self._marks[-1].time_s:
-            self._marks = []  # It was restarted: its time begins anew
-        self._marks = [mark for mark in self._marks if time_s - mark.time_s <= _MEMORY_S]
-        self._marks.append(_Mark(time_s, latitude_deg, longitude_deg))
+        """Add a position."""
+        if self._fixes and time_s < self._fixes[-1].time_s:
+            self._fixes = []  # The vehicle has restarted: its time begins anew
+        self._fixes = [fix for fix in self._fixes if time_s - fix.time_s <= _AVERAGED_S]
+        self._fixes.append(_Fix(time_s, latitude_deg, longitude_deg))
 
-    def at(self, time_s: float) -> Sighting | None:
-        """Where it is now; None when it has not been heard for a second."""
-        if not self._marks or time_s - self._marks[-1].time_s > STALE_S:
+    def at(self, time_s: float) -> TargetState | None:
+        """Give its state now; None if the last position is older than a second."""
+        if not self._fixes or time_s - self._fixes[-1].time_s > STALE_S:
             return None
-        first, last = self._marks[0], self._marks[-1]
+        first, last = self._fixes[0], self._fixes[-1]
         span_s = last.time_s - first.time_s
         if span_s <= 0.0:
-            return Sighting(*last[1:])
-        way = offset(*first[1:], *last[1:])
-        return Sighting(*last[1:], (way.north_m / span_s, way.east_m / span_s, 0.0))
+            return TargetState(*last[1:])
+        leg = offset(*first[1:], *last[1:])
+        return TargetState(*last[1:], (leg.north_m / span_s, leg.east_m / span_s, 0.0))
+
+
+def target_message(
+    spot: Spot, home: Home, now: float, *, velocity_ned_m_s: Vector = STANDING
+) -> Message:
+    """Make FOLLOW_TARGET(144) of a target's position and velocity; its time is the broker's clock.
+
+    The altitude is that of the follower, above mean sea level: some autopilots fly at it, others
+    fly at a height that a parameter sets.
+    """
+    return mavlink.MAVLink_follow_target_message(
+        int(now * 1e3),
+        _POSITION_AND_VELOCITY,
+        round(spot.latitude_deg * 1e7),
+        round(spot.longitude_deg * 1e7),
+        home.altitude_amsl_m + spot.relative_altitude_m,
+        velocity_ned_m_s,
+        (0.0, 0.0, 0.0),
+        (1.0, 0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.0),
+        0,
+    )
 
 
 def read_track(text: str) -> TargetTrack:
-    """Read `time_s,latitude_deg,longitude_deg`, times in seconds since the follow began.
+    """Parse `time_s,latitude_deg,longitude_deg`, times in seconds since the follow began.
 
     Raises:
-        TargetFileError: if a line is not one, or times do not go on.
+        TargetFileError: if a line is invalid, or the times do not increase.
     """
     rows = csv.DictReader(io.StringIO(text))
     if tuple(rows.fieldnames or ())[:3] != COLUMNS:
-        raise TargetFileError(f"its first line must be {','.join(COLUMNS)}")
-    marks: list[_Mark] = []
+        raise TargetFileError(f"the first line must be {','.join(COLUMNS)}")
+    fixes: list[_Fix] = []
     for number, row in enumerate(rows, 2):
-        mark = _mark(number, row)
-        if marks and mark.time_s <= marks[-1].time_s:
-            raise TargetFileError(f"line {number}: time_s must go on")
-        marks.append(mark)
-    if not marks:
-        raise TargetFileError("it names no place")
-    return TargetTrack(marks)
+        fix = _fix(number, row)
+        if fixes and fix.time_s <= fixes[-1].time_s:
+            raise TargetFileError(f"line {number}: time_s must increase")
+        fixes.append(fix)
+    if not fixes:
+        raise TargetFileError("it contains no position")
+    return TargetTrack(fixes)
 
 
-def _mark(number: int, row: dict[str, str]) -> _Mark:
+def _fix(number: int, row: dict[str, str]) -> _Fix:
     try:
-        mark = _Mark(*(float(row[column]) for column in COLUMNS))
+        fix = _Fix(*(float(row[column]) for column in COLUMNS))
     except (TypeError, ValueError):
-        raise TargetFileError(f"line {number}: three numbers are wanted") from None
-    if not (math.isfinite(mark.time_s) and abs(mark[1]) <= 90.0 and abs(mark[2]) <= 180.0):
-        raise TargetFileError(f"line {number}: it is no place on earth")
-    return mark
+        raise TargetFileError(f"line {number}: it must have three numbers") from None
+    if not (math.isfinite(fix.time_s) and abs(fix[1]) <= 90.0 and abs(fix[2]) <= 180.0):
+        raise TargetFileError(f"line {number}: it is not a position on earth")
+    return fix

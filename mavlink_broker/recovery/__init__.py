@@ -1,1 +1,1 @@
-"""What must be known of each vehicle after the broker's own death, on the disk."""
+"""Recovery records: the state of each vehicle that the broker needs after a crash, on disk."""

@@ -1,11 +1,11 @@
-"""Pages as bytes, and bytes as pages: a line with version and checksum, then JSON; pure.
+"""Recovery records as bytes: a line with version and checksum, then JSON; pure.
 
     farm-journal 1 <SHA-256 of the rest, hexadecimal>
-    {"system": 1, "uid": "", "memo": {...}}
+    {"system": 1, "uid": "", ...}
 
-Nothing is believed that was not written whole by a program of this version.
+Only complete files of this version are accepted.
 
-PageError  bytes that are no page
+JournalError  a record that cannot be encoded or decoded
 """
 
 import hashlib
@@ -16,15 +16,21 @@ from typing import Annotated, Final, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
 from mavlink_broker.mavlink.mission_item import Four, MissionItem
-from mavlink_broker.microservices.borrowed_config import ExchangedPlan, Items
-from mavlink_broker.microservices.borrowed_parameters import Borrowed
-from mavlink_broker.microservices.plan_kinds import FENCE, RALLY
-from mavlink_broker.recovery.record import AbortNote, Homeward, LiveNote, Memo, Owner, Pose
+from mavlink_broker.microservices.config_overrides import Items, OverriddenParameter, OverriddenPlan
+from mavlink_broker.microservices.mission_protocol import FENCE, RALLY
+from mavlink_broker.recovery.record import (
+    LiveCommandProgress,
+    PendingAbort,
+    PendingReturn,
+    Pose,
+    RecoveryRecord,
+    VehicleIdentity,
+)
 
 VERSION: Final = 1
-LARGEST_BYTES: Final = 4_000_000
-MOST_ITEMS: Final = 5_000
-"""Of a fence; vehicles keep some hundreds."""
+MAX_BYTES: Final = 4_000_000
+MAX_ITEMS: Final = 5_000
+"""Of a fence; vehicles store some hundreds."""
 _MARK: Final = "farm-journal"
 
 A = TypeVar("A")
@@ -33,15 +39,15 @@ B = TypeVar("B")
 _Name = Annotated[str, StringConstraints(pattern=r"^[\x21-\x7e]{1,16}$")]
 _Text = Annotated[str, StringConstraints(max_length=4000)]
 _Degrees = Annotated[float, Field(ge=-214.0, le=214.0, allow_inf_nan=False)]
-"""What an integer of a mission item can say; a vehicle's own items are as they are."""
+"""The range of an integer of a mission item; a vehicle's own items are not limited further."""
 _Number = Annotated[float, Field(allow_inf_nan=False)]
 _Single = Annotated[float, Field(ge=-3.5e38, le=3.5e38, allow_inf_nan=False)] | None
 """A float of a message; None stands for NaN."""
 _Count = Annotated[int, Field(ge=0, lt=2**31)]
 
 
-class PageError(Exception):
-    """Bytes that are no page."""
+class JournalError(Exception):
+    """A record that cannot be encoded or decoded."""
 
 
 class _Row(BaseModel):
@@ -75,7 +81,7 @@ class _Pose(_Row):
     heading: _Number
 
 
-class _Homeward(_Row):
+class _Return(_Row):
     mission: _Text
     reason: _Text
     noted: _Number | None = None
@@ -97,7 +103,7 @@ class _Live(_Row):
     steps: _Count
 
 
-class _Page(_Row):
+class _Document(_Row):
     system: Annotated[int, Field(ge=1, le=255)]
     uid: Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{0,36}$")]
     fence: _Plan | None = None
@@ -105,73 +111,79 @@ class _Page(_Row):
     values: dict[_Name, _Value] = {}
     borrowed: dict[_Name, _Value] = {}
     hover: _Pose | None = None
-    homeward: _Homeward | None = None
+    homeward: _Return | None = None
     abort: _Abort | None = None
     live: _Live | None = None
     started: _Text | None = None
 
 
-def encode(owner: Owner, memo: Memo) -> bytes:
-    """Write a page.
+def encode(identity: VehicleIdentity, record: RecoveryRecord) -> bytes:
+    """Encode a record.
 
     Raises:
-        PageError: if it would not be read again.
+        JournalError: if it could not be decoded again.
     """
     try:
-        page = _Page(
-            system=owner.system,
-            uid=owner.uid,
-            fence=_if_any(_plan, memo.plans.get(FENCE)),
-            rally=_if_any(_plan, memo.plans.get(RALLY)),
-            values={name: _value(value) for name, value in memo.values.items()},
-            borrowed={name: _value(value) for name, value in memo.borrowed.items()},
-            hover=_if_any(_pose, memo.hover),
-            homeward=_if_any(_homeward, memo.homeward),
-            abort=_if_any(_abort, memo.abort),
-            live=_if_any(_live, memo.live),
-            started=memo.started,
+        document = _Document(
+            system=identity.system,
+            uid=identity.uid,
+            fence=_if_any(_plan, record.plans.get(FENCE)),
+            rally=_if_any(_plan, record.plans.get(RALLY)),
+            values={name: _value(value) for name, value in record.values.items()},
+            borrowed={name: _value(value) for name, value in record.borrowed.items()},
+            hover=_if_any(_pose, record.hover),
+            homeward=_if_any(_return, record.pending_return),
+            abort=_if_any(_abort, record.abort),
+            live=_if_any(_live, record.live),
+            started=record.started,
         )
     except ValidationError as error:
-        raise PageError(_first(error)) from error
-    body = page.model_dump_json(exclude_defaults=True).encode()
+        raise JournalError(_first(error)) from error
+    body = document.model_dump_json(exclude_defaults=True).encode()
     head = f"{_MARK} {VERSION} {hashlib.sha256(body).hexdigest()}\n".encode()
-    if len(head) + len(body) > LARGEST_BYTES:
-        raise PageError(f"it is larger than {LARGEST_BYTES} bytes")
+    if len(head) + len(body) > MAX_BYTES:
+        raise JournalError(f"it is larger than {MAX_BYTES} bytes")
     return head + body
 
 
-def decode(data: bytes) -> tuple[Owner, Memo]:
-    """Read a page.
+def decode(data: bytes) -> tuple[VehicleIdentity, RecoveryRecord]:
+    """Decode a record.
 
     Raises:
-        PageError: if it is none.
+        JournalError: if the bytes are not a valid record.
     """
     head, _, body = data.partition(b"\n")
     words = head.split(b" ")
     if len(words) != 3 or words[0] != _MARK.encode():
-        raise PageError("it does not begin like a page of the journal")
+        raise JournalError("it does not begin like a recovery record")
     if words[1] != str(VERSION).encode():
-        raise PageError(f"its version is {words[1][:20]!r}, not {VERSION}")
+        raise JournalError(f"its version is {words[1][:20]!r}, not {VERSION}")
     if words[2] != hashlib.sha256(body).hexdigest().encode():
-        raise PageError("its checksum is wrong: it was not written to its end, or was changed")
+        raise JournalError("its checksum is wrong: it is incomplete or was changed")
     try:
-        page = _Page.model_validate_json(body)
+        document = _Document.model_validate_json(body)
     except ValidationError as error:
-        raise PageError(_first(error)) from error
-    return Owner(page.system, page.uid), _memo(page)
+        raise JournalError(_first(error)) from error
+    return VehicleIdentity(document.system, document.uid), _record(document)
 
 
-def _memo(page: _Page) -> Memo:
-    rows = {FENCE: page.fence, RALLY: page.rally}
-    return Memo(
+def _record(document: _Document) -> RecoveryRecord:
+    rows = {FENCE: document.fence, RALLY: document.rally}
+    return RecoveryRecord(
         plans={kind: _read_plan(row) for kind, row in rows.items() if row is not None},
-        values={name: Borrowed(row.before, row.placed) for name, row in page.values.items()},
-        borrowed={name: Borrowed(row.before, row.placed) for name, row in page.borrowed.items()},
-        hover=_if_any(_read_pose, page.hover),
-        homeward=_if_any(_read_homeward, page.homeward),
-        abort=_if_any(_read_abort, page.abort),
-        live=_if_any(_read_live, page.live),
-        started=page.started,
+        values={
+            name: OverriddenParameter(row.before, row.placed)
+            for name, row in document.values.items()
+        },
+        borrowed={
+            name: OverriddenParameter(row.before, row.placed)
+            for name, row in document.borrowed.items()
+        },
+        hover=_if_any(_read_pose, document.hover),
+        pending_return=_if_any(_read_return, document.homeward),
+        abort=_if_any(_read_abort, document.abort),
+        live=_if_any(_read_live, document.live),
+        started=document.started,
     )
 
 
@@ -179,17 +191,17 @@ def _if_any(change: Callable[[A], B], value: A | None) -> B | None:
     return None if value is None else change(value)
 
 
-def _plan(plan: ExchangedPlan) -> _Plan:
+def _plan(plan: OverriddenPlan) -> _Plan:
     return _Plan(before=_rows(plan.before), placed=_if_any(_rows, plan.placed))
 
 
-def _read_plan(row: _Plan) -> ExchangedPlan:
-    return ExchangedPlan(_items(row.before), _if_any(_items, row.placed))
+def _read_plan(row: _Plan) -> OverriddenPlan:
+    return OverriddenPlan(_items(row.before), _if_any(_items, row.placed))
 
 
 def _rows(items: Items) -> tuple[_Item, ...]:
-    if len(items) > MOST_ITEMS:
-        raise PageError(f"a fence of {len(items)} items is too large for it")
+    if len(items) > MAX_ITEMS:
+        raise JournalError(f"a fence of {len(items)} items is too large for it")
     return tuple(map(_item, items))
 
 
@@ -234,7 +246,7 @@ def _float(value: float | None) -> float:
     return math.nan if value is None else value
 
 
-def _value(value: Borrowed) -> _Value:
+def _value(value: OverriddenParameter) -> _Value:
     return _Value(before=value.before, placed=value.placed)
 
 
@@ -247,15 +259,15 @@ def _read_pose(row: _Pose) -> Pose:
     return Pose(row.latitude, row.longitude, row.altitude, row.heading)
 
 
-def _homeward(homeward: Homeward) -> _Homeward:
-    return _Homeward(mission=homeward.mission, reason=homeward.reason, noted=homeward.noted_s)
+def _return(pending: PendingReturn) -> _Return:
+    return _Return(mission=pending.mission, reason=pending.reason, noted=pending.noted_s)
 
 
-def _read_homeward(row: _Homeward) -> Homeward:
-    return Homeward(mission=row.mission, reason=row.reason, noted_s=row.noted)
+def _read_return(row: _Return) -> PendingReturn:
+    return PendingReturn(mission=row.mission, reason=row.reason, noted_s=row.noted)
 
 
-def _abort(abort: AbortNote) -> _Abort:
+def _abort(abort: PendingAbort) -> _Abort:
     return _Abort(
         work=abort.work_id,
         kind=abort.event_type,
@@ -264,28 +276,28 @@ def _abort(abort: AbortNote) -> _Abort:
     )
 
 
-def _read_abort(row: _Abort) -> AbortNote:
+def _read_abort(row: _Abort) -> PendingAbort:
     point = _if_any(_read_pose, row.point)
-    return AbortNote(work_id=row.work, event_type=row.kind, point=point, noted_s=row.noted)
+    return PendingAbort(work_id=row.work, event_type=row.kind, point=point, noted_s=row.noted)
 
 
-def _live(live: LiveNote) -> _Live:
+def _live(live: LiveCommandProgress) -> _Live:
     return _Live(
         name=live.name,
-        is_agreed=live.is_agreed,
+        is_agreed=live.is_accepted,
         began=live.began_s,
-        going=live.going_s,
+        going=live.accepted_s,
         start=_if_any(_pose, live.start),
         steps=live.steps,
     )
 
 
-def _read_live(row: _Live) -> LiveNote:
-    return LiveNote(
+def _read_live(row: _Live) -> LiveCommandProgress:
+    return LiveCommandProgress(
         name=row.name,
-        is_agreed=row.is_agreed,
+        is_accepted=row.is_agreed,
         began_s=row.began,
-        going_s=row.going,
+        accepted_s=row.going,
         start=_if_any(_read_pose, row.start),
         steps=row.steps,
     )

@@ -1,7 +1,7 @@
-"""The pages in a folder: each a file that is the old one or the new one, never half of either.
+"""The journal: a file per recovery record, which holds the old record or the new one, never a part.
 
-A page is written beside the old one, brought onto the disk, and put into its place; then the
-folder is brought onto the disk too. What is no page is set aside under `.bad`, and said so.
+A record is written to a temporary file and synchronised; the file is renamed over the old one, and
+the folder is synchronised too. A file that is not a valid record is renamed to `.bad` and logged.
 """
 
 import logging
@@ -10,10 +10,10 @@ import stat
 from pathlib import Path
 from typing import Final
 
-from mavlink_broker.recovery.encoding import LARGEST_BYTES, PageError, decode, encode
-from mavlink_broker.recovery.record import NOTHING, Memo, Owner
+from mavlink_broker.recovery.encoding import MAX_BYTES, JournalError, decode, encode
+from mavlink_broker.recovery.record import EMPTY_RECORD, RecoveryRecord, VehicleIdentity
 
-MOST_PAGES: Final = 1000
+MAX_RECORDS: Final = 1000
 """That are read; each system id may have several vehicles."""
 _PREFIX: Final = "vehicle-"
 _SUFFIX: Final = ".json"
@@ -22,18 +22,18 @@ _LOG = logging.getLogger(__name__)
 
 
 class JournalFolder:
-    """All pages of one broker."""
+    """The recovery records of one broker."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
     @property
     def path(self) -> Path:
-        """Where they are."""
+        """The folder."""
         return self._folder
 
-    def read_all(self) -> dict[Owner, Memo]:
-        """Read every page; what is none is set aside, what cannot be read is told."""
+    def read_all(self) -> dict[VehicleIdentity, RecoveryRecord]:
+        """Read every record; invalid files are renamed, unreadable ones logged."""
         try:
             names = sorted(
                 path.name
@@ -45,33 +45,33 @@ class JournalFolder:
         except OSError as error:
             _LOG.warning("the journal cannot be read: %s: %s", self._folder, error.strerror)
             return {}
-        if len(names) > MOST_PAGES:
-            _LOG.warning("%s holds %d pages: %d are read", self._folder, len(names), MOST_PAGES)
-        pages = (self._read(name) for name in names[:MOST_PAGES])
-        return dict(filter(None, pages))
+        if len(names) > MAX_RECORDS:
+            _LOG.warning("%s has %d records: %d are read", self._folder, len(names), MAX_RECORDS)
+        records = (self._read(name) for name in names[:MAX_RECORDS])
+        return dict(filter(None, records))
 
-    def write(self, owner: Owner, memo: Memo) -> None:
-        """Replace the page of a vehicle; an empty one is removed.
+    def write(self, identity: VehicleIdentity, record: RecoveryRecord) -> None:
+        """Replace the record of a vehicle; the file of an empty one is removed.
 
         Raises:
-            OSError: if the disk refuses; the page is the old one or the new one.
-            PageError: if it cannot be written down; the page is the old one.
+            OSError: if the disk refuses; the file holds the old record or the new one.
+            JournalError: if it cannot be encoded; the file holds the old record.
         """
-        path = self._folder / _name(owner)
-        if memo == NOTHING:
+        path = self._folder / _name(identity)
+        if record == EMPTY_RECORD:
             path.unlink(missing_ok=True)
             if self._folder.is_dir():
                 self._sync_folder()
             return
-        data = encode(owner, memo)
+        data = encode(identity, record)
         self._folder.mkdir(parents=True, exist_ok=True)
-        beside = path.with_suffix(".tmp")
-        descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW, 0o600)
-        with os.fdopen(descriptor, "wb") as file:
+        temporary = path.with_suffix(".tmp")
+        flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW
+        with os.fdopen(os.open(temporary, flags, 0o600), "wb") as file:
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
-        beside.replace(path)
+        temporary.replace(path)
         self._sync_folder()
 
     def _sync_folder(self) -> None:
@@ -81,47 +81,47 @@ class JournalFolder:
         finally:
             os.close(descriptor)
 
-    def _read(self, name: str) -> tuple[Owner, Memo] | None:
+    def _read(self, name: str) -> tuple[VehicleIdentity, RecoveryRecord] | None:
         path = self._folder / name
         try:
-            owner, memo = decode(_content(path))
+            identity, record = decode(_content(path))
         except OSError as error:
             _LOG.warning("%s cannot be read: %s", path, error.strerror)
             return None
-        except PageError as error:
-            self._set_aside(path, str(error))
+        except JournalError as error:
+            self._reject(path, str(error))
             return None
-        if _name(owner) == name:
-            return owner, memo
-        self._set_aside(path, f"it is the page of {owner}")
+        if _name(identity) == name:
+            return identity, record
+        self._reject(path, f"it is the record of {identity}")
         return None
 
-    def _set_aside(self, path: Path, reason: str) -> None:
-        aside = path.with_suffix(".bad")
+    def _reject(self, path: Path, reason: str) -> None:
+        rejected = path.with_suffix(".bad")
         try:
-            path.replace(aside)
+            path.replace(rejected)
         except OSError as error:
-            _LOG.warning("%s is not believed: %s; it stays: %s", path, reason, error.strerror)
+            _LOG.warning("%s is rejected: %s; it stays: %s", path, reason, error.strerror)
         else:
-            _LOG.warning("%s is not believed: %s; it is %s now", path, reason, aside.name)
+            _LOG.warning("%s is rejected: %s; it is renamed to %s", path, reason, rejected.name)
 
 
-def _name(owner: Owner) -> str:
-    mark = f"-{owner.uid}" if owner.uid else ""
-    return f"{_PREFIX}{owner.system}{mark}{_SUFFIX}"
+def _name(identity: VehicleIdentity) -> str:
+    uid = f"-{identity.uid}" if identity.uid else ""
+    return f"{_PREFIX}{identity.system}{uid}{_SUFFIX}"
 
 
 def _content(path: Path) -> bytes:
-    """Read a plain file of a sensible size; anything else is no page.
+    """Read a regular file of a limited size.
 
     Raises:
         OSError: if it cannot be read.
-        PageError: if it is no plain file, or too large.
+        JournalError: if it is not a regular file, or too large.
     """
     if not stat.S_ISREG(path.lstat().st_mode):
-        raise PageError("it is no plain file")
+        raise JournalError("it is not a regular file")
     with path.open("rb") as file:
-        data = file.read(LARGEST_BYTES + 1)
-    if len(data) > LARGEST_BYTES:
-        raise PageError(f"it is larger than {LARGEST_BYTES} bytes")
+        data = file.read(MAX_BYTES + 1)
+    if len(data) > MAX_BYTES:
+        raise JournalError(f"it is larger than {MAX_BYTES} bytes")
     return data

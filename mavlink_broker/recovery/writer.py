@@ -1,7 +1,7 @@
-"""Brings pages onto the disk on a thread, so that the loop never waits for it.
+"""Writes recovery records on a thread, so that the loop never waits for the disk.
 
-Of each vehicle the newest page alone is written. A disk that refuses is told of once, and tried
-again every five seconds.
+Only the newest record of each vehicle is written. A refusal of the disk is logged once, and the
+write is retried every five seconds.
 """
 
 import logging
@@ -10,50 +10,50 @@ from collections.abc import Callable
 from typing import Final
 
 from mavlink_broker.internal_errors import reason_of
-from mavlink_broker.recovery.encoding import PageError
+from mavlink_broker.recovery.encoding import JournalError
 from mavlink_broker.recovery.folder import JournalFolder
-from mavlink_broker.recovery.progress import Note
-from mavlink_broker.recovery.record import NOTHING, Memo, Owner
+from mavlink_broker.recovery.record import EMPTY_RECORD, RecoveryRecord, VehicleIdentity
+from mavlink_broker.recovery.record_tracker import RecordUpdate
 from mavlink_broker.supervision import SupervisedThread
 
-TRY_AGAIN_S: Final = 5.0
-END_WITHIN_S: Final = 5.0
+RETRY_AFTER_S: Final = 5.0
+STOP_TIMEOUT_S: Final = 5.0
 """How long an ending program waits for a slow disk."""
 
 _LOG = logging.getLogger(__name__)
 
 
 class JournalWriter:
-    """The pages of one broker, read once, and a thread that writes them."""
+    """The recovery records of one broker, read once, and a thread that writes them."""
 
     def __init__(self, folder: JournalFolder, wake: Callable[[], None]) -> None:
-        """Read what an earlier run has left; `wake` ends the loop's sleep."""
+        """Read the records of an earlier run; `wake` ends the loop's sleep."""
         self._folder = folder
         self._wake = wake
-        self._known: dict[Owner, Memo] = folder.read_all()
+        self._known: dict[VehicleIdentity, RecoveryRecord] = folder.read_all()
         self._changed = threading.Condition()
-        self._due: dict[Owner, Note] = {}
-        self._refused: dict[Owner, Note] = {}
-        self._settled: list[tuple[Owner, int]] = []
+        self._due: dict[VehicleIdentity, RecordUpdate] = {}
+        self._refused: dict[VehicleIdentity, RecordUpdate] = {}
+        self._settled: list[tuple[VehicleIdentity, int]] = []
         self._is_ending = False
-        self._is_told = False  # That the disk refuses
+        self._is_refusal_logged = False
         self._stopping = threading.Event()
         self._thread = SupervisedThread("journal", self._run, self._stopping)
         self._thread.start()
 
-    def recall(self, owner: Owner) -> Memo:
-        """Give what is known of a vehicle."""
-        return self._known.get(owner, NOTHING)
+    def recall(self, identity: VehicleIdentity) -> RecoveryRecord:
+        """Give the record of a vehicle."""
+        return self._known.get(identity, EMPTY_RECORD)
 
-    def put(self, note: Note) -> None:
-        """Leave a page to be written; never waits for the disk."""
-        self._known[note.owner] = note.memo
+    def put(self, update: RecordUpdate) -> None:
+        """Queue a record to be written; never waits for the disk."""
+        self._known[update.identity] = update.record
         with self._changed:
-            self._due[note.owner] = note
+            self._due[update.identity] = update
             self._changed.notify()
 
-    def take_settled(self) -> list[tuple[Owner, int]]:
-        """Give the numbers of the pages that were written or refused since."""
+    def take_settled(self) -> list[tuple[VehicleIdentity, int]]:
+        """Give the updates that were written or refused since the last call."""
         if not self._settled:
             return []
         with self._changed:
@@ -61,51 +61,51 @@ class JournalWriter:
         return settled
 
     def close(self) -> None:
-        """Write what waits, if the disk takes it, and end."""
+        """Write the records that wait, if the disk takes them, and end."""
         with self._changed:
             self._is_ending = True
             self._stopping.set()
             self._changed.notify()
-        self._thread.join(END_WITHIN_S)
+        self._thread.join(STOP_TIMEOUT_S)
 
     def _run(self) -> None:
         while True:
             with self._changed:
-                waits_s = TRY_AGAIN_S if self._refused else None
-                self._changed.wait_for(lambda: self._due or self._is_ending, waits_s)
+                timeout_s = RETRY_AFTER_S if self._refused else None
+                self._changed.wait_for(lambda: self._due or self._is_ending, timeout_s)
                 due, self._due = {**self._refused, **self._due}, {}
                 is_ending = self._is_ending
-            for note in due.values():
-                self._write(note)
+            for update in due.values():
+                self._write(update)
             if is_ending and not self._due:
                 return
 
-    def _write(self, note: Note) -> None:
+    def _write(self, update: RecordUpdate) -> None:
         try:
-            self._folder.write(note.owner, note.memo)
+            self._folder.write(update.identity, update.record)
         except OSError as error:
-            self._refuse(note, error.strerror or str(error))
-        except PageError as error:
-            self._refuse(note, str(error))
-        except Exception as error:  # noqa: BLE001  # the boundary of one page, logged
-            _LOG.exception("the page of %s", note.owner)
-            self._refuse(note, reason_of(error))
+            self._refuse(update, error.strerror or str(error))
+        except JournalError as error:
+            self._refuse(update, str(error))
+        except Exception as error:  # noqa: BLE001  # the boundary of one record, logged
+            _LOG.exception("the record of %s", update.identity)
+            self._refuse(update, reason_of(error))
         else:
-            self._refused.pop(note.owner, None)
-            if self._is_told and not self._refused:
-                self._is_told = False
+            self._refused.pop(update.identity, None)
+            if self._is_refusal_logged and not self._refused:
+                self._is_refusal_logged = False
                 _LOG.warning("%s takes the broker's journal again", self._folder.path)
         with self._changed:
-            self._settled.append((note.owner, note.number))
+            self._settled.append((update.identity, update.number))
         self._wake()
 
-    def _refuse(self, note: Note, reason: str) -> None:
-        self._refused[note.owner] = note
-        if not self._is_told:
-            self._is_told = True
+    def _refuse(self, update: RecordUpdate, reason: str) -> None:
+        self._refused[update.identity] = update
+        if not self._is_refusal_logged:
+            self._is_refusal_logged = True
             _LOG.warning(
-                "no journal is kept in %s: %s; a broker that is killed now forgets what it has "
-                "borrowed of its vehicles",
+                "no journal is kept in %s: %s; a broker that is killed now cannot restore the "
+                "vehicles' own configuration",
                 self._folder.path,
                 reason,
             )

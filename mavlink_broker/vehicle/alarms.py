@@ -1,26 +1,27 @@
-"""What a vehicle says of its own health, as AFarCloud's alarms.
+"""What a vehicle reports of its own health, as AFarCloud's alarms.
 
-Every alarm has one or more signs, each told by one message. A sign has failed when it was well
-and has been ill for two seconds. An alarm is told once, and again only after all of its signs
-were well in between; not while a cause of it is ill, for that is the alarm to tell.
+Every alarm has one or more signals, each of one message. A signal has failed when it was healthy
+and has been unhealthy for two seconds. An alarm is raised once, and again only after all of its
+signals were healthy in between. It is not raised while a cause of it is unhealthy: then that alarm
+is raised.
 """
 
-import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from afarcloud.enumerations import AlarmCode, AlarmType
-from mavlink_broker.autopilots.status_texts import alarm_parameters
+from mavlink_broker.autopilots.status_texts import TextMeaning, means
+from mavlink_broker.autopilots.tunnel_messages import alarm_parameters
 from mavlink_broker.mavlink.dialect import Message, mavlink, source_of
-from mavlink_broker.microservices.silence import LinkLoss, Voice
+from mavlink_broker.microservices.message_timeout import FrameLoss, PeriodicSource
 from mavlink_broker.vehicle.measurements import HUMIDITY, OBSERVED, readings
 
 DEBOUNCE_S: Final = 2.0
-JUDGE_EVERY_S: Final = 0.1
+CHECK_EVERY_S: Final = 0.1
 SOURCES_KEPT: Final = 16
 PARAMETERS_HOLD_S: Final = 30.0
-"""As long as the slowest alarm takes to be believed."""
+"""As long as the slowest alarm takes to be raised."""
 
 
 class Failure(NamedTuple):
@@ -65,27 +66,23 @@ CAUSES: Final[Mapping[AlarmCode, frozenset[AlarmCode]]] = {
 """Functions that fail with a part of the vehicle."""
 
 
-_WIND_BEYOND_LIMIT: Final = re.compile(r"wind[^;]*\b(too strong|limit)", re.IGNORECASE)
-"""Own vehicle: "Wind too strong: RETURN"; PX4 1.14: "Wind speed is above limit"."""
-
-
 def is_navigation_failure(texts: str) -> bool:
-    """Whether a failsafe says that it flies because the air does not let the mission be flown.
+    """Whether a failsafe acts because the wind is too strong for the mission.
 
-    No other message says why a failsafe acts; a low battery and a lost link have no code.
+    No other message gives the reason of a failsafe; a low battery and a lost link have no code.
     """
-    return _WIND_BEYOND_LIMIT.search(texts) is not None
+    return means(texts, TextMeaning.WIND_TOO_STRONG)
 
 
 def mission_error(reason: str) -> Failure:
-    """What a vehicle that cannot go on with its mission is told as."""
+    """The alarm of a vehicle that cannot go on with its mission."""
     return Failure(AlarmCode.FUNCTION_NAVIGATION, f"mission error: {reason}"[:1000])
 
 
-class _Sign(NamedTuple):
+class _Signal(NamedTuple):
     source: str
     failure: Failure
-    is_ill: bool
+    is_unhealthy: bool
 
 
 _SENSORS: Final = (
@@ -103,28 +100,28 @@ _SENSORS: Final = (
 """MAV_SYS_STATUS_SENSOR, any of them, and what their failure means."""
 
 
-def _system_status(message: Message) -> Iterator[_Sign]:
+def _system_status(message: Message) -> Iterator[_Signal]:
     """SYS_STATUS(1): what is present and enabled is watched."""
     watched = message.onboard_control_sensors_present & message.onboard_control_sensors_enabled
     failed = watched & ~message.onboard_control_sensors_health
     for bits, failure in _SENSORS:
         if watched & bits:
-            yield _Sign("SYS_STATUS", failure, bool(failed & bits))
+            yield _Signal("SYS_STATUS", failure, bool(failed & bits))
 
 
-def _estimator_status(message: Message) -> Iterator[_Sign]:
+def _estimator_status(message: Message) -> Iterator[_Signal]:
     """ESTIMATOR_STATUS(230) of PX4, EKF_STATUS_REPORT(193) of ArduPilot: the same low bits.
 
     ESTIMATOR_CONST_POS_MODE is no failure: PX4 sets it whenever the vehicle is at rest
     (`ekf_helper.cpp`), and both take POS_HORIZ_ABS away from a position that they only assume.
     """
     needed = mavlink.ESTIMATOR_ATTITUDE | mavlink.ESTIMATOR_POS_HORIZ_ABS
-    is_ill = message.flags & needed != needed
-    yield _Sign(message.get_type(), LOCALISATION, is_ill)
+    is_unhealthy = message.flags & needed != needed
+    yield _Signal(message.get_type(), LOCALISATION, is_unhealthy)
 
 
-def _fence_status(message: Message) -> Iterator[_Sign]:
-    yield _Sign("FENCE_STATUS", FENCE, message.breach_status != 0)
+def _fence_status(message: Message) -> Iterator[_Signal]:
+    yield _Signal("FENCE_STATUS", FENCE, message.breach_status != 0)
 
 
 _POWERLESS: Final = frozenset(
@@ -135,12 +132,12 @@ _POWERLESS: Final = frozenset(
 )
 
 
-def _battery_status(message: Message) -> Iterator[_Sign]:
+def _battery_status(message: Message) -> Iterator[_Signal]:
     """BATTERY_STATUS(147): a low battery is no failure; one that ends the flight by force is."""
-    yield _Sign(f"BATTERY_STATUS {message.id}", BATTERY, message.charge_state in _POWERLESS)
+    yield _Signal(f"BATTERY_STATUS {message.id}", BATTERY, message.charge_state in _POWERLESS)
 
 
-_READERS: Final[Mapping[str, Callable[[Message], Iterator[_Sign]]]] = {
+_READERS: Final[Mapping[str, Callable[[Message], Iterator[_Signal]]]] = {
     "SYS_STATUS": _system_status,
     "ESTIMATOR_STATUS": _estimator_status,
     "EKF_STATUS_REPORT": _estimator_status,
@@ -152,33 +149,33 @@ _READERS: Final[Mapping[str, Callable[[Message], Iterator[_Sign]]]] = {
 @dataclass(slots=True)
 class _Health:
     failure: Failure
-    was_well: bool = False
-    ill_since: float | None = None
+    was_healthy: bool = False
+    unhealthy_since: float | None = None
 
-    def take(self, now: float, *, is_ill: bool) -> None:
-        if not is_ill:
-            self.was_well, self.ill_since = True, None
-        elif self.ill_since is None:
-            self.ill_since = now
+    def take(self, now: float, *, is_unhealthy: bool) -> None:
+        if not is_unhealthy:
+            self.was_healthy, self.unhealthy_since = True, None
+        elif self.unhealthy_since is None:
+            self.unhealthy_since = now
 
     @property
-    def is_ill(self) -> bool:
-        return self.was_well and self.ill_since is not None
+    def is_unhealthy(self) -> bool:
+        return self.was_healthy and self.unhealthy_since is not None
 
     def has_failed(self, now: float) -> bool:
-        return self.is_ill and now - (self.ill_since or now) >= DEBOUNCE_S
+        return self.is_unhealthy and now - (self.unhealthy_since or now) >= DEBOUNCE_S
 
 
 @dataclass(slots=True)
-class AlarmWatch:
+class AlarmMonitor:
     """Watches one vehicle."""
 
-    _signs: dict[tuple[str, AlarmCode], _Health] = field(default_factory=dict)
-    _voices: dict[tuple[str, AlarmCode], Voice] = field(default_factory=dict)
-    _told: set[AlarmCode] = field(default_factory=set)
-    _parameters: tuple[float, tuple[float, float]] | None = None  # And when they were told
-    _loss: LinkLoss = field(default_factory=LinkLoss)
-    _judge_at: float = 0.0
+    _signals: dict[tuple[str, AlarmCode], _Health] = field(default_factory=dict)
+    _periodic_sources: dict[tuple[str, AlarmCode], PeriodicSource] = field(default_factory=dict)
+    _raised: set[AlarmCode] = field(default_factory=set)
+    _parameters: tuple[float, tuple[float, float]] | None = None  # And when they were received
+    _loss: FrameLoss = field(default_factory=FrameLoss)
+    _check_at: float = 0.0
 
     def receive(self, message: Message, now: float) -> None:
         """Take a message of the autopilot."""
@@ -187,81 +184,85 @@ class AlarmWatch:
         if parameters is not None:
             self._parameters = now, parameters
         reader = _READERS.get(message.get_type())
-        for source, failure, is_ill in reader(message) if reader is not None else ():
-            self._take(source, failure, now, is_ill=is_ill)
+        for source, failure, is_unhealthy in reader(message) if reader is not None else ():
+            self._take(source, failure, now, is_unhealthy=is_unhealthy)
         self.observe(message, now)
 
     def observe(self, message: Message, now: float) -> None:
-        """Take a message of any component: what measures the humidity speaks regularly."""
+        """Take a message of any component: a humidity sensor sends periodically."""
         if message.get_type() not in OBSERVED:
             return
         for reading in readings(message):
             if reading.quantity.observed_property == HUMIDITY:
                 source = f"{source_of(message).component} {reading.sensor}"
-                self._heard(source, HUMIDITY_SENSOR, now)
-                self._take(source, HUMIDITY_SENSING, now, is_ill=reading.value is None)
+                self._received(source, HUMIDITY_SENSOR, now)
+                self._take(source, HUMIDITY_SENSING, now, is_unhealthy=reading.value is None)
 
-    def camera_heard(self, now: float) -> None:
+    def camera_received(self, now: float) -> None:
         """Take a heartbeat of the vehicle's camera."""
-        self._heard("camera", CAMERA, now)
+        self._received("camera", CAMERA, now)
 
     def tick(self, now: float, *, is_connected: bool) -> list[Failure]:
-        """Judge; gives what has failed and was not told. While nobody is heard nothing is ill."""
-        if now < self._judge_at:
+        """Give what has failed and was not raised yet; nothing while the link is away."""
+        if now < self._check_at:
             return []
-        self._judge_at = now + JUDGE_EVERY_S
-        for (source, _), voice in self._voices.items():
+        self._check_at = now + CHECK_EVERY_S
+        for (source, _), periodic in self._periodic_sources.items():
             failure = CAMERA if source == "camera" else HUMIDITY_SENSOR
-            is_silent = voice.is_silent(now, self._loss.share)
+            is_silent = periodic.is_silent(now, self._loss.ratio)
             if not is_connected and not is_silent:
-                voice.excuse(now)
+                periodic.restart_timer(now)
             self._take_silence(source, failure, now, is_silent=is_silent)
-        return [failure for failure in self._failed(now) if self._is_to_tell(failure)]
+        return [failure for failure in self._failed(now) if self._is_new(failure)]
 
     def take_parameters(self, now: float) -> tuple[float, float]:
-        """Give what the vehicle has told of its newest alarm, once."""
-        told, self._parameters = self._parameters, None
-        return told[1] if told is not None and now - told[0] <= PARAMETERS_HOLD_S else (0.0, 0.0)
+        """Give the parameters that the vehicle has sent with its newest alarm, once."""
+        received, self._parameters = self._parameters, None
+        if received is None or now - received[0] > PARAMETERS_HOLD_S:
+            return 0.0, 0.0
+        return received[1]
 
     def forget(self) -> None:
         """Begin anew: the vehicle was restarted, or its link was lost."""
         self._parameters = None
-        self._signs.clear()
-        self._voices.clear()
-        self._told.clear()
+        self._signals.clear()
+        self._periodic_sources.clear()
+        self._raised.clear()
 
-    def _take(self, source: str, failure: Failure, now: float, *, is_ill: bool) -> None:
+    def _take(self, source: str, failure: Failure, now: float, *, is_unhealthy: bool) -> None:
         key = source, failure.code
-        if key in self._signs or len(self._signs) < len(_SENSORS) + SOURCES_KEPT:
-            self._signs.setdefault(key, _Health(failure)).take(now, is_ill=is_ill)
+        if key in self._signals or len(self._signals) < len(_SENSORS) + SOURCES_KEPT:
+            self._signals.setdefault(key, _Health(failure)).take(now, is_unhealthy=is_unhealthy)
 
     def _take_silence(self, source: str, failure: Failure, now: float, *, is_silent: bool) -> None:
-        """Take whether a voice is there; silence has been waited for long enough already."""
-        self._take(source, failure, now - DEBOUNCE_S, is_ill=is_silent)
+        """Take whether a periodic source is silent; its timeout is the debounce."""
+        self._take(source, failure, now - DEBOUNCE_S, is_unhealthy=is_silent)
 
-    def _heard(self, source: str, failure: Failure, now: float) -> None:
-        voice = self._voices.get((source, failure.code))
-        if voice is not None:
-            voice.heard(now)
-        elif len(self._voices) < SOURCES_KEPT:
-            self._voices[source, failure.code] = Voice(now)
+    def _received(self, source: str, failure: Failure, now: float) -> None:
+        periodic = self._periodic_sources.get((source, failure.code))
+        if periodic is not None:
+            periodic.received(now)
+        elif len(self._periodic_sources) < SOURCES_KEPT:
+            self._periodic_sources[source, failure.code] = PeriodicSource(now)
 
     def _failed(self, now: float) -> list[Failure]:
-        """Everything that has failed, once each."""
+        """Everything that has failed, each once."""
         failed = {
             health.failure.code: health.failure
-            for health in self._signs.values()
+            for health in self._signals.values()
             if health.has_failed(now)
         }
-        ill = {health.failure.code for health in self._signs.values() if health.is_ill}
-        self._told &= ill
+        unhealthy = {
+            health.failure.code for health in self._signals.values() if health.is_unhealthy
+        }
+        self._raised &= unhealthy
         return [
             failure
             for code, failure in sorted(failed.items())
-            if not ill & CAUSES.get(code, frozenset())
+            if not unhealthy & CAUSES.get(code, frozenset())
         ]
 
-    def _is_to_tell(self, failure: Failure) -> bool:
-        is_news = failure.code not in self._told
-        self._told.add(failure.code)
+    def _is_new(self, failure: Failure) -> bool:
+        is_news = failure.code not in self._raised
+        self._raised.add(failure.code)
         return is_news

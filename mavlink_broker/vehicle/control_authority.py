@@ -1,4 +1,4 @@
-"""Who is in command of a vehicle, judged from its heartbeat; pure.
+"""Who is in command of a vehicle, by its heartbeat; pure.
 
 The broker is in command while the vehicle is in a mode that an order or a mission of the broker
 leads to, and nobody else has ordered it into that mode: a vehicle acknowledges the order of a
@@ -17,17 +17,17 @@ from mavlink_broker.mavlink.dialect import Message, mavlink
 _AUTOMATIC: Final[int] = mavlink.MAV_MODE_FLAG_AUTO_ENABLED | mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
 _MANUAL: Final[int] = mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
 
-ON_THE_WAY: Final = frozenset({ModeRole.MISSION, ModeRole.HOLD, ModeRole.GUIDED})
+AIRBORNE_MODES: Final = frozenset({ModeRole.MISSION, ModeRole.HOLD, ModeRole.GUIDED})
 """Modes in which a vehicle in the air waits for the next order, or has not obeyed it yet."""
-COMING_DOWN: Final = ON_THE_WAY | {ModeRole.ENDING}
+DESCENT_MODES: Final = AIRBORNE_MODES | {ModeRole.ENDING}
 """Modes of a vehicle that has been ordered to land or to return."""
-IN_MISSION: Final = frozenset({ModeRole.MISSION, ModeRole.HOLD})
-"""Modes in which a vehicle flies mission items that it was given, or is paused in them."""
+MISSION_MODES: Final = frozenset({ModeRole.MISSION, ModeRole.HOLD})
+"""Modes in which a vehicle flies mission items, or is paused in them."""
 
 
-_ORDERED: Final = frozenset({ModeRole.HOLD, ModeRole.GUIDED})
+_WAITING_MODES: Final = frozenset({ModeRole.HOLD, ModeRole.GUIDED})
 """Modes in which it shows by its acknowledgement alone that somebody else has given an order."""
-_TAKING: Final = frozenset(
+_TAKEOVER_COMMANDS: Final = frozenset(
     {
         mavlink.MAV_CMD_DO_SET_MODE,
         mavlink.MAV_CMD_DO_REPOSITION,
@@ -40,7 +40,15 @@ _TAKING: Final = frozenset(
 )
 
 
-class InCommand(Enum):
+TAKEOVER_AFTER_S: Final = 5.0
+"""How long a takeover must last: several periods of every message that could explain it."""
+HELD_BY_FAILSAFE: Final = "the vehicle's own failsafe holds it"
+FAILSAFE_AFTER_S: Final = 10.0
+"""How long that must last: PX4 holds for 5 s before it does what its failsafe has chosen, and
+resumes its mission when the reason has gone meanwhile."""
+
+
+class Authority(Enum):
     """Who decides what a vehicle does."""
 
     BROKER = auto()
@@ -48,8 +56,8 @@ class InCommand(Enum):
     OTHERS = auto()  # A pilot, or another ground station
 
 
-class Seen(NamedTuple):
-    """What a vehicle's heartbeat says about its mode."""
+class ObservedMode(NamedTuple):
+    """What a vehicle's heartbeat shows about its mode."""
 
     mode: str
     role: ModeRole
@@ -76,24 +84,24 @@ class Claim(NamedTuple):
     is_exclusive: bool = False  # What another system has ordered in these modes ends it
 
 
-def in_command(seen: Seen, claim: Claim) -> InCommand:
-    """Decide who is in command of a vehicle; nobody else can be while it is disarmed."""
+def authority_of(seen: ObservedMode, claim: Claim) -> Authority:
+    """Decide who is in command of a vehicle; a disarmed vehicle is the broker's."""
     if not seen.armed:
-        return InCommand.BROKER
+        return Authority.BROKER
     is_ours = (seen.role in claim.roles and not seen.is_manual) or seen.mode == claim.mode
-    is_ours &= not (claim.is_exclusive and seen.ordered is not None and seen.role in _ORDERED)
+    is_ours &= not (claim.is_exclusive and seen.ordered is not None and seen.role in _WAITING_MODES)
     if claim.may_be_armed and is_ours:
-        return InCommand.BROKER
-    return InCommand.FAILSAFE if seen.in_failsafe else InCommand.OTHERS
+        return Authority.BROKER
+    return Authority.FAILSAFE if seen.in_failsafe else Authority.OTHERS
 
 
-def reason(who: InCommand, seen: Seen) -> str:
-    """Say who has taken a vehicle from the broker, for a mission's report."""
+def reason(who: Authority, seen: ObservedMode) -> str:
+    """Name who has taken a vehicle from the broker, for a mission's report."""
     whose = {
-        InCommand.FAILSAFE: "its own failsafe flies it",
-        InCommand.OTHERS: "another hand flies the vehicle",
+        Authority.FAILSAFE: "its own failsafe flies it",
+        Authority.OTHERS: "somebody else flies the vehicle",
     }.get(who, "the broker flies it")
-    if who is InCommand.OTHERS and seen.ordered is not None and seen.role in _ORDERED:
+    if who is Authority.OTHERS and seen.ordered is not None and seen.role in _WAITING_MODES:
         entry = mavlink.enums["MAV_CMD"].get(seen.ordered.command)
         name = entry.name if entry else f"MAV_CMD {seen.ordered.command}"
         whose = f"system {seen.ordered.system} has paused or moved it by {name}"
@@ -108,22 +116,22 @@ def foreign_order(message: Message, ours: frozenset[int], now: float) -> Foreign
     if message.get_type() != "COMMAND_ACK" or message.result != mavlink.MAV_RESULT_ACCEPTED:
         return None
     system = getattr(message, "target_system", 0)
-    if message.command not in _TAKING or system in {0, *ours}:
+    if message.command not in _TAKEOVER_COMMANDS or system in {0, *ours}:
         return None
     return ForeignOrder(system, message.command, now)
 
 
 def is_manual(base_mode: int) -> bool:
-    """Whether the standard bits of a heartbeat say that a person steers, and nothing else does."""
+    """Whether the standard bits of a heartbeat show that a pilot steers, and nothing else does."""
     return bool(base_mode & _MANUAL) and not base_mode & _AUTOMATIC
 
 
-def tells_manual(base_mode: int) -> bool:
+def shows_manual(base_mode: int) -> bool:
     """Whether a heartbeat proves that its vehicle sets these bits by who steers it."""
     return bool(base_mode & _AUTOMATIC) or not base_mode & _MANUAL
 
 
-_QUESTIONS: Final = frozenset(
+_READS: Final = frozenset(
     {
         "HEARTBEAT",
         "PING",
@@ -139,7 +147,7 @@ _QUESTIONS: Final = frozenset(
     }
 )
 """Messages that read from a vehicle, or end a transfer; the broker writes no file."""
-_ASKING_COMMANDS: Final = frozenset(
+_READ_COMMANDS: Final = frozenset(
     {
         mavlink.MAV_CMD_REQUEST_MESSAGE,
         mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
@@ -157,5 +165,22 @@ def is_order(message: Message) -> bool:
     """Whether a message changes what a vehicle does or keeps, rather than asks for telemetry."""
     kind = message.get_type()
     if kind in {"COMMAND_LONG", "COMMAND_INT"}:
-        return message.command not in _ASKING_COMMANDS
-    return kind not in _QUESTIONS
+        return message.command not in _READ_COMMANDS
+    return kind not in _READS
+
+
+class TakeoverDebounce:
+    """Reports a takeover that lasts."""
+
+    def __init__(self) -> None:
+        self._since: float | None = None
+
+    def update(self, reason: str | None, now: float) -> str | None:
+        """Take the present reason to assume a takeover; gives it once it has lasted."""
+        if reason is None:
+            self._since = None
+            return None
+        if self._since is None:
+            self._since = now
+        after_s = FAILSAFE_AFTER_S if reason == HELD_BY_FAILSAFE else TAKEOVER_AFTER_S
+        return reason if now - self._since >= after_s else None

@@ -9,28 +9,28 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from afarcloud.state import Observation, ObservationList
-from mavlink_broker.autopilots.status_texts import worded
+from mavlink_broker.autopilots.tunnel_messages import tunnel_observation
 from mavlink_broker.mavlink.dialect import Message, source_of
 from mavlink_broker.vehicle.measurements import Quantity, Reading, readings
 from mavlink_broker.vehicle.telemetry import Position, Snapshot
 
 FRESH_S: Final = 5.0
 """By the vehicle's clock."""
-HEARD_WITHIN_S: Final = 30.0
+RECEIVED_WITHIN_S: Final = 30.0
 """By the broker's: after a lost link the vehicle's clock is as old as the rest."""
 SOURCES_KEPT: Final = 64
-"""A vehicle that invents names may not fill the memory."""
+"""Limits the memory that new names of a vehicle can fill."""
 LIST_LENGTH: Final = 10
-"""As many as AFarCloud's ObservationList has room for; more make another list."""
+"""Limit of AFarCloud's ObservationList; more observations make another list."""
 
 
 class ResourceKey(NamedTuple):
-    """What is stable about a measurement: who measures it with what."""
+    """What stays the same about a measurement: component, sensor and property."""
 
     component: int
     sensor: str
     observed_property: str
-    own_name: str = ""  # Where it has told its resource id by itself
+    own_name: str = ""  # Where it has sent its own resource id
 
 
 class _Measured(NamedTuple):
@@ -38,7 +38,7 @@ class _Measured(NamedTuple):
     quantity: Quantity
     place: Position
     vehicle_s: float | None  # By the autopilot's clock, since it was switched on
-    heard_at: float  # By the broker's
+    received_at: float  # By the broker's
 
 
 def resource_id(vehicle_id: int, key: ResourceKey) -> str:
@@ -55,8 +55,8 @@ class Observations:
     _newest: dict[ResourceKey, _Measured] = field(default_factory=dict)
 
     def take(self, message: Message, snapshot: Snapshot, now: float) -> None:
-        """Remember what a message tells of the environment at the vehicle's present place."""
-        for reading, own_name in _told(message):
+        """Keep the measurements of a message, with the vehicle's present position."""
+        for reading, own_name in _readings_with_names(message):
             observed_property = reading.quantity.observed_property
             component = source_of(message).component
             key = ResourceKey(component, reading.sensor, observed_property, own_name)
@@ -68,7 +68,7 @@ class Observations:
                 )
 
     def forget(self) -> None:
-        """Begin anew: the vehicle was restarted."""
+        """Drop everything: the vehicle was restarted."""
         self._newest.clear()
 
     def lists(
@@ -76,7 +76,7 @@ class Observations:
     ) -> Iterator[ObservationList]:
         """Give what is fresh, ten to a list, each list at the place of its newest measurement.
 
-        A `result_time` of 0 stands for a vehicle that has told no time of day.
+        A `result_time` of 0 stands for a vehicle that has sent no time of day.
         """
         fresh = sorted(
             (key, measured)
@@ -85,7 +85,7 @@ class Observations:
         )
         for number, first in enumerate(range(0, len(fresh), LIST_LENGTH)):
             batch = fresh[first : first + LIST_LENGTH]
-            place = max(batch, key=lambda pair: pair[1].heard_at)[1].place
+            place = max(batch, key=lambda pair: pair[1].received_at)[1].place
             yield ObservationList(
                 sequence_number=sequence_number + number,
                 vehicle_id=vehicle_id,
@@ -98,20 +98,20 @@ class Observations:
             )
 
 
-def _told(message: Message) -> Iterator[tuple[Reading, str]]:
+def _readings_with_names(message: Message) -> Iterator[tuple[Reading, str]]:
     """Give the readings of a message, each with the resource id that came with it, if any."""
     for reading in readings(message):
         yield reading, ""
-    own = worded(message)
+    own = tunnel_observation(message)
     if own is not None:
         yield Reading("", Quantity(own.observed_property, own.unit), own.value), own.resource_id
 
 
 def _is_fresh(measured: _Measured, snapshot: Snapshot, now: float) -> bool:
-    if now - measured.heard_at > HEARD_WITHIN_S:
+    if now - measured.received_at > RECEIVED_WITHIN_S:
         return False
     if snapshot.time_s is None or measured.vehicle_s is None:
-        return now - measured.heard_at <= FRESH_S
+        return now - measured.received_at <= FRESH_S
     return snapshot.time_s - measured.vehicle_s <= FRESH_S
 
 

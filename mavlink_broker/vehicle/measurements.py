@@ -1,6 +1,6 @@
 """What counts as a measurement of the environment, as one table: message to values with units.
 
-Units are UCUM. A reading without a value says that its source speaks but does not measure: NaN,
+Units are UCUM. A reading without a value shows that its source sends but does not measure: NaN,
 infinity, and what lies outside the sensor's possible range, where vehicles put "invalid".
 """
 
@@ -16,9 +16,9 @@ DEGREE, HECTOPASCAL, ONE = "deg", "hPa", "1"
 
 HUMIDITY: Final = "relative_humidity"
 STILL_AIR_M_S: Final = 0.1
-"""Wind below it comes from nowhere."""
+"""Wind below it has no direction."""
 _SIGNIFICANT: Final = 2.0
-"""Times its accuracy, where a vehicle tells one, a wind must blow to be told."""
+"""Wind below this multiple of its accuracy, where the vehicle sends one, is not reported."""
 _NOT_IN_NAMES: Final = re.compile(r"[^A-Za-z0-9_.-]")
 
 
@@ -34,7 +34,7 @@ class Quantity(NamedTuple):
 class Reading(NamedTuple):
     """One value of one sensor; None where the sensor has none."""
 
-    sensor: str  # Tells it from the other sensors of its component
+    sensor: str  # Distinct from the other sensors of its component
     quantity: Quantity
     value: float | None
 
@@ -63,7 +63,7 @@ NAMED: Final[Mapping[str, Quantity]] = {
 
 
 def readings(message: Message) -> Iterator[Reading]:
-    """Give what a message tells of the environment; most messages tell nothing."""
+    """Give the measurements of a message; most messages have none."""
     reader = _READERS.get(message.get_type())
     if reader is not None:
         for sensor, quantity, value in reader(message):
@@ -121,4 +121,4 @@ _READERS: Final[Mapping[str, Callable[[Message], _Values]]] = {
     "SCALED_PRESSURE": _pressure,
 }
 OBSERVED: Final = frozenset(_READERS)
-"""Messages that tell of the environment."""
+"""Messages with measurements."""

@@ -21,7 +21,7 @@ WHOLE_UP_TO: Final = 100
 """Commands of a mission whose every report lists all of them: AFarCloud's own limit."""
 
 
-class Ledger:
+class MissionLedger:
     """What is reported of one mission."""
 
     def __init__(
@@ -33,9 +33,9 @@ class Ledger:
         work_id: int | None = None,
         plan_id: str | None = None,
     ) -> None:
-        """Take a mission's commands, and what tells the mission from every other for good.
+        """Take a mission's commands, and what identifies it among all missions.
 
-        `work_id` and `plan_id` say in its reports which flight of a `mission_id` is meant.
+        `work_id` and `plan_id` show in its reports which flight of a `mission_id` they describe.
         """
         self.mission_id = mission_id
         self._work_id, self._plan_id = work_id, plan_id
@@ -60,7 +60,7 @@ class Ledger:
         return next(open_ones, len(self._statuses))
 
     def name_of(self, index: int) -> str:
-        """What tells a command from every other for good, also for a restarted broker."""
+        """Name of a command among all commands ever; a restarted broker gives the same."""
         return f"{self._name}/{self.mission_id}/{self._ids[index]}"
 
     def restore(self, report: MissionReport) -> None:
@@ -74,21 +74,21 @@ class Ledger:
                 self._messages[index] = known[command_id].message
 
     def remark(self, notes: Sequence[str]) -> None:
-        """Say something about the whole mission; its status stays."""
+        """Set the message of the mission; its status stays."""
         if notes:
             self.message = _shorten("; ".join(notes))
 
     def note(self, index: int, notes: Sequence[str]) -> None:
-        """Say what was changed about a command; its status stays."""
+        """Set the message of a command; its status stays."""
         if notes:
             self._messages[index] = _shorten("; ".join(notes))
 
     def add_note(self, index: int, text: str) -> None:
-        """Say something more about a command; its status stays."""
+        """Add to the message of a command; its status stays."""
         self._added[index].append(text)
 
     def set_command(self, index: int, status: Status, message: str | None = None) -> bool:
-        """Change a command's status; tells whether that is news.
+        """Change a command's status; whether it was another one.
 
         Raises:
             LedgerError: if the command has ended otherwise.
@@ -104,7 +104,7 @@ class Ledger:
         return True
 
     def set_mission(self, status: Status, message: str | None = None) -> bool:
-        """Change the mission's status; tells whether that is news.
+        """Change the mission's status; whether it was another one.
 
         Raises:
             LedgerError: if the mission has ended otherwise.
@@ -170,7 +170,7 @@ class Ledger:
         )
 
     def _texts(self) -> Iterator[str | None]:
-        """What is said about each command: why it is as it is, and what came to it since."""
+        """The message of each command: why its status is what it is, and the notes since."""
         for message, added in zip(self._messages, self._added, strict=True):
             parts = [message, *added] if message else added
             yield _shorten("; ".join(parts)) if parts else None

@@ -5,10 +5,10 @@ from typing import TypeVar
 
 from afarcloud.state import Alarm, Image, Report, StateVector
 from mavlink_broker import effects
-from mavlink_broker.jobs import Developed
+from mavlink_broker.effects import ConvertedPicture
 from mavlink_broker.vehicle import telemetry
 from mavlink_broker.vehicle.alarms import Failure
-from mavlink_broker.vehicle.mission_ledger import Ledger
+from mavlink_broker.vehicle.mission_ledger import MissionLedger
 from mavlink_broker.vehicle.vehicle import Vehicle
 
 ReportType = TypeVar("ReportType", bound=Report)
@@ -22,10 +22,10 @@ class Reporter:
         self._numbers: Counter[str] = Counter()
         self.session_id = session_id
 
-    def results(self, of: str, now: float) -> list[effects.Told]:
+    def results(self, of: str, now: float) -> list[effects.EdgeReport]:
         """What is posted for a finished command: pose, observations, battery, where known.
 
-        They tell of this moment, in which the command has ended; `of` names it for good. Its
+        They show this moment, at which the command has ended; `of` is its name. Its
         pictures follow when they have been fetched.
         """
         snapshot = self._vehicle.snapshot
@@ -41,20 +41,20 @@ class Reporter:
             reports.append((of, self._signed(battery, "battery")))
         return [effects.Result(report, name) for name, report in reports]
 
-    def landing(self, of: str) -> list[effects.Told]:
-        """Where the vehicle stands after a mission that did not end as it was meant to."""
+    def landing(self, of: str) -> list[effects.EdgeReport]:
+        """Where the vehicle has landed after a mission that was aborted or has failed."""
         pose = telemetry.pose(self._vehicle.snapshot, **self._next("pose"))
         return [] if pose is None else [effects.Result(self._signed(pose, "pose"), of)]
 
     def observations(self, now: float) -> list[effects.Report]:
-        """What has been measured lately, on the way."""
+        """The newest measurements, during a mission."""
         snapshot = self._vehicle.snapshot
         lists = self._vehicle.observations.lists(snapshot, now, **self._next("observation"))
         return [self._signed(measured, "observation") for measured in lists]
 
-    def image(self, picture: Developed, name: str, of: str) -> effects.Told:
-        """Give a picture; `of` tells it from every other for good, its name is for people."""
-        image = Image.model_construct(  # Its maker has seen to it that the frame is what it says
+    def image(self, picture: ConvertedPicture, name: str, of: str) -> effects.EdgeReport:
+        """Give a picture; `of` identifies it among all pictures, its name is for people."""
+        image = Image.model_construct(  # The encoder guarantees format and frame
             vehicle_id=self._vehicle.vehicle_id,
             sequence_number=self._numbers["image"],
             format=picture.format,
@@ -69,7 +69,7 @@ class Reporter:
         vector = telemetry.state_vector(self._vehicle.snapshot, **self._next("state_vector"))
         return None if vector is None else self._signed(vector, "state_vector")
 
-    def mission(self, ledger: Ledger) -> effects.Report:
+    def mission(self, ledger: MissionLedger) -> effects.Report:
         """How far a mission is."""
         return self._signed(ledger.report(**self._next("mission_report")), "mission_report")
 

@@ -51,7 +51,7 @@ class _Lies(TypedDict):
 
 
 class MissionNow(NamedTuple):
-    """What MISSION_CURRENT last said."""
+    """The newest MISSION_CURRENT."""
 
     seq: int
     state: int  # MISSION_STATE, 0 unknown
@@ -60,28 +60,28 @@ class MissionNow(NamedTuple):
 
 @dataclass(slots=True)
 class Snapshot:
-    """The newest of everything that one vehicle has told."""
+    """The newest of everything that one vehicle has sent."""
 
     armed: bool | None = None
     base_mode: int = 0
     custom_mode: int = 0
-    in_failsafe: bool = False  # It does what a failsafe has chosen
+    in_failsafe: bool = False  # Its failsafe acts
     time_s: float | None = None  # The vehicle's own, since it was switched on
     booted_at_utc_s: float | None = None  # Since 1970; None: its time of day is not set
     position: Position | None = None
     attitude: Attitude | None = None
     home: Home | None = None
-    home_amsl_m: float | None = None  # By its two altitudes, should it never tell its home
+    home_amsl_m: float | None = None  # By its two altitudes, should it never send its home
     battery_fraction: float | None = None
     battery_capacity_ah: float | None = None
     landed_state: int = mavlink.MAV_LANDED_STATE_UNDEFINED
-    ready_to_arm: bool | None = None  # None: the vehicle does not say
-    passes_checks: bool = False  # The same, of a vehicle that says no more than that they pass
-    can_navigate: bool | None = None  # By its position estimate; None: it does not say
+    ready_to_arm: bool | None = None  # None: not reported
+    passes_checks: bool = False  # The same, of a vehicle that reports passed checks only
+    can_navigate: bool | None = None  # By its position estimate; None: not reported
     boot_ms: int = 0  # Newest time since boot as it came, which begins at 0 again after 2^32 ms
     rounds: int = 0  # How often it has
     has_estimate: bool = True  # Of its place, by ESTIMATOR_STATUS or EKF_STATUS_REPORT
-    has_gps: bool | None = None  # False: its receiver has failed; None: it has not told yet
+    has_gps: bool | None = None  # False: its receiver has failed; None: nothing received yet
     mission: MissionNow | None = None
 
     @property
@@ -97,7 +97,7 @@ class Snapshot:
 
     @property
     def knows_whether_placed(self) -> bool:
-        """Whether it has told enough to be sent somewhere: its place, and how its sensors are."""
+        """Whether its position and its sensors are known, as an order to a place needs."""
         return self.position is not None and self.has_gps is not None
 
     def since_boot_s(self, boot_ms: int) -> float:
@@ -119,13 +119,13 @@ class Snapshot:
         return time_s
 
     def take(self, message: Message) -> None:
-        """Remember what a message tells; other kinds of message are ignored."""
+        """Keep the values of a message; other kinds of message are ignored."""
         reader = _READERS.get(message.get_type())
         if reader is not None:
             reader(self, message)
 
     def forget(self) -> None:
-        """Drop what a restarted vehicle has to tell anew; the battery's size is a constant."""
+        """Drop what a restarted vehicle sends again; the battery's capacity is a constant."""
         fresh = Snapshot(battery_capacity_ah=self.battery_capacity_ah)
         for name in Snapshot.__slots__:
             setattr(self, name, getattr(fresh, name))
@@ -185,7 +185,7 @@ def _extended_state(snapshot: Snapshot, message: Message) -> None:
 
 
 def _system_status(snapshot: Snapshot, message: Message) -> None:
-    """A check that is present but switched off (ARMING_CHECK = 0) says nothing."""
+    """A check that is present but switched off (ARMING_CHECK = 0) shows nothing."""
     present = message.onboard_control_sensors_present & message.onboard_control_sensors_enabled
     healthy = bool(message.onboard_control_sensors_health & _PREARM)
     snapshot.passes_checks = healthy
@@ -195,7 +195,7 @@ def _system_status(snapshot: Snapshot, message: Message) -> None:
 
 
 def present_and_failed(message: Message, bits: int) -> bool:
-    """Whether SYS_STATUS says that one of these sensors is there, in use, and not healthy."""
+    """Whether SYS_STATUS shows one of these sensors as present, enabled and not healthy."""
     watched = message.onboard_control_sensors_present & message.onboard_control_sensors_enabled
     return bool(watched & ~message.onboard_control_sensors_health & bits)
 
@@ -207,7 +207,7 @@ def _estimate(snapshot: Snapshot, message: Message) -> None:
 
 
 def _estimator(snapshot: Snapshot, message: Message) -> None:
-    """PX4 says the same in another message."""
+    """PX4 sends the same in another message."""
     snapshot.has_estimate = bool(message.flags & mavlink.ESTIMATOR_POS_HORIZ_ABS)
 
 

@@ -1,4 +1,4 @@
-"""One vehicle as the broker sees it: its link, its family, its newest words."""
+"""One vehicle as the broker knows it: its link, its autopilot, its newest telemetry."""
 
 import math
 from collections.abc import Sequence
@@ -9,202 +9,267 @@ from mavlink_broker.autopilots.families import GENERIC, Family, family_of
 from mavlink_broker.autopilots.flight_modes import ModeRole
 from mavlink_broker.mavlink.addressing import Route
 from mavlink_broker.mavlink.dialect import Message, mavlink
-from mavlink_broker.microservices.borrowed_config import Loan
-from mavlink_broker.microservices.borrowed_parameters import Loan as Wish
-from mavlink_broker.microservices.borrowed_parameters import ParameterKeeper
-from mavlink_broker.microservices.heartbeat import LinkState, LinkWatch, is_vehicle
-from mavlink_broker.microservices.parameter_write import ParameterEncoding, encoding_of
-from mavlink_broker.microservices.reboot import RebootWatch
+from mavlink_broker.microservices.config_overrides import (
+    ParameterOverride,
+    ParameterOverrider,
+    VehicleOverrides,
+)
+from mavlink_broker.microservices.heartbeat import LinkMonitor, LinkState, is_vehicle
+from mavlink_broker.microservices.parameter import ParameterEncoding, encoding_of
+from mavlink_broker.microservices.reboot import RebootMonitor
 from mavlink_broker.microservices.round_trip import RoundTrip
 from mavlink_broker.microservices.status_text import StatusTexts
 from mavlink_broker.planning.situation import Home
-from mavlink_broker.planning.target_track import Lead
-from mavlink_broker.recovery.progress import Diary
-from mavlink_broker.recovery.record import AbortNote, Homeward, LiveNote, Memo, Pose, merged
+from mavlink_broker.planning.target_track import TargetSource
 from mavlink_broker.vehicle import control_authority
-from mavlink_broker.vehicle.control_authority import ForeignOrder, Seen
+from mavlink_broker.vehicle.control_authority import ForeignOrder, ObservedMode
 from mavlink_broker.vehicle.measurement_lists import Observations
+from mavlink_broker.vehicle.recovery_state import RecoveryState
 from mavlink_broker.vehicle.telemetry import Snapshot
 
 AGED: Final = frozenset({"GLOBAL_POSITION_INT", "ATTITUDE", "BATTERY_STATUS", "MISSION_CURRENT"})
-"""Messages whose age is kept: what is told of a vehicle must not look fresher than it is."""
+"""Messages whose age is kept, so that old telemetry is not published as new."""
 
-GROUND_KINDS: Final = frozenset({mavlink.MAV_TYPE_GROUND_ROVER, mavlink.MAV_TYPE_SURFACE_BOAT})
+GROUND_TYPES: Final = frozenset({mavlink.MAV_TYPE_GROUND_ROVER, mavlink.MAV_TYPE_SURFACE_BOAT})
 """MAV_TYPE of what drives or swims."""
 
-HOME_PATIENCE_S: Final = 20.0
-"""How long a vehicle that stands may take to tell its home; some never do."""
+HOME_TIMEOUT_S: Final = 20.0
+"""How long a vehicle on the ground may take to send its home; some never do."""
 
 SHOWN_WITHIN_S: Final = 1.5
 """After its acknowledgement a mode shows in a heartbeat: a period of those, and half of one."""
 
-JUDGED_WITHIN_S: Final = 3.0
-"""How long a vehicle whose link was away may take to show whether it was restarted meanwhile."""
+CLOCK_WITHIN_S: Final = 3.0
+"""How long a vehicle whose link was lost may take to show whether it was restarted meanwhile."""
 
-OF_THE_PAST: Final = frozenset({"CAMERA_IMAGE_CAPTURED"})
-"""Their times are of what they tell of, which may be long ago."""
+EVENT_MESSAGES: Final = frozenset({"CAMERA_IMAGE_CAPTURED"})
+"""Their times are those of an event, which may be long ago."""
+
+
+class ItemLimits:
+    """What a mission of one vehicle may hold, as far as its refusals show."""
+
+    def __init__(self) -> None:
+        self._refused: frozenset[int] = frozenset()
+        self._most_items: int | None = None
+
+    @property
+    def refused(self) -> frozenset[int]:
+        """MAV_CMDs that no mission may hold."""
+        return self._refused
+
+    @property
+    def most_items(self) -> int | None:
+        """How many items a mission may have; None: the vehicle has refused no number."""
+        return self._most_items
+
+    def refuse(self, command: int) -> None:
+        """Leave a MAV_CMD out from now on."""
+        self._refused |= {command}
+
+    def limit(self, most_items: int | None) -> None:
+        """Limit the number of items."""
+        self._most_items = most_items
+
+    def assume(self, refused: frozenset[int]) -> None:
+        """Replace what is left out by what an earlier run may have left out."""
+        self._refused = refused
 
 
 @dataclass(slots=True)
 class Vehicle:
-    """Everything known of one vehicle."""
+    """Everything known of one vehicle.
+
+    Its fields are written here alone; `recovery`, `item_limits`, `link` and the overrides own
+    theirs.
+    """
 
     vehicle_id: int
     route: Route
     family: Family = GENERIC
     snapshot: Snapshot = field(default_factory=Snapshot)
     observations: Observations = field(default_factory=Observations)
-    link: LinkWatch = field(default_factory=LinkWatch)
+    link: LinkMonitor = field(default_factory=LinkMonitor)
     round_trip: RoundTrip = field(default_factory=RoundTrip)
-    product: tuple[int, int] | None = None  # Vendor and product, once it has told them
-    is_identified: bool = False  # It has told them, or will not
-    capabilities: int = 0  # MAV_PROTOCOL_CAPABILITY bits, once it has told them
-    software_version: int = 0  # AUTOPILOT_VERSION.flight_sw_version, once it has told it
-    kind: int | None = None  # MAV_TYPE
-    autopilot: int | None = None  # MAV_AUTOPILOT
-    warning: str | None = None  # What somebody should know about its link
-    loan: Loan = field(default_factory=Loan)  # What a plan's fence has changed on it
-    parameters: ParameterKeeper = field(default_factory=ParameterKeeper)  # What is borrowed of it
-    lasting: tuple[Wish, ...] = ()  # What is borrowed of it during all of every mission
-    lead: Lead | None = None  # Whom it follows, if somebody that moves
-    most_items: int | None = None  # That a mission of it may hold, once it has refused more
-    refused_items: set[int] = field(default_factory=set)  # MAV_CMD that no mission of it may hold
+    recovery: RecoveryState = field(default_factory=RecoveryState)
+    target_source: TargetSource | None = None  # Of the target that it follows, if that moves
+    item_limits: ItemLimits = field(default_factory=ItemLimits)
     cameras: set[int] = field(default_factory=set)  # Components that are known to be cameras
-    uid: str = ""  # Its own number, hexadecimal, once it has told one
-    diary: Diary = field(default_factory=Diary)
-    hovers: bool = False  # It waits in the air where a mission of ours has left it
-    hover: Pose | None = None  # Where that is; of an earlier run, until that has been judged
-    homeward: Homeward | None = None  # It is to go home, and has not obeyed yet
-    abort: AbortNote | None = None  # It was accepted, and the vehicle has not obeyed yet
-    owed_abort: AbortNote | None = None  # Done, but for missions that may be handed out again
-    live: LiveNote | None = None  # The live command that it was told last
-    started: str | None = None  # First command of the items that it was ordered to fly last
-    is_taken: bool = False  # Somebody else has taken it from a mission; until it is disarmed
-    ordered: ForeignOrder | None = None  # By another system, in the mode that it is in
-    _waits: bool = False  # By its newest heartbeat, in a mode in which it waits or is led
-    _tells_manual: bool = False  # Its heartbeats tell by standard bits who steers it
-    _heard_at: dict[str, float] = field(default_factory=dict)
-    _reboots: RebootWatch = field(default_factory=RebootWatch)
+    product: tuple[int, int] | None = None  # Vendor and product, once received
+    capabilities: int = 0  # MAV_PROTOCOL_CAPABILITY bits, once received
+    software_version: int = 0  # AUTOPILOT_VERSION.flight_sw_version, once received
+    uid: str = ""  # Its own number, hexadecimal, once received
+    vehicle_type: int | None = None  # MAV_TYPE
+    autopilot: int | None = None  # MAV_AUTOPILOT
+    _is_identified: bool = False
+    _warning: str | None = None
+    _mission_overrides: tuple[ParameterOverride, ...] = ()
+    _is_taken: bool = False
+    _foreign_order: ForeignOrder | None = None
+    _waits: bool = False  # By its newest heartbeat, in a mode in which it waits or is guided
+    _shows_manual: bool = False  # Its heartbeats show by standard bits who steers it
+    _received_at: dict[str, float] = field(default_factory=dict)
+    _reboots: RebootMonitor = field(default_factory=RebootMonitor)
     _back_at: float | None = None  # When its link was last back
-    _words: StatusTexts = field(default_factory=StatusTexts)
+    _homeless_since: float | None = None  # On the ground, without a home position
+    _status_texts: StatusTexts = field(default_factory=StatusTexts)
 
     def take(self, message: Message, now: float) -> bool:
-        """Learn from a message of the vehicle; true when it proves that it was restarted."""
+        """Take a message of the vehicle; true when it proves that the vehicle was restarted."""
         kind = message.get_type()
         if kind == "HEARTBEAT" and not is_vehicle(message):
-            return False  # Who else speaks under its numbers is not the vehicle
+            return False  # Another program sends under the system id of the vehicle
         if kind == "HEARTBEAT":
-            if self.link.state(now) is not LinkState.CONNECTED and self._is_clock_judged:
+            if self.link.state(now) is not LinkState.CONNECTED and self._has_clock:
                 self._back_at = now
-            self.link.heard(now)
-            self.autopilot, self.kind = message.autopilot, message.type
+            self.link.heartbeat_received(now)
+            self.autopilot, self.vehicle_type = message.autopilot, message.type
             self.family = family_of(message.autopilot, self.product, message.type)
-            self._tells_manual |= control_authority.tells_manual(message.base_mode)
+            self._shows_manual |= control_authority.shows_manual(message.base_mode)
         elif kind == "AUTOPILOT_VERSION":
             self.product = message.vendor_id, message.product_id
             self.capabilities = message.capabilities
             self.software_version = message.flight_sw_version
             self.uid = uid_of(message)
-            self.is_identified = True
-            self.family = family_of(self.autopilot or 0, self.product, self.kind)
-        self._words.receive(message, now)
+            self._is_identified = True
+            self.family = family_of(self.autopilot or 0, self.product, self.vehicle_type)
+        self._status_texts.receive(message, now)
         if kind in AGED:
-            self._heard_at[kind] = now
+            self._received_at[kind] = now
         boot_ms: int | None = None
-        if kind not in OF_THE_PAST:
+        if kind not in EVENT_MESSAGES:
             boot_ms = getattr(message, "time_boot_ms", None)
         rebooted = boot_ms is not None and self._reboots.sample(kind, boot_ms, now)
         if rebooted:
-            self._heard_at.clear()
-            self.ordered = None
+            self._received_at.clear()
+            self._foreign_order = None
             self.snapshot.forget()
             self.observations.forget()
-            self._words.clear()
+            self._status_texts.clear()
         self.snapshot.take(message)
         self.observations.take(message, self.snapshot, now)
-        self.is_taken = self.is_taken and self.snapshot.armed is not False
-        self._see_orders(message, now)
+        self._is_taken = self._is_taken and self.snapshot.armed is not False
+        self._observe_foreign_order(message, now)
         return rebooted
 
-    def _see_orders(self, message: Message, now: float) -> None:
-        """Learn of another system's order, until the vehicle leaves the mode that it led to.
+    def _observe_foreign_order(self, message: Message, now: float) -> None:
+        """Keep another system's order until the vehicle leaves the mode that it led to.
 
-        One that waited and waits no more has left it at once: the order has resumed the mission.
+        A vehicle that waited and waits no more has left it at once: the order resumed the mission.
         """
         ours = frozenset({self.route.own_system, self.route.target_system})
         order = control_authority.foreign_order(message, ours, now)
-        self.ordered = order or self.ordered
+        self._foreign_order = order or self._foreign_order
         if message.get_type() != "HEARTBEAT":
             return
         waited = self._waits
         self._waits = self.mode_role in {ModeRole.HOLD, ModeRole.GUIDED, ModeRole.PAUSED}
-        if self.ordered is None:
+        if self._foreign_order is None:
             return
-        is_shown = waited or now - self.ordered.at > SHOWN_WITHIN_S
+        is_shown = waited or now - self._foreign_order.at > SHOWN_WITHIN_S
         if not self.snapshot.armed or (is_shown and not self._waits):
-            self.ordered = None
+            self._foreign_order = None
 
     @property
-    def memo(self) -> Memo:
-        """What of it a broker has to know in its next life."""
-        return Memo(
-            plans=dict(self.loan.plans),
-            values=dict(self.loan.values),
-            borrowed=self.parameters.borrowed,
-            hover=self.hover,
-            homeward=self.homeward,
-            abort=self.abort or self.owed_abort,
-            live=self.live,
-            started=self.started,
-        )
-
-    def recall(self, memo: Memo) -> None:
-        """Learn what an earlier run of the broker has noted."""
-        both = merged(memo, self.memo)
-        self.loan.plans, self.loan.values = dict(both.plans), dict(both.values)
-        self.parameters.recall(both.borrowed)
-        self.hover, self.homeward, self.live = both.hover, both.homeward, both.live
-        self.abort, self.started = both.abort, both.started
-
-    def forget(self) -> None:
-        """Start anew with what is noted: it is another vehicle."""
-        self.loan, self.parameters = Loan(), ParameterKeeper()
-        self.hover = self.homeward = self.live = self.started = None
-        self.abort = self.owed_abort = None
-        self.hovers = False
+    def overrides(self) -> VehicleOverrides:
+        """What the geofence of a plan has changed on it."""
+        return self.recovery.overrides
 
     @property
-    def is_noted(self) -> bool:
-        """Whether a broker that is killed now knows all this again."""
-        return self.diary.is_kept(self.memo)
+    def parameters(self) -> ParameterOverrider:
+        """What commands have changed on it."""
+        return self.recovery.parameters
+
+    @property
+    def hovers(self) -> bool:
+        """Whether it waits in the air where a mission of this broker has left it."""
+        return self.recovery.hover.is_held
+
+    def set_hovering(self, *, hovers: bool) -> None:
+        """Take whether a mission that has ended has left it in the air."""
+        if hovers:
+            self.recovery.hover.begin(self.snapshot.position)
+        else:
+            self.recovery.hover.end()
+
+    def update_hover(self) -> None:
+        """End a hover with a landing or a takeover; find that of an earlier run again."""
+        hover = self.recovery.hover
+        hover.update(self.snapshot, self.observed_mode, is_identified=self.is_identified)
+
+    @property
+    def is_identified(self) -> bool:
+        """Whether it has sent its AUTOPILOT_VERSION, or will not."""
+        return self._is_identified
+
+    def identify(self) -> None:
+        """Take that it sends no AUTOPILOT_VERSION."""
+        self._is_identified = True
+
+    def change_autopilot(self, component: int) -> None:
+        """Address a component as its autopilot, and forget what another one sent."""
+        self.route = self.route._replace(target_component=component)
+        self._is_identified = False
+        self.snapshot.forget()
+
+    def add_camera(self, component: int) -> None:
+        """Take that a component is a camera."""
+        self.cameras.add(component)
+
+    @property
+    def warning(self) -> str | None:
+        """What an operator should know about it: link, dead letters, internal errors."""
+        return self._warning
+
+    def warn(self, warning: str | None) -> None:
+        """Replace the warning; None for nothing."""
+        self._warning = warning
+
+    @property
+    def is_taken(self) -> bool:
+        """Whether somebody else has taken it from a mission; until it is disarmed."""
+        return self._is_taken
+
+    def take_away(self) -> None:
+        """Take that somebody else has taken it from a mission."""
+        self._is_taken = True
+
+    @property
+    def foreign_order(self) -> ForeignOrder | None:
+        """The order of another system that led to the present mode."""
+        return self._foreign_order
+
+    def forget_foreign_order(self) -> None:
+        """Take that an order of the broker is newer."""
+        self._foreign_order = None
 
     def link_state(self, now: float) -> LinkState:
-        """Judge its link."""
+        """State of its link."""
         return self.link.state(now)
 
     def is_connected(self, now: float) -> bool:
-        """Whether what it tells is fresh."""
+        """Whether its telemetry is fresh."""
         return self.link.state(now) is LinkState.CONNECTED
 
-    def is_heard(self, now: float) -> bool:
-        """Whether it can be spoken to; a stale link may still come back."""
+    def is_reachable(self, now: float) -> bool:
+        """Whether its link is not lost; a stale link may still come back."""
         return self.link.state(now) is not LinkState.LOST
 
     @property
-    def _is_clock_judged(self) -> bool:
+    def _has_clock(self) -> bool:
         """Whether it sends its time since boot, and has since its link was last back."""
         since = -math.inf if self._back_at is None else self._back_at
-        return self._reboots.judged_at > -math.inf and self._reboots.judged_at >= since
+        return self._reboots.confirmed_at > -math.inf and self._reboots.confirmed_at >= since
 
     def may_be_restarted(self, now: float) -> bool:
         """Whether it may have been switched off while its link was away: its clock shows that."""
-        if self._back_at is None or now - self._back_at >= JUDGED_WITHIN_S:
+        if self._back_at is None or now - self._back_at >= CLOCK_WITHIN_S:
             return False
-        return self._reboots.judged_at < self._back_at
+        return self._reboots.confirmed_at < self._back_at
 
     @property
     def version(self) -> str | None:
-        """Version of its firmware, once it has told it."""
+        """Version of its firmware, once received."""
         return version(self.software_version)
 
     @property
@@ -218,17 +283,17 @@ class Vehicle:
         return self.family.mode_role(self.mode)
 
     @property
-    def seen(self) -> Seen:
-        """What its heartbeat says about who steers it."""
+    def observed_mode(self) -> ObservedMode:
+        """What its heartbeat shows about who is in command."""
         snapshot = self.snapshot
-        is_manual = self._tells_manual and control_authority.is_manual(snapshot.base_mode)
-        return Seen(
+        is_manual = self._shows_manual and control_authority.is_manual(snapshot.base_mode)
+        return ObservedMode(
             self.mode,
             self.mode_role,
             snapshot.armed,
             in_failsafe=snapshot.in_failsafe,
             is_manual=is_manual and not self.family.knows_modes,
-            ordered=self.ordered,
+            ordered=self._foreign_order,
         )
 
     @property
@@ -240,22 +305,26 @@ class Vehicle:
 
     @property
     def ready_to_arm(self) -> bool | None:
-        """Whether it would arm in the mode that it is in, as it tells; None: it does not tell.
+        """Whether it reports that it would arm in its present mode; None: it does not report that.
 
-        PX4 from 1.14 on tells that its checks pass, and never that it has any.
+        PX4 from 1.14 on reports that its checks pass, and never that it has any.
         """
-        since = self.family.tells_only_passed_checks_since
+        since = self.family.reports_only_passed_checks_since
         if self.snapshot.ready_to_arm is None and since is not None:
             return self.snapshot.passes_checks if self.software_version >= since else None
         return self.snapshot.ready_to_arm
 
-    def borrow(self, wishes: Sequence[Wish]) -> None:
-        """Borrow parameters for the part of a mission that begins, and what all of it needs."""
-        self.parameters.want((*self.lasting, *wishes))
+    def override_during_missions(self, overrides: tuple[ParameterOverride, ...]) -> None:
+        """Set the parameters that every mission needs, besides those of its segments."""
+        self._mission_overrides = overrides
+
+    def override(self, overrides: Sequence[ParameterOverride]) -> None:
+        """Request the parameters of the segment that begins, and those of every mission."""
+        self.parameters.set_overrides((*self._mission_overrides, *overrides))
 
     @property
     def is_held_by_failsafe(self) -> bool:
-        """Whether it hovers because a failsafe of its own says so, and nobody has paused it."""
+        """Whether it hovers because of its own failsafe, and nobody has paused it."""
         snapshot = self.snapshot
         holds = self.mode_role in {ModeRole.HOLD, ModeRole.PAUSED}
         return bool(snapshot.armed) and snapshot.in_failsafe and holds
@@ -263,14 +332,14 @@ class Vehicle:
     @property
     def stays_on_ground(self) -> bool:
         """Whether it drives or swims: it lands nowhere, and stays armed where a mission ends."""
-        return self.kind in GROUND_KINDS
+        return self.vehicle_type in GROUND_TYPES
 
     @property
     def has_run_its_mission(self) -> bool:
-        """Whether it stands in its mission mode as ArduPilot does behind a landing.
+        """Whether it is on the ground in its mission mode, as ArduPilot is behind a landing.
 
-        Disarmed it forgets how far it was, and goes through its mission from the first item on;
-        before a flight it is taken out of that mode.
+        Disarmed it forgets its progress, and would run its mission from the first item on; before a
+        flight it is ordered into another mode.
         """
         in_mission = self.mode_role is ModeRole.MISSION and self.snapshot.is_on_ground
         return in_mission and self.family.runs_missions_disarmed
@@ -280,36 +349,38 @@ class Vehicle:
         """How it puts integers into the messages of the parameter protocol."""
         return encoding_of(self.capabilities, self.family.parameter_encoding)
 
-    def assume_home(self, now: float, homeless_since: float | None) -> float | None:
-        """Take the place where it stands for home if it does not tell; gives since when it lacks.
+    def assume_home(self, now: float) -> None:
+        """Take its position for home after `HOME_TIMEOUT_S` without HOME_POSITION.
 
-        Its two altitudes differ by home's. Only on the ground, where home is about to be set.
+        The difference of its two altitudes is home's. On the ground only, where the vehicle is
+        about to set its home.
         """
         snapshot = self.snapshot
-        stands = snapshot.is_on_ground and self.is_heard(now)
-        if snapshot.home is not None or snapshot.position is None or not stands:
-            return None
-        since = now if homeless_since is None else homeless_since
-        if now - since >= HOME_PATIENCE_S and snapshot.home_amsl_m is not None:
+        on_ground = snapshot.is_on_ground and self.is_reachable(now)
+        if snapshot.home is not None or snapshot.position is None or not on_ground:
+            self._homeless_since = None
+            return
+        self._homeless_since = now if self._homeless_since is None else self._homeless_since
+        has_waited = now - self._homeless_since >= HOME_TIMEOUT_S
+        if has_waited and snapshot.home_amsl_m is not None:
             snapshot.home = Home(*snapshot.position[:2], snapshot.home_amsl_m)
-        return since
 
-    def words_since(self, time: float) -> str | None:
-        """Its latest complaints since a time, or None."""
-        return "; ".join(self._words.since(time)) or None
+    def status_texts_since(self, time: float) -> str | None:
+        """Its latest warnings (STATUSTEXT) since a time, or None."""
+        return "; ".join(self._status_texts.since(time)) or None
 
     def age_s(self, kind: str, now: float) -> float | None:
-        """How old its newest message of a kind is (one of AGED); None: it has told none."""
-        heard_at = self._heard_at.get(kind)
-        return None if heard_at is None else now - heard_at
+        """How old its newest message of a kind is (one of AGED); None: none received."""
+        received_at = self._received_at.get(kind)
+        return None if received_at is None else now - received_at
 
 
-def uid_of(told: Message) -> str:
+def uid_of(message: Message) -> str:
     """Read AUTOPILOT_VERSION's number of the hardware: the long one, else the short one."""
-    long_one = bytes(told.uid2).rstrip(b"\0")
+    long_one = bytes(message.uid2).rstrip(b"\0")
     if long_one:
         return long_one.hex()
-    return f"{told.uid:016x}" if told.uid else ""
+    return f"{message.uid:016x}" if message.uid else ""
 
 
 def version(number: int) -> str | None:

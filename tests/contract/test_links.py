@@ -17,15 +17,15 @@ import pytest
 
 from mavlink_broker.app import App
 from mavlink_broker.config import Config
-from mavlink_broker.link_settings import TrafficSettings
 from mavlink_broker.links.framing import FrameScanner
 from mavlink_broker.links.hub import open_links
+from mavlink_broker.links.settings import LinkSettings
 from mavlink_broker.links.url import LinkUrl
 from mavlink_broker.mavlink.codec import Encoder
 from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.broker_world import FINISHED, TICK_S, Clock, first_flight
 from tests.support.fake_edge import FakeEdge
-from tests.support.lines import Cable
+from tests.support.link_ends import Cable
 from tests.support.scripted_vehicle import PX4, ScriptedVehicle
 
 BYTES_PER_TICK: Final = round(57_600 / 10 * TICK_S)
@@ -36,10 +36,10 @@ SLOW: Final = dataclasses.replace(PX4, item_time_s=5.0)
 class Line(Protocol):
     """What lies between vehicle and broker, from the vehicle's end."""
 
-    def say(self, frames: list[bytes]) -> None:
+    def write(self, frames: list[bytes]) -> None:
         """Send frames to the broker, as far as they get through."""
 
-    def hear(self) -> bytes:
+    def read(self) -> bytes:
         """What has come from the broker."""
 
 
@@ -52,7 +52,7 @@ class Field:
         links = tuple(map(LinkUrl.parse, urls))
         self.hub = open_links(links, self.clock.monotonic)
         self.edge = FakeEdge()
-        config = Config(traffic=TrafficSettings(links=links))
+        config = Config(traffic=LinkSettings(links=links))
         ulids = count(1)
         self.app = App(config, self.hub, self.edge, self.clock, lambda: f"01{next(ulids):024d}")
         self.vehicles = [
@@ -63,9 +63,9 @@ class Field:
     def tick(self) -> None:
         self.clock.now += TICK_S
         frames = [frame for v in self.vehicles for frame in v.step(self.clock.now)]
-        self.line.say(frames)
+        self.line.write(frames)
         self.app.step(0.0)
-        for frame in self._scanner.feed(self.line.hear(), self.clock.now):
+        for frame in self._scanner.feed(self.line.read(), self.clock.now):
             for vehicle in self.vehicles:
                 vehicle.receive(frame, self.clock.now)
 
@@ -93,7 +93,7 @@ class SlowRadio:
         self._ticks = 0
         self.lost = self.carried = 0
 
-    def say(self, frames: list[bytes]) -> None:
+    def write(self, frames: list[bytes]) -> None:
         """Carry as much as the line can, in any order, with noise between."""
         self._ticks += 1
         air = [*frames, *self._from_others()]
@@ -106,10 +106,10 @@ class SlowRadio:
                 self.lost += 1
                 continue
             self.carried += 1
-            self._cable.say(noise + frame)
+            self._cable.write(noise + frame)
 
-    def hear(self) -> bytes:
-        return self._cable.hear(BYTES_PER_TICK)
+    def read(self) -> bytes:
+        return self._cable.read(BYTES_PER_TICK)
 
     def _from_others(self) -> list[bytes]:
         """Nineteen more vehicles: heartbeats, and five times a second where they are."""
@@ -153,7 +153,7 @@ class Unplugged:
         self._is_in = True
         self.pulls = 0
 
-    def say(self, frames: list[bytes]) -> None:
+    def write(self, frames: list[bytes]) -> None:
         self._ticks += 1
         if self._ticks % self._period == 0:
             self._cable.pull_out()
@@ -163,10 +163,10 @@ class Unplugged:
             self._cable.plug_in()
             self._is_in = True
         if self._is_in:
-            self._cable.say(b"".join(frames))
+            self._cable.write(b"".join(frames))
 
-    def hear(self) -> bytes:
-        return self._cable.hear() if self._is_in else b""
+    def read(self) -> bytes:
+        return self._cable.read() if self._is_in else b""
 
 
 def test_a_mission_over_a_cable_that_is_pulled_out_again_and_again(cable: Cable) -> None:
@@ -193,7 +193,7 @@ class Server:
         self.hang_ups = 0
         self.port = int(self._listener.getsockname()[1])
 
-    def say(self, frames: list[bytes]) -> None:
+    def write(self, frames: list[bytes]) -> None:
         self._ticks += 1
         if self._client is None:
             self._accept()
@@ -205,7 +205,7 @@ class Server:
             self._client.sendall(b"".join(frames))
             self._client.setblocking(False)
 
-    def hear(self) -> bytes:
+    def read(self) -> bytes:
         if self._client is None:
             return b""
         try:
@@ -256,15 +256,15 @@ class TwoWays:
         """Away for four seconds of ten."""
         return self._ticks * TICK_S % 10.0 < 6.0
 
-    def say(self, frames: list[bytes]) -> None:
+    def write(self, frames: list[bytes]) -> None:
         self._ticks += 1
         for frame in frames:
-            self._cable.say(frame)
+            self._cable.write(frame)
             if self._has_wifi:
                 self._socket.sendto(frame, self._to)
 
-    def hear(self) -> bytes:
-        by_cable = self._cable.hear()
+    def read(self) -> bytes:
+        by_cable = self._cable.read()
         self.heard_by += ["cable"] if by_cable else []
         by_wifi = b""
         try:
@@ -312,12 +312,12 @@ class Waiting:
         self._modem = modem
         self._to: tuple[str, int] | None = None
 
-    def say(self, frames: list[bytes]) -> None:
+    def write(self, frames: list[bytes]) -> None:
         for frame in frames if self._to else ():
             assert self._to is not None
             self._modem.sendto(frame, self._to)
 
-    def hear(self) -> bytes:
+    def read(self) -> bytes:
         heard = b""
         try:
             while True:
@@ -341,11 +341,11 @@ class Hostile:
         self._cable = cable
         self._chance = random.Random(3)
 
-    def say(self, frames: list[bytes]) -> None:
+    def write(self, frames: list[bytes]) -> None:
         for frame in frames:
             cut = frame[: self._chance.randrange(len(frame))]
             hostile = (b"\xfd\xff\x00", b"\xfe" * 30, cut, os.urandom(20), b"\xfd\x09\x01")
-            self._cable.say(self._chance.choice(hostile) + frame)
+            self._cable.write(self._chance.choice(hostile) + frame)
 
-    def hear(self) -> bytes:
-        return self._cable.hear()
+    def read(self) -> bytes:
+        return self._cable.read()

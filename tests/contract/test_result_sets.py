@@ -1,4 +1,4 @@
-"""What the broker posts of a finished command, at the edge server's own door."""
+"""What the broker posts of a finished command, at the edge server's own endpoint."""
 
 import base64
 import io
@@ -9,14 +9,13 @@ from PIL import Image as Pictures
 
 from mavlink_broker.edge.client import _KNOWN
 from mavlink_broker.edge.posts import post_for
-from mavlink_broker.effects import Told
-from mavlink_broker.jobs import Develop, Developed
+from mavlink_broker.effects import ConvertedPicture, ConvertPicture, EdgeReport
 from mavlink_broker.mavlink.addressing import Route
 from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.pictures.worker_pool import run_job
 from mavlink_broker.vehicle.reporter import Reporter
 from mavlink_broker.vehicle.vehicle import Vehicle
-from mavlink_broker.worker_pool import do
 from tests.unit.edge_server.conftest import (  # noqa: F401  # fixtures
     Edge,
     config,
@@ -56,23 +55,23 @@ def flying_vehicle() -> Vehicle:
     return vehicle
 
 
-def statuses(door: Edge, words: list[Told], at: datetime = AT) -> list[int]:
-    """Post words as the broker would; gives the answers' status codes."""
+def statuses(server: Edge, reports: list[EdgeReport], at: datetime = AT) -> list[int]:
+    """Post reports as the broker would; return the answers' status codes."""
     answers = []
-    for word in words:
-        post = post_for(word, vehicle_id=1, recorded_at=at, key="unused")
-        answer = door.report(post.path.strip("/"), post.body, post.idempotency_key)
+    for report in reports:
+        post = post_for(report, vehicle_id=1, recorded_at=at, key="unused")
+        answer = server.report(post.path.strip("/"), post.body, post.idempotency_key)
         if answer.status_code == 422:
             assert _KNOWN in answer.get_data(as_text=True)
         answers.append(answer.status_code)
     return answers
 
 
-def a_picture() -> Developed:
+def a_picture() -> ConvertedPicture:
     out = io.BytesIO()
     Pictures.new("RGB", (640, 480), "green").save(out, "JPEG")
-    outcome = do(Develop(1, out.getvalue()))
-    assert isinstance(outcome, Developed)
+    outcome = run_job(ConvertPicture(1, out.getvalue()))
+    assert isinstance(outcome, ConvertedPicture)
     return outcome
 
 

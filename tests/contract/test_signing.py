@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import common
 from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mavlink.key_ring import KeyRing
-from mavlink_broker.mavlink.signature_check import Guard, VehicleSigning
+from mavlink_broker.mavlink.signature_check import LinkSigning, SignatureCheck
 from uav_firmware.modules.mavlink.signing.signature import Signer, SigningClock
 from uav_firmware.modules.mavlink.wire import dialect
 
@@ -27,7 +27,7 @@ def from_the_vehicle(key: bytes) -> bytes:
 
 
 def from_the_broker(key: bytes) -> bytes:
-    return Encoder(1, 1).encode(HEARTBEAT, VehicleSigning(key, lambda: NOW).for_sending())
+    return Encoder(1, 1).encode(HEARTBEAT, LinkSigning(key, lambda: NOW).next_signature())
 
 
 def from_pymavlink(key: bytes) -> bytes:
@@ -41,7 +41,7 @@ def from_pymavlink(key: bytes) -> bytes:
 def vehicle_takes(frame: bytes, _folder: Path) -> bool:
     (message,) = dialect.parse(frame).messages
     signer = Signer(KEY, SigningClock(lambda: int(NOW.timestamp() * 1e6)))
-    return signer.judge(bytes(message.get_msgbuf()), 1, 1) is None
+    return signer.verify(bytes(message.get_msgbuf()), 1, 1) is None
 
 
 def broker_takes(frame: bytes, folder: Path) -> bool:
@@ -49,7 +49,7 @@ def broker_takes(frame: bytes, folder: Path) -> bool:
     path.write_bytes(KEY)
     path.chmod(0o600)
     (message,) = Decoder().decode(frame)
-    return Guard(KeyRing(folder), (), lambda: NOW).admits(message, 0.0)
+    return SignatureCheck(KeyRing(folder), (), lambda: NOW).accepts(message, 0.0)
 
 
 def pymavlink_takes(frame: bytes, _folder: Path) -> bool:

@@ -18,7 +18,7 @@ from afarcloud.plan import Mission
 from mavlink_broker.autopilots.families import ARDUPILOT, GENERIC, OWN, PX4, Family
 from mavlink_broker.mavlink.addressing import Route
 from mavlink_broker.mavlink.dialect import Message
-from mavlink_broker.microservices.borrowed_parameters import Loan
+from mavlink_broker.microservices.config_overrides import ParameterOverride
 from mavlink_broker.planning.mission import FlightPlan, Home, LiveCommand, translate
 
 FOLDER = Path(__file__).parent / "translation"
@@ -182,7 +182,7 @@ def stretch_record(plan: FlightPlan) -> dict[str, Any]:
         "items": [as_record(message) for message in plan.messages(1, 1)],
         "command_of_item": list(plan.command_of_item),
         "done_item": list(plan.done_item),
-        "loans": [[index, loan_record(loan)] for index, loan in plan.loans],
+        "loans": [[index, override_record(override)] for index, override in plan.overrides],
     }
 
 
@@ -198,14 +198,14 @@ def live_record(live: LiveCommand) -> dict[str, Any]:
         **ways,
         "end": f"{action.end}",
         "follow": action.follow,
-        "loans": [loan_record(loan) for loan in action.loans],
-        "way_notes": list(action.way_notes),
+        "loans": [override_record(override) for override in action.overrides],
+        "way_notes": list(action.alternative_notes),
     }
 
 
-def loan_record(loan: Loan) -> list[Any]:
+def override_record(override: ParameterOverride) -> list[Any]:
     """A parameter that is borrowed, in its spellings."""
-    return [[setting.name, setting.value] for setting in loan]
+    return [[setting.name, setting.value] for setting in override]
 
 
 def message_record(message: Message) -> dict[str, Any]:

@@ -62,5 +62,6 @@ def test_a_mission_is_seen_to_its_end_on_other_autopilots(script: Script) -> Non
     assert sweep_scripted(MIXED, script, every_s=31.0, seed=1) >= 3
 
 
-def test_equal_sorties_are_told_apart() -> None:
+@pytest.mark.promise
+def test_equal_sorties_are_distinguished() -> None:
     assert sweep_scripted(sorties(), PX4, every_s=7.0, seed=1) >= 4

@@ -28,7 +28,8 @@ def judge_measurements(world: FlyingWorld, measured: dict[str, Any]) -> None:
     assert values["relative_humidity"] == pytest.approx(farm.relative_humidity(*air), abs=6.0)
 
 
-def test_all_eleven_commands_are_flown_and_told(tmp_path: Path) -> None:
+@pytest.mark.promise
+def test_all_eleven_commands_are_flown_and_reported(tmp_path: Path) -> None:
     flown = eleven_commands()
     assert sorted(c["command_type_id"] for c in flown["command_array"]) == list(range(1, 12))
     world = FlyingWorld(tmp_path)

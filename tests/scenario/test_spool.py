@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import common
 
-from mavlink_broker.edge.spool import PICTURES, WORDS
+from mavlink_broker.edge.spool import PICTURES_FILE, REPORTS_FILE
 from tests.conformance.ground_station import GroundStation
 from tests.scenario.test_killed_in_flight import RUNNING, has_landed
 from tests.support.system import FarmSystem, running, short_plan, wait_for
@@ -43,10 +43,10 @@ def break_gps(system: FarmSystem) -> None:
         station.close()
 
 
-def on_disk(system: FarmSystem, name: str, words: str) -> bool:
-    """Whether these words wait in a file of the broker's."""
+def on_disk(system: FarmSystem, name: str, text: str) -> bool:
+    """Whether a file of the broker contains this text."""
     path = system.state_dir / "broker" / name
-    return path.exists() and words.encode() in path.read_bytes()
+    return path.exists() and text.encode() in path.read_bytes()
 
 
 def flying(system: FarmSystem, plan: dict[str, Any]) -> int:
@@ -68,16 +68,16 @@ def bodies(system: FarmSystem, kind: str) -> list[dict[str, Any]]:
 
 def judge_cloud(system: FarmSystem, end: int) -> None:
     """Everything once and in order, and one end."""
-    files = [system.state_dir / "broker" / name for name in (WORDS, PICTURES)]
+    files = [system.state_dir / "broker" / name for name in (REPORTS_FILE, PICTURES_FILE)]
     wait_for(
         lambda: not any(path.exists() and path.read_bytes() for path in files), "an empty spool"
     )
     system.wait_until_delivered()
     for kind in ("pose", "battery", "image", "alarm", "mission_report", "observation"):
-        told = [(body["session_id"], body["sequence_number"]) for body in bodies(system, kind)]
-        assert len(set(told)) == len(told), kind
-        for session in {name for name, _ in told}:
-            numbers = [number for name, number in told if name == session]
+        sent = [(body["session_id"], body["sequence_number"]) for body in bodies(system, kind)]
+        assert len(set(sent)) == len(sent), kind
+        for session in {name for name, _ in sent}:
+            numbers = [number for name, number in sent if name == session]
             assert numbers == sorted(numbers), kind
     statuses = [body["mission_status_id"] for body in bodies(system, "mission_report")]
     assert statuses == sorted(statuses)
@@ -93,16 +93,19 @@ def die_and_come_back(system: FarmSystem, order: tuple[str, str]) -> None:
     system.wait_until_edge_answers()
 
 
-def test_what_the_broker_had_to_say_survives_both(tmp_path: Path) -> None:
+@pytest.mark.promise
+def test_unsent_broker_reports_survive_both(tmp_path: Path) -> None:
     """A mission, its results, its picture and an alarm of the time when nobody listened."""
     with running(tmp_path / "var", speed=10.0) as system:
         identifier = flying(system, photographing_plan())
         system.kill("edge")
         wait_for(lambda: has_landed(system), "the landing")
-        wait_for(lambda: on_disk(system, WORDS, f'"mission_status_id":{FINISHED}'), "the end")
-        wait_for(lambda: on_disk(system, PICTURES, '"/image/"'), "the picture")
+        wait_for(
+            lambda: on_disk(system, REPORTS_FILE, f'"mission_status_id":{FINISHED}'), "the end"
+        )
+        wait_for(lambda: on_disk(system, PICTURES_FILE, '"/image/"'), "the picture")
         break_gps(system)
-        wait_for(lambda: on_disk(system, WORDS, '"/alarm/"'), "the alarm")
+        wait_for(lambda: on_disk(system, REPORTS_FILE, '"/alarm/"'), "the alarm")
         die_and_come_back(system, ("edge", "broker"))
         (mission,) = system.wait_until_ended(identifier)["missions"]
         statuses = [c["command_status_id"] for c in mission["command_array"]]
@@ -122,7 +125,7 @@ def test_the_answer_to_an_event_survives_both(tmp_path: Path) -> None:
         event = system.post("/events/", order).json()["id"]
         wait_for(lambda: system.get(f"/events/{event}")["state"] == "accepted", "the acceptance")
         system.kill("edge")
-        wait_for(lambda: on_disk(system, WORDS, '{"status":"done"'), "the event's end")
+        wait_for(lambda: on_disk(system, REPORTS_FILE, '{"status":"done"'), "the event's end")
         die_and_come_back(system, ("broker", "edge"))
         (mission,) = system.wait_until_ended(identifier)["missions"]
         assert mission["mission_status_id"] == ABORTED

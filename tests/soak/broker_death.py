@@ -42,7 +42,7 @@ ONCE: Final = (
 """Orders that must not be given again, whenever the broker died."""
 PER_STRETCH: Final = (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_MISSION_START)
 """Orders of the way into the air, which is begun again where the death cut it short."""
-IN_FLIGHT: Final = frozenset({"RUNNING", "PERFORMING", "IDLE"})
+IN_FLIGHT: Final = frozenset({"RUNNING", "FLYING_LIVE", "IDLE"})
 
 
 @dataclass(frozen=True, slots=True)

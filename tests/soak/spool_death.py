@@ -14,7 +14,7 @@ from pathlib import Path
 from random import Random
 from typing import Final
 
-from mavlink_broker.edge.spool import WORDS
+from mavlink_broker.edge.spool import REPORTS_FILE
 from tests.soak.spool_teller import KEY_FILE, LANES, SPOOL, client_in
 from tests.support.fake_edge import FakeEdgeServer
 from tests.support.system import ROOT, wait_for
@@ -47,11 +47,11 @@ def run(cycles: int, folder: Path, seed: int, tell: Callable[[str], None]) -> Ou
             _live_and_die(random.choice((NOWHERE, server.url, server.url)), folder, random, outcome)
             server.failures.clear()
         client, spool = client_in(folder, server.url)
-        tell(f"{client.waiting} words left, {spool.damaged} lines damaged")
-        wait_for(lambda: not client.waiting, "the last word")
+        tell(f"{client.waiting} reports left, {spool.damaged} lines damaged")
+        wait_for(lambda: not client.waiting, "the last message")
         client.stop(1.0)
         _judge(server, outcome)
-    tell(f"{len(outcome.safe)} words were safe and arrived; {outcome.told_twice} were told twice")
+    tell(f"{len(outcome.safe)} reports were safe and arrived; {outcome.told_twice} were sent twice")
     return outcome
 
 
@@ -71,9 +71,9 @@ def _live_and_die(url: str, folder: Path, random: Random, outcome: Outcome) -> N
         os.kill(process.pid, signal.SIGKILL)
         printed += process.stdout.read()
     outcome.safe |= {int(line) for line in printed.split("\n")[:-1]}
-    words = folder / SPOOL / WORDS
-    if words.exists() and random.random() < 0.2:
-        with words.open("ab") as file:
+    reports = folder / SPOOL / REPORTS_FILE
+    if reports.exists() and random.random() < 0.2:
+        with reports.open("ab") as file:
             file.write(TORN)
 
 
@@ -87,4 +87,4 @@ def _judge(server: FakeEdgeServer, outcome: Outcome) -> None:
         assert numbers == sorted(numbers), f"{lane} is out of order"
         outcome.arrived[lane] = numbers
     lost = outcome.safe - {number for numbers in outcome.arrived.values() for number in numbers}
-    assert not lost, f"{len(lost)} words are lost: {sorted(lost)[:10]}"
+    assert not lost, f"{len(lost)} reports are lost: {sorted(lost)[:10]}"

@@ -24,13 +24,13 @@ _LOOK_EVERY_S: Final = 0.0005
 
 def client_in(folder: Path, url: str) -> tuple[EdgeClient, Spool]:
     """Make what speaks for a broker, with what an earlier one has left."""
-    spool = Spool(folder / SPOOL, most_bytes=4 * MIB)
+    spool = Spool(folder / SPOOL, max_bytes=4 * MIB)
     client = EdgeClient(url, folder / KEY_FILE, lambda: None, spool=spool)
     client.start()
     return client, spool
 
 
-def word(number: int) -> Post:
+def message(number: int) -> Post:
     """Give the post of a number, in one of three lines."""
     lane = LANES[number % len(LANES)]
     return post(lane, number, urgency=Urgency.ALARM if lane == "alarm" else Urgency.REPORT)
@@ -40,11 +40,11 @@ def main(url: str, folder: Path, first: int) -> None:
     """Tell until killed; a number is printed once it has been answered or is on the disk."""
     client, spool = client_in(folder, url)
     for number in count(first):
-        told = word(number)
-        client.post(told)
+        sent = message(number)
+        client.post(sent)
         if number % PICTURE_EVERY == 0:
             client.post(picture(number, PICTURE_BYTES))
-        while client.waiting and (told.kept_as is None or told.kept_as not in spool):
+        while client.waiting and (sent.spool_number is None or sent.spool_number not in spool):
             time.sleep(_LOOK_EVERY_S)
         sys.stdout.write(f"{number}\n")
         sys.stdout.flush()

@@ -13,12 +13,12 @@ import pytest
 from afarcloud.enumerations import Status
 from mavlink_broker.app import App
 from mavlink_broker.config import Config
-from mavlink_broker.jobs import Job, JobOutcome
+from mavlink_broker.effects import Job, JobOutcome
 from mavlink_broker.links.url import Address
 from mavlink_broker.mavlink.codec import Encoder
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from mavlink_broker.mission.states import State
-from mavlink_broker.worker_pool import do
+from mavlink_broker.pictures.worker_pool import run_job
 from tests.support.fake_edge import FakeEdge
 from tests.support.scripted_camera import ScriptedCamera
 from tests.support.scripted_disk import ScriptedDisk
@@ -107,10 +107,10 @@ class Air:
         if not vehicle.silent:  # What was on the way when the link went is lost
             vehicle.receive(frame, self._clock.now)
 
-    def radio(self, address: Address, free_percent: int) -> None:
+    def radio_status(self, address: Address, free_percent: int) -> None:
         """Nothing fills up here."""
 
-    def greeted(self) -> list[Address]:
+    def contact_addresses(self) -> list[Address]:
         """Whoever listens is not spoken to first."""
         return []
 
@@ -122,7 +122,7 @@ class InlineJobs:
         self._finished: list[tuple[int, JobOutcome]] = []
 
     def put(self, system: int, job: Job) -> None:
-        self._finished.append((system, do(job)))
+        self._finished.append((system, run_job(job)))
 
     def take_finished(self) -> list[tuple[int, JobOutcome]]:
         finished, self._finished = self._finished, []

@@ -15,7 +15,7 @@ from urllib.parse import parse_qs, urlsplit
 
 from afarcloud.enumerations import Status
 from mavlink_broker.edge.outbox import Post
-from mavlink_broker.edge.work import Verdict
+from mavlink_broker.edge.work import AcceptanceResult
 
 
 class FakeEdge:
@@ -26,7 +26,7 @@ class FakeEdge:
         self.work: dict[int, dict[str, Any]] = {}
         self.closed: set[int] = set()
         self._new: list[dict[str, Any]] = []
-        self._verdicts: list[Verdict] = []
+        self._verdicts: list[AcceptanceResult] = []
         self.dead_letters: dict[int, int] = {}  # By vehicle
         self.is_stalled = False  # Takes nothing; what is posted is lost if the broker dies
         self.answers_acceptances = True  # It may be slow, or away for the moment
@@ -94,8 +94,15 @@ class FakeEdge:
         """Take work back of which no acceptance was heard."""
         self.closed.add(number)
         self._verdicts = [
-            Verdict(v.work_id, v.holds and v.work_id != number) for v in self._verdicts
+            AcceptanceResult(v.work_id, v.is_confirmed and v.work_id != number)
+            for v in self._verdicts
         ]
+
+    def fail_acceptance(self, number: int, reason: str) -> None:
+        """Have the acceptance of work given up, as the edge client does after many failures."""
+        self.work[number]["state"] = "queued"
+        self._verdicts = [v for v in self._verdicts if v.work_id != number]
+        self._verdicts.append(AcceptanceResult(number, False, reason, has_failed=True))
 
     def bodies(self, path: str) -> list[dict[str, Any]]:
         """Everything told at a path, in order."""
@@ -126,7 +133,7 @@ class FakeEdge:
         work, self._new = self._new, []
         return work
 
-    def take_verdicts(self) -> list[Verdict]:
+    def take_acceptance_results(self) -> list[AcceptanceResult]:
         """Give the answers to what was accepted."""
         if not self.answers_acceptances:
             return []
@@ -152,7 +159,7 @@ class FakeEdge:
     def _acknowledged(self, number: int, status: str) -> None:
         if status == "accepted":
             holds = number not in self.closed
-            self._verdicts.append(Verdict(number, holds=holds))
+            self._verdicts.append(AcceptanceResult(number, is_confirmed=holds))
             if holds:
                 self.work[number]["state"] = "accepted"
         else:

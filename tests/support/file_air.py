@@ -13,7 +13,7 @@ from mavlink_broker.mavlink.addressing import Route
 from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import Message, mavlink
 from tests.support.lossy_link import VEHICLE_ADDRESS, Conditions, LossyLink
-from tests.unit.uav_firmware.modules.mavlink.harness import SYSTEM, empty_topics, judged_by
+from tests.unit.uav_firmware.modules.mavlink.harness import SYSTEM, empty_topics
 from uav_firmware.cal.files import Card
 from uav_firmware.drivers.file_tree import FileTree
 from uav_firmware.modules.mavlink.module import MavlinkModule
@@ -46,7 +46,6 @@ class FileAir:
             system_id=SYSTEM,
             registry=Registry(),
             topics=empty_topics(),
-            checks=judged_by(lambda _: None),
             peers=(),
             card=Card(tree, FileTree(self.folder / "log"), FileTree(self.folder / "image")),
         )
@@ -81,6 +80,7 @@ class FileAir:
         if now_us % 500_000 < STEP_S * 1e6:
             self._send([mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)])
         self.link.advance(now_us)
+        self.module.serve(now_us)
         self.module.update(now_us)
         for datagram, _ in self.link.ground.receive():
             for message in self._decoder.decode(datagram):

@@ -85,10 +85,10 @@ class BrokerEnd:
             self.sent.append(Frame(self._clock.now_s, message.get_type(), command, message))
         self._link.ground.send(frame, (address.host, address.port))
 
-    def radio(self, address: Address, free_percent: int) -> None:
+    def radio_status(self, address: Address, free_percent: int) -> None:
         """Nothing fills up here."""
 
-    def greeted(self) -> list[Address]:
+    def contact_addresses(self) -> list[Address]:
         """Nobody: the vehicle speaks first."""
         return []
 

@@ -15,13 +15,13 @@ from mavlink_broker.app import App
 from mavlink_broker.config import Config
 from mavlink_broker.links.hub import open_links
 from mavlink_broker.links.url import parse_links
-from sim.tester.happenings import Happening, MissionReceived
-from sim.tester.screens import Place
-from sim.tester.seat import Seat
-from sim.tester.stand_in import StandIn
-from sim.tester.telemetry import Home
-from sim.tester.terminal import Wakeable
-from sim.tester.vehicle import MavsdkVehicle
+from sim.tester.terminal.lines import WakeableQueue
+from sim.tester.terminal.operator import Operator
+from sim.tester.terminal.screens import Place
+from sim.tester.vehicle.events import LinkEvent, MissionReceived
+from sim.tester.vehicle.mavsdk_link import MavsdkVehicle
+from sim.tester.vehicle.stand_in import StandIn
+from sim.tester.vehicle.telemetry import Home
 from tests.support.fake_edge import FakeEdge
 
 PATIENCE_S: Final = 90.0
@@ -51,13 +51,15 @@ class KeyboardWorld:
         self.types_until: int | None = None
         """Place of the command that the person leaves running; None: every one is finished."""
         self._link = open_links(parse_links("udpin://127.0.0.1:0"))
-        self._woken: Wakeable[Happening] = Wakeable()
+        self._woken: WakeableQueue[LinkEvent] = WakeableQueue()
         self._ulids = count(1)
         self._typed_at = 0.0
         vehicle = StandIn(HOME, time.monotonic())
         address = f"udpout://127.0.0.1:{self._link.urls[0].port}"
         self._mavsdk = MavsdkVehicle(1, address, self._woken.put)
-        self.seat = Seat(vehicle, self._mavsdk, lambda low, high: (low + high) / 2.0, self._show)
+        self.operator = Operator(
+            vehicle, self._mavsdk, lambda low, high: (low + high) / 2.0, self._show
+        )
         self.app: App | None = None
         self.start_broker()
 
@@ -113,33 +115,33 @@ class KeyboardWorld:
         else:
             self.app.step(0.002)
         now = time.monotonic()
-        for happening in self._woken.take():
-            self.uploads += isinstance(happening, MissionReceived)
-            self.seat.hear(happening, now)
+        for event in self._woken.take():
+            self.uploads += isinstance(event, MissionReceived)
+            self.operator.receive(event, now)
         self._type_by_rule(now)
-        self.seat.tick(now)
+        self.operator.tick(now)
 
     # The person.
 
     def type(self, *lines: str) -> None:
         """Type lines, each when it is asked for."""
         for line in lines:
-            self.run_until(lambda: self.seat.menu.is_asking)
-            self.seat.answer(line, time.monotonic())
+            self.run_until(lambda: self.operator.menu.is_asking)
+            self.operator.answer(line, time.monotonic())
 
     def _type_by_rule(self, now: float) -> None:
         if now - self._typed_at < TYPES_EVERY_S:
             return
         self._typed_at = now
-        place = self.seat.menu.place
+        place = self.operator.menu.place
         if place is Place.LANDING:
-            self.seat.answer("0", now)
+            self.operator.answer("0", now)
         elif place is Place.MAIN and self._may_finish:
-            self.seat.answer("1", now)
+            self.operator.answer("1", now)
 
     @property
     def _may_finish(self) -> bool:
-        mission = self.seat.vehicle.mission
+        mission = self.operator.vehicle.mission
         if self.types_until is None or mission.step is None:
             return self.types_until is None
         return mission.steps.index(mission.step) < self.types_until
@@ -154,4 +156,4 @@ class KeyboardWorld:
     @property
     def is_armed(self) -> bool:
         """By the vehicle's own word."""
-        return self.seat.vehicle.armed
+        return self.operator.vehicle.armed

@@ -5,28 +5,28 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mavlink_broker.recovery.folder import JournalFolder
-from mavlink_broker.recovery.progress import Note
-from mavlink_broker.recovery.record import NOTHING, Memo, Owner
+from mavlink_broker.recovery.record import EMPTY_RECORD, RecoveryRecord, VehicleIdentity
+from mavlink_broker.recovery.record_tracker import RecordUpdate
 
 
 class ScriptedDisk:
-    """Writes what it is left after a while; what is on the way dies with its broker."""
+    """Writes records after a delay; those that are not written yet are lost with the broker."""
 
     def __init__(self, folder: Path, clock: Callable[[], float], lag_s: float = 0.0) -> None:
         folder.mkdir(exist_ok=True)
         self._folder = JournalFolder(folder)
         self._clock = clock
         self._lag_s = lag_s
-        self._known: dict[Owner, Memo] = {}
-        self._on_the_way: list[tuple[float, Note]] = []
+        self._known: dict[VehicleIdentity, RecoveryRecord] = {}
+        self._queued: list[tuple[float, RecordUpdate]] = []
         self.refuses = False
         self.is_stuck = False
         self.written = 0
         self.begin()
 
     def begin(self) -> None:
-        """Read what an earlier broker has left."""
-        self._on_the_way = []
+        """Read the records of an earlier run."""
+        self._queued = []
         self._known = self._folder.read_all()
 
     def move(self, folder: Path) -> None:
@@ -34,23 +34,23 @@ class ScriptedDisk:
         shutil.copytree(self._folder.path, folder)
         self._folder = JournalFolder(folder)
 
-    def recall(self, owner: Owner) -> Memo:
-        """Give what is known of a vehicle."""
-        return self._known.get(owner, NOTHING)
+    def recall(self, identity: VehicleIdentity) -> RecoveryRecord:
+        """Give the record of a vehicle."""
+        return self._known.get(identity, EMPTY_RECORD)
 
-    def put(self, note: Note) -> None:
-        """Leave a page to be written."""
-        self._known[note.owner] = note.memo
-        self._on_the_way.append((self._clock() + self._lag_s, note))
+    def put(self, update: RecordUpdate) -> None:
+        """Queue a record to be written."""
+        self._known[update.identity] = update.record
+        self._queued.append((self._clock() + self._lag_s, update))
 
-    def take_settled(self) -> list[tuple[Owner, int]]:
-        """Write what is due; gives what was written or refused."""
+    def take_settled(self) -> list[tuple[VehicleIdentity, int]]:
+        """Write the records that are due; gives those that were written or refused."""
         if self.is_stuck:
             return []
-        due = [note for at, note in self._on_the_way if at <= self._clock()]
-        self._on_the_way = [one for one in self._on_the_way if one[0] > self._clock()]
-        for note in due:
+        due = [update for at, update in self._queued if at <= self._clock()]
+        self._queued = [one for one in self._queued if one[0] > self._clock()]
+        for update in due:
             if not self.refuses:
-                self._folder.write(note.owner, note.memo)
+                self._folder.write(update.identity, update.record)
                 self.written += 1
-        return [(note.owner, note.number) for note in due]
+        return [(update.identity, update.number) for update in due]

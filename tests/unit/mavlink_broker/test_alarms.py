@@ -1,4 +1,4 @@
-"""Failures of a vehicle: told once, and the end of the mission that flies."""
+"""Failures of a vehicle: reported once, and the end of the mission in flight."""
 
 import dataclasses
 
@@ -49,7 +49,7 @@ def alarms(world: World) -> list[tuple[int, int]]:
         (mavlink.MAV_SYS_STATUS_GEOFENCE, AlarmCode.FUNCTION_NAVIGATION),
     ],
 )
-def test_a_failure_in_flight_is_told_and_ends_the_mission(bit: int, code: AlarmCode) -> None:
+def test_a_failure_in_flight_is_reported_and_ends_the_mission(bit: int, code: AlarmCode) -> None:
     world = flying_world(SLOW)
     vehicle = world.only_vehicle
     world.run_until(lambda: world.edge.statuses(1201)[0] == Status.FINISHED)
@@ -76,7 +76,7 @@ def test_a_moment_is_no_failure() -> None:
     assert world.edge.status(1201) == Status.RUNNING
 
 
-def test_a_failure_is_told_once_and_again_after_it_was_over() -> None:
+def test_a_failure_is_reported_once_and_again_after_it_was_over() -> None:
     world = World()
     vehicle = world.add_vehicle()
     world.run(3.0)
@@ -144,14 +144,14 @@ def test_a_lost_link_is_no_failure_of_a_camera() -> None:
     assert alarms(world) == []
 
 
-def test_a_part_that_fails_is_told_and_not_what_fails_with_it() -> None:
+def test_a_part_that_fails_is_reported_and_not_what_fails_with_it() -> None:
     world = flying_world(SLOW)
     world.only_vehicle.ill = GPS | mavlink.MAV_SYS_STATUS_AHRS
     world.run(8.0)
     assert alarms(world) == [(1, 5)]
 
 
-def test_what_fails_with_a_part_is_told_when_it_outlasts_it() -> None:
+def test_what_fails_with_a_part_is_reported_when_it_outlasts_it() -> None:
     world = World()
     vehicle = world.add_vehicle()
     world.run(3.0)
@@ -215,7 +215,7 @@ ALL_KNOWN = mavlink.ESTIMATOR_ATTITUDE | mavlink.ESTIMATOR_POS_HORIZ_ABS | 0x26
     ],
     ids=["PX4's estimator", "ArduPilot's estimator", "fence", "battery"],
 )
-def test_what_a_vehicle_tells_in_its_own_way_is_the_same_alarm(
+def test_each_autopilots_message_of_a_failure_raises_the_same_alarm(
     well: Message, ill: Message, alarm: tuple[int, int]
 ) -> None:
     world = flying_world(SLOW)
@@ -244,7 +244,7 @@ def hygrometer(humidity: int = 4800) -> Message:
 
 
 def speak(world: World, seconds: float, message: Message | None = None, share: float = 1.0) -> None:
-    """Let the humidity sensor speak every second, but for what is lost by the way."""
+    """Let the humidity sensor send every second, except for lost frames."""
     for second in range(round(seconds)):
         if (second * 7) % 10 < share * 10:
             world.hear(world.only_vehicle, message or hygrometer(), component=25)
@@ -315,7 +315,7 @@ def test_on_a_bad_link_silence_has_to_last_longer() -> None:
 )
 @pytest.mark.parametrize("words", ["Critical battery, returning", "GCS connection lost"])
 def test_what_a_failsafe_does_is_no_alarm_by_itself(script: Script, mode: int, words: str) -> None:
-    """A low battery or a lost link has no code in AFarCloud's table; the report tells all."""
+    """A low battery or a lost link has no code in AFarCloud's table; the report has the reason."""
     world = flying_world(script)
     world.only_vehicle.say(words)
     world.only_vehicle.fail_safe(mode)
@@ -337,7 +337,7 @@ def test_a_failsafe_for_too_much_wind_is_a_navigation_failure(words: str) -> Non
     assert world.edge.status(1201) == Status.FAILED
 
 
-def test_a_vehicle_that_gives_its_mission_up_is_a_mission_error() -> None:
+def test_a_vehicle_that_stops_its_mission_is_a_mission_error() -> None:
     world = flying_world(SLOW)
     world.only_vehicle.give_up()
     world.run(9.0)

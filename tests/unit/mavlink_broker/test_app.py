@@ -1,4 +1,4 @@
-"""Several vehicles, what is told of them, and strangers on the air, in simulated time."""
+"""Several vehicles, what is published of them, and other senders, in simulated time."""
 
 import dataclasses
 
@@ -34,7 +34,7 @@ class TestSeveralVehicles:
             assert world.edge.statuses(1200 + system) == FINISHED
         assert [vehicle.uploads for vehicle in vehicles] == [1, 1, 1]
 
-    def test_a_silent_one_does_not_hold_up_another(self) -> None:
+    def test_a_silent_one_does_not_delay_another(self) -> None:
         world = World()
         silent = world.add_vehicle(1)
         world.add_vehicle(2, ARDUPILOT)
@@ -62,7 +62,7 @@ class TestSeveralVehicles:
         assert world.edge.acknowledgements(work)[0]["status"] == "refused"
 
 
-def test_all_that_comes_in_one_round_is_answered_in_that_round() -> None:
+def test_messages_of_one_step_are_answered_in_that_step() -> None:
     """The items that a vehicle asks for wait for no tick: a long mission is uploaded as it asks."""
     world = World()
     world.add_vehicle()
@@ -81,7 +81,7 @@ def test_all_that_comes_in_one_round_is_answered_in_that_round() -> None:
     assert items[-30:] == list(range(30))
 
 
-class TestTelling:
+class TestPosting:
     def test_a_vehicle_is_introduced_at_first_sight_with_what_is_known(self) -> None:
         world = World()
         world.add_vehicle()
@@ -94,7 +94,7 @@ class TestTelling:
         assert update["armed"] is False
         assert update["mission_id"] is None
 
-    def test_a_change_of_mode_is_told_at_once(self) -> None:
+    def test_a_change_of_mode_is_published_at_once(self) -> None:
         world = World()
         vehicle = world.add_vehicle()
         world.run(3.0)
@@ -102,7 +102,7 @@ class TestTelling:
         world.run(0.1)
         assert world.edge.bodies("/vehicles/1")[-1]["mode"] == "POSCTL"
 
-    def test_a_state_vector_comes_every_second_while_the_vehicle_is_heard(self) -> None:
+    def test_a_state_vector_is_published_every_second_while_the_vehicle_is_connected(self) -> None:
         world = World()
         vehicle = world.add_vehicle()
         world.run(1.0)
@@ -154,7 +154,7 @@ class TestStrangers:
         world.run(3.0)
         assert world.app.sessions == {}
 
-    def test_other_components_do_not_speak_for_the_vehicle(self) -> None:
+    def test_other_components_do_not_count_as_the_vehicle(self) -> None:
         world = World()
         world.add_vehicle()
         world.run(3.0)
@@ -174,7 +174,7 @@ class TestStrangers:
         world.run_until_over(1201)
         assert world.edge.statuses(1201) == FINISHED
 
-    def test_impossible_values_are_not_believed(self) -> None:
+    def test_impossible_values_are_dropped(self) -> None:
         world = World()
         world.add_vehicle()
         world.run(3.0)
@@ -192,7 +192,7 @@ class TestStrangers:
             assert body["latitude"] == pytest.approx(40.4434)
             assert body["yaw"] == pytest.approx(270.0)
 
-    def test_work_that_cannot_be_read_is_refused_and_the_rest_goes_on(self) -> None:
+    def test_invalid_work_is_refused_and_the_rest_continues(self) -> None:
         world = World()
         world.add_vehicle()
         broken = first_flight()

@@ -1,4 +1,4 @@
-"""Environment, flags over it, faults told."""
+"""Environment, flags over it, errors reported."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ import pytest
 from mavlink_broker.config import Config, load, parse_targets, parse_vehicle_ids
 
 
-def test_without_anything_said_the_system_of_the_readme_is_meant() -> None:
+def test_without_settings_the_system_of_the_readme_is_used() -> None:
     assert load([], {}) == Config()
 
 
@@ -20,7 +20,7 @@ def test_the_environment_is_read_and_flags_override_it() -> None:
     assert settings.spool == Path("/tmp/x/broker")
 
 
-def test_a_whole_url_goes_before_a_port() -> None:
+def test_a_url_overrides_a_port() -> None:
     settings = load([], {"EDGE_PORT": "1", "EDGE_URL": "http://edge.farm:80"})
     assert settings.edge_url == "http://edge.farm:80"
 
@@ -31,7 +31,7 @@ def test_vehicles_may_have_other_numbers_than_their_systems() -> None:
     assert [settings.system_of(vehicle) for vehicle in (7, 8, 3)] == [1, 2, 3]
 
 
-def test_a_number_that_was_given_away_means_nobody_else() -> None:
+def test_a_number_that_was_assigned_means_no_other_vehicle() -> None:
     settings = load(["--vehicle-ids", "7:1"], {})
     assert settings.system_of(1) is None
     assert settings.vehicle_id(7) is None
@@ -62,7 +62,7 @@ def test_numbers_that_make_no_sense_are_refused(text: str) -> None:
         ("--follow-targets", "1:1", "vehicle 1 cannot follow itself"),
     ],
 )
-def test_a_refused_number_is_told_with_its_reason(
+def test_a_refused_number_is_reported_with_its_reason(
     flag: str, value: str, why: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit):
@@ -95,7 +95,7 @@ def test_a_fault_ends_the_program_with_status_2(
     assert arguments[0] in capsys.readouterr().err
 
 
-def test_nothing_is_signed_unless_asked() -> None:
+def test_nothing_is_signed_by_default() -> None:
     config = load([], {"SIGNING_KEYS": "", "UNSIGNED_SYSTEMS": ""})
     assert config.signing_keys is None
     assert config.unsigned_systems == frozenset()

@@ -9,7 +9,7 @@ import pytest
 
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
-from mavlink_broker.mission.flight import Flight
+from mavlink_broker.mission.mission_executor import MissionExecutor
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, go_home, mission, takeoff, waypoint
 from tests.support.scripted_vehicle import (
@@ -60,7 +60,7 @@ def running(world: World) -> int | None:
     return statuses.index(Status.RUNNING) if Status.RUNNING in statuses else None
 
 
-def said(world: World, event: int) -> list[str]:
+def answer_statuses(world: World, event: int) -> list[str]:
     return [body["status"] for body in world.edge.acknowledgements(event)]
 
 
@@ -81,7 +81,7 @@ class TestInFlight:
         assert vehicle.custom_mode == PX4_LAND
         world.run_until(lambda: not vehicle.armed)
         world.run(1.0)
-        assert said(world, event) == ["accepted", "done"]
+        assert answer_statuses(world, event) == ["accepted", "done"]
 
     def test_an_abort_with_a_point_goes_there_and_lands(self, command: int) -> None:
         world = world_at(command)
@@ -95,7 +95,7 @@ class TestInFlight:
         )
         assert vehicle.custom_mode == PX4_LAND
 
-    def test_a_soft_abort_lets_the_running_command_end_and_goes_home(self, command: int) -> None:
+    def test_a_soft_abort_waits_for_the_running_command_and_returns(self, command: int) -> None:
         world = world_at(command)
         vehicle = world.only_vehicle
         event = world.edge.event(SOFT_ABORT)
@@ -108,7 +108,7 @@ class TestInFlight:
             assert vehicle.custom_mode == PX4_RETURN
         world.run_until(lambda: not vehicle.armed)
         world.run(1.0)
-        assert said(world, event) == ["accepted", "done"]
+        assert answer_statuses(world, event) == ["accepted", "done"]
 
     def test_a_soft_abort_with_a_point_holds_there(self, command: int) -> None:
         world = world_at(command)
@@ -122,18 +122,20 @@ class TestInFlight:
         assert vehicle.custom_mode == PX4_HOLD
         assert vehicle.place == pytest.approx((POINT["latitude"], POINT["longitude"]))
 
-    def test_a_new_speed_is_told_at_once_and_holds(self, command: int) -> None:
+    def test_a_new_speed_is_ordered_at_once_and_kept(self, command: int) -> None:
         world = world_at(command)
         vehicle = world.only_vehicle
         event = world.edge.event(SPEED, maximum_speed=2.5)
         world.run(0.5)
         speeds = [v for c, v in vehicle.parameters if c == mavlink.MAV_CMD_DO_CHANGE_SPEED]
         assert speeds == [(1.0, 2.5, -1.0, 0.0, 0.0, 0.0, 0.0)]
-        assert said(world, event) == ["accepted", "done"]
+        assert answer_statuses(world, event) == ["accepted", "done"]
         world.run_until_over(1201)
         assert world.edge.status(1201) == Status.FINISHED
-        told = [i.param2 for i in vehicle.items if i.command == mavlink.MAV_CMD_DO_CHANGE_SPEED]
-        assert told == [2.5 if command < 4 else 4.0]
+        item_speeds = [
+            i.param2 for i in vehicle.items if i.command == mavlink.MAV_CMD_DO_CHANGE_SPEED
+        ]
+        assert item_speeds == [2.5 if command < 4 else 4.0]
 
 
 def test_a_speed_that_a_circle_does_not_take_holds_from_the_next_command_on() -> None:
@@ -146,8 +148,8 @@ def test_a_speed_that_a_circle_does_not_take_holds_from_the_next_command_on() ->
     assert answer["message"].startswith("from the next command on: ")
     world.run_until_over(1201)
     vehicle = world.only_vehicle
-    told = [i.param2 for i in vehicle.items if i.command == mavlink.MAV_CMD_DO_CHANGE_SPEED]
-    assert told == [2.5]
+    item_speeds = [i.param2 for i in vehicle.items if i.command == mavlink.MAV_CMD_DO_CHANGE_SPEED]
+    assert item_speeds == [2.5]
 
 
 class TestAnIdleVehicle:
@@ -180,7 +182,7 @@ class TestBeforeTakeOff:
         event = world.edge.event(kind)
         world.run(60.0)
         assert world.edge.statuses(1201) == [Status.ABORTED] * 5
-        assert said(world, event)[-1] == "done"
+        assert answer_statuses(world, event)[-1] == "done"
         assert not vehicle.airborne
 
     def test_an_upload_is_cancelled(self) -> None:
@@ -207,7 +209,7 @@ class TestBeforeTakeOff:
 
 
 class TestAnAbort:
-    def test_is_told_until_it_is_obeyed(self) -> None:
+    def test_is_ordered_until_the_vehicle_has_obeyed(self) -> None:
         world = world_at(1)
         vehicle = world.only_vehicle
         modes = (mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_NAV_LAND)
@@ -215,11 +217,11 @@ class TestAnAbort:
         vehicle.script = dataclasses.replace(vehicle.script, results=refusing)
         event = world.edge.event(ABORT)
         world.run(10.0)
-        assert said(world, event) == ["accepted"]
+        assert answer_statuses(world, event) == ["accepted"]
         vehicle.script = dataclasses.replace(vehicle.script, results={})
         world.run(3.0)
         assert vehicle.custom_mode == PX4_LAND
-        assert said(world, event) == ["accepted", "done"]
+        assert answer_statuses(world, event) == ["accepted", "done"]
 
     def test_lands_here_when_the_vehicle_will_not_go_to_the_point(self) -> None:
         world = world_at(1)
@@ -251,7 +253,7 @@ class TestAnAbort:
         world.run_until(lambda: vehicle.custom_mode == PX4_LAND)
         assert vehicle.place == pytest.approx((POINT["latitude"], POINT["longitude"]))
 
-    def test_is_told_again_to_one_that_agrees_and_circles_on(
+    def test_is_ordered_again_to_one_that_accepts_and_circles_on(
         self, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         world = world_at(2)
@@ -259,11 +261,11 @@ class TestAnAbort:
         monkeypatch.setattr(vehicle, "set_mode", lambda _mode: None)
         event = world.edge.event(ABORT)
         world.run(5.0)
-        assert said(world, event) == ["accepted"]
+        assert answer_statuses(world, event) == ["accepted"]
         monkeypatch.undo()
         world.run(4.0)
         assert vehicle.custom_mode == PX4_LAND
-        assert said(world, event) == ["accepted", "done"]
+        assert answer_statuses(world, event) == ["accepted", "done"]
 
     def test_overrules_a_soft_one(self) -> None:
         world = world_at(1)
@@ -273,19 +275,19 @@ class TestAnAbort:
         hard = world.edge.event(ABORT)
         world.run(1.0)
         assert vehicle.custom_mode == PX4_LAND
-        assert said(world, soft)[-1] == said(world, hard)[-1] == "done"
+        assert answer_statuses(world, soft)[-1] == answer_statuses(world, hard)[-1] == "done"
 
     def test_ends_a_soft_one_that_still_waits(self) -> None:
         world = world_at(1)
         soft = world.edge.event(SOFT_ABORT)
         world.run(0.5)
-        assert said(world, soft) == ["accepted"]
+        assert answer_statuses(world, soft) == ["accepted"]
         hard = world.edge.event(ABORT)
         world.run(1.0)
         assert world.only_vehicle.custom_mode == PX4_LAND
-        assert said(world, soft) == said(world, hard) == ["accepted", "done"]
+        assert answer_statuses(world, soft) == answer_statuses(world, hard) == ["accepted", "done"]
 
-    def test_lets_the_next_mission_begin_after_the_landing(self) -> None:
+    def test_is_followed_by_the_next_mission_after_the_landing(self) -> None:
         world = world_at(1)
         world.edge.event(ABORT)
         world.run_until(lambda: not world.only_vehicle.armed)
@@ -323,17 +325,17 @@ class TestAnAbort:
         world.run_until(lambda: not vehicle.armed)
 
 
-def test_a_second_soft_abort_says_where_to_go_but_not_for_how_long() -> None:
+def test_a_second_soft_abort_changes_the_place_and_not_the_deadline() -> None:
     world = world_at(3)
     first = world.edge.event(SOFT_ABORT)
     world.run(20.0)
     second = world.edge.event(SOFT_ABORT, abort=POINT)
     world.run(1.0)
-    assert said(world, first) == ["accepted", "done"]
+    assert answer_statuses(world, first) == ["accepted", "done"]
     world.run(10.0)
     assert world.edge.status(1201) == Status.ABORTED
     world.run_until(is_idle(world))
-    assert said(world, second) == ["accepted", "done"]
+    assert answer_statuses(world, second) == ["accepted", "done"]
     assert world.only_vehicle.place == pytest.approx((POINT["latitude"], POINT["longitude"]))
 
 
@@ -355,21 +357,21 @@ def test_an_event_is_carried_out_once_however_often_it_is_handed_out() -> None:
     world.run(1.0)
     world.edge.hand_out_again()
     world.run(1.0)
-    told: list[Any] = [c for c in world.only_vehicle.commands if c == 178]
-    assert len(told) == 1
+    orders: list[Any] = [c for c in world.only_vehicle.commands if c == 178]
+    assert len(orders) == 1
 
 
 class TestEveryEventHasOneFinalAnswer:
     """Also where the mission ends before it could be carried out."""
 
-    def test_a_speed_that_is_being_told_when_an_alarm_ends_the_mission(self) -> None:
+    def test_a_speed_that_is_being_ordered_when_an_alarm_ends_the_mission(self) -> None:
         world = world_at(1)
         vehicle = world.only_vehicle
         waits = {mavlink.MAV_CMD_DO_CHANGE_SPEED: mavlink.MAV_RESULT_IN_PROGRESS}
         vehicle.script = dataclasses.replace(vehicle.script, results=waits)
         event = world.edge.event(SPEED, maximum_speed=2.5)
         world.run(0.5)
-        assert said(world, event) == ["accepted"]
+        assert answer_statuses(world, event) == ["accepted"]
         vehicle.ill = mavlink.MAV_SYS_STATUS_SENSOR_LASER_POSITION
         world.run_until_over(1201)
         world.run(1.0)
@@ -398,19 +400,19 @@ class TestEveryEventHasOneFinalAnswer:
         more: dict[str, Any] = {"maximum_speed": 2.5} if kind == SPEED else {}
         event = world.edge.event(kind, **more)
         world.run(0.5)
-        assert said(world, event) == ["accepted"]
+        assert answer_statuses(world, event) == ["accepted"]
 
         def fail(*_: Any, **__: Any) -> None:
             raise RuntimeError("unexpected")
 
-        monkeypatch.setattr(Flight, "step", fail)
-        monkeypatch.setattr(Flight, "break_off", fail)
+        monkeypatch.setattr(MissionExecutor, "tick", fail)
+        monkeypatch.setattr(MissionExecutor, "fail_after_error", fail)
         world.tick()
         monkeypatch.undo()
         world.run(1.0)
         assert world.edge.status(1201) == Status.FAILED
-        assert len(said(world, event)) == 2
-        assert said(world, event)[-1] in {"done", "refused"}
+        assert len(answer_statuses(world, event)) == 2
+        assert answer_statuses(world, event)[-1] in {"done", "refused"}
         assert "internal error" in str(answers(world, event)[-1][1])
 
     @pytest.mark.parametrize("is_restarted", [False, True], ids=["at once", "after a wait"])
@@ -424,7 +426,7 @@ class TestEveryEventHasOneFinalAnswer:
         def fail(*_: Any, **__: Any) -> None:
             raise RuntimeError(reason)
 
-        monkeypatch.setattr(Flight, "_abort_softly", fail)
+        monkeypatch.setattr(MissionExecutor, "_abort_when_due", fail)
         if is_restarted:
             world.restart_broker()
         event = world.edge.event(SOFT_ABORT)
@@ -432,7 +434,7 @@ class TestEveryEventHasOneFinalAnswer:
         monkeypatch.undo()
         world.run(5.0)
         assert world.edge.status(1201) == Status.FAILED
-        finals = [status for status in said(world, event) if status != "accepted"]
+        finals = [status for status in answer_statuses(world, event) if status != "accepted"]
         assert len(finals) == 1
         assert "internal error" in str(answers(world, event)[-1][1])
 

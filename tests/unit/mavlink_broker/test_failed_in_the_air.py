@@ -1,4 +1,4 @@
-"""A mission that fails in the air: nobody leaves the vehicle waiting there for orders."""
+"""A mission that fails in the air: the vehicle does not wait there for orders."""
 
 import dataclasses
 
@@ -42,7 +42,7 @@ def test_it_returns_and_lands_and_flies_the_next_one(script: Script) -> None:
     assert world.edge.status(1202) == Status.FINISHED
 
 
-def test_it_is_told_until_it_comes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_return_is_ordered_until_the_vehicle_obeys(monkeypatch: pytest.MonkeyPatch) -> None:
     world = World()
     vehicle = world.add_vehicle(script=dataclasses.replace(PX4, results=REFUSED))
     world.edge.plan(mission(*COMMANDS))
@@ -55,7 +55,7 @@ def test_it_is_told_until_it_comes(monkeypatch: pytest.MonkeyPatch) -> None:
     assert vehicle.custom_mode == PX4_RETURN
 
 
-def test_an_autopilot_whose_modes_are_unknown_is_told_too() -> None:
+def test_an_autopilot_whose_modes_are_unknown_gets_the_order_too() -> None:
     world = failed(dataclasses.replace(GENERIC, results=REFUSED))
     world.run(1.0)
     assert mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH in world.only_vehicle.commands
@@ -74,7 +74,7 @@ def test_one_that_somebody_has_stopped_stays_with_him() -> None:
     assert vehicle.custom_mode == PX4_HOLD
 
 
-def test_nothing_is_told_to_a_vehicle_on_the_ground() -> None:
+def test_no_order_goes_to_a_vehicle_on_the_ground() -> None:
     world = World()
     vehicle = world.add_vehicle(script=PX4)
     world.edge.plan(mission(hotpoint(1), go_home(2)))

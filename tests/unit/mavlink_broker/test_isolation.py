@@ -1,4 +1,4 @@
-"""An error in one vehicle's session costs that vehicle's mission, and nothing else."""
+"""An error in one vehicle's session affects that vehicle's mission only."""
 
 import logging
 import math
@@ -10,15 +10,22 @@ import pytest
 
 from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
-from mavlink_broker.mission.abort_executor import Ending
+from mavlink_broker.mission.abort_executor import AbortExecutor
+from mavlink_broker.mission.mission_queue import MissionQueue
 from mavlink_broker.mission.states import State
-from mavlink_broker.routing.routing import Traffic
+from mavlink_broker.routing.router import Router
 from mavlink_broker.session import Session
 from tests.support.broker_world import FINISHED, World, first_flight
 from tests.support.fenced_vehicle import ARDUPILOT_VALUES, PX4_VALUES, FencedVehicle
 from tests.support.scripted_missions import ARDUPILOT, PX4, Script
 from tests.support.scripted_vehicle import HOME, PX4_RETURN
-from tests.unit.mavlink_broker.test_events import ABORT, POINT, SOFT_ABORT, said, world_at
+from tests.unit.mavlink_broker.test_events import (
+    ABORT,
+    POINT,
+    SOFT_ABORT,
+    answer_statuses,
+    world_at,
+)
 
 HALF = 40 * 9e-6
 FENCE = {
@@ -70,9 +77,9 @@ class TestParametersThatAreNoNumbers:
         assert world.edge.statuses(2) == FINISHED
         assert world.edge.status(1) == Status.FAILED
         assert name in message_of(world, 1)
-        assert not world.app.faults.count
+        assert not world.app.internal_errors.count
 
-    def test_are_never_borrowed(self) -> None:
+    def test_are_never_overridden(self) -> None:
         world = World()
         vehicle = fenced(world, 1, ARDUPILOT, ARDUPILOT_VALUES | {"FENCE_ALT_MAX": math.nan})
         plan_for(world, 1, geofence=FENCE)
@@ -94,25 +101,33 @@ def breaking(owner: type, name: str, when: Callable[[Any], bool]) -> pytest.Monk
     return patch
 
 
-def is_first(session: Session) -> bool:
-    return session.vehicle.vehicle_id == 1
+def is_first(one: Session | MissionQueue) -> bool:
+    return one.vehicle.vehicle_id == 1
 
 
 class TestUnexpectedErrors:
-    @pytest.mark.parametrize("entry", ["receive", "step", "take_mission", "take_verdict"])
-    def test_of_one_vehicle_leave_the_others_flying(self, entry: str) -> None:
+    @pytest.mark.parametrize(
+        ("owner", "entry"),
+        [
+            (Session, "receive"),
+            (Session, "step"),
+            (MissionQueue, "take_mission"),
+            (MissionQueue, "take_acceptance_result"),
+        ],
+    )
+    def test_of_one_vehicle_leave_the_others_flying(self, owner: type, entry: str) -> None:
         world = World()
         world.add_vehicle(1)
         world.add_vehicle(2)
         world.run(3.0)
         plan_for(world, 1, 2)
-        patch = breaking(Session, entry, is_first)
+        patch = breaking(owner, entry, is_first)
         try:
             world.run_until_over(2)
         finally:
             patch.undo()
         assert world.edge.statuses(2) == FINISHED
-        assert world.app.faults.count > 0
+        assert world.app.internal_errors.count > 0
 
     @pytest.mark.parametrize("phase_s", [0.0, 0.1, 0.5, 1.0, 2.0, 4.0, 6.0])
     @pytest.mark.parametrize("entry", ["receive", "step"])
@@ -141,7 +156,7 @@ class TestUnexpectedErrors:
         ended = [r for r in reports if r["mission_status_id"] >= Status.FINISHED]
         assert [r["mission_status_id"] for r in ended] == [Status.FAILED]
         assert "cannot convert float NaN to integer" in message_of(world, 1)
-        assert world.app.faults.count == 1
+        assert world.app.internal_errors.count == 1
         assert "Traceback" in caplog.text
         world.run(1.0)
         assert "NaN" in world.edge.bodies("/vehicles/1")[-1]["warning"]
@@ -150,7 +165,7 @@ class TestUnexpectedErrors:
         world.run_until_over(9)
         assert world.edge.statuses(9) == FINISHED
 
-    def test_in_flight_bring_the_vehicle_home_unless_somebody_else_flies_it(self) -> None:
+    def test_in_flight_bring_the_vehicle_home_unless_another_client_flies_it(self) -> None:
         world = World()
         vehicle = world.add_vehicle(1)
         plan_for(world, 1)
@@ -172,7 +187,7 @@ class TestUnexpectedErrors:
         with caplog.at_level(logging.ERROR):
             world.run(20.0)
         patch.undo()
-        assert world.app.faults.count > 100
+        assert world.app.internal_errors.count > 100
         assert len([r for r in caplog.records if r.exc_info]) <= 2
 
     def test_a_mission_whose_end_raises_too_is_dropped(self) -> None:
@@ -182,7 +197,7 @@ class TestUnexpectedErrors:
         world.run(4.0)
         patches = [
             breaking(Session, "step", is_first),
-            breaking(Session, "break_off", is_first),
+            breaking(MissionQueue, "fail_after_error", is_first),
         ]
         world.run(1.0)
         for patch in patches:
@@ -215,26 +230,26 @@ class TestUnexpectedErrors:
         world.add_vehicle(1)
         world.add_vehicle(2)
         patch = pytest.MonkeyPatch()
-        genuine = Traffic._from_vehicles
+        genuine = Router._receive_vehicles
 
-        def take(self: Traffic, address: Any, data: bytes, now: float) -> Any:
+        def take(self: Router, address: Any, data: bytes, now: float) -> Any:
             if address.port == 14581:
                 raise struct.error("bad")
             return genuine(self, address, data, now)
 
-        patch.setattr(Traffic, "_from_vehicles", take)
+        patch.setattr(Router, "_receive_vehicles", take)
         plan_for(world, 2)
         world.run_until_over(2)
         patch.undo()
         assert world.edge.statuses(2) == FINISHED
-        assert world.app.faults.count > 0
+        assert world.app.internal_errors.count > 0
 
     def test_an_abort_that_raises_is_refused_and_the_mission_fails(self) -> None:
         world = World()
         world.add_vehicle(1)
         plan_for(world, 1)
         world.run(6.0)
-        patch = breaking(Session, "take_event", is_first)
+        patch = breaking(MissionQueue, "take_event", is_first)
         work = world.edge.event(1)
         world.run(2.0)
         patch.undo()
@@ -243,25 +258,25 @@ class TestUnexpectedErrors:
 
     def test_an_abort_whose_interruption_raises_is_refused_once(self) -> None:
         world = world_at(1)
-        patch = breaking(Session, "_interrupt", is_first)
+        patch = breaking(MissionQueue, "_carry_out", is_first)
         work = world.edge.event(ABORT)
         world.run(2.0)
         patch.undo()
-        assert said(world, work) == ["refused"]
+        assert answer_statuses(world, work) == ["refused"]
 
-    @pytest.mark.parametrize("also", [(), ("break_off",)], ids=["broken off", "dropped"])
+    @pytest.mark.parametrize("also", [(), ("fail_after_error",)], ids=["failed", "dropped"])
     def test_a_deferred_abort_that_raises_is_refused_once_with_the_reason(
         self, also: tuple[str, ...]
     ) -> None:
         world = world_at(1)
         world.kill_broker()
         work = world.edge.event(SOFT_ABORT)
-        patches = [breaking(Session, name, is_first) for name in ("_interrupt", *also)]
+        patches = [breaking(MissionQueue, name, is_first) for name in ("_carry_out", *also)]
         world.restart_broker()
         world.run(3.0)
         for patch in patches:
             patch.undo()
-        assert said(world, work) == ["refused"]
+        assert answer_statuses(world, work) == ["refused"]
         assert "NaN" in world.edge.acknowledgements(work)[-1]["message"]
 
     def test_a_deferred_abort_is_refused_when_the_step_before_it_raises(self) -> None:
@@ -269,42 +284,42 @@ class TestUnexpectedErrors:
         world.kill_broker()
         work = world.edge.event(SOFT_ABORT)
         patches = [
-            breaking(Session, "_carry_out_events", lambda one: one.vehicle.snapshot.armed),
-            breaking(Session, "break_off", is_first),
+            breaking(MissionQueue, "_carry_out_events", lambda one: one.vehicle.snapshot.armed),
+            breaking(MissionQueue, "fail_after_error", is_first),
         ]
         world.restart_broker()
         world.run(3.0)
         for patch in patches:
             patch.undo()
-        assert said(world, work) == ["refused"]
+        assert answer_statuses(world, work) == ["refused"]
 
-    @pytest.mark.parametrize("also", [(), ("break_off",)], ids=["broken off", "dropped"])
+    @pytest.mark.parametrize("also", [(), ("fail_after_error",)], ids=["failed", "dropped"])
     def test_an_accepted_abort_is_not_done_when_the_flight_to_its_point_raises(
         self, also: tuple[str, ...]
     ) -> None:
         world = world_at(1)
         world.only_vehicle.height_m = 40.0
         work = world.edge.event(ABORT, abort=POINT)
-        world.run_until(lambda: world.app.sessions[1].state is State.LEAVING)
-        patches = [breaking(Session, name, is_first) for name in also]
-        patches.append(breaking(Ending, "tick", lambda _: True))
+        world.run_until(lambda: world.app.sessions[1].state is State.ABORTING)
+        patches = [breaking(MissionQueue, name, is_first) for name in also]
+        patches.append(breaking(AbortExecutor, "tick", lambda _: True))
         world.run(5.0)
         for patch in patches:
             patch.undo()
-        assert said(world, work) == ["accepted", "refused"]
+        assert answer_statuses(world, work) == ["accepted", "refused"]
         assert "NaN" in world.edge.acknowledgements(work)[-1]["message"]
 
-    def test_an_abort_whose_way_home_raises_each_time_is_refused_and_ends(self) -> None:
+    def test_an_abort_whose_return_raises_each_time_is_refused_and_ends(self) -> None:
         world = world_at(1)
         world.only_vehicle.height_m = 40.0
         work = world.edge.event(ABORT, abort=POINT)
-        world.run_until(lambda: world.app.sessions[1].state is State.LEAVING)
+        world.run_until(lambda: world.app.sessions[1].state is State.ABORTING)
         world.tick()
         world.kill_broker()
         world.restart_broker()
-        patch = breaking(Ending, "tick", lambda _: True)
+        patch = breaking(AbortExecutor, "tick", lambda _: True)
         world.run(5.0)
         patch.undo()
-        assert said(world, work)[-1] == "refused"
-        assert world.app.faults.count == 1
+        assert answer_statuses(world, work)[-1] == "refused"
+        assert world.app.internal_errors.count == 1
         assert world.app.sessions[1].state is State.IDLE

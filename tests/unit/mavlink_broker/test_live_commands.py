@@ -1,4 +1,4 @@
-"""Commands that are flown live, between stretches of mission items, in simulated time."""
+"""Commands that are flown live, between segments of mission items, in simulated time."""
 
 import dataclasses
 import math
@@ -74,7 +74,7 @@ def messages(world: World) -> list[str | None]:
 
 class TestAHotpoint:
     @pytest.mark.parametrize("script", [PX4, OWN], ids=["PX4", "own"])
-    def test_is_flown_between_two_stretches(self, script: Script) -> None:
+    def test_is_flown_between_two_segments(self, script: Script) -> None:
         world = flown(takeoff(), hotpoint(), waypoint(3), go_home(4), script=script)
         assert world.edge.statuses(1201) == [FINISHED] * 4
         vehicle = world.only_vehicle
@@ -116,7 +116,7 @@ class TestAHotpoint:
         world.run_until(lambda: vehicle.custom_mode != PX4_ORBIT)
         assert circle.flown_rad == pytest.approx(2 * math.pi, abs=0.3)
 
-    def test_that_is_too_fast_is_flown_slower_and_says_so(self) -> None:
+    def test_that_is_too_fast_is_flown_slower_and_the_report_notes_it(self) -> None:
         world = flown(takeoff(), hotpoint(radius=5.0, angular_velocity=60.0), go_home(3))
         assert "angular_velocity was limited to" in str(messages(world)[1])
 
@@ -137,7 +137,7 @@ class TestAHotpoint:
         assert world.edge.statuses(1201) == [FINISHED, Status.FAILED, Status.ABORTED]
         assert "MAV_RESULT_DENIED" in str(messages(world)[1])
 
-    def test_that_another_hand_ends_fails(self) -> None:
+    def test_that_somebody_else_ends_fails(self) -> None:
         world = World()
         vehicle = world.add_vehicle(script=PX4)
         world.edge.plan(mission(takeoff(), hotpoint(radius=100.0, start_point=4), go_home(3)))
@@ -178,7 +178,7 @@ class TestARestartedBroker:
         assert world.edge.statuses(1201) == [FINISHED] * 3
         assert vehicle.commands.count(mavlink.MAV_CMD_DO_ORBIT) == 1
 
-    def test_follows_the_second_stretch_on(self) -> None:
+    def test_follows_the_second_segment_on(self) -> None:
         world = World()
         vehicle = world.add_vehicle(script=dataclasses.replace(OWN, item_time_s=8.0))
         world.edge.plan(mission(takeoff(), hotpoint(start_point=4), waypoint(3), go_home(4)))
@@ -201,7 +201,7 @@ class TestARestartedBroker:
 
 
 class TestFollowing:
-    def test_tells_the_target_for_a_minute_and_holds(self) -> None:
+    def test_sends_the_target_for_a_minute_and_holds(self) -> None:
         world = World()
         vehicle = world.add_vehicle(script=OWN)
         world.edge.plan(mission(takeoff(), follow(), go_home(3)))
@@ -213,7 +213,9 @@ class TestFollowing:
         world.run_until_over(1201)
         assert world.edge.statuses(1201) == [FINISHED] * 3
 
-    def test_a_vehicle_that_follows_nobody_waits_at_the_place_and_says_so(self) -> None:
+    def test_a_vehicle_that_follows_no_target_waits_there_and_the_report_notes_it(
+        self,
+    ) -> None:
         unknown = {
             mavlink.MAV_CMD_DO_FOLLOW: mavlink.MAV_RESULT_UNSUPPORTED,
             mavlink.MAV_CMD_DO_SET_MODE: mavlink.MAV_RESULT_DENIED,
@@ -233,7 +235,7 @@ class TestTheCamera:
         begun = commands.index(mavlink.MAV_CMD_CAMERA_TRACK_RECTANGLE)
         assert commands.index(mavlink.MAV_CMD_CAMERA_STOP_TRACKING) > begun
 
-    def test_that_knows_no_rectangle_tracks_a_point(self) -> None:
+    def test_without_rectangles_tracks_a_point(self) -> None:
         unknown = {mavlink.MAV_CMD_CAMERA_TRACK_RECTANGLE: mavlink.MAV_RESULT_UNSUPPORTED}
         script = dataclasses.replace(OWN, results=unknown)
         world = flown(takeoff(), track(), go_home(3), script=script)
@@ -293,7 +295,7 @@ class TestAMissionOfTheCameraAlone:
 
 
 class TestAnItemThatIsUnknown:
-    def test_is_said_otherwise(self) -> None:
+    def test_is_sent_as_another_item(self) -> None:
         script = dataclasses.replace(PX4, unknown_items=frozenset({1000, 205}))
         image = {"command_id": 2, "command_type_id": 4, "parameters": {"pitch_angle": -90}}
         world = flown(takeoff(), image, go_home(3), script=script)
@@ -327,5 +329,5 @@ def test_a_state_vector_goes_on_while_a_command_is_flown_live() -> None:
     before = len(world.edge.bodies("/state_vector/"))
     world.run(10.0)
     assert len(world.edge.bodies("/state_vector/")) - before >= 9
-    assert world.app.sessions[1].state is State.PERFORMING
+    assert world.app.sessions[1].state is State.FLYING_LIVE
     assert vehicle.custom_mode != PX4_MISSION

@@ -40,7 +40,7 @@ def test_one_is_flown_in_parts(script: Script, most_items: int, parts: int) -> N
 
 
 @AUTOPILOTS
-def test_a_restarted_broker_knows_the_parts(script: Script) -> None:
+def test_a_restarted_broker_recognises_the_parts(script: Script) -> None:
     world = long_world(script, 120)
     vehicle = world.only_vehicle
     world.run_until(lambda: vehicle.airborne and vehicle.current > 20)

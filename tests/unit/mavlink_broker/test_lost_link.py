@@ -1,4 +1,4 @@
-"""A link that is away at the worst moment: when the vehicle is asked for something."""
+"""A link that is lost at the worst moment: when the vehicle has to answer."""
 
 import dataclasses
 
@@ -13,7 +13,7 @@ from tests.support.scripted_vehicle import PX4_RETURN, Script, ScriptedVehicle
 from tests.unit.mavlink_broker.test_live_commands import OWN, hotpoint, messages
 
 AWAY_S = 15.0
-"""Longer than any order is repeated, or than a link is believed to be there."""
+"""Longer than any order is repeated, and than a link takes to count as lost."""
 COMMANDS = (takeoff(1), hotpoint(2, start_point=4), waypoint(3), go_home(4))
 IN_FLIGHT = {
     "holding": State.HOLDING,
@@ -26,7 +26,7 @@ IN_FLIGHT = {
 
 
 def world_of(script: Script, delay_s: float | None = None) -> World:
-    """A world with a mission of a circle between two stretches."""
+    """A world with a mission of a circle between two segments."""
     world = World()
     vehicle = world.add_vehicle(script=dataclasses.replace(script, item_time_s=1.0))
     if delay_s is not None:
@@ -50,9 +50,9 @@ def lose_link(world: World, seconds: float = AWAY_S) -> ScriptedVehicle:
 
 
 def unheard_behind_the_circle() -> tuple[World, ScriptedVehicle]:
-    """A world whose vehicle has gone silent while its second stretch was on the way to it."""
+    """A world whose vehicle has gone silent during the upload of its second segment."""
     world = world_of(PX4_1_17)
-    run_until_in(world, State.PERFORMING)
+    run_until_in(world, State.FLYING_LIVE)
     run_until_in(world, State.UPLOADING)
     world.only_vehicle.silent = True
     world.run(AWAY_S)
@@ -60,14 +60,14 @@ def unheard_behind_the_circle() -> tuple[World, ScriptedVehicle]:
 
 
 @pytest.mark.parametrize(
-    ("script", "delay_s"), [(OWN, None), (PX4_1_17, 0.2)], ids=["heard", "unheard"]
+    ("script", "delay_s"), [(OWN, None), (PX4_1_17, 0.2)], ids=["delivered", "lost"]
 )
 @pytest.mark.parametrize("state", IN_FLIGHT.values(), ids=IN_FLIGHT)
 def test_between_two_stages_it_is_waited_for(
     script: Script, state: State, delay_s: float | None
 ) -> None:
     world = world_of(script, delay_s)
-    run_until_in(world, State.PERFORMING)
+    run_until_in(world, State.FLYING_LIVE)
     run_until_in(world, state)
     vehicle = lose_link(world)
     world.run_until_over(1201)
@@ -75,13 +75,13 @@ def test_between_two_stages_it_is_waited_for(
     assert vehicle.commands.count(mavlink.MAV_CMD_DO_ORBIT) == 1
 
 
-@pytest.mark.parametrize("delay_s", [None, 0.2], ids=["heard", "unheard"])
+@pytest.mark.parametrize("delay_s", [None, 0.2], ids=["delivered", "lost"])
 @pytest.mark.parametrize("script", [OWN, PX4_1_17], ids=["own", "PX4"])
-def test_an_order_for_a_circle_is_given_again_only_if_it_did_not_arrive(
+def test_an_order_for_a_circle_is_repeated_only_if_it_did_not_arrive(
     script: Script, delay_s: float | None
 ) -> None:
     world = world_of(script, delay_s)
-    run_until_in(world, State.PERFORMING)
+    run_until_in(world, State.FLYING_LIVE)
     vehicle = lose_link(world, 10.0)
     orders = vehicle.commands.count(mavlink.MAV_CMD_DO_ORBIT)
     assert orders == (1 if delay_s is None else 0)
@@ -125,7 +125,7 @@ def test_a_mission_that_was_flown_meanwhile_is_finished_and_not_flown_again() ->
     assert vehicle.uploads == 1
 
 
-def test_a_vehicle_that_its_failsafe_brings_home_meanwhile_is_left_to_it() -> None:
+def test_a_vehicle_that_its_failsafe_returns_meanwhile_gets_no_order() -> None:
     world, vehicle = unheard_behind_the_circle()
     vehicle.fail_safe(PX4_RETURN)
     vehicle.silent = False
@@ -150,7 +150,7 @@ def test_a_vehicle_that_was_restarted_meanwhile_has_failed() -> None:
 def test_a_refusal_is_one_also_after_the_link_was_away() -> None:
     denied = {mavlink.MAV_CMD_DO_ORBIT: mavlink.MAV_RESULT_DENIED}
     world = world_of(dataclasses.replace(OWN, results=denied), 0.2)
-    run_until_in(world, State.PERFORMING)
+    run_until_in(world, State.FLYING_LIVE)
     lose_link(world)
     world.run_until_over(1201)
     assert world.edge.statuses(1201)[1] == Status.FAILED

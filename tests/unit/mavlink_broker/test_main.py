@@ -96,7 +96,7 @@ def test_a_busy_port_is_one_sentence_and_status_2(tmp_path: Path) -> None:
 def test_a_state_folder_that_another_broker_has_is_one_sentence_and_status_2(
     tmp_path: Path,
 ) -> None:
-    spool = Spool(tmp_path / "broker", most_bytes=1000)
+    spool = Spool(tmp_path / "broker", max_bytes=1000)
     with start(0, tmp_path) as process:
         _, errors = process.communicate(timeout=20)
     spool.close()
@@ -109,8 +109,8 @@ def test_a_state_folder_that_cannot_be_used_is_no_reason_not_to_fly(tmp_path: Pa
     (tmp_path / "broker").write_text("no folder")
     with start(0, tmp_path) as process:
         assert process.stderr is not None
-        words = "what waits for the edge server is kept in memory alone"
-        assert any(words in line for line in process.stderr)
+        message = "posts that wait for the edge server are kept in memory only"
+        assert any(message in line for line in process.stderr)
         wait_until_listening(process)
         process.send_signal(signal.SIGTERM)
         assert process.wait(timeout=20) == 0

@@ -22,7 +22,7 @@ from tests.support.scripted_vehicle import (
     PX4_MISSION,
     Script,
 )
-from tests.unit.mavlink_broker.test_events import ABORT, SOFT_ABORT, said
+from tests.unit.mavlink_broker.test_events import ABORT, SOFT_ABORT, answer_statuses
 from tests.unit.mavlink_broker.test_live_commands import OWN, follow, hotpoint
 from tests.unit.mavlink_broker.test_takeover import PHASES, in_mission, live, orders, slow, state
 
@@ -73,8 +73,8 @@ def test_items_that_are_paused_go_on_when_they_are_resumed(
     assert orders(world.only_vehicle, since) == []
     assert world.edge.status(1201) == Status.RUNNING
     who = f"system {STATION}" if by_station else "somebody else"
-    told = [c.get("message") for c in world.edge.reports(1201)[-1]["command_report_array"]]
-    assert f"{who} paused the vehicle: mode AUTO.LOITER" in told
+    messages = [c.get("message") for c in world.edge.reports(1201)[-1]["command_report_array"]]
+    assert f"{who} paused the vehicle: mode AUTO.LOITER" in messages
     world.only_vehicle.set_mode(PX4_MISSION)
     world.run_until_over(1201)
     assert world.edge.status(1201) == Status.FINISHED
@@ -102,7 +102,7 @@ def test_a_mission_that_is_resumed_just_before_a_live_command_goes_on(
     vehicle.script = dataclasses.replace(vehicle.script, item_time_s=0.2)
     world.run_until(lambda: state(world) is not State.RUNNING, 2.0)
     world.run(8.0)
-    assert state(world) is State.PERFORMING, world.edge.reports(1201)[-1]
+    assert state(world) is State.FLYING_LIVE, world.edge.reports(1201)[-1]
 
 
 def test_an_order_of_the_vehicle_to_itself_is_no_pause() -> None:
@@ -111,7 +111,7 @@ def test_an_order_of_the_vehicle_to_itself_is_no_pause() -> None:
     own = mavlink.MAVLink_command_ack_message(REPOSITION, 0, 0, 0, world.only_vehicle.system, 1)
     world.only_vehicle.send(own)
     world.run(3.0)
-    assert state(world) is State.PERFORMING
+    assert state(world) is State.FLYING_LIVE
 
 
 def circling(script: Script) -> World:
@@ -154,7 +154,7 @@ class TestAnEvent:
         world.run(50.0)
         assert orders(world.only_vehicle, since) == []
         assert world.edge.status(1201) == Status.ABORTED
-        assert said(world, event) == ["accepted", "refused"]
+        assert answer_statuses(world, event) == ["accepted", "refused"]
         assert "paused the vehicle" in world.edge.acknowledgements(event)[-1]["message"]
 
     @pytest.mark.parametrize("by_station", [False, True])
@@ -165,12 +165,12 @@ class TestAnEvent:
         event = world.edge.event(ABORT)
         world.run(2.0)
         assert world.only_vehicle.custom_mode == PX4_LAND
-        assert said(world, event) == ["accepted", "done"]
+        assert answer_statuses(world, event) == ["accepted", "done"]
         world.run(1.0)
         assert state(world) is State.IDLE
 
 
-def test_a_hover_that_a_ground_station_has_moved_is_no_hover_of_ours() -> None:
+def test_a_hover_that_a_ground_station_has_moved_is_no_hover_of_the_broker() -> None:
     world = World()
     vehicle = world.add_vehicle()
     world.edge.plan(mission(takeoff(1)))

@@ -49,7 +49,7 @@ def speeds_round_the_circle(vehicle: ScriptedVehicle) -> tuple[float, float]:
 
 
 def notes(world: World) -> list[str]:
-    """What the last report says of each command."""
+    """The messages of the last report, per command."""
     (mission_id,) = {report["mission_id"] for report in world.edge.bodies("/mission_report/")}
     reports = world.edge.reports(mission_id)[-1]["command_report_array"]
     return [report.get("message", "") for report in reports]
@@ -64,7 +64,7 @@ class TestACircle:
         assert before == pytest.approx(math.radians(10.0) * 10.0)
         assert behind == 4.0
 
-    def test_that_is_wide_is_slower_still_and_says_so(self) -> None:
+    def test_that_is_wide_is_slower_still_and_the_report_notes_it(self) -> None:
         """No more than half of WPNAV_ACCEL goes into the turn."""
         world = flown(
             COPTER_4_6, mission(takeoff(), hotpoint(radius=11, angular_velocity=20), go_home())
@@ -104,16 +104,16 @@ class TestANewSpeed:
         before_the_circle = vehicle.commands.count(SPEED)
         world.run_until(lambda: vehicle.current > kinds.index(CIRCLE) + 4)
         world.run(1.0)
-        told = [values[1] for number, values in vehicle.parameters if number == SPEED]
-        assert told == [2.0] * len(told)
-        assert len(told) > before_the_circle > 0
+        speeds = [values[1] for number, values in vehicle.parameters if number == SPEED]
+        assert speeds == [2.0] * len(speeds)
+        assert len(speeds) > before_the_circle > 0
 
     @pytest.mark.parametrize("script", [PX4_1_17, COPTER_4_6], ids=["px4", "copter"])
     @pytest.mark.parametrize(
         "state", [State.UPLOADING, State.VERIFYING, State.SELECTING, State.ARMING, State.STARTING]
     )
-    def test_may_come_while_the_items_are_on_their_way(self, script: Script, state: State) -> None:
-        """What the vehicle is proved to hold is what it was given; the speed is told behind it."""
+    def test_may_come_while_the_items_are_uploaded(self, script: Script, state: State) -> None:
+        """The vehicle holds the items that were uploaded; the speed is ordered behind them."""
         world = World()
         vehicle = world.add_vehicle(script=script)
         world.edge.plan(mission(takeoff(), waypoint(2), waypoint(3), go_home(4)))
@@ -125,7 +125,7 @@ class TestANewSpeed:
         assert world.edge.acknowledgements(event)[-1]["status"] == "done"
 
 
-def test_a_vehicle_that_knows_no_cameras_in_missions_flies_all_commands() -> None:
+def test_a_vehicle_without_camera_items_flies_all_commands() -> None:
     plan = example("eleven_commands")
     world = flown(COPTER_4_1, plan)
     report = world.edge.reports(plan["mission_id"])[-1]
@@ -174,7 +174,7 @@ class TestABrokerThatWasAway:
 
 class TestARover:
     def test_has_finished_when_its_mission_is_complete(self) -> None:
-        """It never lands, tells nothing of landings, and stays armed where its mission ends."""
+        """It never lands, reports no landings, and stays armed where its mission ends."""
         world = World()
         vehicle = world.add_vehicle(script=ROVER)
         for number in (1, 2):

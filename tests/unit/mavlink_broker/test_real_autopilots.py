@@ -111,8 +111,8 @@ class TestEveryAutopilot:
         assert flown(script, loss=0.2).edge.statuses(1201) == FINISHED
 
     @AUTOPILOTS
-    def test_keeps_fractions_radians_and_no_pitch_and_is_believed(self, script: Script) -> None:
-        """What an autopilot rounds, turns or drops in storage is its way, and no difference."""
+    def test_stores_fractions_radians_and_no_pitch_and_is_verified(self, script: Script) -> None:
+        """What an autopilot rounds, converts or drops in storage is no difference."""
         plan = mission(
             takeoff(yaw_angle=-90.0, minimum_pitch=7.5),
             waypoint(hold_time=2.5, desired_yaw_angle=359.9),
@@ -121,7 +121,7 @@ class TestEveryAutopilot:
         assert flown(script, plan).edge.statuses(1201) == FINISHED
 
     @AUTOPILOTS
-    def test_tells_the_size_of_its_battery(self, script: Script) -> None:
+    def test_sends_the_capacity_of_its_battery(self, script: Script) -> None:
         world = World()
         world.add_vehicle(script=script)
         world.run(15.0)
@@ -145,7 +145,7 @@ class TestEveryAutopilot:
         assert world.edge.statuses(1201) == FINISHED
 
     @AUTOPILOTS
-    def test_tells_everything_again_after_a_restart(self, script: Script) -> None:
+    def test_sends_everything_again_after_a_restart(self, script: Script) -> None:
         world = World()
         vehicle = world.add_vehicle(script=script)
         world.run(20.0)
@@ -184,12 +184,12 @@ class TestPx4:
         world.run(2.0)
         vehicle = world.only_vehicle
         arming = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
-        told = [values[0] for command, values in vehicle.parameters if command == arming]
-        assert told[0] == 1.0
-        assert told[-1] == 0.0
+        orders = [values[0] for command, values in vehicle.parameters if command == arming]
+        assert orders[0] == 1.0
+        assert orders[-1] == 0.0
         assert not vehicle.armed
 
-    def test_that_tells_of_an_infeasible_mission_is_not_even_armed(self) -> None:
+    def test_that_reports_an_infeasible_mission_is_not_armed(self) -> None:
         world = flown(dataclasses.replace(PX4_1_17, is_infeasible=True))
         assert mavlink.MAV_CMD_COMPONENT_ARM_DISARM not in world.only_vehicle.commands
 
@@ -210,14 +210,14 @@ class TestPx4:
         world.run_until_over(1201)
         assert world.edge.statuses(1201) == FINISHED
 
-    def test_that_does_not_tell_what_it_does_without_a_station_has_a_companion(self) -> None:
+    def test_without_the_parameter_of_link_loss_has_a_companion(self) -> None:
         """Its mission survives a broker that dies, whatever it does without a station."""
         world = flown(dataclasses.replace(PX4_1_17, link_loss_action=None))
         sent = Decoder().decode(b"".join(frame for _, frame in world.air.sent))
         kinds = {m.type for m in sent if m.get_type() == "HEARTBEAT"}
         assert kinds == {mavlink.MAV_TYPE_ONBOARD_CONTROLLER}
 
-    def test_that_misses_a_ground_station_and_does_not_tell_why_has_one_too(self) -> None:
+    def test_that_reports_a_missing_ground_station_gets_one(self) -> None:
         world = World()
         quiet = dataclasses.replace(PX4_1_17, link_loss_action=None, talks_to_stations_only=False)
         vehicle = world.add_vehicle(script=quiet)
@@ -243,21 +243,23 @@ class TestPx4:
         assert world.edge.statuses(1201) == FINISHED
         assert not world.only_vehicle.armed
 
-    def test_that_carries_nothing_flies_all_and_says_what_it_left_out(self) -> None:
-        """Its simulation has no camera: what is said to one has FAILED, in the autopilot's name."""
+    def test_without_payload_flies_all_and_the_report_names_what_it_left_out(self) -> None:
+        """Its simulation has no camera: a command to one has FAILED, in the autopilot's name."""
         plan = example("eleven_commands")
         world = flown(PX4_BARE, plan)
         report = world.edge.reports(plan["mission_id"])[-1]
         assert report["mission_status_id"] == Status.FINISHED, report
-        told = {one["command_id"]: one.get("message") for one in report["command_report_array"]}
-        assert told[8] == told[9] == "left out: no camera is heard on the vehicle"
+        messages = {one["command_id"]: one.get("message") for one in report["command_report_array"]}
+        assert messages[8] == messages[9] == "left out: the vehicle has no camera"
 
     def test_that_carries_nothing_flies_on_behind_a_live_command(self) -> None:
         """Nobody answers for a gimbal that is not there."""
         world = flown(PX4_BARE, mission(takeoff(), follow(), picture(3), panorama(4), go_home(5)))
         assert world.edge.status(1201) == Status.FINISHED
-        told = [one.get("message") for one in world.edge.reports(1201)[-1]["command_report_array"]]
-        assert all("no camera is heard on the vehicle" in str(text) for text in told[2:4])
+        messages = [
+            one.get("message") for one in world.edge.reports(1201)[-1]["command_report_array"]
+        ]
+        assert all("the vehicle has no camera" in str(text) for text in messages[2:4])
 
     def test_whose_camera_is_there_and_refuses_fails(self) -> None:
         refusal = {mavlink.MAV_CMD_CAMERA_TRACK_RECTANGLE: mavlink.MAV_RESULT_DENIED}
@@ -281,7 +283,7 @@ class TestPx4:
         assert "failsafe holds it (Geofence exceeded" in reason(world)
 
     def test_that_holds_before_its_failsafe_acts_may_go_on(self) -> None:
-        """It waits for 5 s, and flies on if its ground station is heard again meanwhile."""
+        """It waits for 5 s, and flies on if its ground station is back meanwhile."""
         world, vehicle = under_way(dataclasses.replace(PX4_1_17, item_time_s=10.0), first_flight())
         vehicle.fail_safe(PX4_HOLD)
         world.run(7.0)
@@ -290,7 +292,7 @@ class TestPx4:
         assert world.edge.statuses(1201) == FINISHED
 
     def test_that_a_pilot_stops_on_its_circle_has_not_finished_it(self) -> None:
-        """Its circle has no end of its own: whoever holds it wants it to stay there."""
+        """Its circle has no end of its own: a hold makes it stay there."""
         world, vehicle = under_way(PX4_1_17, mission(takeoff(), circle(2), go_home(3)))
         vehicle.set_mode(PX4_HOLD)
         world.run_until_over(1201, within_s=20.0)
@@ -323,7 +325,7 @@ class TestArduPilot:
 
     @COPTERS
     def test_is_waited_for_until_it_can_navigate(self, script: Script) -> None:
-        """In STABILIZE it calls itself ready to arm, and knows its home, before it has a place."""
+        """In STABILIZE it reports ready to arm, and has a home, before it has a position."""
         world = flown(dataclasses.replace(script, navigates_after_s=35.0))
         assert world.edge.statuses(1201) == FINISHED
 
@@ -341,7 +343,7 @@ class TestArduPilot:
         assert world.edge.statuses(1201) == FINISHED
 
     @COPTERS
-    def test_is_never_armed_in_a_mode_that_is_flown_by_hand(self, script: Script) -> None:
+    def test_is_never_armed_in_a_manual_mode(self, script: Script) -> None:
         guided = {mavlink.MAV_CMD_DO_SET_MODE: mavlink.MAV_RESULT_FAILED}
         world = flown(dataclasses.replace(script, results=guided))
         assert world.edge.status(1201) == Status.FAILED
@@ -363,7 +365,7 @@ class TestArduPilot:
         assert vehicle.custom_mode == COPTER_GUIDED
 
     @COPTERS
-    def test_whose_checks_fail_says_which(self, script: Script) -> None:
+    def test_whose_checks_fail_reports_which(self, script: Script) -> None:
         refused = dataclasses.replace(
             script, arms_in=frozenset(), arming_complaint="PreArm: Compass not calibrated"
         )
@@ -372,7 +374,7 @@ class TestArduPilot:
         assert "PreArm: Compass not calibrated" in reason(world)
         assert world.only_vehicle.uploads == 1
 
-    def test_that_sends_little_unasked_is_asked(self) -> None:
+    def test_that_sends_few_streams_gets_requests(self) -> None:
         for script in (COPTER_4_6, COPTER_3_6):
             world = World()
             world.add_vehicle(script=script)
@@ -386,7 +388,7 @@ class TestArduPilot:
     def test_begins_its_mission_anew_behind_the_landing_and_has_finished(
         self, script: Script
     ) -> None:
-        """Disarmed it forgets how far it was and stays in AUTO; nobody has set it back."""
+        """Disarmed it loses its progress and stays in AUTO; no ground station has set it back."""
         for seed in range(4):
             world = World(loss=0.2, seed=seed)
             vehicle = world.add_vehicle(script=script)

@@ -61,7 +61,7 @@ class TestAVehicleThatHasNoOtherGroundStation:
 
 class TestAVehicleWithAFenceOfItsOwn:
     def test_that_agrees_to_go_out_and_stays_fails_the_command_at_once(self) -> None:
-        """Who answers does not know the fence, and who knows it does not answer: a text is all."""
+        """Its answer does not show the fence: a status text is all."""
         world = World()
         world.add_vehicle(script=dataclasses.replace(PX4_1_17, fence_m=30.0))
         place = {"latitude": HOME[0], "longitude": HOME[1], "orbit_altitude": 8.0}
@@ -74,8 +74,8 @@ class TestAVehicleWithAFenceOfItsOwn:
 
 
 class TestAVehicleThatLacksParameters:
-    def test_is_given_its_time_to_follow_however_long_they_were_asked_for(self) -> None:
-        """Up to 1.15 nobody answers for a parameter that is not there."""
+    def test_gets_the_full_time_to_follow_behind_slow_parameters(self) -> None:
+        """Up to 1.15 it does not answer for a parameter that does not exist."""
         world = World()
         world.add_vehicle(script=PX4_1_13)
         world.run(3.0)
@@ -91,7 +91,7 @@ class TestAVehicleThatLacksParameters:
 class TestAVehicleThatGetsANewFenceInFlight:
     @pytest.mark.parametrize("script", [PX4_1_14, PX4_1_17], ids=["1.14", "1.17"])
     def test_and_may_not_go_on_has_not_finished(self, script: Script) -> None:
-        """It stays where it is, in its mission mode, and says that its mission is complete."""
+        """It stays where it is, in its mission mode, and reports its mission as complete."""
         world = World()
         vehicle = world.add_vehicle(script=dataclasses.replace(script, item_time_s=6.0))
         plan = mission(takeoff(), waypoint(2), waypoint(3, 20.0), go_home(4, landing=False))
@@ -109,7 +109,7 @@ class TestAVehicleThatGetsANewFenceInFlight:
 
 class TestAVehicleThatIsNotArmed:
     def test_is_not_left_in_its_mission_mode(self) -> None:
-        """Whoever arms it there, at its sticks or by a ground station, lets it fly away."""
+        """Arming it there, by remote control or ground station, would start its flight."""
         refuses = {mavlink.MAV_CMD_COMPONENT_ARM_DISARM: mavlink.MAV_RESULT_TEMPORARILY_REJECTED}
         world = World()
         vehicle = world.add_vehicle(script=dataclasses.replace(PX4_1_17, results=refuses))
@@ -121,8 +121,8 @@ class TestAVehicleThatIsNotArmed:
 
 
 class TestAVehicleThatDoesNotTellItsVersion:
-    def test_is_told_to_arm_until_it_does(self) -> None:
-        """Built from a copy without its tags, as many are: nobody knows what it would tell."""
+    def test_is_ordered_to_arm_until_it_does(self) -> None:
+        """Built from a copy without its tags, as many are: its version is not known."""
         built = dataclasses.replace(PX4_1_17, version=0, ready_to_arm_after_s=20.0)
         world = World()
         world.add_vehicle(script=built)
@@ -141,8 +141,8 @@ class TestAVehicleThatIsNotReady:
         world.run_until_over(1201)
         assert world.edge.statuses(1201) == FINISHED
 
-    def test_is_asked_why(self) -> None:
-        """It says why once, when that begins: mostly before there is a broker or a mission."""
+    def test_is_requested_to_report_why(self) -> None:
+        """It sends the reason once, at its start: mostly before a broker or a mission exists."""
         fault = "Preflight Fail: Compass 0 uncalibrated"
         script = dataclasses.replace(PX4_1_17, ready_to_arm_after_s=1e6, fault=fault)
         world = World()

@@ -28,7 +28,7 @@ def kinds_sent(world: World) -> set[str]:
     return {m.get_type() for _, frame in world.air.sent for m in decoder.decode(frame)}
 
 
-def test_a_mission_is_not_refused_by_what_the_vehicle_has_not_told_yet() -> None:
+def test_a_mission_is_not_refused_for_what_the_vehicle_has_not_sent_yet() -> None:
     """A panorama on the ground: of this project's own vehicle, and of no other."""
     world = World()
     world.edge.plan(mission(panorama(1), takeoff(2), go_home(3)))
@@ -48,7 +48,7 @@ def test_what_its_vehicle_cannot_fly_is_refused_once_it_is_known() -> None:
     assert vehicle.uploads == 0
 
 
-def test_what_ended_meanwhile_is_told_with_its_place_and_battery() -> None:
+def test_what_ended_meanwhile_is_reported_with_position_and_battery() -> None:
     world = World()
     vehicle = world.add_vehicle(script=OWN)
     world.edge.plan(mission(takeoff(), hotpoint(start_point=4), waypoint(3), go_home(4)))
@@ -73,7 +73,7 @@ def test_a_time_that_lasts_is_counted_by_the_vehicles_clock_from_the_first_secon
 
 
 def test_a_mission_that_was_over_before_anybody_saw_it_fly_is_not_flown_again() -> None:
-    """Killed as soon as the vehicle was told to start, and back when it stands again."""
+    """Killed as soon as the vehicle was ordered to start, and back after its landing."""
     world = World()
     vehicle = world.add_vehicle()
     world.edge.plan(first_flight())
@@ -87,8 +87,8 @@ def test_a_mission_that_was_over_before_anybody_saw_it_fly_is_not_flown_again() 
     assert vehicle.uploads == 1
 
 
-def test_the_same_stretch_twice_is_flown_twice() -> None:
-    """Killed between two sorties whose items are the same: the vehicle cannot tell them apart."""
+def test_the_same_segment_twice_is_flown_twice() -> None:
+    """Killed between two sorties whose items are the same: the vehicle cannot distinguish them."""
     sortie = (takeoff(1), waypoint(2), land(3))
     world = World()
     vehicle = world.add_vehicle()
@@ -114,7 +114,7 @@ def test_a_vehicle_that_was_restarted_meanwhile_has_failed_its_mission() -> None
     assert "the vehicle was restarted" in world.edge.reports(1201)[-1]["message"]
 
 
-def test_an_orbit_is_not_flown_again_that_began_before_it_was_told() -> None:
+def test_an_orbit_that_began_before_its_report_is_not_flown_again() -> None:
     world = World()
     vehicle = world.add_vehicle(script=OWN)
     world.edge.plan(mission(takeoff(), hotpoint(radius=30.0, start_point=1), go_home(3)))
@@ -126,7 +126,7 @@ def test_an_orbit_is_not_flown_again_that_began_before_it_was_told() -> None:
     assert vehicle.commands.count(mavlink.MAV_CMD_DO_ORBIT) == 1
 
 
-def test_a_link_that_is_away_while_the_mission_is_looked_for_is_waited_out() -> None:
+def test_a_link_that_is_lost_while_attaching_is_waited_out() -> None:
     world = flying_world(dataclasses.replace(PX4, item_time_s=100.0))
     world.restart_broker()
     world.run_until(lambda: 1 in world.app.sessions)
@@ -141,8 +141,8 @@ def test_a_link_that_is_away_while_the_mission_is_looked_for_is_waited_out() -> 
 
 
 @pytest.mark.parametrize("unknown", [{1000}, {1000, 205}, {2000}, {1000, 2000}])
-def test_a_mission_is_known_again_that_had_to_be_said_otherwise(unknown: set[int]) -> None:
-    """The vehicle's refusals are forgotten with the broker that heard them."""
+def test_a_mission_that_was_sent_as_other_items_is_recognised(unknown: set[int]) -> None:
+    """The vehicle's refusals are lost with the broker that received them."""
     burst = {"photo_count": 2, "pitch_angle": -90, "time_interval": 2}
     pictures = {"command_id": 2, "command_type_id": 4, "parameters": burst}
     world = World()

@@ -11,7 +11,14 @@ from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mission.states import State
 from tests.support.broker_world import World, first_flight, mission, takeoff, waypoint
 from tests.support.scripted_vehicle import PX4, PX4_HOLD, PX4_LAND, PX4_POSITION, PX4_RETURN
-from tests.unit.mavlink_broker.test_events import ABORT, POINT, SOFT_ABORT, SPEED, said, world_at
+from tests.unit.mavlink_broker.test_events import (
+    ABORT,
+    POINT,
+    SOFT_ABORT,
+    SPEED,
+    answer_statuses,
+    world_at,
+)
 
 SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
 AWAY = pytest.mark.parametrize("away_s", [0.0, 3.0, 60.0])
@@ -35,11 +42,11 @@ def test_an_abort_with_a_point_still_lands_there(away_s: float) -> None:
     vehicle = world.only_vehicle
     vehicle.height_m = 40.0
     event = world.edge.event(ABORT, abort=POINT)
-    world.run_until(lambda: world.app.sessions[1].state is State.LEAVING)
+    world.run_until(lambda: world.app.sessions[1].state is State.ABORTING)
     world.tick()
-    assert "done" not in said(world, event)
+    assert "done" not in answer_statuses(world, event)
     restart(world, away_s)
-    world.run_until(lambda: "done" in said(world, event))
+    world.run_until(lambda: "done" in answer_statuses(world, event))
     world.run_until(lambda: not vehicle.armed)
     assert is_at_point(world)()
     assert vehicle.commands.count(mavlink.MAV_CMD_MISSION_START) == 1
@@ -54,18 +61,18 @@ def test_a_landing_that_was_ordered_is_not_ordered_again() -> None:
     ordered = len([c for c in vehicle.parameters if c[0] == mavlink.MAV_CMD_DO_SET_MODE])
     restart(world)
     world.run_until(lambda: not vehicle.armed)
-    told = len([c for c in vehicle.parameters if c[0] == mavlink.MAV_CMD_DO_SET_MODE])
-    assert told == ordered
+    mode_orders = len([c for c in vehicle.parameters if c[0] == mavlink.MAV_CMD_DO_SET_MODE])
+    assert mode_orders == ordered
 
 
 @AWAY
-def test_a_soft_abort_still_lets_the_running_command_end(away_s: float) -> None:
+def test_a_soft_abort_still_waits_for_the_running_command(away_s: float) -> None:
     world = world_at(1)
     event = world.edge.event(SOFT_ABORT)
     world.run(0.5)
-    assert said(world, event) == ["accepted"]
+    assert answer_statuses(world, event) == ["accepted"]
     restart(world, away_s)
-    world.run_until(lambda: "done" in said(world, event))
+    world.run_until(lambda: "done" in answer_statuses(world, event))
     assert world.edge.status(1201) == Status.ABORTED
     assert world.edge.statuses(1201)[1] == Status.FINISHED
     assert world.only_vehicle.custom_mode == PX4_RETURN
@@ -75,12 +82,12 @@ def test_a_soft_abort_to_a_point_still_holds_there_and_the_next_mission_begins_t
     world = world_at(1)
     vehicle = world.only_vehicle
     event = world.edge.event(SOFT_ABORT, abort=POINT)
-    world.run_until(lambda: world.app.sessions[1].state is State.LEAVING)
+    world.run_until(lambda: world.app.sessions[1].state is State.ABORTING)
     world.tick()
     world.edge.plan(first_flight(mission_id=1202))
     world.tick()
     restart(world)
-    world.run_until(lambda: "done" in said(world, event))
+    world.run_until(lambda: "done" in answer_statuses(world, event))
     assert is_at_point(world)()
     assert vehicle.armed
     world.run_until_over(1202)
@@ -89,40 +96,38 @@ def test_a_soft_abort_to_a_point_still_holds_there_and_the_next_mission_begins_t
 
 @AWAY
 @pytest.mark.parametrize("command", [0, 2, 3])
-def test_an_abort_that_came_while_nobody_was_there_is_carried_out(
-    command: int, away_s: float
-) -> None:
+def test_an_abort_that_came_while_no_broker_ran_is_carried_out(command: int, away_s: float) -> None:
     world = world_at(command)
     world.kill_broker()
     event = world.edge.event(ABORT)
     world.run(away_s)
     world.restart_broker()
-    world.run_until(lambda: "done" in said(world, event))
+    world.run_until(lambda: "done" in answer_statuses(world, event))
     assert world.edge.status(1201) == Status.ABORTED
     world.run_until(lambda: not world.only_vehicle.armed)
 
 
-def test_a_speed_that_was_not_told_yet_is_told() -> None:
+def test_a_speed_that_was_not_ordered_yet_is_ordered() -> None:
     world = world_at(1)
     world.kill_broker()
     event = world.edge.event(SPEED, maximum_speed=2.5)
     world.restart_broker()
-    world.run_until(lambda: "done" in said(world, event))
-    told = [v for c, v in world.only_vehicle.parameters if c == mavlink.MAV_CMD_DO_CHANGE_SPEED]
-    assert [values[1] for values in told] == [2.5]
+    world.run_until(lambda: "done" in answer_statuses(world, event))
+    speeds = [v for c, v in world.only_vehicle.parameters if c == mavlink.MAV_CMD_DO_CHANGE_SPEED]
+    assert [values[1] for values in speeds] == [2.5]
 
 
-def test_a_pilot_who_has_taken_over_meanwhile_is_left_alone() -> None:
+def test_no_order_goes_to_a_pilot_who_has_taken_over_meanwhile() -> None:
     world = world_at(1)
     event = world.edge.event(ABORT, abort=POINT)
-    world.run_until(lambda: world.app.sessions[1].state is State.LEAVING)
+    world.run_until(lambda: world.app.sessions[1].state is State.ABORTING)
     world.tick()
     world.kill_broker()
     world.only_vehicle.set_mode(PX4_POSITION)
     world.run(3.0)
     world.restart_broker()
-    world.run_until(lambda: "refused" in said(world, event))
-    assert "another hand" in world.edge.acknowledgements(event)[-1]["message"]
+    world.run_until(lambda: "refused" in answer_statuses(world, event))
+    assert "somebody else" in world.edge.acknowledgements(event)[-1]["message"]
     assert world.only_vehicle.custom_mode == PX4_POSITION
 
 
@@ -150,7 +155,7 @@ def test_an_abort_outlives_a_broker_while_its_vehicle_is_out_of_reach(
     world.run(0.1)
     event = world.edge.event(ABORT)
     world.run(1.0)
-    assert said(world, event) == ["accepted"]
+    assert answer_statuses(world, event) == ["accepted"]
     world.kill_broker()
     if is_forgotten:
         world.edge.closed.add(event)
@@ -160,7 +165,7 @@ def test_an_abort_outlives_a_broker_while_its_vehicle_is_out_of_reach(
     world.run_until(lambda: vehicle.custom_mode == PX4_LAND, within_s=20.0)
     world.run_until(lambda: not vehicle.armed)
     world.run(1.0)
-    assert said(world, event) == ["accepted", "done"]
+    assert answer_statuses(world, event) == ["accepted", "done"]
     world.run_until(lambda: not list(tmp_path.iterdir()))
 
 
@@ -178,7 +183,7 @@ def test_an_abort_of_a_flight_before_is_not_carried_out_on_another(tmp_path: Pat
     vehicle.silent = False
     world.restart_broker()
     world.run(10.0)
-    assert said(world, event)[-1] == "refused"
+    assert answer_statuses(world, event)[-1] == "refused"
     assert vehicle.custom_mode == PX4_HOLD
 
 
@@ -194,7 +199,7 @@ class TestTheNewestAbortDecides:
         vehicle = world.only_vehicle
         soft = world.edge.event(SOFT_ABORT)
         world.run(0.5)
-        assert said(world, soft) == ["accepted"]
+        assert answer_statuses(world, soft) == ["accepted"]
         world.kill_broker()
         hard = world.edge.event(ABORT)
         since = len(vehicle.parameters)
@@ -203,8 +208,8 @@ class TestTheNewestAbortDecides:
         world.run_until(lambda: not vehicle.armed)
         world.run(1.0)
         assert modes_since(world, since) == {PX4_LAND}
-        assert said(world, hard) == ["accepted", "done"]
-        assert said(world, soft) == ["accepted", "done"]
+        assert answer_statuses(world, hard) == ["accepted", "done"]
+        assert answer_statuses(world, soft) == ["accepted", "done"]
         assert world.edge.acknowledgements(soft)[-1]["message"] == "a later event replaced it"
         assert world.edge.status(1201) == Status.ABORTED
 
@@ -217,7 +222,7 @@ class TestTheNewestAbortDecides:
         vehicle = world.only_vehicle
         vehicle.script = dataclasses.replace(vehicle.script, goes_to_places=False)
         soft = world.edge.event(SOFT_ABORT, abort=POINT)
-        world.run_until(lambda: world.app.sessions[1].state is State.LEAVING)
+        world.run_until(lambda: world.app.sessions[1].state is State.ABORTING)
         world.run(0.5)
         world.kill_broker()
         hard = world.edge.event(ABORT)
@@ -228,8 +233,8 @@ class TestTheNewestAbortDecides:
         world.run_until(lambda: not vehicle.armed)
         world.run(1.0)
         assert modes_since(world, since) == {PX4_LAND}
-        assert said(world, hard)[-1] == "done"
-        assert said(world, soft) == ["accepted", "done"]
+        assert answer_statuses(world, hard)[-1] == "done"
+        assert answer_statuses(world, soft) == ["accepted", "done"]
         assert world.edge.acknowledgements(soft)[-1]["message"] == "a later event replaced it"
 
     def test_over_one_that_a_restarted_broker_sees_through(self) -> None:
@@ -237,24 +242,24 @@ class TestTheNewestAbortDecides:
         vehicle = world.only_vehicle
         vehicle.script = dataclasses.replace(vehicle.script, goes_to_places=False)
         soft = world.edge.event(SOFT_ABORT, abort=POINT)
-        world.run_until(lambda: world.app.sessions[1].state is State.LEAVING)
+        world.run_until(lambda: world.app.sessions[1].state is State.ABORTING)
         world.tick()
         restart(world)
         world.run(3.0)
-        assert said(world, soft) == ["accepted"]
+        assert answer_statuses(world, soft) == ["accepted"]
         hard = world.edge.event(ABORT)
         world.run_until(lambda: not vehicle.armed)
         world.run(1.0)
         assert vehicle.custom_mode == PX4_LAND
-        assert said(world, hard) == ["accepted", "done"]
-        assert said(world, soft) == ["accepted", "done"]
+        assert answer_statuses(world, hard) == ["accepted", "done"]
+        assert answer_statuses(world, soft) == ["accepted", "done"]
 
     def test_a_newer_soft_one_over_an_abort(self) -> None:
         world = world_at(1)
         vehicle = world.only_vehicle
         vehicle.script = dataclasses.replace(vehicle.script, goes_to_places=False)
         hard = world.edge.event(ABORT, abort=POINT)
-        world.run_until(lambda: world.app.sessions[1].state is State.LEAVING)
+        world.run_until(lambda: world.app.sessions[1].state is State.ABORTING)
         world.tick()
         world.kill_broker()
         soft = world.edge.event(SOFT_ABORT)
@@ -262,7 +267,7 @@ class TestTheNewestAbortDecides:
         world.run_until(lambda: not vehicle.armed)
         world.run(1.0)
         assert vehicle.custom_mode == PX4_RETURN
-        assert said(world, soft) == ["accepted", "done"]
+        assert answer_statuses(world, soft) == ["accepted", "done"]
         assert world.edge.acknowledgements(hard)[-1]["message"] == "a later event replaced it"
 
 
@@ -282,7 +287,7 @@ class TestAnAbortBeforeTheAcceptanceIsAnswered:
         world.run(1.0)
         event = world.edge.event(kind)
         world.run(2.0)
-        assert said(world, event) == ["accepted"]
+        assert answer_statuses(world, event) == ["accepted"]
         world.kill_broker()
         if is_forgotten:
             world.edge.closed.add(event)
@@ -291,7 +296,7 @@ class TestAnAbortBeforeTheAcceptanceIsAnswered:
         world.run(20.0)
         assert vehicle.arm_orders == 0
         assert world.edge.status(1201) == Status.ABORTED
-        assert said(world, event) == ["accepted", "done"]
+        assert answer_statuses(world, event) == ["accepted", "done"]
         assert not list(tmp_path.iterdir())
 
     def test_of_one_that_waited_behind_another(self) -> None:
@@ -303,13 +308,13 @@ class TestAnAbortBeforeTheAcceptanceIsAnswered:
         event = world.edge.event(ABORT)
         world.run_until(lambda: not vehicle.armed)
         world.run(1.0)
-        assert said(world, event) == ["accepted"]
+        assert answer_statuses(world, event) == ["accepted"]
         restart(world)
         world.edge.answers_acceptances = True
         world.run(15.0)
         assert vehicle.arm_orders == 1
         assert world.edge.status(1202) == Status.ABORTED
-        assert said(world, event)[-1] == "done"
+        assert answer_statuses(world, event)[-1] == "done"
 
     def test_and_no_mission_begins_before_it_is_done(self) -> None:
         world = World()
@@ -326,7 +331,7 @@ class TestAnAbortBeforeTheAcceptanceIsAnswered:
         world.run_until_over(1202)
         assert world.edge.status(1201) == Status.ABORTED
         assert world.edge.status(1202) == Status.FINISHED
-        assert said(world, event)[-1] == "done"
+        assert answer_statuses(world, event)[-1] == "done"
         assert vehicle.arm_orders == 1
 
     def test_a_withdrawal_does_not_end_the_orders_of_the_abort(self) -> None:
@@ -349,7 +354,7 @@ class TestAnAbortBeforeTheAcceptanceIsAnswered:
         vehicle.script = dataclasses.replace(vehicle.script, results={})
         world.run(4.0)
         assert vehicle.custom_mode == PX4_LAND
-        assert said(world, event) == ["accepted", "done"]
+        assert answer_statuses(world, event) == ["accepted", "done"]
 
 
 def modes_since(world: World, since: int) -> set[int]:
@@ -358,15 +363,15 @@ def modes_since(world: World, since: int) -> set[int]:
     return {int(values[1]) << 16 | int(values[2]) << 24 for values in modes}
 
 
-def test_a_restarted_broker_hears_the_home_before_it_gives_a_place_up() -> None:
+def test_a_restarted_broker_waits_for_the_home_before_it_drops_a_place() -> None:
     """What is ordered relative to home must not become a landing because home is not known yet."""
     world = world_at(1)
     vehicle = world.only_vehicle
     vehicle.script = dataclasses.replace(vehicle.script, goes_to_places=False)
     event = world.edge.event(ABORT, abort=POINT)
-    world.run_until(lambda: world.app.sessions[1].state is State.LEAVING)
+    world.run_until(lambda: world.app.sessions[1].state is State.ABORTING)
     world.tick()
     restart(world)
     vehicle.script = dataclasses.replace(vehicle.script, goes_to_places=True)
-    world.run_until(lambda: "done" in said(world, event))
+    world.run_until(lambda: "done" in answer_statuses(world, event))
     assert is_at_point(world)()

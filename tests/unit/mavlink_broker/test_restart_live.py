@@ -26,7 +26,7 @@ BACKWARDS: dict[str, Any] = {"orbit_type": 1, "radius": 20.0, "angular_velocity"
 
 
 def begun(folder: Path, *commands: dict[str, Any], script: Script) -> World:
-    """A world that has just been given a mission of a take-off, these, and the way home."""
+    """A world with a new mission of a take-off, these commands, and a return."""
     world = World(journal=folder, disk_lag_s=DISK_LAG_S)
     world.add_vehicle(script=script)
     world.edge.plan(mission(takeoff(), *commands, go_home(9)))
@@ -61,7 +61,7 @@ class TestTime:
         die(world)
         assert time_until_over(world) == pytest.approx(60.0 - 30.0 - AWAY_S, abs=4.0)
 
-    def test_what_ended_while_nobody_was_there_is_over_at_once(self, tmp_path: Path) -> None:
+    def test_what_ended_while_no_broker_ran_is_over_at_once(self, tmp_path: Path) -> None:
         world = begun(tmp_path, follow(), script=PX4)
         world.run_until(lambda: is_running(world))
         die(world, away_s=80.0)
@@ -71,7 +71,7 @@ class TestTime:
 class TestCircles:
     @pytest.mark.parametrize("share", [0.1, 0.8])
     def test_an_endless_one_ends_where_it_began(self, tmp_path: Path, share: float) -> None:
-        """PX4 goes round and round: what it flew while nobody was there counts."""
+        """PX4 goes round and round: what it flew while no broker ran counts."""
         slow = hotpoint(angular_velocity=9.0, radius=15.0)
         world = begun(tmp_path, slow, script=PX4)
         vehicle = world.only_vehicle
@@ -84,7 +84,7 @@ class TestCircles:
         assert vehicle.circle is not None
         assert vehicle.circle.flown_rad / (2.0 * math.pi) == pytest.approx(1.0, abs=0.06)
 
-    def test_one_that_ended_while_nobody_was_there_is_not_flown_twice(self, tmp_path: Path) -> None:
+    def test_one_that_ended_while_no_broker_ran_is_not_flown_twice(self, tmp_path: Path) -> None:
         world = begun(tmp_path, hotpoint(angular_velocity=12.0, radius=15.0), script=PX4)
         world.run_until(lambda: is_running(world))
         die(world, away_s=35.0)
@@ -115,7 +115,7 @@ class TestPictures:
         assert len(set(numbers)) == 5
         assert len(numbers) <= 6
 
-    def test_a_camera_that_shows_that_it_was_told_is_not_told_again(self, tmp_path: Path) -> None:
+    def test_a_camera_that_shows_its_order_gets_no_second_one(self, tmp_path: Path) -> None:
         """The broker dies before the answer comes, and the camera is at it."""
         world = begun(tmp_path, panorama(), script=OWN)
         vehicle = world.only_vehicle
@@ -133,7 +133,7 @@ class TestPictures:
         assert world.edge.statuses(1201)[1] == Status.FINISHED
         assert vehicle.commands.count(CREATE) == 1
 
-    def test_a_camera_that_was_not_told_is_told_once(self, tmp_path: Path) -> None:
+    def test_a_camera_without_the_order_gets_it_once(self, tmp_path: Path) -> None:
         world = begun(tmp_path, panorama(), script=OWN)
         vehicle = world.only_vehicle
         camera = world.add_camera(vehicle)
@@ -148,7 +148,7 @@ class TestPictures:
 
 
 def has_noted(folder: Path) -> bool:
-    """Whether it has been noted that a live command is about to be told."""
+    """Whether the journal holds a live command that is about to be ordered."""
     return any("live" in page.read_text() for page in folder.glob("*.json"))
 
 
@@ -169,7 +169,7 @@ def test_the_same_plan_once_more_is_flown_from_its_beginning(tmp_path: Path) -> 
 
 
 class TestAStalledEdgeServer:
-    """Reports wait in memory; the broker dies with them. The journal knows the stage."""
+    """Reports wait in memory and are lost with the broker. The journal holds the segment."""
 
     @pytest.mark.parametrize("after_s", [0.0, 0.15, 3.0])
     def test_a_circle_that_has_ended_is_not_resumed(self, tmp_path: Path, after_s: float) -> None:

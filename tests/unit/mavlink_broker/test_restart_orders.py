@@ -1,4 +1,4 @@
-"""A broker that is killed knows again where it has left a vehicle, and where it has sent it."""
+"""A restarted broker knows where it has left a vehicle, and where it has sent it."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -52,7 +52,7 @@ def alarmed_world(folder: Path, script: Script = PX4, lag_s: float = DISK_LAG_S)
     world.run(3.0)
     world.air.is_uplink_there = False
     vehicle.ill = SONAR
-    world.run_until(lambda: world.app.sessions[1].state is State.LEAVING)
+    world.run_until(lambda: world.app.sessions[1].state is State.ABORTING)
     return world
 
 
@@ -81,7 +81,7 @@ class TestHover:
         assert world.only_vehicle.uploads == 2
 
     @pytest.mark.parametrize("what", ["elsewhere", "flown by hand"])
-    def test_a_vehicle_that_somebody_has_taken_meanwhile_is_left_to_him(
+    def test_a_vehicle_that_somebody_has_taken_meanwhile_gets_no_order(
         self, tmp_path: Path, what: str
     ) -> None:
         world = hovering_world(tmp_path)
@@ -119,7 +119,7 @@ class TestReturn:
     def test_the_order_of_an_alarm_outlives_the_broker(
         self, tmp_path: Path, script: Script, mode: int, killed_after_s: float
     ) -> None:
-        """The alarm is told only when it is certain that it will be acted upon."""
+        """The alarm is reported only when the journal holds the return."""
         world = alarmed_world(tmp_path, script)
         vehicle = world.only_vehicle
         world.run(killed_after_s)
@@ -137,7 +137,7 @@ class TestReturn:
         else:
             assert not world.edge.bodies("/alarm/")
 
-    def test_a_failure_that_nobody_was_told_of_is_told_later(self, tmp_path: Path) -> None:
+    def test_a_failure_without_a_report_is_reported_later(self, tmp_path: Path) -> None:
         """Noted, and the edge server was away."""
         world = alarmed_world(tmp_path)
         world.run(1.0)
@@ -146,15 +146,15 @@ class TestReturn:
         world.edge.closed.clear()
         running = next(r for r in world.edge.reports(1201) if r["mission_status_id"] == 2)
         world.edge.work[1]["report"] = running
-        told = len(world.edge.reports(1201))
+        reported = len(world.edge.reports(1201))
         world.restart_broker()
-        world.run_until(lambda: len(world.edge.reports(1201)) > told)
+        world.run_until(lambda: len(world.edge.reports(1201)) > reported)
         report = world.edge.reports(1201)[-1]
         assert report["mission_status_id"] == Status.FAILED
         assert report["message"] == world.edge.bodies("/alarm/")[0]["message"]
         world.run_until(lambda: not world.only_vehicle.armed)
 
-    def test_an_order_that_was_obeyed_is_not_given_again(self, tmp_path: Path) -> None:
+    def test_an_order_that_was_obeyed_is_not_repeated(self, tmp_path: Path) -> None:
         world = alarmed_world(tmp_path)
         vehicle = world.only_vehicle
         world.air.is_uplink_there = True

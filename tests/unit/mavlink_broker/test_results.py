@@ -33,7 +33,7 @@ def fly(world: World) -> None:
         air(world)
 
 
-def told(world: World) -> list[Post]:
+def result_posts(world: World) -> list[Post]:
     """Results and reports, in their order."""
     paths = {*SET, "/mission_report/"}
     return [post for post in world.edge.posts if post.path in paths]
@@ -44,7 +44,7 @@ def test_a_set_is_pose_observations_and_battery_ahead_of_the_report() -> None:
     air(world)
     fly(world)
     assert world.edge.status(1201) == Status.FINISHED
-    posts = told(world)
+    posts = result_posts(world)
     begins = [place for place, post in enumerate(posts) if post.path == "/pose/"]
     assert len(begins) == 3
     for begin in begins:
@@ -57,7 +57,7 @@ def test_the_report_behind_a_set_is_the_first_that_calls_its_command_finished() 
     world = flying_world(SLOW)
     fly(world)
     finished = 0
-    for post, following in pairwise(told(world)):
+    for post, following in pairwise(result_posts(world)):
         if post.path == "/battery/":
             finished += 1
             statuses = [c["command_status_id"] for c in following.body["command_report_array"]]
@@ -102,7 +102,7 @@ def test_what_was_measured_long_ago_is_no_result() -> None:
 
 
 def keys(world: World) -> list[str | None]:
-    return [post.idempotency_key for post in told(world) if post.path in SET]
+    return [post.idempotency_key for post in result_posts(world) if post.path in SET]
 
 
 def test_no_two_results_have_the_same_key() -> None:
@@ -114,7 +114,7 @@ def test_no_two_results_have_the_same_key() -> None:
     assert len(set(keys(world))) == len(keys(world)) >= 9
 
 
-def test_a_set_whose_report_was_not_heard_is_told_again_under_the_same_keys() -> None:
+def test_a_set_whose_report_was_lost_is_sent_again_under_the_same_keys() -> None:
     world = flying_world(SLOW)
     reports = len(world.edge.reports(1201))
     world.run_until(lambda: world.edge.bodies("/battery/"))
@@ -127,7 +127,7 @@ def test_a_set_whose_report_was_not_heard_is_told_again_under_the_same_keys() ->
     assert len(set(keys(world))) == 2 * 3
 
 
-def test_a_set_that_was_told_is_not_told_again_by_a_restarted_broker() -> None:
+def test_a_set_that_was_sent_is_not_sent_again_by_a_restarted_broker() -> None:
     world = flying_world(SLOW)
     world.run_until(lambda: world.edge.statuses(1201)[0] == Status.FINISHED)
     world.restart_broker()
@@ -140,7 +140,9 @@ def test_an_aborted_command_has_no_results() -> None:
     world.edge.event(1)
     world.run_until(lambda: not world.only_vehicle.armed)
     world.run(1.0)
-    assert [post.path for post in told(world) if post.path in SET] == ["/pose/"], "where it landed"
+    assert [post.path for post in result_posts(world) if post.path in SET] == ["/pose/"], (
+        "where it landed"
+    )
 
 
 def test_a_live_command_has_results_too() -> None:
@@ -186,7 +188,7 @@ def test_a_picture_holds_up_no_report() -> None:
     assert (post.path, post.lane, post.urgency) == ("/image/", "image", Urgency.PICTURE)
 
 
-def test_a_measurement_without_a_time_of_day_was_made_when_it_is_told() -> None:
+def test_a_measurement_without_a_time_of_day_has_the_time_of_its_report() -> None:
     measured = [
         Observation(
             resource_id="urn", observed_property="x", result_time=at, result_value=1, result_uom="1"

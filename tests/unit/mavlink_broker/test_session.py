@@ -80,9 +80,9 @@ class TestAWholeMission:
     def test_posts_pose_and_battery_before_the_report_of_a_finished_command(self) -> None:
         world = flying_world()
         world.run_until_over(1201)
-        told = [p.path for p in world.edge.posts if p.path in RESULT_PATHS]
+        posted = [p.path for p in world.edge.posts if p.path in RESULT_PATHS]
         one = ["/pose/", "/battery/", "/mission_report/"]
-        assert told == ["/mission_report/", *one, *one, *one]
+        assert posted == ["/mission_report/", *one, *one, *one]
 
     @pytest.mark.parametrize("lost", [1, 2, 100])
     @pytest.mark.parametrize("script", [PX4, ARDUPILOT])
@@ -178,7 +178,7 @@ class TestWaiting:
             "not ready after 60 s: it is not ready to arm (Preflight Fail: no GPS)"
         )
 
-    def test_for_a_home_that_is_never_told_ends_where_the_vehicle_stands(self) -> None:
+    def test_for_a_home_that_is_never_sent_ends_with_the_position_on_the_ground(self) -> None:
         """Its two altitudes differ by home's; on the ground it stands where home will be."""
         world = World()
         world.add_vehicle(script=dataclasses.replace(PX4, has_home=False))
@@ -189,12 +189,12 @@ class TestWaiting:
         assert home is not None
         assert tuple(home) == pytest.approx(HOME)
 
-    def test_for_a_vehicle_that_is_never_heard_ends_too(self) -> None:
+    def test_for_a_vehicle_that_is_never_connected_ends_too(self) -> None:
         world = World()
         world.edge.plan(first_flight(vehicle_id=9))
         world.run_until_over(1201, within_s=70.0)
         assert world.edge.status(1201) == Status.FAILED
-        assert "not heard" in world.edge.reports(1201)[-1]["message"]
+        assert "not connected" in world.edge.reports(1201)[-1]["message"]
 
     def test_missions_of_one_vehicle_fly_one_after_the_other(self) -> None:
         world = World()

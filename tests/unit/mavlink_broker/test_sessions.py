@@ -1,4 +1,4 @@
-"""Many vehicles, odd ones among them, and what is told of each, in simulated time."""
+"""Many vehicles, odd ones among them, and what is published of each, in simulated time."""
 
 import dataclasses
 import math
@@ -19,7 +19,7 @@ ELSEWHERE = ("198.51.100.7", 40_000)
 
 
 def registered(world: World, vehicle_id: int = 1) -> dict[str, Any]:
-    """What was last told of a vehicle."""
+    """The newest registration of a vehicle."""
     return dict(world.edge.bodies(f"/vehicles/{vehicle_id}")[-1])
 
 
@@ -28,18 +28,18 @@ def heartbeat(kind: int = mavlink.MAV_TYPE_QUADROTOR, autopilot: int = 12) -> Me
 
 
 class TestTheRegistry:
-    def test_tells_family_version_and_the_age_of_the_position(self) -> None:
+    def test_shows_family_version_and_the_age_of_the_position(self) -> None:
         world = World()
         world.add_vehicle(script=COPTER_4_6)
         world.run(12.0)
-        told = registered(world)
-        assert told["family"] == "ardupilot"
-        assert told["position_age"] <= 1.0
-        assert told["stale"] == []
-        assert told["warning"] is None
+        row = registered(world)
+        assert row["family"] == "ardupilot"
+        assert row["position_age"] <= 1.0
+        assert row["stale"] == []
+        assert row["warning"] is None
 
-    def test_shows_a_frozen_position_as_old_while_the_vehicle_is_heard(self) -> None:
-        """Its heart beats and its position stands still: nothing about it looks fresh."""
+    def test_shows_a_frozen_position_as_old_while_the_vehicle_is_connected(self) -> None:
+        """Its heartbeats arrive and its position is old: the position does not look fresh."""
         world = World()
         vehicle = world.add_vehicle(script=COPTER_4_6)
         world.run(10.0)
@@ -47,10 +47,10 @@ class TestTheRegistry:
         vehicle.deaf_to_intervals = True
         vehicle.stop_stream("position")
         world.run(10.0)
-        told = registered(world)
-        assert told["link_state"] == "connected"
-        assert told["stale"] == ["position"]
-        assert told["position_age"] > 5.0
+        row = registered(world)
+        assert row["link_state"] == "connected"
+        assert row["stale"] == ["position"]
+        assert row["position_age"] > 5.0
         assert len(world.edge.bodies("/state_vector/")) - vectors <= 6
 
     def test_names_everything_stale_when_the_link_is_not_connected(self) -> None:
@@ -59,14 +59,14 @@ class TestTheRegistry:
         world.run(5.0)
         vehicle.silent = True
         world.run(3.0)
-        told = registered(world)
-        assert told["link_state"] == "stale"
-        assert told["stale"] == ["position", "attitude", "battery"]
+        row = registered(world)
+        assert row["link_state"] == "stale"
+        assert row["stale"] == ["position", "attitude", "battery"]
         world.run(5.0)
         assert registered(world)["link_state"] == "lost"
         assert registered(world)["latitude"] == pytest.approx(40.4434)
 
-    def test_is_not_told_the_same_of_a_lost_vehicle_again_and_again(self) -> None:
+    def test_is_not_updated_again_and_again_about_a_lost_vehicle(self) -> None:
         world = World()
         vehicle = world.add_vehicle()
         world.run(5.0)
@@ -78,8 +78,8 @@ class TestTheRegistry:
 
 
 class TestALostLink:
-    def test_that_comes_back_has_everything_asked_for_again(self) -> None:
-        """What was reset meanwhile, or belongs to another radio, is not known."""
+    def test_that_comes_back_gets_every_request_again(self) -> None:
+        """What was reset meanwhile, or belongs to another radio, is requested again."""
         world = World()
         vehicle = world.add_vehicle(script=COPTER_4_6)
         world.run(10.0)
@@ -104,8 +104,8 @@ class TestManyVehicles:
             world.run_until_over(system)
             assert world.edge.statuses(system) == FINISHED
 
-    def test_a_flood_from_one_and_a_slow_link_to_another_delay_nobody(self) -> None:
-        """One says 2,000 things a second, one answers after 1.5 s; the third flies as ever."""
+    def test_a_flood_from_one_and_a_slow_link_to_another_delay_no_third(self) -> None:
+        """One sends 2,000 messages a second, one answers after 1.5 s; the third flies as usual."""
         alone = World()
         alone.add_vehicle(3)
         alone.edge.plan(first_flight(vehicle_id=3))
@@ -129,7 +129,7 @@ class TestManyVehicles:
 
 
 class TestOddOnes:
-    def test_a_scan_of_all_numbers_is_survived_and_forgotten(self) -> None:
+    def test_a_scan_of_all_numbers_ends_nothing_and_leaves_nothing(self) -> None:
         world = World()
         world.add_vehicle(1, dataclasses.replace(PX4, item_time_s=0.3))
         for system in range(256):
@@ -163,7 +163,7 @@ class TestOddOnes:
         world.run(2.0)
         assert world.app.sessions == {}
 
-    def test_another_vehicle_with_the_same_number_is_told_of_and_not_flown(self) -> None:
+    def test_another_vehicle_with_the_same_number_is_reported_and_not_flown(self) -> None:
         world = World()
         world.run(50.0)
         vehicle = world.add_vehicle(1)
@@ -190,7 +190,7 @@ class TestOddOnes:
         states = [body["link_state"] for body in world.edge.bodies("/vehicles/1")]
         assert "lost" not in states
 
-    def test_a_vehicle_that_was_given_another_number_is_another_vehicle(self) -> None:
+    def test_a_vehicle_that_gets_another_number_is_another_vehicle(self) -> None:
         world = World()
         vehicle = world.add_vehicle(1)
         world.run(5.0)
@@ -205,7 +205,7 @@ NUMBERS = st.floats(width=32) | st.sampled_from([math.nan, math.inf, -math.inf, 
 
 
 def words(signed: int, unsigned: int, number: float) -> list[Message]:
-    """Telemetry that says one odd number everywhere."""
+    """Telemetry that has one odd number everywhere."""
     byte, short = unsigned & 0xFF, unsigned & 0xFFFF
     low, little = (signed & 0xFFFF) - 32768, (signed & 0xFF) - 128
     return [
@@ -241,7 +241,7 @@ def words(signed: int, unsigned: int, number: float) -> list[Message]:
 def test_no_telemetry_ends_the_broker_or_leaves_it_with_what_cannot_be(
     signed: int, unsigned: int, number: float
 ) -> None:
-    """Whatever a vehicle says in flight: what is posted is valid, and the loop goes on."""
+    """Whatever a vehicle sends in flight: what is posted is valid, and the loop goes on."""
     world = World()
     vehicle = world.add_vehicle(1, dataclasses.replace(PX4, item_time_s=0.2))
     world.edge.plan(first_flight())

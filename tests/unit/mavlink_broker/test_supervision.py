@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import mavlink_broker
-from mavlink_broker.supervision import Alarm, SupervisedThread
+from mavlink_broker.supervision import SupervisedThread, ThreadFailureHook
 
 WITHIN_S = 30.0
 MAKERS = {"supervision.py", "links/name_lookup.py"}
@@ -24,7 +24,7 @@ def hook() -> Iterator[Callable[..., object]]:
 
 
 @pytest.mark.parametrize("failure", [OSError("no such file"), ValueError("x"), MemoryError()])
-def test_a_thread_that_fails_is_logged_and_begun_again(
+def test_a_failed_thread_is_logged_and_restarted(
     failure: Exception, caplog: pytest.LogCaptureFixture
 ) -> None:
     calls: list[int] = []
@@ -47,7 +47,7 @@ def test_a_thread_that_fails_is_logged_and_begun_again(
     assert "thread test has failed" in caplog.text
 
 
-def test_a_thread_that_goes_on_failing_ends_when_it_is_told_to() -> None:
+def test_a_thread_that_fails_repeatedly_ends_at_the_stop() -> None:
     stopping, failed = threading.Event(), threading.Event()
 
     def work() -> None:
@@ -63,11 +63,11 @@ def test_a_thread_that_goes_on_failing_ends_when_it_is_told_to() -> None:
 
 
 @pytest.mark.usefixtures("hook")
-def test_a_thread_that_nobody_supervises_ends_the_program_loudly(
+def test_a_thread_without_supervision_ends_the_program_with_a_log_line(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     woken = threading.Event()
-    alarm = Alarm(woken.set)
+    alarm = ThreadFailureHook(woken.set)
 
     def work() -> None:
         raise RuntimeError("nobody looks after me")
@@ -76,7 +76,7 @@ def test_a_thread_that_nobody_supervises_ends_the_program_loudly(
         thread = threading.Thread(target=work, name="lonely")
         thread.start()
         thread.join()
-    assert alarm.is_raised
+    assert alarm.has_fired
     assert woken.is_set()
     assert "thread lonely has failed" in caplog.text
 

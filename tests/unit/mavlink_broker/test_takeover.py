@@ -38,7 +38,7 @@ from tests.support.scripted_vehicle import (
     Script,
     ScriptedVehicle,
 )
-from tests.unit.mavlink_broker.test_events import ABORT, POINT, SOFT_ABORT, said
+from tests.unit.mavlink_broker.test_events import ABORT, POINT, SOFT_ABORT, answer_statuses
 from tests.unit.mavlink_broker.test_live_commands import OWN, follow
 
 PX4_STABILIZED: Final = 7 << 16
@@ -101,7 +101,7 @@ def going_to_a_point(script: Script) -> World:
     world = in_mission(script)
     world.edge.event(ABORT, abort=POINT)
     world.run(2.0)
-    assert state(world) is State.LEAVING
+    assert state(world) is State.ABORTING
     return world
 
 
@@ -109,7 +109,7 @@ def refusing_to_return(script: Script) -> World:
     world = in_mission(script)
     world.only_vehicle.script = slow(script, results=REFUSING_RETURN)
     world.edge.event(SOFT_ABORT)
-    world.run_until(lambda: state(world) is State.LEAVING)
+    world.run_until(lambda: state(world) is State.ABORTING)
     return world
 
 
@@ -117,7 +117,7 @@ def live(script: Script) -> World:
     world = World()
     vehicle = world.add_vehicle(script=slow(script))
     world.edge.plan(mission(takeoff(1), follow(2), go_home(3)))
-    world.run_until(lambda: vehicle.airborne and state(world) is State.PERFORMING)
+    world.run_until(lambda: vehicle.airborne and state(world) is State.FLYING_LIVE)
     world.run(1.0)
     return world
 
@@ -190,8 +190,8 @@ def test_an_abort_behind_a_takeover_ends_the_mission_and_orders_nothing(
     world.run(15.0)
     assert orders(vehicle, since) == []
     assert world.edge.status(1201) == Status.ABORTED
-    assert said(world, event)[-1] == "refused"
-    assert "another hand flies the vehicle" in world.edge.acknowledgements(event)[-1]["message"]
+    assert answer_statuses(world, event)[-1] == "refused"
+    assert "somebody else flies the vehicle" in world.edge.acknowledgements(event)[-1]["message"]
 
 
 @pytest.mark.parametrize(("script", "mode"), TAKEOVERS[:-1])  # Unknown modes show by a change
@@ -223,13 +223,13 @@ def test_a_broker_that_begins_after_a_takeover_reports_it(script: Script, mode: 
     world.restart_broker()
     world.run(15.0)
     assert world.edge.status(1201) == Status.FAILED
-    assert "another hand flies the vehicle" in world.edge.reports(1201)[-1]["message"]
+    assert "somebody else flies the vehicle" in world.edge.reports(1201)[-1]["message"]
     vehicle.is_manual = False
     vehicle.set_mode(COPTER_RETURN if script is ARDUPILOT else PX4_RETURN)
     event = world.edge.event(ABORT)
     world.run(5.0)
     assert orders(vehicle, since) == []
-    assert said(world, event)[-1] == "refused"
+    assert answer_statuses(world, event)[-1] == "refused"
 
 
 @pytest.mark.parametrize(
@@ -257,7 +257,7 @@ def test_a_return_that_a_pilot_chooses_after_a_restart_is_his(
     world.run(5.0)
     assert orders(vehicle, since) == []
     assert vehicle.custom_mode == home
-    assert said(world, event)[-1] == "refused"
+    assert answer_statuses(world, event)[-1] == "refused"
 
 
 @pytest.mark.parametrize(
@@ -292,10 +292,10 @@ def test_a_mission_that_a_pilot_resumes_after_his_takeover_is_his(
     world.run(4.0)
     assert vehicle.custom_mode == resumed
     assert orders(vehicle, since) == []
-    assert said(world, event) == ["refused"]
+    assert answer_statuses(world, event) == ["refused"]
     ends = [r for r in world.edge.reports(1201) if r["mission_status_id"] >= Status.FINISHED]
     assert [r["mission_status_id"] for r in ends] == [Status.FAILED]
-    assert "another hand flies the vehicle" in ends[0]["message"]
+    assert "somebody else flies the vehicle" in ends[0]["message"]
 
 
 @pytest.mark.parametrize(
@@ -325,9 +325,9 @@ def test_a_takeover_of_an_abort_is_reported() -> None:
     world.run(2.0)
     world.only_vehicle.steer(PX4_POSITION)
     world.run(1.0)
-    assert said(world, event) == ["accepted", "refused"]
-    told = world.edge.acknowledgements(event)[-1]["message"]
-    assert told == "the vehicle left the mission: mode POSCTL: another hand flies the vehicle"
+    assert answer_statuses(world, event) == ["accepted", "refused"]
+    message = world.edge.acknowledgements(event)[-1]["message"]
+    assert message == "the vehicle left the mission: mode POSCTL: somebody else flies the vehicle"
     assert state(world) is State.IDLE
 
 
@@ -335,7 +335,7 @@ def test_a_takeover_of_an_abort_is_reported() -> None:
     ("script", "mode"), [(PX4, PX4_RETURN), (PX4, PX4_LAND), (ARDUPILOT, COPTER_RETURN)]
 )
 @pytest.mark.parametrize("phase", [going_to_a_point, live])
-def test_a_failsafe_is_left_alone_and_told_from_a_pilot(
+def test_a_failsafe_gets_no_order_and_differs_from_a_pilot(
     phase: Callable[[Script], World], script: Script, mode: int
 ) -> None:
     world = phase(script)
@@ -351,7 +351,7 @@ def test_a_failsafe_is_left_alone_and_told_from_a_pilot(
     assert any("its own failsafe" in word for word in words)
 
 
-def test_a_pilot_who_gives_the_mission_back_within_seconds_has_not_ended_it() -> None:
+def test_a_pilot_who_resumes_the_mission_within_seconds_has_not_ended_it() -> None:
     world = in_mission(PX4)
     vehicle = world.only_vehicle
     vehicle.steer(PX4_POSITION)
@@ -362,7 +362,7 @@ def test_a_pilot_who_gives_the_mission_back_within_seconds_has_not_ended_it() ->
     assert world.edge.status(1201) == Status.FINISHED
 
 
-def test_an_upload_to_a_vehicle_that_somebody_arms_is_given_up() -> None:
+def test_an_upload_to_a_vehicle_that_somebody_arms_is_cancelled() -> None:
     world = World()
     vehicle = world.add_vehicle(script=dataclasses.replace(PX4, busy_for_s=20.0))
     world.run(2.0)
@@ -375,10 +375,10 @@ def test_an_upload_to_a_vehicle_that_somebody_arms_is_given_up() -> None:
     world.run_until_over(1201)
     world.run(5.0)
     assert orders(vehicle, since) == []
-    assert "another hand" in world.edge.reports(1201)[-1]["message"]
+    assert "somebody else" in world.edge.reports(1201)[-1]["message"]
 
 
-def test_a_hover_that_a_pilot_has_left_is_no_hover_of_ours() -> None:
+def test_a_hover_that_a_pilot_has_left_is_no_hover_of_the_broker() -> None:
     """He flies on, holds somewhere, and the next mission waits until he has landed."""
     world = World()
     vehicle = world.add_vehicle(script=PX4)
@@ -396,7 +396,7 @@ def test_a_hover_that_a_pilot_has_left_is_no_hover_of_ours() -> None:
     assert world.edge.status(1202) is None
 
 
-def test_what_was_borrowed_goes_back_when_the_pilot_has_landed() -> None:
+def test_overridden_parameters_are_restored_when_the_pilot_has_landed() -> None:
     script = dataclasses.replace(slow(PX4), link_loss_action=2, settings={"COM_DL_LOSS_T": 10.0})
     world = World()
     vehicle = world.add_vehicle(script=script)
@@ -430,12 +430,12 @@ class TestOnTheGround:
         assert mavlink.MAV_CMD_DO_REPOSITION not in vehicle.commands
         assert orders(vehicle, since) != []
         assert world.edge.status(1201) == Status.ABORTED
-        assert said(world, event)[-1] == "done"
+        assert answer_statuses(world, event)[-1] == "done"
 
     @pytest.mark.parametrize("script", [PX4, OWN, ARDUPILOT, GENERIC])
     @pytest.mark.parametrize("kind", [ABORT, SOFT_ABORT])
     @pytest.mark.parametrize("delay_s", [0.0, 0.5])
-    def test_an_abort_disarms_one_whose_order_to_arm_is_on_its_way(
+    def test_an_abort_disarms_one_whose_order_to_arm_may_still_arrive(
         self, script: Script, kind: int, delay_s: float
     ) -> None:
         """Its heartbeats, of one a second, still report that it is disarmed."""
@@ -454,7 +454,7 @@ class TestOnTheGround:
         assert not vehicle.airborne
         assert state(world) is State.IDLE
         assert world.edge.status(1201) == Status.ABORTED
-        assert said(world, event) == ["accepted", "done"]
+        assert answer_statuses(world, event) == ["accepted", "done"]
 
     def test_a_refused_start_disarms_one_that_has_not_reported_its_arming(self) -> None:
         world = World()
@@ -498,8 +498,8 @@ class TestWithoutAPosition:
         if more is not None:
             world.edge.event(SOFT_ABORT, **more)
         world.run_until(lambda: vehicle.custom_mode == landing, within_s=40.0)
-        told = orders(vehicle, since)
-        assert not any("192" in order.split("param1")[0] for order in told), told
+        received = orders(vehicle, since)
+        assert not any("192" in order.split("param1")[0] for order in received), received
         modes = [v[1:3] for c, v in vehicle.parameters if c == mavlink.MAV_CMD_DO_SET_MODE]
         assert (4.0, 5.0) not in modes
         assert (float(COPTER_RETURN), 0.0) not in modes
@@ -524,10 +524,10 @@ class TestWithoutAPosition:
         world.run(2.0)
         vehicle.script = slow(script)
         world.run(4.0)
-        told = [(c, *v[1:3]) for c, v in vehicle.parameters[since:] if c not in ASKING]
+        received = [(c, *v[1:3]) for c, v in vehicle.parameters[since:] if c not in ASKING]
         px4_return, copter_return = (4.0, 5.0), (float(COPTER_RETURN), 0.0)
-        assert not [one for one in told if one[1:] in {px4_return, copter_return}]
-        assert mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH not in {one[0] for one in told}
+        assert not [one for one in received if one[1:] in {px4_return, copter_return}]
+        assert mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH not in {one[0] for one in received}
         assert vehicle.custom_mode == landing
 
 
@@ -564,7 +564,7 @@ class TestAHoverIsEnded:
 def test_a_mission_that_was_not_accepted_has_one_terminal_report(
     kind: int, *, is_ended_there: bool
 ) -> None:
-    """An abort empties the edge server's queue too: it tells the end of what it has ended."""
+    """An abort empties the edge server's queue too: it reports the end of what it has ended."""
     world = in_mission(PX4)
     queued = world.edge.plan(first_flight(mission_id=1202))
     world.run(1.0)
@@ -590,4 +590,4 @@ def test_a_mission_whose_acceptance_is_not_answered_yet_has_one_too() -> None:
     world.edge.answers_acceptances = True
     world.run(10.0)
     assert world.edge.reports(1201) == []
-    assert said(world, event)[-1] == "done"
+    assert answer_statuses(world, event)[-1] == "done"

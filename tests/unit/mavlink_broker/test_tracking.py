@@ -64,7 +64,7 @@ class Scene:
         return offset(*self.place, *self.vehicle.place)
 
     def see(self, seconds: float, *, status: int = ACTIVE) -> None:
-        """Let the camera tell what it tracks, five times a second."""
+        """Let the camera send what it tracks, five times a second."""
         for _ in range(round(seconds * 5)):
             self._walked_m += 0.2 * self.speed_m_s
             self._tell(status)
@@ -107,7 +107,7 @@ def track(mode: TrackMode) -> dict[str, Any]:
     return {"command_id": 2, "command_type_id": 9, "parameters": parameters}
 
 
-def told(vehicle: ScriptedVehicle, command: int) -> list[tuple[float, ...]]:
+def orders_of(vehicle: ScriptedVehicle, command: int) -> list[tuple[float, ...]]:
     return [values for number, values in vehicle.parameters if number == command]
 
 
@@ -127,7 +127,7 @@ class TestTraceAndProfile:
     def test_end_after_a_minute_and_hold(self) -> None:
         scene = Scene(TrackMode.TRACE)
         scene.see_until(lambda: scene.status(1) == Status.FINISHED)
-        assert told(scene.vehicle, mavlink.MAV_CMD_CAMERA_STOP_TRACKING)
+        assert orders_of(scene.vehicle, mavlink.MAV_CMD_CAMERA_STOP_TRACKING)
         scene.world.run_until_over(1201)
         assert scene.world.edge.statuses(1201) == [Status.FINISHED] * 3
         assert scene.message == "None"
@@ -174,13 +174,13 @@ class TestSpotlight:
     def test_of_ardupilot_turns_by_its_own_command(self) -> None:
         scene = Scene(TrackMode.SPOTLIGHT, ARDUPILOT)
         scene.see(6.0)
-        assert told(scene.vehicle, mavlink.MAV_CMD_CONDITION_YAW)
+        assert orders_of(scene.vehicle, mavlink.MAV_CMD_CONDITION_YAW)
 
-    def test_pro_leaves_everything_to_the_gimbal(self) -> None:
+    def test_pro_moves_the_gimbal_only(self) -> None:
         scene = Scene(TrackMode.SPOTLIGHT_PRO)
-        before = len(told(scene.vehicle, mavlink.MAV_CMD_DO_REPOSITION))
+        before = len(orders_of(scene.vehicle, mavlink.MAV_CMD_DO_REPOSITION))
         scene.see(20.0)
-        assert len(told(scene.vehicle, mavlink.MAV_CMD_DO_REPOSITION)) == before
+        assert len(orders_of(scene.vehicle, mavlink.MAV_CMD_DO_REPOSITION)) == before
         assert scene.vehicle.targets == 0
 
 
@@ -190,7 +190,7 @@ class TestAQuickShot:
         scene.speed_m_s = 0.0
         scene.see(4.0)
         assert scene.vehicle.custom_mode == PX4_ORBIT
-        (orbit,) = told(scene.vehicle, mavlink.MAV_CMD_DO_ORBIT)
+        (orbit,) = orders_of(scene.vehicle, mavlink.MAV_CMD_DO_ORBIT)
         assert orbit[0] == pytest.approx(SUBJECT_M, abs=2.0)
         scene.see_until(lambda: scene.status(1) == Status.FINISHED)
         scene.world.run_until_over(1201)
@@ -221,12 +221,12 @@ class TestAQuickShot:
         scene = Scene(TrackMode.QUICK_SHOT)
         scene.speed_m_s = speed_m_s
         scene.see(20.0)
-        circles = [v[1] for v in told(scene.vehicle, mavlink.MAV_CMD_DO_ORBIT)]
-        leads = [v[0] for v in told(scene.vehicle, mavlink.MAV_CMD_DO_REPOSITION)]
+        circles = [v[1] for v in orders_of(scene.vehicle, mavlink.MAV_CMD_DO_ORBIT)]
+        leads = [v[0] for v in orders_of(scene.vehicle, mavlink.MAV_CMD_DO_REPOSITION)]
         assert circles or leads
         assert max([*circles, *leads]) <= 4.0
 
-    def test_goes_along_with_a_subject_that_sets_out_meanwhile(self) -> None:
+    def test_follows_a_subject_that_begins_to_move(self) -> None:
         scene = Scene(TrackMode.QUICK_SHOT)
         scene.speed_m_s = 0.0
         scene.see(5.0)
@@ -245,17 +245,17 @@ class TestAQuickShot:
         assert "backwards and up instead of a circle" in scene.message
 
 
-def test_a_camera_that_tells_no_place_keeps_to_the_subject_by_its_gimbal_alone() -> None:
+def test_a_camera_without_target_position_tracks_by_its_gimbal_alone() -> None:
     scene = Scene(TrackMode.TRACE)
     scene.tells_place = False
     scene.see_until(lambda: scene.status(1) == Status.FINISHED)
-    expected = "track_mode TRACE: the camera does not tell where the subject is"
+    expected = "track_mode TRACE: the camera does not report where the subject is"
     assert scene.message.startswith(expected)
     assert scene.vehicle.targets == 0
 
 
-def test_the_camera_is_asked_for_what_it_tracks() -> None:
+def test_the_tracking_status_is_requested_of_the_camera() -> None:
     scene = Scene(TrackMode.TRACE)
     scene.world.run(1.0)
-    asked = [int(v[0]) for v in told(scene.vehicle, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)]
+    asked = [int(v[0]) for v in orders_of(scene.vehicle, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)]
     assert {275, 276} <= set(asked)

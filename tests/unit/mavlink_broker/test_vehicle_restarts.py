@@ -1,4 +1,4 @@
-"""A vehicle that is restarted in the air is nobody's to command: that flight of ours is over."""
+"""A vehicle that is restarted in the air gets no order: its mission is over."""
 
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from tests.support.scripted_vehicle import (
     PX4_MISSION,
     Script,
 )
-from tests.unit.mavlink_broker.test_events import ABORT, POINT, said, world_at
+from tests.unit.mavlink_broker.test_events import ABORT, POINT, answer_statuses, world_at
 from tests.unit.mavlink_broker.test_restart_orders import alarmed_world
 from tests.unit.mavlink_broker.test_takeover import (
     going_to_a_point,
@@ -42,11 +42,11 @@ def restart_in_the_air(world: World, mode: int) -> None:
     vehicle.set_mode(mode)
 
 
-@pytest.mark.parametrize("tells_time", [False, True])
-def test_rare_heartbeats_do_not_silence_the_broker(*, tells_time: bool) -> None:
+@pytest.mark.parametrize("sends_time", [False, True])
+def test_rare_heartbeats_do_not_stop_the_orders(*, sends_time: bool) -> None:
     """It waits once for the clock of a vehicle that was away, and never for one without."""
     vehicle = Vehicle(1, Route(254, 190, 1, 1))
-    for now in (0.0, 0.5) if tells_time else ():
+    for now in (0.0, 0.5) if sends_time else ():
         vehicle.take(mavlink.MAVLink_attitude_message(int(now * 1e3), 0, 0, 0, 0, 0, 0), now)
     (heartbeat,) = Decoder().decode(
         Encoder(1, 1).encode(mavlink.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3))
@@ -56,7 +56,7 @@ def test_rare_heartbeats_do_not_silence_the_broker(*, tells_time: bool) -> None:
     for now in (6.0, 12.0, 18.0):
         vehicle.take(heartbeat, now)
         doubts.append(vehicle.may_be_restarted(now))
-    assert doubts == [tells_time, False, False]
+    assert doubts == [sends_time, False, False]
 
 
 @FLOWN_ON
@@ -75,13 +75,15 @@ def test_it_ends_an_abort(script: Script, mode: int, away_s: float) -> None:
     world.run(15.0)
     assert orders(vehicle, since) == []
     assert state(world) is State.IDLE
-    assert said(world, 2) == ["accepted", "refused"]
-    told = world.edge.acknowledgements(2)[-1]["message"]
+    assert answer_statuses(world, 2) == ["accepted", "refused"]
+    message = world.edge.acknowledgements(2)[-1]["message"]
     is_clear = mode == PX4_MISSION and away_s > 0.0  # Long after the abort: another has chosen it
-    assert ("another hand flies the vehicle" if is_clear else "the vehicle was restarted") in told
+    assert (
+        "somebody else flies the vehicle" if is_clear else "the vehicle was restarted"
+    ) in message
 
 
-def test_it_ends_a_return_after_an_alarm_and_is_told_as_one(tmp_path: Path) -> None:
+def test_it_ends_a_return_after_an_alarm_and_raises_one(tmp_path: Path) -> None:
     world = alarmed_world(tmp_path)
     restart_in_the_air(world, PX4_HOLD)
     world.only_vehicle.ill = 0
@@ -118,19 +120,19 @@ def test_it_ends_what_an_earlier_run_of_the_broker_has_ordered(kind: str, tmp_pa
         assert "restarted" in world.edge.bodies("/alarm/")[-1]["message"]
         assert world.edge.status(1201) == Status.FAILED
     else:
-        assert said(world, 2)[-1] == "refused"
+        assert answer_statuses(world, 2)[-1] == "refused"
 
 
 def test_it_ends_what_a_restarted_broker_sees_through() -> None:
     world = going_to_a_point(PX4)
     world.kill_broker()
     world.restart_broker()
-    world.run_until(lambda: state(world) is State.LEAVING, within_s=10.0)
+    world.run_until(lambda: state(world) is State.ABORTING, within_s=10.0)
     world.run(3.0)
     restart_in_the_air(world, PX4_HOLD)
     world.run_until(lambda: state(world) is State.IDLE, within_s=5.0)
     since = len(world.only_vehicle.frames)
     world.run(10.0)
     assert orders(world.only_vehicle, since) == []
-    assert said(world, 2) == ["accepted", "refused"]
+    assert answer_statuses(world, 2) == ["accepted", "refused"]
     assert "restarted" in world.edge.acknowledgements(2)[-1]["message"]

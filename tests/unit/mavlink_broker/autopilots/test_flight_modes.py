@@ -1,4 +1,4 @@
-"""Mode names and what they mean."""
+"""Names and roles of flight modes."""
 
 import pytest
 

@@ -19,10 +19,10 @@ import pytest
 from afarcloud import wire
 from afarcloud.enumerations import EventType, Status
 from mavlink_broker.app import App
-from mavlink_broker.cli.fly import Sortie
+from mavlink_broker.cli.fly import PlanFlight
 from mavlink_broker.cli.local_edge import LocalEdge
 from mavlink_broker.cli.program import Signals, UsageError
-from mavlink_broker.cli.progress_text import JsonPage, ProgressPage
+from mavlink_broker.cli.progress_text import JsonPrinter, ProgressPrinter
 from mavlink_broker.config import Config
 from mavlink_broker.edge.outbox import Post, Urgency
 from mavlink_broker.links.url import Address
@@ -59,10 +59,10 @@ class Field:
         self.signals = Interrupts()
         self.interrupt_at: float | None = None
         self.missions = wire.read_plan(json.dumps({"missions": documents}).encode()).missions
-        self.edge = LocalEdge(self.missions, ProgressPage(self.missions, self.lines.append).take)
+        self.edge = LocalEdge(self.missions, ProgressPrinter(self.missions, self.lines.append).take)
         settings = self.world.config
         app = App(settings, self, self.edge, self.world.clock, self.world._ulid)
-        self.sortie = Sortie(app, self.edge, self.missions, settings)
+        self.plan_flight = PlanFlight(app, self.edge, self.missions, settings)
 
     def receive(self, timeout_s: float) -> list[tuple[Address, bytes]]:
         del timeout_s
@@ -75,37 +75,37 @@ class Field:
     def send(self, address: Address, frame: bytes) -> None:
         self.world.air.send(address, frame)
 
-    def radio(self, address: Address, free_percent: int) -> None:
+    def radio_status(self, address: Address, free_percent: int) -> None:
         """Nothing fills up here."""
 
-    def greeted(self) -> list[Address]:
+    def contact_addresses(self) -> list[Address]:
         return []
 
-    def gather(self, within_s: float = 30.0) -> None:
-        self.sortie.gather(self.world.clock, self.signals, within_s)
+    def wait_for_vehicles(self, within_s: float = 30.0) -> None:
+        self.plan_flight.wait_for_vehicles(self.world.clock, self.signals, within_s)
 
     def fly(self, on_interrupt: EventType | None = None) -> None:
-        self.sortie.fly(self.world.clock, self.signals, on_interrupt)
+        self.plan_flight.fly(self.world.clock, self.signals, on_interrupt)
 
 
-def test_a_plan_is_flown_to_its_end_and_told_step_by_step() -> None:
+def test_a_plan_is_flown_to_its_end_and_printed_step_by_step() -> None:
     field = Field(first_flight())
     field.world.add_vehicle()
-    field.gather()
+    field.wait_for_vehicles()
     field.fly()
     assert field.edge.all_finished
-    told = [line for line in field.lines if line.startswith("mission 1201")]
-    assert told[0] == "mission 1201, command 1 NAV_TAKEOFF: RUNNING"
-    assert told[1] == "mission 1201: RUNNING"
-    assert told[-2:] == ["mission 1201, command 3 NAV_HOME: FINISHED", "mission 1201: FINISHED"]
-    assert len(told) == len(set(told))
+    printed = [line for line in field.lines if line.startswith("mission 1201")]
+    assert printed[0] == "mission 1201, command 1 NAV_TAKEOFF: RUNNING"
+    assert printed[1] == "mission 1201: RUNNING"
+    assert printed[-2:] == ["mission 1201, command 3 NAV_HOME: FINISHED", "mission 1201: FINISHED"]
+    assert len(printed) == len(set(printed))
 
 
 def test_vehicles_of_several_families_fly_at_once() -> None:
     field = Field(first_flight(), first_flight(1202, 2))
     field.world.add_vehicle(1)
     other = field.world.add_vehicle(2, Script(autopilot=0))
-    field.gather()
+    field.wait_for_vehicles()
     field.fly()
     assert field.edge.all_finished
     assert other.uploads == 1
@@ -114,8 +114,10 @@ def test_vehicles_of_several_families_fly_at_once() -> None:
 def test_a_vehicle_that_is_not_there_is_named_after_a_while() -> None:
     field = Field(first_flight(), first_flight(1202, 9), config=Config(vehicle_of_system={4: 9}))
     field.world.add_vehicle(1)
-    with pytest.raises(UsageError, match=r"5 s: vehicle 9 \(system 4\); heard systems: 1") as late:
-        field.gather(5.0)
+    with pytest.raises(
+        UsageError, match=r"5 s: vehicle 9 \(system 4\); connected systems: 1"
+    ) as late:
+        field.wait_for_vehicles(5.0)
     assert late.value.status == 1
     assert field.world.only_vehicle.uploads == 0
 
@@ -123,7 +125,7 @@ def test_a_vehicle_that_is_not_there_is_named_after_a_while() -> None:
 def test_what_a_vehicle_refuses_fails_the_plan_with_the_reason() -> None:
     field = Field(first_flight())
     field.world.add_vehicle(script=dataclasses.replace(PX4, refused_item=3))
-    field.gather()
+    field.wait_for_vehicles()
     field.fly()
     assert field.edge.statuses == {1201: Status.FAILED}
     assert any("mission 1201: FAILED (" in line for line in field.lines)
@@ -133,25 +135,27 @@ def test_what_cannot_be_flown_ends_before_take_off() -> None:
     nowhere = {"command_id": 3, "command_type_id": 8, "parameters": takeoff()["parameters"]}
     field = Field(mission(takeoff(1), go_home(2), nowhere))
     vehicle = field.world.add_vehicle()
-    field.gather()
+    field.wait_for_vehicles()
     field.fly()
     assert field.edge.statuses == {1201: Status.FAILED}
     assert not vehicle.uploads
     assert any("command 3 NAV_FOLLOW_TARGET: FAILED" in line for line in field.lines)
 
 
-def test_a_vehicle_that_still_flies_is_told() -> None:
+def test_a_vehicle_that_is_still_armed_is_printed() -> None:
     field = Field(mission(takeoff(), waypoint()))
     field.world.add_vehicle()
-    field.gather()
-    assert list(field.sortie.hovering) == []
+    field.wait_for_vehicles()
+    assert list(field.plan_flight.armed_vehicles) == []
     field.fly()
     assert field.edge.all_finished
-    assert list(field.sortie.hovering) == ["vehicle 1 is still armed, in mode AUTO.MISSION"]
+    assert list(field.plan_flight.armed_vehicles) == [
+        "vehicle 1 is still armed, in mode AUTO.MISSION"
+    ]
 
 
 class TestAnInterruption:
-    def test_leaves_the_vehicle_in_its_mission_unless_told_otherwise(self) -> None:
+    def test_leaves_the_vehicle_in_its_mission_unless_printed_otherwise(self) -> None:
         field, vehicle = interrupted(None)
         assert field.edge.statuses == {1201: Status.RUNNING}
         assert vehicle.armed
@@ -166,7 +170,7 @@ class TestAnInterruption:
     def test_of_an_interruption_quits(self) -> None:
         field = Field(first_flight())
         vehicle = field.world.add_vehicle(script=dataclasses.replace(PX4, item_time_s=20.0))
-        field.gather()
+        field.wait_for_vehicles()
         field.signals.count = 2
         field.fly(EventType.ABORT_MISSION)
         assert not field.edge.is_over
@@ -176,7 +180,7 @@ class TestAnInterruption:
 def interrupted(kind: EventType | None) -> tuple[Field, Any]:
     field = Field(first_flight())
     vehicle = field.world.add_vehicle(script=dataclasses.replace(PX4, item_time_s=20.0))
-    field.gather()
+    field.wait_for_vehicles()
     field.interrupt_at = field.world.clock.now + 30.0
     field.fly(kind)
     return field, vehicle
@@ -194,10 +198,10 @@ class TestTheLocalEdge:
     def test_outlives_a_folder_that_takes_no_pictures(self, tmp_path: Path) -> None:
         nowhere = tmp_path / "file"
         nowhere.write_bytes(b"")
-        told: list[str] = []
-        edge = LocalEdge((), lambda kind, _: told.append(kind), folder=nowhere)
+        printed: list[str] = []
+        edge = LocalEdge((), lambda kind, _: printed.append(kind), folder=nowhere)
         edge.post(picture("north_0001.png"))
-        assert told == ["image"]
+        assert printed == ["image"]
 
     def test_hands_out_fence_and_rally_points_of_the_plan_with_every_mission(self) -> None:
         fence = {"inclusion": [[[40.0, -4.0], [41.0, -4.0], [41.0, -3.0]]], "max_altitude": 60.0}
@@ -221,7 +225,7 @@ class TestTheLocalEdge:
 
     def test_tells_every_report_in_its_envelope(self) -> None:
         lines: list[str] = []
-        edge = LocalEdge((), JsonPage(lines.append).take)
+        edge = LocalEdge((), JsonPrinter(lines.append).take)
         edge.post(picture("one.png"))
         assert json.loads(lines[0])["image"]["name"] == "one.png"
 

@@ -1,4 +1,4 @@
-"""`vehicles` lists who is heard on the link, or asks the edge server of the broker that has it."""
+"""`vehicles` lists the vehicles on the link, or asks the edge server of the broker that uses it."""
 
 import json
 import os
@@ -13,7 +13,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
-from mavlink_broker.cli.vehicle_table import COLUMNS, page, row
+from mavlink_broker.cli.vehicle_table import COLUMNS, row, table
 from mavlink_broker.mavlink.addressing import Route
 from mavlink_broker.vehicle.vehicle import Vehicle, version
 from tests.support.broker_world import World
@@ -23,24 +23,26 @@ from tests.unit.mavlink_broker.test_main import fly as live
 ROOT = Path(__file__).parents[4]
 
 
-def test_a_vehicle_is_described_by_what_it_has_told() -> None:
+def test_a_vehicle_is_described_by_what_it_has_described() -> None:
     world = World()
     world.add_vehicle(3, ARDUPILOT)
     world.run(5.0)
-    told = row(world.app.sessions[3].vehicle, world.clock.now)
-    assert tuple(told) == COLUMNS
-    assert told["system_id"] == told["vehicle_id"] == 3
-    assert (told["autopilot"], told["type"]) == ("ardupilotmega", "quadrotor")
-    assert (told["family"], told["link_state"]) == ("ardupilot", "connected")
-    assert (told["mode"], told["armed"]) == ("STABILIZE", False)
-    assert (round(told["latitude"], 4), told["battery_percentage"]) == (40.4434, 0.8)
+    described = row(world.app.sessions[3].vehicle, world.clock.now)
+    assert tuple(described) == COLUMNS
+    assert described["system_id"] == described["vehicle_id"] == 3
+    assert (described["autopilot"], described["type"]) == ("ardupilotmega", "quadrotor")
+    assert (described["family"], described["link_state"]) == ("ardupilot", "connected")
+    assert (described["mode"], described["armed"]) == ("STABILIZE", False)
+    assert (round(described["latitude"], 4), described["battery_percentage"]) == (40.4434, 0.8)
 
 
 def test_what_is_not_known_is_left_open() -> None:
-    told = row(Vehicle(7, Route(254, 191, 1, 1)), 0.0)
-    assert told["vehicle_id"] == 7
-    assert {told[name] for name in ("autopilot", "version", "mode", "armed", "latitude")} == {None}
-    *_, line = page([told])
+    described = row(Vehicle(7, Route(254, 191, 1, 1)), 0.0)
+    assert described["vehicle_id"] == 7
+    assert {described[name] for name in ("autopilot", "version", "mode", "armed", "latitude")} == {
+        None
+    }
+    *_, line = table([described])
     assert line.split()[:4] == ["1", "7", "-", "-"]
 
 
@@ -57,8 +59,8 @@ def test_the_program_lists_a_vehicle_on_a_real_socket(tmp_path: Path) -> None:
         live(vehicle, port, lambda: process.poll() is not None)
         out, _ = process.communicate()
     assert process.returncode == 0
-    (told,) = json.loads(out)["vehicles"]
-    assert (told["system_id"], told["family"], told["armed"]) == (1, "px4", False)
+    (described,) = json.loads(out)["vehicles"]
+    assert (described["system_id"], described["family"], described["armed"]) == (1, "px4", False)
 
 
 def test_nobody_there_is_status_1(tmp_path: Path) -> None:
@@ -66,7 +68,7 @@ def test_nobody_there_is_status_1(tmp_path: Path) -> None:
     with started(tmp_path, "--connect", link, "--seconds", "0.1") as process:
         out, errors = process.communicate(timeout=30)
     assert (process.returncode, out) == (1, "")
-    assert "no vehicle is heard" in errors
+    assert "no vehicle is connected" in errors
 
 
 def test_a_link_that_a_broker_has_is_looked_at_through_its_edge_server(tmp_path: Path) -> None:

@@ -82,9 +82,9 @@ def server(pieces: Callable[[], Iterator[bytes]]) -> Iterator[str]:
         thread.join()
 
 
-def ask(url: str, within_s: float = DEADLINE_S, most_bytes: int = 1 << 20) -> Answer:
+def ask(url: str, within_s: float = DEADLINE_S, max_bytes: int = 1 << 20) -> Answer:
     return BoundedHttp().exchange(
-        "GET", url, within_s=within_s, timeouts_s=(20.0, 20.0), most_bytes=most_bytes
+        "GET", url, within_s=within_s, timeouts_s=(20.0, 20.0), max_bytes=max_bytes
     )
 
 
@@ -108,7 +108,7 @@ def test_an_answer_that_drips_is_given_up_at_the_deadline_of_the_whole(
     pieces: Callable[[], Iterator[bytes]],
 ) -> None:
     script = Script(pieces)
-    with server(script) as url, pytest.raises(requests.Timeout, match="no whole answer"):
+    with server(script) as url, pytest.raises(requests.Timeout, match="no complete answer"):
         ask(url)
     assert not script.has_ended
 
@@ -143,7 +143,7 @@ def test_an_answer_without_end_is_bounded() -> None:
 def test_a_connection_that_was_given_up_is_not_used_again() -> None:
     answers = iter((dripping(OK + LENGTH, b"x" * PIECES), iter((OK + LENGTH, b"y" * 100))))
     http = BoundedHttp()
-    how = {"timeouts_s": (20.0, 20.0), "most_bytes": 1000}
+    how = {"timeouts_s": (20.0, 20.0), "max_bytes": 1000}
     with server(partial(next, answers)) as url:
         with pytest.raises(requests.Timeout):
             http.exchange("GET", url, within_s=DEADLINE_S, **how)  # type: ignore[arg-type]  # named
@@ -154,7 +154,7 @@ def test_a_connection_that_was_given_up_is_not_used_again() -> None:
 def test_a_handshake_that_stalls_is_given_up_too() -> None:
     hello = b"\x16\x03\x03\x40\x00"
     script = Script(lambda: dripping(hello, b"\x02" * PIECES))
-    with server(script) as url, pytest.raises(requests.Timeout, match="no whole answer"):
+    with server(script) as url, pytest.raises(requests.Timeout, match="no complete answer"):
         ask(url.replace("http", "https"))
     assert not script.has_ended
 
@@ -163,5 +163,5 @@ def test_a_file_of_authorities_that_is_missing_is_an_error_of_the_request(tmp_pa
     http = BoundedHttp(str(tmp_path / "ca.pem"))
     with pytest.raises(requests.RequestException, match=r"ca\.pem"):
         http.exchange(
-            "GET", "https://127.0.0.1:1/", within_s=9.0, timeouts_s=(9.0, 9.0), most_bytes=9
+            "GET", "https://127.0.0.1:1/", within_s=9.0, timeouts_s=(9.0, 9.0), max_bytes=9
         )

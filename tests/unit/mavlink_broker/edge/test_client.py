@@ -1,4 +1,4 @@
-"""The edge server over real HTTP: retried until answered, in order, the key when it is there."""
+"""The edge server over real HTTP: posts are retried until answered, in order."""
 
 import logging
 import os
@@ -17,12 +17,12 @@ import requests
 
 from mavlink_broker import supervision
 from mavlink_broker.edge.client import EdgeClient
-from mavlink_broker.edge.dead_letters import order, read_all
-from mavlink_broker.edge.http import Door, is_final
+from mavlink_broker.edge.connection import EdgeConnection, is_final
+from mavlink_broker.edge.dead_letters import read_dead_letters, request_action
 from mavlink_broker.edge.outbox import Post, Urgency
 from mavlink_broker.edge.posts import post_for
-from mavlink_broker.edge.spool import WORDS, Spool
-from mavlink_broker.edge.work import Verdict
+from mavlink_broker.edge.spool import REPORTS_FILE, Spool
+from mavlink_broker.edge.work import AcceptanceResult
 from mavlink_broker.effects import Acknowledgement
 from tests.support.broker_world import first_flight
 from tests.support.certificates import Authority
@@ -55,7 +55,7 @@ def client_of(
 
 
 def spool_in(folder: Path) -> Spool:
-    return Spool(folder / "broker", most_bytes=1 << 20)
+    return Spool(folder / "broker", max_bytes=1 << 20)
 
 
 def report(mission_id: int, status: int) -> Post:
@@ -78,7 +78,7 @@ def report(mission_id: int, status: int) -> Post:
 
 
 def leave(folder: Path, *posts: Post) -> None:
-    """Be a broker that ends with something to say, and nobody to say it to."""
+    """Run a broker that ends with posts while the edge server is unreachable."""
     (folder / "broker.key").write_text(KEY)
     client = EdgeClient(NOWHERE, folder / "broker.key", Woken(), spool=spool_in(folder))
     client.start()
@@ -114,7 +114,7 @@ def test_posts_arrive_in_order(server: FakeEdgeServer, tmp_path: Path) -> None:
     assert client.waiting == 0
 
 
-def test_a_failed_post_is_repeated_with_its_key_and_never_overtaken(
+def test_a_failed_post_is_retried_with_its_key_and_never_overtaken(
     server: FakeEdgeServer, tmp_path: Path
 ) -> None:
     (tmp_path / "broker.key").write_text(KEY)
@@ -128,7 +128,7 @@ def test_a_failed_post_is_repeated_with_its_key_and_never_overtaken(
     assert keys == ["key-0"] * 4 + ["key-1"]
 
 
-def test_a_final_refusal_is_not_repeated(server: FakeEdgeServer, tmp_path: Path) -> None:
+def test_a_final_refusal_is_not_retried(server: FakeEdgeServer, tmp_path: Path) -> None:
     (tmp_path / "broker.key").write_text(KEY)
     server.failures.append(422)
     client = client_of(server, tmp_path)
@@ -142,7 +142,7 @@ def test_a_final_refusal_is_not_repeated(server: FakeEdgeServer, tmp_path: Path)
     ("failures", "holds"),
     [([], True), ([404], False), ([503, 409], False), ([422], False), ([503], True)],
 )
-def test_what_is_said_to_an_accepted_mission_is_passed_on(
+def test_the_answer_to_an_acceptance_is_passed_on(
     server: FakeEdgeServer, tmp_path: Path, failures: list[int], holds: bool
 ) -> None:
     (tmp_path / "broker.key").write_text(KEY)
@@ -150,26 +150,26 @@ def test_what_is_said_to_an_accepted_mission_is_passed_on(
     server.failures.extend(failures)
     woken = Woken()
     client = client_of(server, tmp_path, woken)
-    verdicts: list[Verdict] = []
+    verdicts: list[AcceptanceResult] = []
 
-    def tell(status: str) -> None:
-        word = Acknowledgement(1, status)
-        client.post(post_for(word, vehicle_id=1, recorded_at=datetime.now(UTC), key="none"))
+    def acknowledge(status: str) -> None:
+        message = Acknowledgement(1, status)
+        client.post(post_for(message, vehicle_id=1, recorded_at=datetime.now(UTC), key="none"))
 
-    def has_come() -> bool:
-        verdicts.extend(client.take_verdicts())
+    def has_arrived() -> bool:
+        verdicts.extend(client.take_acceptance_results())
         return bool(verdicts)
 
-    tell("accepted")
-    wait_until(has_come)
-    tell("done")
+    acknowledge("accepted")
+    wait_until(has_arrived)
+    acknowledge("done")
     client.stop(5.0)
-    told = [*verdicts, *client.take_verdicts()]
-    assert [(verdict.work_id, verdict.holds) for verdict in told] == [(1, holds)]
+    sent = [*verdicts, *client.take_acceptance_results()]
+    assert [(verdict.work_id, verdict.is_confirmed) for verdict in sent] == [(1, holds)]
     assert woken.event.is_set()
 
 
-def test_the_key_may_come_later_or_change(server: FakeEdgeServer, tmp_path: Path) -> None:
+def test_the_key_file_may_appear_later_or_change(server: FakeEdgeServer, tmp_path: Path) -> None:
     client = client_of(server, tmp_path)
     client.post(pose(0))
     assert server.wait_for("/pose/", 1, timeout_s=0.3) == []
@@ -214,7 +214,7 @@ def test_work_wakes_the_loop(server: FakeEdgeServer, tmp_path: Path) -> None:
         (507, False),
     ],
 )
-def test_what_counts_as_an_answer(status: int, final: bool) -> None:
+def test_final_status_codes(status: int, final: bool) -> None:
     assert is_final(status) is final
 
 
@@ -229,11 +229,11 @@ def work_of(client: EdgeClient) -> list[dict[str, Any]]:
     """Wait for work; gives what came first."""
     work: list[dict[str, Any]] = []
 
-    def has_come() -> bool:
+    def has_arrived() -> bool:
         work.extend(client.take_work())
         return bool(work)
 
-    wait_until(has_come)
+    wait_until(has_arrived)
     return work
 
 
@@ -247,7 +247,7 @@ def https(server: FakeEdgeServer, authority: Authority) -> Iterator[str]:
     yield server.url.replace("http://", "https://")
 
 
-def test_an_edge_server_that_the_farms_authority_vouches_for_is_believed(tmp_path: Path) -> None:
+def test_a_certificate_of_the_farms_ca_is_accepted(tmp_path: Path) -> None:
     (tmp_path / "broker.key").write_text(KEY + "\n")
     authority = Authority(tmp_path / "farm")
     server = FakeEdgeServer(0, KEY)
@@ -259,7 +259,7 @@ def test_an_edge_server_that_the_farms_authority_vouches_for_is_believed(tmp_pat
         client.stop(within_s=1.0)
 
 
-def test_an_edge_server_of_another_authority_is_told_nothing(
+def test_nothing_is_sent_to_a_server_with_a_certificate_of_another_ca(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.INFO, "mavlink_broker.edge.client")
@@ -275,7 +275,7 @@ def test_an_edge_server_of_another_authority_is_told_nothing(
         assert server.wait_for("/pose/", 1, timeout_s=0.0) == []
 
 
-def test_while_the_edge_server_is_there_nothing_is_written(
+def test_nothing_is_written_while_the_edge_server_answers(
     server: FakeEdgeServer, tmp_path: Path
 ) -> None:
     (tmp_path / "broker.key").write_text(KEY)
@@ -288,18 +288,18 @@ def test_while_the_edge_server_is_there_nothing_is_written(
     assert spool.writes == 0
 
 
-def test_what_has_failed_is_on_the_disk_before_anybody_ends(tmp_path: Path) -> None:
-    """As a kill -9 would find it."""
+def test_a_failed_post_is_on_the_disk_before_the_program_ends(tmp_path: Path) -> None:
+    """As a kill -9 would leave it."""
     client = EdgeClient(NOWHERE, tmp_path / "no.key", Woken(), spool=spool_in(tmp_path))
     client.start()
     client.post(pose(1))
     client.post(pose(2))
-    words = tmp_path / "broker" / WORDS
-    wait_until(lambda: words.exists() and words.read_bytes().count(b"\n") == 2)
+    reports = tmp_path / "broker" / REPORTS_FILE
+    wait_until(lambda: reports.exists() and reports.read_bytes().count(b"\n") == 2)
     client.stop(0.0)
 
 
-def test_the_next_run_tells_first_what_the_last_one_could_not(
+def test_the_next_run_first_sends_the_posts_of_the_last_one(
     server: FakeEdgeServer, tmp_path: Path
 ) -> None:
     leave(tmp_path, pose(0), pose(1))
@@ -310,14 +310,14 @@ def test_the_next_run_tells_first_what_the_last_one_could_not(
     assert numbers(server.wait_for("/pose/", 3)) == [0, 1, 2]
     keys = [key for path, key in server.keys_seen if path == "/pose/"]
     assert list(dict.fromkeys(keys)) == ["key-0", "key-1", "key-2"]
-    wait_until(lambda: (tmp_path / "broker" / WORDS).read_bytes() == b"")
+    wait_until(lambda: (tmp_path / "broker" / REPORTS_FILE).read_bytes() == b"")
     client.stop(1.0)
 
 
-def test_work_is_taken_when_the_edge_server_knows_what_was_known_of_it(
+def test_work_is_taken_after_the_reports_of_the_earlier_run_are_sent(
     server: FakeEdgeServer, tmp_path: Path
 ) -> None:
-    """Else a mission that has flown would be taken for one that has not."""
+    """Else a mission that has flown would be flown again."""
     leave(tmp_path, report(1201, 2))
     server.failures.extend([503] * 4)
     server.plan(first_flight())
@@ -327,7 +327,7 @@ def test_work_is_taken_when_the_edge_server_knows_what_was_known_of_it(
     client.stop(1.0)
 
 
-def test_a_mission_whose_end_was_left_to_be_told_is_not_taken_again(
+def test_a_mission_whose_terminal_report_was_unsent_is_not_taken_again(
     server: FakeEdgeServer, tmp_path: Path
 ) -> None:
     leave(tmp_path, report(1201, 2), report(1201, 3))
@@ -340,7 +340,9 @@ def test_a_mission_whose_end_was_left_to_be_told_is_not_taken_again(
     client.stop(1.0)
 
 
-def test_what_one_vehicle_owes_holds_up_no_other(server: FakeEdgeServer, tmp_path: Path) -> None:
+def test_unsent_reports_of_one_vehicle_delay_no_other(
+    server: FakeEdgeServer, tmp_path: Path
+) -> None:
     leave(tmp_path, report(1201, 2))
     server.failures.extend([503] * 1000)
     server.plan(first_flight(1201, vehicle_id=1))
@@ -352,7 +354,7 @@ def test_what_one_vehicle_owes_holds_up_no_other(server: FakeEdgeServer, tmp_pat
 
 
 @pytest.mark.parametrize("by_earlier_run", [True, False])
-def test_what_the_edge_server_refuses_for_good_is_a_dead_letter_and_can_be_sent_again(
+def test_a_post_that_is_refused_for_good_is_a_dead_letter_and_can_be_sent_again(
     server: FakeEdgeServer,
     tmp_path: Path,
     caplog: pytest.LogCaptureFixture,
@@ -367,38 +369,38 @@ def test_what_the_edge_server_refuses_for_good_is_a_dead_letter_and_can_be_sent_
         client.post(pose(1))
     assert numbers(server.wait_for("/pose/", 1)) == [1]
     wait_until(lambda: "is given up: HTTP 409" in caplog.text)
-    wait_until(lambda: len(read_all(tmp_path / "broker")) == 1)
-    ((number, letter),) = read_all(tmp_path / "broker")
+    wait_until(lambda: len(read_dead_letters(tmp_path / "broker")) == 1)
+    ((number, letter),) = read_dead_letters(tmp_path / "broker")
     assert letter.reason.startswith("HTTP 409")
     assert letter.post.body["sequence_number"] == 0
     wait_until(lambda: client.dead_letters_of(1) == 1)
-    words = tmp_path / "broker" / WORDS
-    wait_until(lambda: not words.exists() or words.read_bytes() == b"")
-    order(tmp_path / "broker", "retry", [number])
+    reports = tmp_path / "broker" / REPORTS_FILE
+    wait_until(lambda: not reports.exists() or reports.read_bytes() == b"")
+    request_action(tmp_path / "broker", "retry", [number])
     assert numbers(server.wait_for("/pose/", 2)) == [1, 0]
     wait_until(lambda: client.dead_letters_of(1) == 0)
     client.stop(1.0)
 
 
-def test_what_is_told_anew_or_was_known_or_has_nobody_to_tell_is_no_dead_letter(
+def test_a_state_vector_or_a_withdrawn_acceptance_is_not_a_dead_letter(
     server: FakeEdgeServer, tmp_path: Path
 ) -> None:
     (tmp_path / "broker.key").write_text(KEY)
-    word = Acknowledgement(1, "accepted")
-    acceptance = post_for(word, vehicle_id=1, recorded_at=datetime.now(UTC), key="none")
+    message = Acknowledgement(1, "accepted")
+    acceptance = post_for(message, vehicle_id=1, recorded_at=datetime.now(UTC), key="none")
     server.failures.extend([410, 400])
     client = client_of(server, tmp_path, spool=spool_in(tmp_path))
     client.post(acceptance)
-    wait_until(lambda: len(client.take_verdicts()) == 1)
+    wait_until(lambda: len(client.take_acceptance_results()) == 1)
     client.post(replace(pose(0), lane="state_vector", may_be_dropped=True))
     client.post(replace(pose(1), lane="state_vector", may_be_dropped=True))
     assert numbers(server.wait_for("/pose/", 1)) == [1]
     assert client.dropped == 1
     client.stop(5.0)
-    assert read_all(tmp_path / "broker") == []
+    assert read_dead_letters(tmp_path / "broker") == []
 
 
-def test_a_disk_that_hangs_delays_nobody(
+def test_a_disk_that_hangs_delays_no_post(
     server: FakeEdgeServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     hangs, goes_on = threading.Event(), threading.Event()
@@ -417,7 +419,7 @@ def test_a_disk_that_hangs_delays_nobody(
     assert numbers(server.wait_for("/pose/", 2)) == [0, 1]
     goes_on.set()
     client.stop(1.0)
-    assert (tmp_path / "broker" / WORDS).read_bytes() == b""
+    assert (tmp_path / "broker" / REPORTS_FILE).read_bytes() == b""
 
 
 @pytest.mark.parametrize(
@@ -425,20 +427,20 @@ def test_a_disk_that_hangs_delays_nobody(
     [OSError("no such file"), requests.ConnectionError("gone"), RuntimeError("?"), MemoryError()],
     ids=lambda failure: type(failure).__name__,
 )
-def test_whatever_goes_wrong_in_a_request_puts_it_off_and_no_thread_ends(
+def test_any_error_in_a_request_delays_the_post_and_ends_no_thread(
     server: FakeEdgeServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failure: Exception
 ) -> None:
     (tmp_path / "broker.key").write_text(KEY)
-    genuine = Door.request
+    genuine = EdgeConnection.request
     failed: list[str] = []
 
-    def request(self: Door, method: str, path: str, *args: Any, **named: Any) -> Any:
+    def request(self: EdgeConnection, method: str, path: str, *args: Any, **named: Any) -> Any:
         if len(failed) < 4:
             failed.append(path)
             raise failure
         return genuine(self, method, path, *args, **named)
 
-    monkeypatch.setattr(Door, "request", request)
+    monkeypatch.setattr(EdgeConnection, "request", request)
     monkeypatch.setattr(supervision, "LONGEST_PAUSE_S", 0.01)
     client = client_of(server, tmp_path)
     for number in range(5):
@@ -449,7 +451,7 @@ def test_whatever_goes_wrong_in_a_request_puts_it_off_and_no_thread_ends(
     client.stop(1.0)
 
 
-def test_a_file_of_authorities_may_come_later(tmp_path: Path) -> None:
+def test_the_ca_file_may_appear_later(tmp_path: Path) -> None:
     (tmp_path / "broker.key").write_text(KEY)
     authority, later = Authority(tmp_path / "farm"), tmp_path / "authority.pem"
     server = FakeEdgeServer(0, KEY)

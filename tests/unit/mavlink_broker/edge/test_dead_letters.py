@@ -1,4 +1,4 @@
-"""A report that is never taken costs itself: it is kept on disk, shown, and retried by hand."""
+"""A report that is never accepted is stored as a dead letter, shown, and retried by hand."""
 
 import json
 import os
@@ -14,12 +14,24 @@ import pytest
 from mavlink_broker.cli import dead_letters
 from mavlink_broker.edge import outbox
 from mavlink_broker.edge.client import EdgeClient
-from mavlink_broker.edge.dead_letters import DEAD, ORDERS, order, read_all
-from mavlink_broker.edge.http import Door
-from mavlink_broker.edge.outbox import LONGEST_PAUSE_S, MOST_ATTEMPTS, Post, SendQueue, Urgency
-from mavlink_broker.edge.spool import LOCK, Spool
-from mavlink_broker.edge.spool_writer import Keeper
-from mavlink_broker.edge.work import Verdict
+from mavlink_broker.edge.connection import EdgeConnection
+from mavlink_broker.edge.dead_letters import (
+    ACTIONS_FILE,
+    DEAD_LETTERS_FILE,
+    read_dead_letters,
+    request_action,
+)
+from mavlink_broker.edge.outbox import (
+    LONGEST_PAUSE_S,
+    MAX_ATTEMPTS,
+    DeadLetter,
+    Outbox,
+    Post,
+    Urgency,
+)
+from mavlink_broker.edge.spool import LOCK_FILE, REPORTS_FILE, Spool
+from mavlink_broker.edge.spool_writer import SpoolWriter
+from mavlink_broker.edge.work import AcceptanceResult
 from tests.support.broker_world import World
 from tests.support.fake_edge import FakeEdgeServer
 from tests.support.spooled_posts import numbers, picture, post, state_vector
@@ -31,25 +43,25 @@ KEY = "key"
 class Run:
     """One run of the broker, without threads and network."""
 
-    def __init__(self, folder: Path, most_bytes: int = ROOM) -> None:
-        self.queue = SendQueue(random.Random(1))
-        self.spool = Spool(folder, most_bytes=most_bytes)
-        self.keeper = Keeper(self.spool, self.queue, threading.Condition())
+    def __init__(self, folder: Path, max_bytes: int = ROOM) -> None:
+        self.queue = Outbox(random.Random(1))
+        self.spool = Spool(folder, max_bytes=max_bytes)
+        self.writer = SpoolWriter(self.spool, self.queue, threading.Condition())
         self.now = 0.0
-        self.told: list[Post] = []
+        self.sent: list[Post] = []
 
     def go(self, times: int, poison: int = 7, **how: Any) -> None:
-        """Send what is due; the post of one number is never taken."""
+        """Send posts that are due; the one with the number `poison` always fails."""
         for _ in range(times):
             self.now += LONGEST_PAUSE_S
             while (one := self.queue.take(self.now)) is not None:
                 if one.body.get("sequence_number") == poison:
-                    failure: dict[str, Any] = {"cut_off": False, "reason": "500"} | how
+                    failure: dict[str, Any] = {"is_unreachable": False, "reason": "500"} | how
                     self.queue.failed(one, self.now, **failure)
                 else:
                     self.queue.answered(one)
-                    self.told.append(one)
-            self.keeper.go_round(self.now)
+                    self.sent.append(one)
+            self.writer.run_once(self.now)
 
     def kill(self) -> None:
         """Leave the folder to the next run."""
@@ -57,105 +69,107 @@ class Run:
 
 
 def telemetry(run: Run, times: int, **how: Any) -> None:
-    """Have others answered all the time."""
+    """Have other posts answered meanwhile."""
     for number in range(times):
         run.queue.put(post("pose", 1000 + number, urgency=Urgency.RESULT))
         run.go(1, **how)
 
 
-def test_what_waits_behind_it_is_told_in_order(tmp_path: Path) -> None:
+def test_posts_behind_a_dead_letter_are_sent_in_order(tmp_path: Path) -> None:
     run = Run(tmp_path)
     for number in (7, 8, 9):
         run.queue.put(post(number=number))
-    telemetry(run, MOST_ATTEMPTS + 2)
-    assert [n for n in numbers(run.told) if n < 1000] == [8, 9]
-    ((_, letter),) = read_all(tmp_path)
+    telemetry(run, MAX_ATTEMPTS + 2)
+    assert [n for n in numbers(run.sent) if n < 1000] == [8, 9]
+    ((_, letter),) = read_dead_letters(tmp_path)
     assert letter.post.body["sequence_number"] == 7
     assert letter.reason == "500"
-    assert run.keeper.dead_letters == {1: 1}
+    assert run.writer.dead_letters == {1: 1}
     assert len(run.queue) == 0
 
 
 @pytest.mark.parametrize(
-    "how", [{"cut_off": True}, {"cut_off": False, "waits": True}], ids=["away", "refused for now"]
+    "how",
+    [{"is_unreachable": True}, {"is_unreachable": False, "is_temporary": True}],
+    ids=["away", "refused for now"],
 )
-def test_while_nobody_is_answered_or_it_is_refused_on_purpose_nothing_is_given_up(
+def test_no_post_is_given_up_while_the_server_is_unreachable_or_refuses_temporarily(
     tmp_path: Path, how: dict[str, bool]
 ) -> None:
     run = Run(tmp_path)
     run.queue.put(post(number=7))
-    run.go(10 * MOST_ATTEMPTS)
-    if "waits" in how:
-        telemetry(run, 5 * MOST_ATTEMPTS, **how)
-    assert read_all(tmp_path) == []
+    run.go(10 * MAX_ATTEMPTS)
+    if "is_temporary" in how:
+        telemetry(run, 5 * MAX_ATTEMPTS, **how)
+    assert read_dead_letters(tmp_path) == []
     assert len(run.queue) == 1
 
 
-def test_a_connection_that_it_always_breaks_counts_too(tmp_path: Path) -> None:
+def test_connections_broken_by_one_post_alone_count_as_its_failures(tmp_path: Path) -> None:
     run = Run(tmp_path)
     run.queue.put(post(number=7))
-    telemetry(run, MOST_ATTEMPTS + 2, cut_off=True, reason="reset")
-    assert [kept.letter.reason for kept in read_all(tmp_path)] == ["reset"]
+    telemetry(run, MAX_ATTEMPTS + 2, is_unreachable=True, reason="reset")
+    assert [kept.letter.reason for kept in read_dead_letters(tmp_path)] == ["reset"]
 
 
-def test_it_outlives_the_broker_and_is_not_told_again_by_itself(tmp_path: Path) -> None:
+def test_a_dead_letter_survives_the_broker_and_is_not_sent_by_itself(tmp_path: Path) -> None:
     run = Run(tmp_path)
     for number in (7, 8):
         run.queue.put(post(number=number))
     run.go(2)
-    telemetry(run, MOST_ATTEMPTS + 2)
+    telemetry(run, MAX_ATTEMPTS + 2)
     run.kill()
     after = Run(tmp_path)
     after.go(3)
-    assert after.told == []
-    assert after.keeper.dead_letters == {1: 1}
-    assert after.queue.owing == frozenset()
+    assert after.sent == []
+    assert after.writer.dead_letters == {1: 1}
+    assert after.queue.vehicles_with_unsent_reports == frozenset()
 
 
-def test_killed_between_the_dead_letter_and_the_line_it_came_from_there_is_one(
+def test_a_broker_killed_before_the_post_is_released_leaves_one_dead_letter(
     tmp_path: Path,
 ) -> None:
     run = Run(tmp_path)
     run.queue.put(post(number=7))
     run.go(2)
-    words = (tmp_path / "spool.words").read_bytes()
-    telemetry(run, MOST_ATTEMPTS + 2)
+    reports = (tmp_path / "spool.words").read_bytes()
+    telemetry(run, MAX_ATTEMPTS + 2)
     run.kill()
-    (tmp_path / "spool.words").write_bytes(words)
+    (tmp_path / "spool.words").write_bytes(reports)
     after = Run(tmp_path)
     assert len(after.queue) == 0
-    assert after.keeper.dead_letters == {1: 1}
+    assert after.writer.dead_letters == {1: 1}
 
 
-def test_a_retry_is_told_once_under_its_own_key_and_is_gone(tmp_path: Path) -> None:
+def test_a_retry_is_sent_once_under_its_key_and_removes_the_dead_letter(tmp_path: Path) -> None:
     run = Run(tmp_path)
     run.queue.put(post(number=7))
-    telemetry(run, MOST_ATTEMPTS + 2)
-    ((number, letter),) = read_all(tmp_path)
-    order(tmp_path, "retry", [number, 999])
+    telemetry(run, MAX_ATTEMPTS + 2)
+    ((number, letter),) = read_dead_letters(tmp_path)
+    request_action(tmp_path, "retry", [number, 999])
     run.go(2, poison=-1)
-    again = [one for one in run.told if one.body["sequence_number"] == 7]
+    again = [one for one in run.sent if one.body["sequence_number"] == 7]
     assert [one.idempotency_key for one in again] == [letter.post.idempotency_key]
-    assert read_all(tmp_path) == []
-    assert not (tmp_path / ORDERS).exists()
+    assert read_dead_letters(tmp_path) == []
+    assert not (tmp_path / ACTIONS_FILE).exists()
     run.kill()
     after = Run(tmp_path)
     assert len(after.queue) == 0
-    assert after.keeper.dead_letters == {}
+    assert after.writer.dead_letters == {}
 
 
-def test_a_retry_asked_for_while_no_broker_runs_is_done_by_the_next(tmp_path: Path) -> None:
+def test_a_retry_requested_while_no_broker_runs_is_done_by_the_next(tmp_path: Path) -> None:
     run = Run(tmp_path)
     run.queue.put(post(number=7))
-    telemetry(run, MOST_ATTEMPTS + 2)
+    telemetry(run, MAX_ATTEMPTS + 2)
     run.kill()
-    order(tmp_path, "retry", [kept.number for kept in read_all(tmp_path)])
+    request_action(tmp_path, "retry", [kept.number for kept in read_dead_letters(tmp_path)])
     after = Run(tmp_path)
-    after.keeper.go_round(0.0)
-    after.kill()  # Killed again before it was told
+    after.writer.run_once(0.0)
+    after.kill()  # Killed again before it was sent
     last = Run(tmp_path)
     last.go(1, poison=-1)
-    assert numbers(last.told) == [7]
+    assert numbers(last.sent) == [7]
 
 
 def with_dead_letters(folder: Path, count: int = 1) -> tuple[Run, list[int]]:
@@ -163,8 +177,8 @@ def with_dead_letters(folder: Path, count: int = 1) -> tuple[Run, list[int]]:
     run = Run(folder)
     for number in range(count):
         run.queue.put(post(("mission_report", "alarm")[number], 7, idempotency_key=f"key-{number}"))
-    telemetry(run, MOST_ATTEMPTS + 2)
-    dead = [kept.number for kept in read_all(folder)]
+    telemetry(run, MAX_ATTEMPTS + 2)
+    dead = [kept.number for kept in read_dead_letters(folder)]
     assert len(dead) == count
     return run, dead
 
@@ -173,97 +187,97 @@ def keys(posts: list[Post]) -> set[str | None]:
     return {one.idempotency_key for one in posts if one.body["sequence_number"] == 7}
 
 
-def test_orders_that_a_killed_broker_has_read_are_carried_out_by_the_next(tmp_path: Path) -> None:
+def test_actions_that_a_killed_broker_has_taken_are_carried_out_by_the_next(tmp_path: Path) -> None:
     run, dead = with_dead_letters(tmp_path)
-    order(tmp_path, "retry", dead)
-    assert run.spool.dead.take_orders().retry == set(dead)
+    request_action(tmp_path, "retry", dead)
+    assert run.spool.dead_letters.take_actions().retry == set(dead)
     run.kill()
     after = Run(tmp_path)
     after.go(2, poison=-1)
-    assert keys(after.told) == {"key-0"}
-    assert read_all(tmp_path) == []
+    assert keys(after.sent) == {"key-0"}
+    assert read_dead_letters(tmp_path) == []
     assert list(tmp_path.glob("*orders*")) == []
 
 
-def test_an_order_that_comes_while_others_are_carried_out_is_carried_out_next(
+def test_an_action_requested_while_others_are_carried_out_comes_next(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run, dead = with_dead_letters(tmp_path, 2)
-    order(tmp_path, "retry", dead[:1])
-    genuine = run.spool.dead.remove
+    request_action(tmp_path, "retry", dead[:1])
+    genuine = run.spool.dead_letters.remove
 
     def remove(numbers: Any) -> None:
         monkeypatch.undo()
-        order(tmp_path, "retry", dead[1:])
+        request_action(tmp_path, "retry", dead[1:])
         genuine(numbers)
 
-    monkeypatch.setattr(run.spool.dead, "remove", remove)
+    monkeypatch.setattr(run.spool.dead_letters, "remove", remove)
     run.go(3, poison=-1)
-    assert keys(run.told) == {"key-0", "key-1"}
+    assert keys(run.sent) == {"key-0", "key-1"}
 
 
-def test_an_order_into_a_file_that_was_opened_before_it_was_taken_is_not_lost(
+def test_an_action_written_to_a_file_that_was_taken_meanwhile_is_not_lost(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run, dead = with_dead_letters(tmp_path, 2)
-    order(tmp_path, "retry", dead[:1])
+    request_action(tmp_path, "retry", dead[:1])
     genuine = os.open
 
     def opened(path: Any, *how: Any, **named: Any) -> int:
         descriptor = genuine(path, *how, **named)
-        if Path(path).name == ORDERS:
+        if Path(path).name == ACTIONS_FILE:
             monkeypatch.undo()
             run.go(1, poison=-1)
         return descriptor
 
     monkeypatch.setattr(os, "open", opened)
-    order(tmp_path, "retry", dead[1:])
+    request_action(tmp_path, "retry", dead[1:])
     run.go(2, poison=-1)
-    assert keys(run.told) == {"key-0", "key-1"}
+    assert keys(run.sent) == {"key-0", "key-1"}
 
 
-def test_an_order_behind_a_mebibyte_of_others_and_a_broken_line_is_carried_out(
+def test_an_action_behind_a_mebibyte_of_others_and_an_invalid_line_is_carried_out(
     tmp_path: Path,
 ) -> None:
     run, dead = with_dead_letters(tmp_path)
-    order(tmp_path, "retry", range(10_000_000, 10_000_000 + 80_000))
-    with (tmp_path / ORDERS).open("ab") as file:
+    request_action(tmp_path, "retry", range(10_000_000, 10_000_000 + 80_000))
+    with (tmp_path / ACTIONS_FILE).open("ab") as file:
         file.write(b"x" * 1000 + b"\n")
-    order(tmp_path, "retry", dead)
+    request_action(tmp_path, "retry", dead)
     run.go(2, poison=-1)
-    assert keys(run.told) == {"key-0"}
+    assert keys(run.sent) == {"key-0"}
 
 
-def test_one_that_is_dropped_is_gone(tmp_path: Path) -> None:
+def test_a_dropped_dead_letter_is_removed(tmp_path: Path) -> None:
     run = Run(tmp_path)
     run.queue.put(post(number=7))
-    telemetry(run, MOST_ATTEMPTS + 2)
-    order(tmp_path, "drop", [kept.number for kept in read_all(tmp_path)])
+    telemetry(run, MAX_ATTEMPTS + 2)
+    request_action(tmp_path, "drop", [kept.number for kept in read_dead_letters(tmp_path)])
     run.go(1)
-    assert read_all(tmp_path) == []
-    assert run.keeper.dead_letters == {}
+    assert read_dead_letters(tmp_path) == []
+    assert run.writer.dead_letters == {}
 
 
-def test_without_room_the_oldest_go_and_the_line_goes_on(
+def test_without_space_the_oldest_dead_letters_are_removed(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     run = Run(tmp_path, 16_000)
     for number in range(8):
         run.queue.put(picture(7, 900, idempotency_key=f"key-{number}"))
-    telemetry(run, 9 * MOST_ATTEMPTS)
-    kept = [letter.post.idempotency_key for _, letter in read_all(tmp_path)]
+    telemetry(run, 14 * MAX_ATTEMPTS)  # One post in four is not the most urgent
+    kept = [letter.post.idempotency_key for _, letter in read_dead_letters(tmp_path)]
     assert kept == [f"key-{number}" for number in range(8)][-len(kept) :]
     assert 1 < len(kept) < 8
-    assert "is given up: there is no room" in caplog.text
+    assert "is removed: there is no space" in caplog.text
     assert len(run.queue) == 0
 
 
-def test_a_state_vector_is_dropped_and_a_registration_lets_its_vehicle_go_on(
+def test_a_failing_state_vector_is_dropped_and_a_failing_registration_blocks_no_report(
     tmp_path: Path,
 ) -> None:
     run = Run(tmp_path)
     run.queue.put(state_vector(7))
-    for number in range(2 * MOST_ATTEMPTS):
+    for number in range(2 * MAX_ATTEMPTS):
         registration = post(
             "vehicle",
             7,
@@ -275,20 +289,22 @@ def test_a_state_vector_is_dropped_and_a_registration_lets_its_vehicle_go_on(
         run.queue.put(registration)
         run.queue.put(post(number=number + 100, vehicle_id=3, needs_registration=True))
         telemetry(run, 1)
-    assert 100 in numbers(run.told)
-    assert read_all(tmp_path) == []
+    assert 100 in numbers(run.sent)
+    assert read_dead_letters(tmp_path) == []
 
 
 @pytest.mark.parametrize("garbage", [b"", b"\0" * 100, b"deadbeef {}\n", b"retry 1\n"])
-def test_a_damaged_file_costs_what_is_damaged(tmp_path: Path, garbage: bytes) -> None:
+def test_a_damaged_line_costs_itself_alone(tmp_path: Path, garbage: bytes) -> None:
     run = Run(tmp_path)
     run.queue.put(post(number=7))
-    telemetry(run, MOST_ATTEMPTS + 2)
+    telemetry(run, MAX_ATTEMPTS + 2)
     run.kill()
-    line = (tmp_path / DEAD).read_bytes()
-    (tmp_path / DEAD).write_bytes(garbage + (b"\n" if garbage[-1:] not in b"\n" else b"") + line)
+    line = (tmp_path / DEAD_LETTERS_FILE).read_bytes()
+    (tmp_path / DEAD_LETTERS_FILE).write_bytes(
+        garbage + (b"\n" if garbage[-1:] not in b"\n" else b"") + line
+    )
     after = Run(tmp_path)
-    assert after.keeper.dead_letters == {1: 1}
+    assert after.writer.dead_letters == {1: 1}
 
 
 @pytest.fixture
@@ -304,22 +320,21 @@ def until(true: Any) -> None:
         time.sleep(0.01)
 
 
-def test_over_http_from_the_first_500_to_the_retry_at_the_terminal(
+def test_a_dead_letter_over_http_from_the_first_500_to_the_retry_at_the_terminal(
     server: FakeEdgeServer,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(outbox, "MOST_ATTEMPTS", 3)
+    monkeypatch.setattr(outbox, "MAX_ATTEMPTS", 3)
     monkeypatch.setattr(outbox, "LONGEST_PAUSE_S", 0.02)
     (tmp_path / "broker.key").write_text(KEY)
     server.judge = lambda _, body: 500 if body.get("sequence_number") == 7 else None
-    spool = Spool(tmp_path / "broker", most_bytes=ROOM)
+    spool = Spool(tmp_path / "broker", max_bytes=ROOM)
     client = EdgeClient(server.url, tmp_path / "broker.key", lambda: None, spool=spool)
     client.start()
-    acceptance = post("mission_report", 7, accepts=41)
-    for one in (acceptance, post(number=8)):
-        client.post(one)
+    for number in (7, 8):
+        client.post(post(number=number))
 
     def is_given_up() -> bool:
         client.post(post("pose", 1000))
@@ -327,7 +342,6 @@ def test_over_http_from_the_first_500_to_the_retry_at_the_terminal(
 
     until(is_given_up)
     assert [b["sequence_number"] for b in server.wait_for("/mission_report/", 1)] == [8]
-    until(lambda: client.take_verdicts() == [Verdict(41, holds=False)])
     state = ["--state-dir", str(tmp_path)]
     assert dead_letters.run(["list", "--json", *state], {}) == 0
     (shown,) = json.loads(capsys.readouterr().out)["dead_letters"]
@@ -342,59 +356,110 @@ def test_over_http_from_the_first_500_to_the_retry_at_the_terminal(
     client.stop(1.0)
 
 
-def test_an_internal_error_that_always_comes_back_withdraws_the_acceptance_with_its_reason(
+ACCEPTED = {"status": "accepted"}
+
+
+def acceptance(**changed: Any) -> Post:
+    """The acceptance of work 41."""
+    path = "/broker/commands/41/ack"
+    return post(path=path, body=ACCEPTED, idempotency_key=None, accepted_work_id=41, **changed)
+
+
+@pytest.mark.parametrize("status", [500, 422], ids=["given up", "refused for good"])
+def test_an_acceptance_that_fails_is_no_dead_letter_and_its_mission_must_be_reported(
+    server: FakeEdgeServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, status: int
+) -> None:
+    monkeypatch.setattr(outbox, "MAX_ATTEMPTS", 3)
+    monkeypatch.setattr(outbox, "LONGEST_PAUSE_S", 0.02)
+    (tmp_path / "broker.key").write_text(KEY)
+    server.judge = lambda path, _: status if path.endswith("/ack") else None
+    spool = Spool(tmp_path / "broker", max_bytes=ROOM)
+    client = EdgeClient(server.url, tmp_path / "broker.key", lambda: None, spool=spool)
+    client.start()
+    client.post(acceptance())
+    results: list[AcceptanceResult] = []
+
+    def has_result() -> bool:
+        client.post(post("pose", 1000))
+        results.extend(client.take_acceptance_results())
+        return bool(results)
+
+    until(has_result)
+    client.stop(5.0)
+    (result,) = results
+    assert (result.work_id, result.is_confirmed, result.has_failed) == (41, False, True)
+    assert f"did not take the acceptance: HTTP {status}" in result.reason
+    assert read_dead_letters(tmp_path / "broker") == []
+    assert client.dead_letters_of(1) == 0
+    stored = tmp_path / "broker" / REPORTS_FILE
+    assert not stored.exists() or stored.read_bytes() == b""
+
+
+def test_an_acceptance_that_an_earlier_version_has_stored_is_removed_by_a_retry(
+    tmp_path: Path,
+) -> None:
+    run = Run(tmp_path)
+    run.spool.dead_letters.add(1, DeadLetter(acceptance(), "HTTP 500"))
+    request_action(tmp_path, "retry", [1])
+    run.go(2)
+    assert run.sent == []
+    assert read_dead_letters(tmp_path) == []
+
+
+def test_a_repeated_internal_error_fails_the_acceptance_with_its_reason(
     server: FakeEdgeServer,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    monkeypatch.setattr(outbox, "MOST_ATTEMPTS", 3)
+    monkeypatch.setattr(outbox, "MAX_ATTEMPTS", 3)
     monkeypatch.setattr(outbox, "LONGEST_PAUSE_S", 0.02)
     (tmp_path / "broker.key").write_text(KEY)
-    genuine = Door.request
+    genuine = EdgeConnection.request
 
-    def request(self: Door, *args: Any, **named: Any) -> Any:
-        if (named.get("body") or {}).get("sequence_number") == 7:
+    def request(self: EdgeConnection, *args: Any, **named: Any) -> Any:
+        if named.get("body") == ACCEPTED:
             raise RuntimeError("cannot be put into bytes")
         return genuine(self, *args, **named)
 
-    monkeypatch.setattr(Door, "request", request)
-    spool = Spool(tmp_path / "broker", most_bytes=ROOM)
+    monkeypatch.setattr(EdgeConnection, "request", request)
+    spool = Spool(tmp_path / "broker", max_bytes=ROOM)
     client = EdgeClient(server.url, tmp_path / "broker.key", lambda: None, spool=spool)
     client.start()
-    client.post(post("mission_report", 7, accepts=41))
+    client.post(acceptance())
 
-    def is_withdrawn() -> bool:
+    def has_failed() -> bool:
         client.post(post("pose", 1000))
-        return client.take_verdicts() == [Verdict(41, holds=False)]
+        return any(
+            result.has_failed and "cannot be put into bytes" in result.reason
+            for result in client.take_acceptance_results()
+        )
 
-    until(is_withdrawn)
-    until(lambda: read_all(tmp_path / "broker"))
+    until(has_failed)
     client.stop(1.0)
-    ((_, letter),) = read_all(tmp_path / "broker")
-    assert "cannot be put into bytes" in letter.reason
+    assert read_dead_letters(tmp_path / "broker") == []
     assert "thread edge-send" not in caplog.text
 
 
-def test_without_a_disk_they_are_counted_in_memory_and_bounded() -> None:
-    queue = SendQueue(random.Random(1))
+def test_without_a_spool_dead_letters_are_counted_in_memory() -> None:
+    queue = Outbox(random.Random(1))
     for number in range(2):
         queue.put(post(number=7, idempotency_key=f"key-{number}"))
     now = 0.0
-    for number in range(3 * MOST_ATTEMPTS):
+    for number in range(3 * MAX_ATTEMPTS):
         now += LONGEST_PAUSE_S
         queue.put(post("pose", 1000 + number, urgency=Urgency.RESULT))
         while (one := queue.take(now)) is not None:
             if one.lane == "pose":
                 queue.answered(one)
             else:
-                queue.failed(one, now, cut_off=False)
-    assert queue.dead_of(1) == 2
-    assert queue.dead_of(2) == 0
+                queue.failed(one, now, is_unreachable=False)
+    assert queue.dead_letters_of(1) == 2
+    assert queue.dead_letters_of(2) == 0
     assert len(queue) == 0
 
 
-def test_they_are_shown_with_their_vehicle() -> None:
+def test_dead_letters_are_shown_with_their_vehicle() -> None:
     world = World()
     world.add_vehicle(1)
     world.edge.dead_letters = {1: 2}
@@ -402,7 +467,9 @@ def test_they_are_shown_with_their_vehicle() -> None:
     assert "2 reports could not be delivered" in world.edge.bodies("/vehicles/1")[-1]["warning"]
 
 
-def test_a_folder_without_any_has_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_without_a_file_has_no_dead_letters(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert dead_letters.run(["--state-dir", str(tmp_path)], {}) == 0
     assert capsys.readouterr().out == "0 dead letters\n"
-    assert not (tmp_path / "broker" / LOCK).exists()
+    assert not (tmp_path / "broker" / LOCK_FILE).exists()

@@ -1,4 +1,4 @@
-"""What waits for the edge server: order, urgency, back-off, loss only where it may be."""
+"""Posts that wait for the edge server: order, urgency, back-off, and which may be dropped."""
 
 import random
 from typing import Any
@@ -6,11 +6,17 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavlink_broker.edge.outbox import LONGEST_PAUSE_S, Post, SendQueue, Urgency
+from mavlink_broker.edge.outbox import (
+    LONGEST_PAUSE_S,
+    LONGEST_WAITING_EVERY,
+    Outbox,
+    Post,
+    Urgency,
+)
 
 
-def queue(kept: int = 1000) -> SendQueue:
-    return SendQueue(random.Random(1), kept=kept)
+def queue(max_state_vectors: int = 1000) -> Outbox:
+    return Outbox(random.Random(1), max_state_vectors=max_state_vectors)
 
 
 def post(lane: str = "pose", number: int = 0, vehicle_id: int = 1, **changed: Any) -> Post:
@@ -34,12 +40,12 @@ def registration(vehicle_id: int = 1, number: int = 0) -> Post:
     return post("vehicle", number, vehicle_id, urgency=Urgency.REGISTRATION, replaces=True)
 
 
-def drain(waiting: SendQueue, now: float = 0.0) -> list[tuple[str, int]]:
-    told = []
+def drain(waiting: Outbox, now: float = 0.0) -> list[tuple[str, int]]:
+    sent = []
     while (one := waiting.take(now)) is not None:
-        told.append((one.lane, one.body["n"]))
+        sent.append((one.lane, one.body["n"]))
         waiting.answered(one)
-    return told
+    return sent
 
 
 @given(st.lists(st.sampled_from(["pose", "battery", "mission_report"]), max_size=30))
@@ -47,16 +53,16 @@ def test_order_within_a_lane_is_kept(lanes: list[str]) -> None:
     waiting = queue()
     for number, lane in enumerate(lanes):
         waiting.put(post(lane, number))
-    told = drain(waiting)
-    assert len(told) == len(lanes)
+    sent = drain(waiting)
+    assert len(sent) == len(lanes)
     for lane in set(lanes):
-        numbers = [number for name, number in told if name == lane]
+        numbers = [number for name, number in sent if name == lane]
         assert numbers == sorted(numbers)
 
 
 @given(st.lists(st.booleans(), max_size=60))
 def test_failures_never_change_the_order_or_lose_anything(successes: list[bool]) -> None:
-    waiting, told, now = queue(), [], 0.0
+    waiting, sent, now = queue(), [], 0.0
     for number in range(5):
         waiting.put(post("pose", number))
     for success in successes:
@@ -65,15 +71,15 @@ def test_failures_never_change_the_order_or_lose_anything(successes: list[bool])
         if one is None:
             break
         if success:
-            told.append(one.body["n"])
+            sent.append(one.body["n"])
             waiting.answered(one)
         else:
-            waiting.failed(one, now, cut_off=False)
-    assert told == list(range(len(told)))
-    assert len(waiting) == 5 - len(told)
+            waiting.failed(one, now, is_unreachable=False)
+    assert sent == list(range(len(sent)))
+    assert len(waiting) == 5 - len(sent)
 
 
-def test_only_one_of_a_lane_is_in_flight() -> None:
+def test_a_lane_has_one_post_in_flight() -> None:
     waiting = queue()
     waiting.put(post("pose", 0))
     waiting.put(post("pose", 1))
@@ -81,7 +87,7 @@ def test_only_one_of_a_lane_is_in_flight() -> None:
     assert waiting.take(0.0) is None
 
 
-def test_reports_go_before_telemetry() -> None:
+def test_reports_precede_telemetry() -> None:
     waiting = queue()
     waiting.put(state_vector(0))
     waiting.put(post("pose", 1))
@@ -90,27 +96,58 @@ def test_reports_go_before_telemetry() -> None:
     assert [number for _, number in drain(waiting)] == [3, 2, 1, 0]
 
 
-def test_a_lane_that_failed_waits_and_does_not_hold_up_the_others() -> None:
+def test_a_registered_vehicles_description_goes_behind_its_reports() -> None:
+    waiting = queue()
+    waiting.put(registration())
+    drain(waiting)
+    waiting.put(registration(number=1))
+    waiting.put(post("mission_report", 1, urgency=Urgency.REPORT))
+    assert drain(waiting) == [("mission_report", 1), ("vehicle", 1)]
+
+
+@given(st.integers(1, 20), st.sampled_from(list(Urgency)))
+def test_no_lane_starves_behind_posts_that_keep_coming(vehicles: int, urgent: Urgency) -> None:
+    """A slow edge server, which answers fewer posts than arrive, still receives of every lane."""
+    waiting, now = queue(), 0.0
+    for vehicle_id in range(1, vehicles + 1):
+        waiting.put(registration(vehicle_id))
+    drain(waiting)
+    waiting.put(post("image", 7, vehicle_id=1, urgency=Urgency.PICTURE))
+    sent = []
+    for _ in range(LONGEST_WAITING_EVERY * (2 * vehicles + 2)):
+        now += 0.5
+        for vehicle_id in range(1, vehicles + 1):
+            waiting.put(registration(vehicle_id))
+            waiting.put(post("flood", 0, vehicle_id, urgency=urgent))
+        one = waiting.take(now)
+        assert one is not None
+        waiting.answered(one)
+        sent.append((one.lane, one.vehicle_id))
+    wanted = {("vehicle", n) for n in range(1, vehicles + 1)} | {("image", 1)}
+    assert wanted <= set(sent)
+
+
+def test_a_lane_that_failed_waits_and_blocks_no_other() -> None:
     waiting = queue()
     waiting.put(post("pose"))
     waiting.put(post("battery"))
     first = waiting.take(0.0)
     assert first is not None
-    waiting.failed(first, 0.0, cut_off=False)
+    waiting.failed(first, 0.0, is_unreachable=False)
     second = waiting.take(0.0)
     assert second is not None
     assert second.lane != first.lane
     assert waiting.take(LONGEST_PAUSE_S) is first
 
 
-def test_pauses_grow_and_have_a_limit() -> None:
+def test_pauses_grow_up_to_a_limit() -> None:
     waiting = queue()
     waiting.put(post("pose"))
     pauses, now = [], 0.0
     for _ in range(12):
         one = waiting.take(now)
         assert one is not None
-        waiting.failed(one, now, cut_off=True)
+        waiting.failed(one, now, is_unreachable=True)
         due = waiting.next_due()
         assert due is not None
         pauses.append(due - now)
@@ -120,27 +157,27 @@ def test_pauses_grow_and_have_a_limit() -> None:
     assert max(pauses) <= LONGEST_PAUSE_S
 
 
-def test_an_edge_server_that_is_back_is_told_everything_at_once() -> None:
+def test_all_lanes_are_ready_when_the_edge_server_answers_again() -> None:
     waiting = queue()
     for lane in ("pose", "battery"):
         waiting.put(post(lane))
     one, other = waiting.take(0.0), waiting.take(0.0)
     assert one is not None
     assert other is not None
-    waiting.failed(one, 0.0, cut_off=True)
+    waiting.failed(one, 0.0, is_unreachable=True)
     waiting.answered(other)
     assert waiting.take(0.0) is one
 
 
-def test_the_oldest_state_vectors_are_dropped_and_counted_and_nothing_else() -> None:
-    waiting = queue(kept=10)
+def test_only_the_oldest_state_vectors_are_dropped_and_counted() -> None:
+    waiting = queue(max_state_vectors=10)
     for number in range(25):
         waiting.put(state_vector(number))
         waiting.put(post("pose", number))
     assert waiting.dropped == 15
-    told = drain(waiting)
-    assert [n for lane, n in told if lane == "state_vector"] == list(range(15, 25))
-    assert [n for lane, n in told if lane == "pose"] == list(range(25))
+    sent = drain(waiting)
+    assert [n for lane, n in sent if lane == "state_vector"] == list(range(15, 25))
+    assert [n for lane, n in sent if lane == "pose"] == list(range(25))
 
 
 def test_a_vehicles_reports_wait_for_its_registration() -> None:
@@ -160,11 +197,11 @@ def test_a_newer_description_replaces_the_waiting_one() -> None:
     assert drain(waiting) == [("vehicle", 4)]
 
 
-def test_a_description_that_failed_gives_way_to_a_newer_one() -> None:
+def test_a_newer_description_replaces_one_that_failed() -> None:
     waiting = queue()
     waiting.put(registration(number=1))
     one = waiting.take(0.0)
     assert one is not None
     waiting.put(registration(number=2))
-    waiting.failed(one, 0.0, cut_off=True)
+    waiting.failed(one, 0.0, is_unreachable=True)
     assert drain(waiting, now=LONGEST_PAUSE_S) == [("vehicle", 2)]

@@ -1,4 +1,4 @@
-"""Words to requests at the edge server's door."""
+"""Messages as requests to the edge server."""
 
 from datetime import UTC, datetime
 from typing import Any
@@ -6,40 +6,40 @@ from typing import Any
 from afarcloud.state import Pose
 from mavlink_broker.edge.outbox import Post, Urgency
 from mavlink_broker.edge.posts import post_for
-from mavlink_broker.effects import Acknowledgement, ForEdge, VehicleUpdate
+from mavlink_broker.effects import Acknowledgement, EdgeMessage, VehicleUpdate
 
 AT = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
 PLACE: dict[str, Any] = {"latitude": 40.0, "longitude": -3.0, "altitude": 5.0}
 
 
-def told(word: ForEdge) -> Post:
-    return post_for(word, vehicle_id=7, recorded_at=AT, key="01KEY")
+def sent(message: EdgeMessage) -> Post:
+    return post_for(message, vehicle_id=7, recorded_at=AT, key="01KEY")
 
 
 def test_a_report_carries_its_time_and_its_key() -> None:
     pose = Pose(sequence_number=0, vehicle_id=7, yaw=0, pitch=0, roll=0, **PLACE)
-    post = told(pose)
+    post = sent(pose)
     assert (post.method, post.path, post.idempotency_key) == ("POST", "/pose/", "01KEY")
     assert post.body["recorded_at"] == "2026-11-21T08:00:00Z"
     assert post.needs_registration
 
 
-def test_an_acceptance_goes_in_the_lane_of_the_reports_so_that_order_is_kept() -> None:
-    post = told(Acknowledgement(16, "refused", "no wings"))
+def test_acknowledgements_and_reports_share_a_lane() -> None:
+    post = sent(Acknowledgement(16, "refused", "no wings"))
     assert post.path == "/broker/commands/16/ack"
     assert post.body == {"status": "refused", "message": "no wings"}
     assert post.lane == "mission_report"
 
 
-def test_an_acknowledgement_is_no_longer_than_the_edge_server_takes() -> None:
-    """A refused one would leave its work open for ever: nobody answers it again."""
-    post = told(Acknowledgement(16, "refused", "an internal error: " + "x" * 2000))
+def test_an_acknowledgement_is_no_longer_than_the_edge_server_accepts() -> None:
+    """A refused one would leave its work open for ever: it is not sent again."""
+    post = sent(Acknowledgement(16, "refused", "an internal error: " + "x" * 2000))
     assert post.body["message"].startswith("an internal error: x")
     assert len(post.body["message"]) == 1000
 
 
 def test_a_vehicle_is_registered_before_anything_else() -> None:
-    post = told(VehicleUpdate(7, {"link_state": "connected"}))
+    post = sent(VehicleUpdate(7, {"link_state": "connected"}))
     assert (post.method, post.path) == ("PUT", "/vehicles/7")
     assert post.urgency is Urgency.REGISTRATION
     assert post.body == {"link_state": "connected", "recorded_at": "2026-11-21T08:00:00Z"}

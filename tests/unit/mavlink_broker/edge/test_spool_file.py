@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavlink_broker.edge.spool_file import MOST_LINE_BYTES, WASTE_BYTES, LineFile
+from mavlink_broker.edge.spool_file import MAX_LINE_BYTES, OBSOLETE_BYTES, LineFile
 
 LENGTHS = st.lists(st.integers(1, 60), min_size=1, max_size=12)
 GONE = b"gone\n"
@@ -49,7 +49,7 @@ def filled(path: Path, lengths: Sequence[int]) -> list[int]:
 @given(LENGTHS, st.floats(0.0, 1.0))
 def test_whatever_is_torn_off_costs_no_line_before_it(lengths: list[int], where: float) -> None:
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "words"
+        path = Path(folder) / "reports"
         ends = filled(path, lengths)
         cut = round(where * ends[-1])
         os.truncate(path, cut)
@@ -66,31 +66,31 @@ def test_a_damaged_byte_costs_the_lines_that_it_is_in(
     lengths: list[int], where: float, change: int
 ) -> None:
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "words"
+        path = Path(folder) / "reports"
         ends = filled(path, lengths)
-        words = bytearray(path.read_bytes())
-        place = int(where * len(words))
-        words[place] ^= change
-        path.write_bytes(words)
+        reports = bytearray(path.read_bytes())
+        place = int(where * len(reports))
+        reports[place] ^= change
+        path.write_bytes(reports)
         hit = next(number for number, end in enumerate(ends, start=1) if place < end)
         struck = {hit, hit + 1} if place == ends[hit - 1] - 1 else {hit}
         assert opened(path).numbers >= {*range(1, len(lengths) + 1)} - struck
 
 
 def test_nothing_is_on_the_disk_before_something_is_added(tmp_path: Path) -> None:
-    file = opened(tmp_path / "words")
-    file.let_go({1, 2}, GONE)
+    file = opened(tmp_path / "reports")
+    file.release({1, 2}, GONE)
     assert file.writes == 0
     assert list(tmp_path.iterdir()) == []
 
 
 def test_what_is_let_go_of_is_said_and_the_last_one_empties_the_file(tmp_path: Path) -> None:
-    path = tmp_path / "words"
+    path = tmp_path / "reports"
     filled(path, [1, 1])
     file = opened(path)
-    file.let_go({1}, GONE)
+    file.release({1}, GONE)
     assert path.read_bytes() == line(1) + line(2) + GONE
-    file.let_go({2, 77}, GONE)
+    file.release({2, 77}, GONE)
     assert path.read_bytes() == b""
     file.add({3: line(3)})
     assert opened(path).numbers == {3}
@@ -99,15 +99,15 @@ def test_what_is_let_go_of_is_said_and_the_last_one_empties_the_file(tmp_path: P
 def test_waste_is_left_behind_when_there_is_more_of_it_than_of_anything_else(
     tmp_path: Path,
 ) -> None:
-    path = tmp_path / "words"
-    filled(path, [10, WASTE_BYTES + 50, 10, 20])
+    path = tmp_path / "reports"
+    filled(path, [10, OBSOLETE_BYTES + 50, 10, 20])
     file = opened(path)
-    file.let_go({2}, GONE)
+    file.release({2}, GONE)
     assert path.read_bytes() == line(1, 10) + line(3, 10) + line(4, 20)
-    file.let_go({3}, GONE)
+    file.release({3}, GONE)
     file.add({5: line(5)})
     assert file.size_bytes == path.stat().st_size
-    assert [p.name for p in tmp_path.iterdir()] == ["words"]
+    assert [p.name for p in tmp_path.iterdir()] == ["reports"]
     assert opened(path).numbers == {1, 3, 4, 5}  # Reading is no business of this file's
 
 
@@ -117,10 +117,10 @@ class FullDisk:
     def __init__(self, room: int) -> None:
         self.room = room
 
-    def write(self, descriptor: int, words: bytes) -> int:
+    def write(self, descriptor: int, reports: bytes) -> int:
         if not self.room:
             raise OSError(errno.ENOSPC, "No space left on device")
-        taken = self._write(descriptor, words[: self.room])
+        taken = self._write(descriptor, reports[: self.room])
         self.room -= taken
         return taken
 
@@ -130,7 +130,7 @@ class FullDisk:
 @given(room=st.integers(0, 40))
 def test_a_full_disk_takes_all_of_it_or_nothing(room: int) -> None:
     with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
-        path = Path(folder) / "words"
+        path = Path(folder) / "reports"
         filled(path, [5])
         file = opened(path)
         patch.setattr(os, "write", FullDisk(room).write)
@@ -145,14 +145,14 @@ def test_a_full_disk_takes_all_of_it_or_nothing(room: int) -> None:
 def test_a_full_disk_leaves_the_old_file_when_it_cannot_be_written_anew(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = tmp_path / "words"
+    path = tmp_path / "reports"
     filled(path, [5, 5])
     file = opened(path)
     monkeypatch.setattr(os, "write", FullDisk(3).write)
     with pytest.raises(OSError, match="No space left"):
-        file.write_anew()
+        file.compact()
     monkeypatch.undo()
-    assert [p.name for p in tmp_path.iterdir()] == ["words"]
+    assert [p.name for p in tmp_path.iterdir()] == ["reports"]
     file.add({3: line(3)})
     assert opened(path).numbers == {1, 2, 3}
 
@@ -163,24 +163,24 @@ def test_a_power_cut_that_was_reported_leaves_nothing(
     def broken(_descriptor: int) -> None:
         raise OSError(errno.EIO, "Input/output error")
 
-    file = opened(tmp_path / "words")
+    file = opened(tmp_path / "reports")
     monkeypatch.setattr(os, "fdatasync", broken)
     with pytest.raises(OSError, match="Input/output"):
         file.add({1: line(1)})
     assert 1 not in file
-    assert opened(tmp_path / "words").numbers == frozenset()
+    assert opened(tmp_path / "reports").numbers == frozenset()
 
 
 def test_a_copy_that_a_killed_broker_left_is_in_nobodys_way(tmp_path: Path) -> None:
-    path = tmp_path / "words"
+    path = tmp_path / "reports"
     filled(path, [1])
-    (tmp_path / "words.new").write_bytes(line(9))
-    opened(path).write_anew()
+    (tmp_path / "reports.new").write_bytes(line(9))
+    opened(path).compact()
     assert opened(path).numbers == {1}
 
 
 def test_a_file_that_somebody_removes_is_made_again_with_all_that_it_held(tmp_path: Path) -> None:
-    path = tmp_path / "words"
+    path = tmp_path / "reports"
     filled(path, [1])
     file = opened(path)
     path.unlink()
@@ -189,13 +189,13 @@ def test_a_file_that_somebody_removes_is_made_again_with_all_that_it_held(tmp_pa
 
 
 def test_a_line_without_end_is_passed_over(tmp_path: Path) -> None:
-    path = tmp_path / "words"
-    path.write_bytes(line(1) + b"x" * (2 * MOST_LINE_BYTES + 5) + b"\n" + line(2))
+    path = tmp_path / "reports"
+    path.write_bytes(line(1) + b"x" * (2 * MAX_LINE_BYTES + 5) + b"\n" + line(2))
     assert opened(path).numbers == {1, 2}
 
 
 def test_holes_are_read_as_nothing(tmp_path: Path) -> None:
-    path = tmp_path / "words"
+    path = tmp_path / "reports"
     path.write_bytes(line(1))
     os.truncate(path, 64 << 20)
     file = opened(path)
@@ -205,17 +205,17 @@ def test_holes_are_read_as_nothing(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", ["folder", "pipe", "link"])
 def test_what_is_no_file_is_refused_at_once(kind: str, tmp_path: Path) -> None:
-    path = tmp_path / "words"
+    path = tmp_path / "reports"
     if kind == "folder":
         path.mkdir()
     elif kind == "pipe":
         os.mkfifo(path)
     else:
         path.symlink_to(tmp_path / "elsewhere")
-    with pytest.raises(OSError, match=r"words|no file"):
+    with pytest.raises(OSError, match=r"reports|no file"):
         LineFile(path).read(number_of)
 
 
 def test_nobody_else_may_read_it(tmp_path: Path) -> None:
-    filled(tmp_path / "words", [1])
-    assert (tmp_path / "words").stat().st_mode & 0o077 == 0
+    filled(tmp_path / "reports", [1])
+    assert (tmp_path / "reports").stat().st_mode & 0o077 == 0

@@ -1,4 +1,4 @@
-"""Between queue and disk: what has failed once outlives the broker, in order, under its key."""
+"""From outbox to disk: a post that has failed once survives the broker, in order."""
 
 import errno
 import logging
@@ -15,9 +15,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mavlink_broker.edge.outbox import LONGEST_PAUSE_S, SLOW_AFTER_S, Post, SendQueue, Urgency
-from mavlink_broker.edge.spool import LOCK, WORDS, Spool
-from mavlink_broker.edge.spool_writer import MOST_AT_ONCE, TRY_AGAIN_S, Keeper
+from mavlink_broker.edge.outbox import LONGEST_PAUSE_S, SLOW_AFTER_S, Outbox, Post, Urgency
+from mavlink_broker.edge.spool import LOCK_FILE, REPORTS_FILE, Spool
+from mavlink_broker.edge.spool_writer import MAX_BATCH, RETRY_AFTER_S, SpoolWriter
 from tests.support.spooled_posts import numbers, picture, post, state_vector
 
 LANES = ("mission_report", "alarm", "done")
@@ -27,36 +27,36 @@ ROOM = 1 << 20
 class Run:
     """One run of the broker, as far as it concerns the spool."""
 
-    def __init__(self, folder: Path, most_bytes: int = ROOM) -> None:
-        self.queue = SendQueue(random.Random(1))
-        self.spool = Spool(folder, most_bytes=most_bytes)
+    def __init__(self, folder: Path, max_bytes: int = ROOM) -> None:
+        self.queue = Outbox(random.Random(1))
+        self.spool = Spool(folder, max_bytes=max_bytes)
         self.now = 0.0
-        self.keeper = Keeper(self.spool, self.queue, threading.Condition())
+        self.writer = SpoolWriter(self.spool, self.queue, threading.Condition())
 
     def look(self) -> None:
-        """Let the keeper do what there is to do."""
-        self.keeper.go_round(self.now)
+        """Have the writer do one round."""
+        self.writer.run_once(self.now)
 
     def take(self) -> Post | None:
-        """Begin to send what is due."""
+        """Take the next post that is due."""
         self.now += LONGEST_PAUSE_S
         return self.queue.take(self.now)
 
-    def fail(self, *, cut_off: bool = True) -> None:
-        """Try to tell something to an edge server that is not there."""
+    def fail(self, *, is_unreachable: bool = True) -> None:
+        """Send a post while the edge server is unreachable."""
         one = self.take()
         if one is not None:
-            self.queue.failed(one, self.now, cut_off=cut_off)
+            self.queue.failed(one, self.now, is_unreachable=is_unreachable)
 
     def answer(self) -> Post | None:
-        """Tell something to an edge server that is there."""
+        """Send a post that the edge server answers."""
         one = self.take()
         if one is not None:
             self.queue.answered(one)
         return one
 
     def left(self) -> list[Post]:
-        """What waits, in the order in which it is told."""
+        """The posts that wait, in the order in which they are sent."""
         posts = []
         while (one := self.answer()) is not None:
             posts.append(one)
@@ -65,11 +65,11 @@ class Run:
 
 @contextmanager
 def killed(folder: Path) -> Iterator[Path]:
-    """The disk as a kill -9 leaves it, in another place: the old run still breathes here."""
+    """A copy of the disk as a kill -9 leaves it; the old run still uses the original."""
     with tempfile.TemporaryDirectory() as other:
-        grave = Path(other) / "broker"
-        shutil.copytree(folder, grave, ignore=shutil.ignore_patterns(LOCK))
-        yield grave
+        copy = Path(other) / "broker"
+        shutil.copytree(folder, copy, ignore=shutil.ignore_patterns(LOCK_FILE))
+        yield copy
 
 
 ACTS = st.lists(st.sampled_from([*LANES, "fail", "answer", "answer", "look", "kill"]), max_size=25)
@@ -77,17 +77,17 @@ ACTS = st.lists(st.sampled_from([*LANES, "fail", "answer", "answer", "look", "ki
 
 @settings(max_examples=60)
 @given(ACTS)
-def test_every_word_is_told_once_and_in_order_whatever_happens(acts: list[str]) -> None:
-    """What comes fails at first, and the keeper looks. It may be killed before it sees an answer.
+def test_every_post_is_sent_once_and_in_order(acts: list[str]) -> None:
+    """Each post fails at first, then the writer runs. It may be killed before it sees an answer.
 
-    The edge server keeps the first of two that have the same key.
+    The edge server stores the first of two posts with the same key.
     """
-    told: dict[str, int] = {}  # Number by key, in the order of telling
+    sent: dict[str, int] = {}  # Number by key, in the order of sending
     put: list[tuple[str, int]] = []
 
     def tell(one: Post | None) -> None:
         if one is not None:
-            told.setdefault(str(one.idempotency_key), one.body["sequence_number"])
+            sent.setdefault(str(one.idempotency_key), one.body["sequence_number"])
 
     with tempfile.TemporaryDirectory() as folder:
         run = Run(Path(folder))
@@ -110,13 +110,13 @@ def test_every_word_is_told_once_and_in_order_whatever_happens(acts: list[str]) 
         for one in run.left():
             tell(one)
         run.spool.close()
-    assert len(told) == len(put)
+    assert len(sent) == len(put)
     for lane in LANES:
-        order = [number for key, number in told.items() if key.startswith(lane)]
+        order = [number for key, number in sent.items() if key.startswith(lane)]
         assert order == [number for name, number in put if name == lane]
 
 
-def test_while_the_edge_server_answers_nothing_is_written(tmp_path: Path) -> None:
+def test_nothing_is_written_while_the_edge_server_answers(tmp_path: Path) -> None:
     run = Run(tmp_path)
     for number in range(200):
         run.queue.put(post(number=number))
@@ -127,31 +127,31 @@ def test_while_the_edge_server_answers_nothing_is_written(tmp_path: Path) -> Non
         run.answer()
         run.look()
     assert run.spool.writes == 0
-    assert [path.name for path in tmp_path.iterdir()] == [LOCK]
+    assert [path.name for path in tmp_path.iterdir()] == [LOCK_FILE]
 
 
-def test_what_has_failed_is_kept_and_so_is_what_waits_behind_it(tmp_path: Path) -> None:
+def test_a_failed_post_and_those_behind_it_are_stored(tmp_path: Path) -> None:
     run = Run(tmp_path)
     run.queue.put(post(number=1))
-    run.fail(cut_off=False)
+    run.fail(is_unreachable=False)
     run.queue.put(post(number=2))
     run.queue.put(post("alarm", 3))
     run.look()
-    with killed(tmp_path) as grave:
-        assert numbers(Run(grave).left()) == [1, 2]
+    with killed(tmp_path) as copy:
+        assert numbers(Run(copy).left()) == [1, 2]
 
 
-def test_an_edge_server_that_is_not_there_is_there_for_nobody(tmp_path: Path) -> None:
+def test_all_lanes_are_stored_while_the_edge_server_is_unreachable(tmp_path: Path) -> None:
     run = Run(tmp_path)
     for number, lane in enumerate(LANES):
         run.queue.put(post(lane, number))
     run.fail()
     run.look()
-    with killed(tmp_path) as grave:
-        assert sorted(numbers(Run(grave).left())) == [0, 1, 2]
+    with killed(tmp_path) as copy:
+        assert sorted(numbers(Run(copy).left())) == [0, 1, 2]
 
 
-def test_an_answer_that_is_overdue_is_none(tmp_path: Path) -> None:
+def test_an_overdue_answer_counts_as_unreachable(tmp_path: Path) -> None:
     run = Run(tmp_path)
     run.queue.put(post(number=1))
     run.queue.put(post(number=2))
@@ -162,22 +162,22 @@ def test_an_answer_that_is_overdue_is_none(tmp_path: Path) -> None:
     assert run.spool.writes == 0
     run.now += 0.2
     run.look()
-    with killed(tmp_path) as grave:
-        assert sorted(numbers(Run(grave).left())) == [1, 2, 3]
+    with killed(tmp_path) as copy:
+        assert sorted(numbers(Run(copy).left())) == [1, 2, 3]
 
 
-def test_what_waits_for_a_registration_that_fails_is_kept(tmp_path: Path) -> None:
+def test_posts_that_wait_for_a_failing_registration_are_stored(tmp_path: Path) -> None:
     run = Run(tmp_path)
     run.queue.put(post("vehicle", 0, urgency=Urgency.REGISTRATION, replaces=True))
     run.queue.put(post(number=1, needs_registration=True))
     run.queue.put(post(number=2, needs_registration=True, vehicle_id=2))
-    run.fail(cut_off=False)
+    run.fail(is_unreachable=False)
     run.look()
-    with killed(tmp_path) as grave:
-        assert numbers(Run(grave).left()) == [1]
+    with killed(tmp_path) as copy:
+        assert numbers(Run(copy).left()) == [1]
 
 
-def test_state_vectors_and_descriptions_are_not_kept(tmp_path: Path) -> None:
+def test_state_vectors_and_registrations_are_not_stored(tmp_path: Path) -> None:
     run = Run(tmp_path)
     for number in range(10):
         run.queue.put(state_vector(number))
@@ -187,13 +187,13 @@ def test_state_vectors_and_descriptions_are_not_kept(tmp_path: Path) -> None:
     assert run.spool.writes == 0
 
 
-def test_the_next_run_tells_what_was_left_first_and_under_its_keys(tmp_path: Path) -> None:
+def test_the_next_run_sends_inherited_posts_first_under_their_keys(tmp_path: Path) -> None:
     run = Run(tmp_path)
     run.queue.put(post(number=7))
     run.fail()
     run.look()
-    with killed(tmp_path) as grave:
-        again = Run(grave)
+    with killed(tmp_path) as copy:
+        again = Run(copy)
         again.queue.put(post(number=8))
         left = again.left()
     assert numbers(left) == [7, 8]
@@ -201,7 +201,7 @@ def test_the_next_run_tells_what_was_left_first_and_under_its_keys(tmp_path: Pat
     assert left[0].body == post(number=7).body
 
 
-def test_what_was_answered_leaves_the_disk(tmp_path: Path) -> None:
+def test_an_answered_post_leaves_the_disk(tmp_path: Path) -> None:
     run = Run(tmp_path)
     for number in range(3):
         run.queue.put(post(number=number))
@@ -209,14 +209,14 @@ def test_what_was_answered_leaves_the_disk(tmp_path: Path) -> None:
     run.look()
     run.answer()
     run.look()
-    with killed(tmp_path) as grave:
-        assert numbers(Run(grave).left()) == [1, 2]
+    with killed(tmp_path) as copy:
+        assert numbers(Run(copy).left()) == [1, 2]
     run.left()
     run.look()
-    assert (tmp_path / WORDS).read_bytes() == b""
+    assert (tmp_path / REPORTS_FILE).read_bytes() == b""
 
 
-def test_a_vehicle_owes_until_what_was_left_of_it_has_its_answer(tmp_path: Path) -> None:
+def test_a_vehicle_has_unsent_reports_until_the_inherited_ones_are_answered(tmp_path: Path) -> None:
     run = Run(tmp_path)
     for vehicle_id in (1, 2):
         run.queue.put(post(number=vehicle_id, vehicle_id=vehicle_id))
@@ -224,28 +224,32 @@ def test_a_vehicle_owes_until_what_was_left_of_it_has_its_answer(tmp_path: Path)
     run.queue.put(picture(4, vehicle_id=4))
     run.fail()
     run.look()
-    assert run.queue.owing == frozenset(), "this run knows what it has said"
-    with killed(tmp_path) as grave:
-        again = Run(grave)
-        assert again.queue.owing == {1, 2}, "neither alarms nor pictures say how far a mission is"
+    assert run.queue.vehicles_with_unsent_reports == frozenset(), (
+        "the posts of this run do not count"
+    )
+    with killed(tmp_path) as copy:
+        again = Run(copy)
+        assert again.queue.vehicles_with_unsent_reports == {1, 2}, (
+            "alarms and pictures do not state the progress of a mission"
+        )
         again.queue.put(post(number=5, vehicle_id=1))
         again.fail()
-        assert again.queue.owing == {1, 2}
+        assert again.queue.vehicles_with_unsent_reports == {1, 2}
         again.left()
-        assert again.queue.owing == frozenset()
+        assert again.queue.vehicles_with_unsent_reports == frozenset()
 
 
-def test_an_ending_broker_keeps_everything_that_waits(tmp_path: Path) -> None:
+def test_an_ending_broker_stores_all_posts_that_wait(tmp_path: Path) -> None:
     run = Run(tmp_path)
-    run.keeper.start()
+    run.writer.start()
     run.queue.put(post(number=1))
     run.queue.put(picture(2))
     run.queue.put(state_vector(3))
-    run.keeper.stop()
+    run.writer.stop()
     assert numbers(Run(tmp_path).left()) == [1, 2]
 
 
-def test_a_broker_that_ends_while_its_spool_pauses_behind_a_failure_keeps_everything(
+def test_a_broker_that_ends_while_its_spool_thread_is_restarted_stores_all_posts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     failed = threading.Event()
@@ -255,16 +259,16 @@ def test_a_broker_that_ends_while_its_spool_pauses_behind_a_failure_keeps_everyt
         raise RuntimeError("an error of the program")
 
     run = Run(tmp_path)
-    monkeypatch.setattr(Keeper, "go_round", fail)
+    monkeypatch.setattr(SpoolWriter, "run_once", fail)
     run.queue.put(post(number=1))
-    run.keeper.start()
-    run.keeper.nudge()
+    run.writer.start()
+    run.writer.notify()
     assert failed.wait(30.0)
-    run.keeper.stop()
+    run.writer.stop()
     assert numbers(Run(tmp_path).left()) == [1]
 
 
-def test_a_disk_that_refuses_is_told_once_and_tried_again(
+def test_a_refusing_disk_is_logged_once_and_retried(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.INFO)
@@ -282,38 +286,38 @@ def test_a_disk_that_refuses_is_told_once_and_tried_again(
     assert caplog.text.count("No space left") == 1
     monkeypatch.setattr(os, "write", write)
     run.look()
-    assert len(run.queue) == 3, "they wait in memory, as ever"
-    run.now += TRY_AGAIN_S
+    assert len(run.queue) == 3, "they wait in memory"
+    run.now += RETRY_AFTER_S
     run.look()
-    assert "takes words again" in caplog.text
-    with killed(tmp_path) as grave:
-        assert numbers(Run(grave).left()) == [0, 1, 2]
+    assert "takes reports again" in caplog.text
+    with killed(tmp_path) as copy:
+        assert numbers(Run(copy).left()) == [0, 1, 2]
 
 
-def test_a_picture_that_gave_way_is_kept_when_there_is_room_again(tmp_path: Path) -> None:
+def test_an_evicted_picture_is_stored_again_when_there_is_space(tmp_path: Path) -> None:
     run = Run(tmp_path, 6000)
     run.queue.put(picture(0, 2000))
     run.fail()
     run.look()
     run.queue.put(post(number=1, body={"sequence_number": 1, "text": "x" * 5000}))
     run.look()
-    with killed(tmp_path) as grave:
-        assert numbers(Run(grave, 6000).left()) == [1]
+    with killed(tmp_path) as copy:
+        assert numbers(Run(copy, 6000).left()) == [1]
     one = run.take()
     while one is not None and one.urgency is Urgency.PICTURE:
-        run.queue.failed(one, run.now, cut_off=True)
+        run.queue.failed(one, run.now, is_unreachable=True)
         one = run.take()
     assert one is not None
     run.queue.answered(one)
     run.fail()
     run.look()
-    run.now += TRY_AGAIN_S
+    run.now += RETRY_AFTER_S
     run.look()
-    with killed(tmp_path) as grave:
-        assert numbers(Run(grave, 6000).left()) == [0]
+    with killed(tmp_path) as copy:
+        assert numbers(Run(copy, 6000).left()) == [0]
 
 
-def test_when_not_all_has_room_alarms_are_kept_and_refusals_told_once(
+def test_without_enough_space_alarms_are_stored_first_and_refusals_logged_once(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     run = Run(tmp_path, 2000)
@@ -324,31 +328,31 @@ def test_when_not_all_has_room_alarms_are_kept_and_refusals_told_once(
     run.fail()
     for _ in range(5):
         run.look()
-        run.now += TRY_AGAIN_S
-    with killed(tmp_path) as grave:
-        left = numbers(Run(grave, 2000).left())
+        run.now += RETRY_AFTER_S
+    with killed(tmp_path) as copy:
+        left = numbers(Run(copy, 2000).left())
     assert left[0] == 77
     assert left[1:] == list(range(len(left) - 1))
-    assert caplog.text.count("no more words") == caplog.text.count("no more pictures") == 1
+    assert caplog.text.count("no more reports") == caplog.text.count("no more pictures") == 1
 
 
-def test_much_is_kept_bit_by_bit(tmp_path: Path) -> None:
+def test_many_posts_are_stored_in_batches(tmp_path: Path) -> None:
     run = Run(tmp_path, 16 * ROOM)
-    for number in range(2 * MOST_AT_ONCE + 1):
+    for number in range(2 * MAX_BATCH + 1):
         run.queue.put(post(number=number))
     run.fail()
     run.look()
-    assert len(run.queue.unkept()) == MOST_AT_ONCE + 1
-    run.keeper.keep_everything(run.now)
-    with killed(tmp_path) as grave:
-        assert numbers(Run(grave).left()) == list(range(2 * MOST_AT_ONCE + 1))
+    assert len(run.queue.unspooled()) == MAX_BATCH + 1
+    run.writer.store_all(run.now)
+    with killed(tmp_path) as copy:
+        assert numbers(Run(copy).left()) == list(range(2 * MAX_BATCH + 1))
 
 
-def test_an_ending_broker_keeps_what_has_room_and_ends(tmp_path: Path) -> None:
+def test_an_ending_broker_stores_what_has_space_and_ends(tmp_path: Path) -> None:
     run = Run(tmp_path, 3000)
-    for number in range(MOST_AT_ONCE + 1):
+    for number in range(MAX_BATCH + 1):
         run.queue.put(picture(number, 300))
     run.queue.put(post(number=1))
-    run.keeper.keep_everything(run.now)
-    with killed(tmp_path) as grave:
-        assert numbers(Run(grave, 3000).left()) == [1, 0, 1, 2]
+    run.writer.store_all(run.now)
+    with killed(tmp_path) as copy:
+        assert numbers(Run(copy, 3000).left()) == [1, 0, 1, 2]

@@ -1,4 +1,4 @@
-"""Downloads from servers that do things in their own way, or wrongly."""
+"""Downloads from servers with unusual or wrong behaviour."""
 
 import random
 
@@ -24,7 +24,7 @@ from tests.support.file_server import (
     TERMINATE,
     ScriptedFiles,
 )
-from tests.unit.mavlink_broker.protocol.harness import ROUTE, received
+from tests.unit.mavlink_broker.microservices.harness import ROUTE, received
 
 PATH = "/image/1.jpg"
 CONTENTS = random.Random(7).randbytes(20_001)
@@ -99,7 +99,7 @@ def test_a_restart_at_any_request_loses_nothing(after: int) -> None:
 
 def test_what_never_agrees_with_its_checksum_is_not_taken() -> None:
     outcome = fetch(ScriptedFiles(FILES, wrong_checksums=99))
-    assert outcome == NotFetched("what arrives is not what the vehicle has")
+    assert outcome == NotFetched("the checksum of the received file is wrong")
 
 
 def test_a_silent_server_is_given_up() -> None:
@@ -112,11 +112,11 @@ def test_a_silent_server_is_given_up() -> None:
     [
         (ScriptedFiles({}), "the vehicle answers: file not found"),
         (ScriptedFiles({PATH: b""}), "it is empty"),
-        (ScriptedFiles(FILES, sends_nothing=True), "the vehicle sends nothing of it"),
+        (ScriptedFiles(FILES, sends_nothing=True), "the vehicle sends no data of it"),
         (ScriptedFiles(FILES, unknown=frozenset({OPEN})), "the vehicle answers: unknown command"),
     ],
 )
-def test_what_cannot_be_had_is_told_why(server: ScriptedFiles, reason: str) -> None:
+def test_a_failed_download_has_its_reason(server: ScriptedFiles, reason: str) -> None:
     assert fetch(server) == NotFetched(reason)
 
 
@@ -126,7 +126,7 @@ def test_a_session_that_was_not_opened_is_not_closed() -> None:
     assert server.asked == [OPEN]
 
 
-def test_a_file_that_is_still_written_is_asked_for_again() -> None:
+def test_a_file_that_is_still_being_written_is_opened_again() -> None:
     class Growing(ScriptedFiles):
         def _checksum(self, contents: bytes) -> int:
             self.files = FILES
@@ -136,15 +136,15 @@ def test_a_file_that_is_still_written_is_asked_for_again() -> None:
     assert isinstance(fetch(server), Fetched)
 
 
-def test_nothing_is_asked_for_while_it_is_held() -> None:
+def test_nothing_is_requested_while_paused() -> None:
     download = FileDownload(PATH, ROUTE, limit_bytes=10**6)
     server = ScriptedFiles(FILES)
-    download.is_held = True
+    download.is_paused = True
     (opening,) = download.start(0.0)
     (opened,) = server.answers(on_the_wire(opening))
     assert download.receive(received(opened), 0.1) == []
     assert download.tick(100.0) == []
-    download.is_held = False
+    download.is_paused = False
     assert len(download.tick(100.1)) == 1
 
 
@@ -168,6 +168,8 @@ def test_ranges_know_what_is_missing(arrivals: list[tuple[int, int]]) -> None:
         news = missing & set(range(begin, begin + size))
         assert ranges.remove(begin, begin + size) is bool(news)
         missing -= news
-        told = {at for offset, count in ranges.pieces(7) for at in range(offset, offset + count)}
-        assert told == missing
+        expected = {
+            at for offset, count in ranges.pieces(7) for at in range(offset, offset + count)
+        }
+        assert expected == missing
         assert ranges.count == len(missing)

@@ -1,9 +1,9 @@
-"""Frames come whole out of any stream, whatever surrounds and splits them."""
+"""Whole frames are found in any stream, whatever surrounds and splits them."""
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavlink_broker.links.framing import COMPLETE_WITHIN_S, FrameScanner
+from mavlink_broker.links.framing import FRAME_TIMEOUT_S, FrameScanner
 from mavlink_broker.mavlink.codec import Encoder
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.mavlink.frames import LARGEST_FRAME, signed
@@ -21,12 +21,12 @@ def frames(count: int) -> list[bytes]:
 @given(st.lists(st.integers(1, 50), min_size=1, max_size=40))
 def test_reads_may_break_frames_anywhere(sizes: list[int]) -> None:
     sent = frames(5)
-    stream, scanner, heard = b"".join(sent), FrameScanner(), []
+    stream, scanner, received = b"".join(sent), FrameScanner(), []
     for size in sizes:
-        heard += scanner.feed(stream[:size], 0.0)
+        received += scanner.feed(stream[:size], 0.0)
         stream = stream[size:]
-    heard += scanner.feed(stream, 0.0)
-    assert heard == sent
+    received += scanner.feed(stream, 0.0)
+    assert received == sent
     assert scanner.skipped == 0
 
 
@@ -35,18 +35,18 @@ def test_no_noise_costs_a_frame(noises: list[bytes]) -> None:
     sent = frames(3)
     stream = b"".join(n + f for n, f in zip(noises, sent, strict=False)) + noises[-1]
     scanner = FrameScanner()
-    heard = scanner.feed(stream, 0.0)
-    heard += scanner.feed(b"", 2 * COMPLETE_WITHIN_S)
-    assert [frame for frame in heard if frame in sent] == sent
-    assert sum(map(len, heard)) + scanner.skipped == len(stream)
+    received = scanner.feed(stream, 0.0)
+    received += scanner.feed(b"", 2 * FRAME_TIMEOUT_S)
+    assert [frame for frame in received if frame in sent] == sent
+    assert sum(map(len, received)) + scanner.skipped == len(stream)
 
 
 def test_a_first_byte_out_of_nothing_does_not_swallow_a_quiet_line() -> None:
     scanner = FrameScanner()
     (frame,) = frames(1)
     assert scanner.feed(b"\xfd\xff\x00" + frame, 0.0) == []
-    assert scanner.feed(b"", COMPLETE_WITHIN_S / 2) == []
-    assert scanner.feed(b"", COMPLETE_WITHIN_S * 1.01) == [frame]
+    assert scanner.feed(b"", FRAME_TIMEOUT_S / 2) == []
+    assert scanner.feed(b"", FRAME_TIMEOUT_S * 1.01) == [frame]
 
 
 def test_a_frame_may_take_its_time_on_a_slow_line() -> None:
@@ -69,13 +69,13 @@ def test_a_megabyte_without_a_first_byte_is_skipped_and_nothing_of_it_kept() -> 
 @given(st.sampled_from([b"\xfd", b"\xfe", b"\xfd\x00\x00", b"\xfe\xff"]), st.integers(1, 9000))
 def test_first_bytes_alone_are_never_more_than_one_frame_long(pattern: bytes, count: int) -> None:
     scanner = FrameScanner()
-    heard = scanner.feed(pattern * count, 0.0)
-    assert sum(map(len, heard)) + scanner.skipped >= len(pattern) * count - LARGEST_FRAME
+    received = scanner.feed(pattern * count, 0.0)
+    assert sum(map(len, received)) + scanner.skipped >= len(pattern) * count - LARGEST_FRAME
 
 
 def test_a_damaged_frame_costs_itself_only() -> None:
     first, second, third = frames(3)
     damaged = second[:12] + bytes((second[12] ^ 1,)) + second[13:]
     scanner = FrameScanner()
-    heard = scanner.feed(first + damaged + third, 0.0) + scanner.feed(b"", 5.0)
-    assert heard == [first, third]
+    received = scanner.feed(first + damaged + third, 0.0) + scanner.feed(b"", 5.0)
+    assert received == [first, third]

@@ -1,4 +1,4 @@
-"""TCP both ways: connecting for ever again, and being connected to."""
+"""TCP links: outgoing connections that reconnect, and incoming connections."""
 
 import logging
 import socket
@@ -9,11 +9,11 @@ import pytest
 
 from mavlink_broker.links.hub import Hub, open_links
 from mavlink_broker.links.link import PortBusyError
-from mavlink_broker.links.tcp import CLIENTS
+from mavlink_broker.links.tcp import MAX_CLIENTS
 from mavlink_broker.links.url import Address, LinkUrl
 from mavlink_broker.mavlink.codec import Encoder
 from mavlink_broker.mavlink.dialect import mavlink
-from tests.support.lines import PATIENCE_S, hear_until
+from tests.support.link_ends import PATIENCE_S, receive_until
 
 HOST = "127.0.0.1"
 FRAME = Encoder(1, 1).encode(mavlink.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3))
@@ -45,7 +45,7 @@ def address_at(one: socket.socket) -> Address:
 
 def accepted(one: socket.socket, hub: Hub) -> socket.socket:
     """Let the hub connect, and give the server's end."""
-    hear_until(hub, lambda _: bool(hub.greeted()))
+    receive_until(hub, lambda _: bool(hub.contact_addresses()))
     connection, _ = one.accept()
     connection.settimeout(PATIENCE_S)
     return connection
@@ -61,12 +61,12 @@ class TestConnecting:
             connection.sendall(FRAME[:5])
             hub.receive(0.0)
             connection.sendall(FRAME[5:])
-            ((address, frame),) = hear_until(hub, bool)
+            ((address, frame),) = receive_until(hub, bool)
             assert frame == FRAME
             hub.send(address, FRAME)
             assert connection.recv(1000) == FRAME
 
-    def test_a_server_may_come_late_go_and_come_back(
+    def test_a_server_may_start_late_and_stop_and_restart(
         self, caplog: pytest.LogCaptureFixture
     ) -> None:
         with server() as placeholder:
@@ -78,10 +78,10 @@ class TestConnecting:
             for _ in range(2):
                 with server(port) as vehicle, accepted(vehicle, hub) as connection:
                     connection.sendall(FRAME)
-                    assert [data for _, data in hear_until(hub, bool)] == [FRAME]
-                hear_until(hub, lambda _: not hub.greeted())
+                    assert [data for _, data in receive_until(hub, bool)] == [FRAME]
+                receive_until(hub, lambda _: not hub.contact_addresses())
 
-    def test_the_pauses_grow_while_nothing_sensible_comes(self) -> None:
+    def test_the_pauses_grow_until_a_frame_is_received(self) -> None:
         now = [100.0]
         with server() as placeholder:
             url = LinkUrl.parse(f"tcp://{HOST}:{port_of(placeholder)}")
@@ -105,11 +105,11 @@ class TestConnecting:
         with server() as vehicle, opened(f"tcp://localhost:{port_of(vehicle)}") as hub:
             accepted(vehicle, hub).close()
 
-    def test_a_name_that_nobody_knows_holds_nothing_up(self) -> None:
+    def test_an_unknown_host_name_delays_nothing(self) -> None:
         with opened("tcp://no-such-host.invalid:5760") as hub:
             for _ in range(5):
                 hub.receive(0.0)
-            assert hub.greeted() == []
+            assert hub.contact_addresses() == []
 
     def test_a_server_that_reads_nothing_costs_old_frames_and_no_time(self) -> None:
         large = Encoder(1, 1).encode(mavlink.MAVLink_encapsulated_data_message(1, [7] * 253))
@@ -118,7 +118,7 @@ class TestConnecting:
             opened(f"tcp://{HOST}:{port_of(vehicle)}") as hub,
             accepted(vehicle, hub),
         ):
-            (address,) = hub.greeted()
+            (address,) = hub.contact_addresses()
             for _ in range(100_000):
                 hub.send(address, large)
                 if hub.dropped > 100:
@@ -127,13 +127,13 @@ class TestConnecting:
 
 
 class TestBeingConnectedTo:
-    def test_several_at_once_are_told_apart(self) -> None:
+    def test_several_clients_have_their_own_addresses(self) -> None:
         with opened(f"tcpin://{HOST}:0") as hub:
             place = (HOST, hub.urls[0].port)
             with socket.create_connection(place) as one, socket.create_connection(place) as two:
-                hear_until(hub, lambda _: len(hub.greeted()) == 2)
+                receive_until(hub, lambda _: len(hub.contact_addresses()) == 2)
                 one.sendall(FRAME)
-                ((address, frame),) = hear_until(hub, bool)
+                ((address, frame),) = receive_until(hub, bool)
                 assert (address, frame) == (address_at(one), FRAME)
                 hub.send(address, FRAME)
                 one.settimeout(PATIENCE_S)
@@ -141,22 +141,22 @@ class TestBeingConnectedTo:
                 two.settimeout(0.0)
                 with pytest.raises(BlockingIOError):
                     two.recv(1)
-            hear_until(hub, lambda _: not hub.greeted())
+            receive_until(hub, lambda _: not hub.contact_addresses())
             hub.send(address, b"he is gone")
 
-    def test_a_crowd_is_turned_away(self) -> None:
+    def test_too_many_clients_are_refused(self) -> None:
         with opened(f"tcpin://{HOST}:0") as hub:
             place = (HOST, hub.urls[0].port)
-            clients = [socket.create_connection(place) for _ in range(CLIENTS)]
-            hear_until(hub, lambda _: len(hub.greeted()) == CLIENTS)
+            clients = [socket.create_connection(place) for _ in range(MAX_CLIENTS)]
+            receive_until(hub, lambda _: len(hub.contact_addresses()) == MAX_CLIENTS)
             with socket.create_connection(place) as late:
                 late.settimeout(0.01)
-                hear_until(hub, lambda _: _is_closed(late))
-            assert len(hub.greeted()) == CLIENTS
+                receive_until(hub, lambda _: _is_closed(late))
+            assert len(hub.contact_addresses()) == MAX_CLIENTS
             for client in clients:
                 client.close()
 
-    def test_a_busy_port_is_told_in_a_sentence(self) -> None:
+    def test_a_busy_port_is_reported(self) -> None:
         with server() as other, pytest.raises(PortBusyError, match=f"TCP port {port_of(other)}"):
             open_links([LinkUrl.parse(f"tcpin://{HOST}:{port_of(other)}")])
 

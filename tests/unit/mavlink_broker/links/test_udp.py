@@ -1,4 +1,4 @@
-"""One UDP socket: answers go where a vehicle was heard, a wake-up ends a wait."""
+"""UDP links: answers go to the sender of a datagram, a wake-up ends a wait."""
 
 import socket
 import threading
@@ -8,7 +8,7 @@ import pytest
 from mavlink_broker.links.hub import Hub, open_links
 from mavlink_broker.links.link import LinkError, PortBusyError
 from mavlink_broker.links.url import Address, LinkUrl
-from tests.support.lines import hear_until
+from tests.support.link_ends import receive_until
 
 HOST = "127.0.0.1"
 
@@ -17,7 +17,7 @@ def listening(port: int = 0) -> Hub:
     return open_links([LinkUrl.parse(f"udpin://{HOST}:{port}")])
 
 
-def test_datagrams_come_with_their_sender_and_answers_reach_it() -> None:
+def test_datagrams_have_their_sender_and_answers_reach_it() -> None:
     link = listening()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
         vehicle.settimeout(5.0)
@@ -39,7 +39,7 @@ def test_a_wake_up_from_another_thread_ends_the_wait() -> None:
     link.close()
 
 
-def test_any_number_of_wake_ups_is_one() -> None:
+def test_several_wake_ups_end_one_wait() -> None:
     link = listening()
     for _ in range(10_000):
         link.wake()
@@ -58,30 +58,30 @@ def test_a_vehicle_that_is_gone_is_no_error() -> None:
     link.close()
 
 
-def test_a_busy_port_is_told_in_a_sentence() -> None:
+def test_a_busy_port_is_reported() -> None:
     link = listening()
     with pytest.raises(PortBusyError, match=f"UDP port {link.urls[0].port} is in use"):
         listening(link.urls[0].port)
     link.close()
 
 
-def test_an_address_of_another_machine_cannot_be_listened_on() -> None:
+def test_listening_on_an_address_of_another_machine_fails() -> None:
     with pytest.raises(LinkError, match="cannot listen there"):
         open_links([LinkUrl.parse("udpin://192.0.2.1:0")])
 
 
-def test_who_waits_to_be_spoken_to_is_named_and_reached() -> None:
+def test_the_target_of_an_outgoing_link_is_a_contact_address() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
         vehicle.settimeout(5.0)
         vehicle.bind((HOST, 0))
         link = open_links([LinkUrl.parse(f"udpout://localhost:{vehicle.getsockname()[1]}")])
-        hear_until(link, lambda _: bool(link.greeted()))
-        (address,) = link.greeted()
+        receive_until(link, lambda _: bool(link.contact_addresses()))
+        (address,) = link.contact_addresses()
         link.send(address, b"hello")
         data, broker = vehicle.recvfrom(100)
         assert data == b"hello"
         vehicle.sendto(b"here", broker)
-        assert hear_until(link, bool) == [(address, b"here")]
+        assert receive_until(link, bool) == [(address, b"here")]
         link.close()
 
 
@@ -90,17 +90,17 @@ def test_version_6_addresses_are_links_too() -> None:
     with socket.socket(socket.AF_INET6, socket.SOCK_DGRAM) as vehicle:
         vehicle.settimeout(5.0)
         vehicle.sendto(b"one", ("::1", link.urls[0].port))
-        ((address, datagram),) = hear_until(link, bool)
+        ((address, datagram),) = receive_until(link, bool)
         assert datagram == b"one"
         link.send(address, b"two")
         assert vehicle.recv(100) == b"two"
     link.close()
 
 
-def test_several_links_are_waited_for_at_once_and_told_apart() -> None:
+def test_several_links_are_received_at_once() -> None:
     link = open_links([LinkUrl.parse(f"udpin://{HOST}:0"), LinkUrl.parse(f"tcpin://{HOST}:0")])
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
         vehicle.sendto(b"datagram", (HOST, link.urls[0].port))
-        ((address, _),) = hear_until(link, bool)
+        ((address, _),) = receive_until(link, bool)
     assert address.link == 0
     link.close()

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from afarcloud.enumerations import OrbitType, Status
-from mavlink_broker.live.circle import OFF_THE_CIRCLE_M, points
+from mavlink_broker.live.circle import MAX_DEVIATION_M, point_count
 from mavlink_broker.mavlink.dialect import mavlink
 from tests.support.broker_world import World, go_home, mission, takeoff
 from tests.support.geodesy import LocalGround
@@ -58,7 +58,7 @@ def north_east(order: tuple[float, ...]) -> tuple[float, float]:
 def test_it_goes_all_the_way_round_in_the_right_sense(script: Script, sense: float) -> None:
     _, orders = flown(AWAY, script, clockwise=sense > 0.0)
     places = [north_east(order) for order in orders]
-    assert len(places) == points(RADIUS_M) + 1
+    assert len(places) == point_count(RADIUS_M) + 1
     for place in places:
         assert math.hypot(*place) == pytest.approx(RADIUS_M, abs=0.05)
     bearings = [math.atan2(east, north) for north, east in places]
@@ -86,7 +86,7 @@ def test_the_nose_is_where_it_belongs(
     beyond_bearing: float,
 ) -> None:
     _, orders = flown(heading, PX4, clockwise=clockwise)
-    half_a_step = (180.0 if clockwise else -180.0) / points(RADIUS_M)
+    half_a_step = (180.0 if clockwise else -180.0) / point_count(RADIUS_M)
     for order in orders:
         north, east = north_east(order)
         half_way = math.degrees(math.atan2(east, north)) - half_a_step
@@ -122,5 +122,5 @@ def test_a_vehicle_that_will_not_be_sent_about_fails_with_its_reason() -> None:
 
 @pytest.mark.parametrize("radius", [5.0, 20.0, 100.0, 500.0])
 def test_the_chords_keep_to_the_circle(radius: float) -> None:
-    sagitta = radius * (1.0 - math.cos(math.pi / points(radius)))
-    assert sagitta <= OFF_THE_CIRCLE_M
+    sagitta = radius * (1.0 - math.cos(math.pi / point_count(radius)))
+    assert sagitta <= MAX_DEVIATION_M

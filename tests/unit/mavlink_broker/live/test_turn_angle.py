@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from afarcloud.geodesy import shifted
-from mavlink_broker.live.turn_angle import Turning
+from mavlink_broker.live.turn_angle import TurnAngle
 from mavlink_broker.planning.live_actions import Turned
 from mavlink_broker.recovery.record import Pose
 
@@ -34,7 +34,7 @@ def test_what_was_flown_meanwhile_counts(
     first_deg: float, flown: float, slower: float, is_clockwise: bool
 ) -> None:
     """The place tells the angle, and a speed that is only about right the whole turns."""
-    turning = Turning(turned(is_clockwise=is_clockwise))
+    turning = TurnAngle(turned(is_clockwise=is_clockwise))
     turning.resume(Pose(*at(first_deg), 10.0), flown * FULL_S * slower)
     sense = 1.0 if is_clockwise else -1.0
     turning.take(*at(first_deg + sense * flown * 360.0))
@@ -42,14 +42,14 @@ def test_what_was_flown_meanwhile_counts(
 
 
 def test_without_a_beginning_the_time_tells() -> None:
-    turning = Turning(turned(is_clockwise=True))
+    turning = TurnAngle(turned(is_clockwise=True))
     turning.resume(None, 0.5 * FULL_S)
     turning.take(*at(123.0))
     assert turning.turned_rad == pytest.approx(math.pi)
 
 
 def test_off_the_circle_nothing_counts() -> None:
-    turning = Turning(turned(is_clockwise=True))
+    turning = TurnAngle(turned(is_clockwise=True))
     places = []
     for place in (CENTRE, at(0.0), at(90.0)):
         turning.take(*place)

@@ -1,4 +1,4 @@
-"""Bytes to messages, whatever the bytes."""
+"""Decoding of any bytes to messages."""
 
 import struct
 from typing import Any
@@ -122,7 +122,7 @@ def test_every_result_has_a_name() -> None:
 
 
 @pytest.mark.parametrize("data", [b"\xfd" * 4096, b"\xfe\x00" * 2048, b"\xfd\xff\x00" * 1365])
-def test_a_datagram_full_of_beginnings_is_given_up_early(data: bytes) -> None:
+def test_a_datagram_full_of_start_bytes_is_abandoned_early(data: bytes) -> None:
     decoder = Decoder()
     assert decoder.decode(data) == []
     assert decoder.faults == 16

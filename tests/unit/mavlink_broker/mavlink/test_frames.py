@@ -1,4 +1,4 @@
-"""Copies of frames with another mark say the same, and pymavlink believes them."""
+"""Copies of frames with another signature have the same contents, and pymavlink accepts them."""
 
 from typing import Any
 
@@ -51,7 +51,9 @@ def with_its_key(frame: bytes) -> Any:
 
 @pytest.mark.parametrize("version_1", [False, True])
 @pytest.mark.parametrize("message", MESSAGES)
-def test_a_signed_copy_is_believed_and_says_the_same(message: Any, *, version_1: bool) -> None:
+def test_a_signed_copy_is_accepted_and_has_the_same_contents(
+    message: Any, *, version_1: bool
+) -> None:
     original = Decoder().decode(frame_of(message, version_1=version_1))[0]
     frame = signed(frame_of(message, version_1=version_1), KEY, 3, TICKS)
     heard = with_its_key(frame)

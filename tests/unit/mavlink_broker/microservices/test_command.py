@@ -7,13 +7,15 @@ from mavlink_broker.microservices.command import (
     ATTEMPTS,
     REJECTIONS,
     Accepted,
+    CommandAlternatives,
     CommandInt,
     CommandLong,
+    CommandSequence,
     CommandTransaction,
     Refused,
 )
 from mavlink_broker.microservices.round_trip import RoundTrip
-from tests.unit.mavlink_broker.protocol.harness import ROUTE, acknowledgement, tick_until
+from tests.unit.mavlink_broker.microservices.harness import ROUTE, acknowledgement, tick_until
 
 ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
 ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
@@ -114,3 +116,44 @@ def test_a_position_travels_as_integers() -> None:
     )
     message = command.message(ROUTE, 3)
     assert (message.x, message.y, message.z) == (404434000, -37382000, 5.0)
+
+
+DENIED = mavlink.MAV_RESULT_DENIED
+UNSUPPORTED = mavlink.MAV_RESULT_UNSUPPORTED
+A, B, C = (CommandLong(command=number) for number in (300, 176, 400))
+
+
+def run(
+    alternatives: CommandAlternatives, answers: dict[int, int]
+) -> tuple[CommandSequence, list[int]]:
+    """Answer every command as told; gives what was sent."""
+    sequence = CommandSequence(alternatives, ROUTE, RoundTrip())
+    pending = sequence.start(0.0)
+    sent = []
+    while pending:
+        sent.append(pending[0].command)
+        pending = sequence.receive(acknowledgement(sent[-1], answers[sent[-1]]), 0.1)
+    return sequence, sent
+
+
+def test_all_commands_of_an_alternative_are_sent_in_order() -> None:
+    sequence, sent = run([[B, C]], {176: ACCEPTED, 400: ACCEPTED})
+    assert sent == [176, 400]
+    assert sequence.outcome == Accepted()
+
+
+def test_a_refusal_starts_the_next_alternative() -> None:
+    sequence, sent = run([[A], [B, C]], {300: UNSUPPORTED, 176: ACCEPTED, 400: ACCEPTED})
+    assert sent == [300, 176, 400]
+    assert sequence.outcome == Accepted()
+
+
+def test_without_further_alternatives_the_first_refusal_is_the_reason() -> None:
+    sequence, sent = run([[A], [B]], {300: DENIED, 176: UNSUPPORTED})
+    assert sent == [300, 176]
+    assert sequence.outcome == Refused("MAV_CMD_MISSION_START refused: MAV_RESULT_DENIED")
+
+
+def test_an_alternative_ends_at_its_first_refusal() -> None:
+    _, sent = run([[A, B], [C]], {300: DENIED, 400: ACCEPTED})
+    assert sent == [300, 400]

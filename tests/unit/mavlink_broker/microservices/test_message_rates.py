@@ -1,19 +1,22 @@
-"""The messages that the broker lives on keep coming."""
+"""The messages that the broker requires keep coming."""
 
+from collections.abc import Collection
 from itertools import cycle, pairwise
 
+from mavlink_broker.mavlink.addressing import Route
 from mavlink_broker.mavlink.dialect import Message, MissionCurrent, mavlink
 from mavlink_broker.microservices.message_rates import (
-    ASK_AGAIN_S,
-    STOPS,
+    GCS_RATES_HZ,
+    MAX_STOPS,
+    REQUEST_INTERVAL_S,
     STREAMS,
     UNREAD,
     StreamRequests,
 )
-from mavlink_broker.microservices.parameter_read import ATTEMPTS, ParameterRead
+from mavlink_broker.microservices.parameter import READ_ATTEMPTS, ParameterRead
 from mavlink_broker.microservices.round_trip import RoundTrip
 from mavlink_broker.microservices.status_text import StatusTexts
-from tests.unit.mavlink_broker.protocol.harness import (
+from tests.unit.mavlink_broker.microservices.harness import (
     ROUTE,
     acknowledgement,
     received,
@@ -35,7 +38,7 @@ def asked_for_all(requests: StreamRequests) -> list[int]:
     return asked
 
 
-def test_each_is_asked_for_once_one_at_a_time() -> None:
+def test_each_message_is_requested_once_one_at_a_time() -> None:
     asked = asked_for_all(StreamRequests(ROUTE, RoundTrip()))
     assert asked == [stream.message_id for stream in STREAMS]
 
@@ -47,7 +50,7 @@ def test_a_refusal_does_not_hold_up_the_others() -> None:
     assert intervals(after) == [STREAMS[1].message_id]
 
 
-def test_what_has_fallen_silent_is_asked_for_again() -> None:
+def test_an_overdue_message_is_requested_again() -> None:
     requests = StreamRequests(ROUTE, RoundTrip())
     asked_for_all(requests)
     asked: list[int] = []
@@ -72,16 +75,16 @@ def test_each_is_overdue_when_three_of_its_periods_are_over() -> None:
     assert {"GLOBAL_POSITION_INT", "MISSION_CURRENT"} <= set(requests.overdue(3.6))
 
 
-def test_what_a_vehicle_does_not_have_is_asked_for_ever_more_rarely() -> None:
+def test_an_unsupported_message_is_requested_with_growing_pauses() -> None:
     requests = StreamRequests(ROUTE, RoundTrip())
     asked_for_all(requests)
     battery = mavlink.MAVLINK_MSG_ID_BATTERY_STATUS
-    asked_at: list[float] = []
+    requested_at: list[float] = []
     for tenth in range(3000):
         now = tenth / 10
         sent = requests.tick(now) + requests.receive(acknowledgement(SET, 0), now)
-        asked_at += [now] * intervals(sent).count(battery)
-    pauses = [round(later - before) for before, later in pairwise(asked_at)]
+        requested_at += [now] * intervals(sent).count(battery)
+    pauses = [round(later - before) for before, later in pairwise(requested_at)]
     assert pauses == sorted(pauses)
     assert pauses[-1] == 60
 
@@ -99,18 +102,18 @@ def refuse_all(requests: StreamRequests, result: int, seconds: int = 30) -> list
     return sent
 
 
-def test_an_autopilot_that_knows_no_intervals_is_asked_by_groups() -> None:
+def test_an_autopilot_without_intervals_gets_group_requests() -> None:
     sent = refuse_all(StreamRequests(ROUTE, RoundTrip()), mavlink.MAV_RESULT_UNSUPPORTED)
     assert set(groups(sent)) == {2, 6, 10, 12}
     assert len(groups(sent)) == 3 * 4, "every ten seconds, as long as nothing comes"
     assert len(intervals(sent)) <= len(STREAMS)
 
 
-def test_an_autopilot_that_does_not_answer_is_asked_by_groups_too() -> None:
+def test_an_autopilot_that_does_not_answer_gets_group_requests() -> None:
     assert groups(tick_until(StreamRequests(ROUTE, RoundTrip()), 0.0, 30.0))
 
 
-def test_one_refusal_is_no_reason_to_ask_by_groups() -> None:
+def test_one_refusal_causes_no_group_requests() -> None:
     """PX4 tells MISSION_CURRENT by itself, and refuses to tell it more often."""
     requests = StreamRequests(ROUTE, RoundTrip())
     requests.tick(0.0)
@@ -118,7 +121,7 @@ def test_one_refusal_is_no_reason_to_ask_by_groups() -> None:
     assert groups(refuse_all(requests, mavlink.MAV_RESULT_ACCEPTED)) == []
 
 
-def test_nothing_is_turned_off_where_others_listen() -> None:
+def test_nothing_is_disabled_on_a_shared_link() -> None:
     requests = StreamRequests(ROUTE, RoundTrip(), turns_off=False)
     asked_for_all(requests)
     hear_often(requests, 1.0, 0.02)
@@ -144,7 +147,7 @@ def hear_often(requests: StreamRequests, now: float, *apart_s: float) -> None:
         requests.receive(imu, time)
 
 
-def test_what_nobody_reads_is_turned_off_when_it_comes() -> None:
+def test_an_unread_message_is_disabled_when_it_is_received() -> None:
     requests = StreamRequests(ROUTE, RoundTrip())
     asked_for_all(requests)
     hear_often(requests, 1.0, 0.02)
@@ -153,12 +156,12 @@ def test_what_nobody_reads_is_turned_off_when_it_comes() -> None:
     requests.receive(acknowledgement(SET, 0), 1.1)
     hear_often(requests, 1.2, 0.02)
     assert intervals(requests.tick(1.2)) == [], "one more may have been on its way"
-    later_s = 1.0 + ASK_AGAIN_S + 0.1
+    later_s = 1.0 + REQUEST_INTERVAL_S + 0.1
     hear_often(requests, later_s, 0.02)
     assert mavlink.MAVLINK_MSG_ID_HIGHRES_IMU in tick_until_all(requests, later_s)
 
 
-def test_what_comes_rarely_is_let_be_for_a_ground_station_on_the_same_radio() -> None:
+def test_a_rare_unread_message_is_left_alone() -> None:
     """MAVProxy asks for everything four times a second, and would ask again."""
     requests = StreamRequests(ROUTE, RoundTrip())
     asked_for_all(requests)
@@ -166,7 +169,7 @@ def test_what_comes_rarely_is_let_be_for_a_ground_station_on_the_same_radio() ->
     assert mavlink.MAVLINK_MSG_ID_HIGHRES_IMU not in tick_until_all(requests, 1.0)
 
 
-def test_what_comes_back_every_time_is_let_be_for_whoever_asks_for_it() -> None:
+def test_a_message_that_always_returns_is_left_alone() -> None:
     """MAVProxy with a stream rate of ten has its instruments, and no gap in them every 15 s."""
     requests = StreamRequests(ROUTE, RoundTrip())
     asked_for_all(requests)
@@ -174,10 +177,10 @@ def test_what_comes_back_every_time_is_let_be_for_whoever_asks_for_it() -> None:
     for minute in range(1, 6):
         hear_often(requests, 60.0 * minute, 0.1)
         stopped += tick_until_all(requests, 60.0 * minute)
-    assert stopped.count(mavlink.MAVLINK_MSG_ID_HIGHRES_IMU) == STOPS
+    assert stopped.count(mavlink.MAVLINK_MSG_ID_HIGHRES_IMU) == MAX_STOPS
 
 
-def test_what_a_vehicle_says_it_lacks_is_not_asked_for_again() -> None:
+def test_a_refused_optional_message_is_not_requested_again() -> None:
     """ArduPilot tells its ground station in words of every message that it does not know."""
     requests = StreamRequests(ROUTE, RoundTrip())
     asked = intervals(requests.tick(0.0))
@@ -202,7 +205,7 @@ def test_what_is_read_is_never_turned_off() -> None:
     assert not {stream.name for stream in STREAMS} & set(UNREAD)
 
 
-def test_home_is_asked_for_until_it_is_told() -> None:
+def test_home_is_requested_until_it_is_received() -> None:
     def wishes(messages: list[Message]) -> int:
         return sum(
             m.command == mavlink.MAV_CMD_REQUEST_MESSAGE
@@ -217,7 +220,7 @@ def test_home_is_asked_for_until_it_is_told() -> None:
     assert wishes(tick_until(requests, 3.0, 9.0)) == 0
 
 
-def test_the_version_is_asked_for_a_few_times() -> None:
+def test_the_version_is_requested_a_few_times() -> None:
     def wishes(messages: list[Message]) -> int:
         version = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
         return sum(getattr(m, "param1", None) == version for m in messages)
@@ -233,7 +236,7 @@ def value(name: bytes, kind: int, number: float) -> Message:
     return received(mavlink.MAVLink_param_value_message(name, number, kind, 1, 0))
 
 
-def test_a_parameter_is_asked_for_until_it_is_told() -> None:
+def test_a_parameter_is_requested_until_it_is_received() -> None:
     read = ParameterRead("BAT1_CAPACITY", ROUTE, RoundTrip())
     assert len(tick_until(read, 0.0, 2.5)) == 3
     read.receive(value(b"OTHER", 9, 1.0))
@@ -244,9 +247,9 @@ def test_a_parameter_is_asked_for_until_it_is_told() -> None:
     assert tick_until(read, 2.5, 9.0) == []
 
 
-def test_a_vehicle_without_the_parameter_is_not_asked_for_ever() -> None:
+def test_requests_of_a_missing_parameter_end() -> None:
     read = ParameterRead("BAT1_CAPACITY", ROUTE, RoundTrip())
-    assert len(tick_until(read, 0.0, 60.0)) == ATTEMPTS
+    assert len(tick_until(read, 0.0, 60.0)) == READ_ATTEMPTS
     assert read.is_over
 
 
@@ -277,7 +280,7 @@ def test_a_lost_part_of_a_complaint_shows_as_a_gap() -> None:
     assert texts.since(0.0) == ["PreArm: compass... degrees off"]
 
 
-def test_a_complaint_that_is_repeated_is_told_once_and_only_the_last_three_are() -> None:
+def test_repeated_texts_count_once_and_only_the_last_three_are_reported() -> None:
     texts = StatusTexts()
     for second, words in enumerate((b"a", b"b\t", b"b", b"c", b"d", b"d")):
         texts.receive(text(words), float(second))
@@ -289,3 +292,89 @@ def test_an_id_that_is_used_again_later_means_another_complaint() -> None:
     texts.receive(text(b"first", 7), 1.0)
     texts.receive(text(b"second", 7), 60.0)
     assert texts.since(0.0) == ["first", "second"]
+
+
+VFR_HUD = mavlink.MAVLINK_MSG_ID_VFR_HUD
+IMU = mavlink.MAVLINK_MSG_ID_HIGHRES_IMU
+OWN_US = 1e5
+"""How often this vehicle sends what nobody has asked for."""
+NAMES = {number: name for name, number in UNREAD.items()}
+
+
+class Vehicle:
+    """Grants every interval, and sends what it has granted, and what nobody has turned off."""
+
+    def __init__(self) -> None:
+        self.requests = StreamRequests(Route(254, 191, 1, 1), RoundTrip())
+        self.intervals_us: dict[int, float] = dict.fromkeys(UNREAD.values(), OWN_US)
+        self.now = 0.0
+
+    def run(self, seconds: float, requested_by_gcs: Collection[int] | None) -> None:
+        end = self.now + seconds
+        while self.now < end:
+            self.now += 0.1
+            self.requests.watch(requested_by_gcs)
+            self._obey(self.requests.tick(self.now))
+            for number, interval_us in list(self.intervals_us.items()):
+                if interval_us > 0 and number in NAMES | {s.message_id: s.name for s in STREAMS}:
+                    message = mavlink.mavlink_map[number]
+                    self._obey(self.requests.receive(_empty(message), self.now))
+
+    def _obey(self, messages: list) -> None:  # type: ignore[type-arg]  # of pymavlink's classes
+        for message in messages:
+            if getattr(message, "command", 0) == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
+                self.intervals_us[int(message.param1)] = message.param2 or OWN_US
+                accepted = mavlink.MAVLink_command_ack_message(message.command, 0, 0, 0, 254, 191)
+                self._obey(self.requests.receive(accepted, self.now))
+
+
+def _empty(message_class: type) -> object:
+    class Empty:
+        """A message of which only the type matters."""
+
+        def get_type(self) -> str:
+            return str(message_class.msgname)  # type: ignore[attr-defined]  # pymavlink's
+
+    return Empty()
+
+
+def test_without_a_ground_station_unread_messages_are_disabled() -> None:
+    vehicle = Vehicle()
+    vehicle.run(30.0, None)
+    assert {vehicle.intervals_us[number] for number in UNREAD.values()} == {-1.0}
+
+
+def test_a_ground_station_gets_the_messages_of_its_instruments() -> None:
+    vehicle = Vehicle()
+    vehicle.run(30.0, None)
+    vehicle.run(30.0, ())
+    request = {n: 1e6 / us for n, us in vehicle.intervals_us.items() if us > 0 and n in NAMES}
+    assert request == GCS_RATES_HZ
+
+
+def test_messages_that_a_ground_station_requested_are_left_alone() -> None:
+    vehicle = Vehicle()
+    vehicle.run(10.0, None)
+    vehicle.intervals_us |= {VFR_HUD: 5e4, IMU: 2e4}
+    vehicle.run(60.0, {VFR_HUD, IMU})
+    assert vehicle.intervals_us[VFR_HUD] == 5e4
+    assert vehicle.intervals_us[IMU] == 2e4
+
+
+def test_when_it_has_gone_everything_is_as_before() -> None:
+    vehicle = Vehicle()
+    vehicle.run(30.0, None)
+    before = dict(vehicle.intervals_us)
+    vehicle.intervals_us[STREAMS[1].message_id] = 2e4
+    vehicle.run(30.0, {IMU})
+    vehicle.run(60.0, None)
+    assert vehicle.intervals_us == before
+
+
+def test_rates_are_set_again_after_a_restart() -> None:
+    vehicle = Vehicle()
+    vehicle.run(10.0, ())
+    vehicle.intervals_us = {}
+    vehicle.requests.renew()
+    vehicle.run(10.0, ())
+    assert vehicle.intervals_us.keys() >= GCS_RATES_HZ.keys()

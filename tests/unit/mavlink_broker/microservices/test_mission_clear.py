@@ -1,11 +1,11 @@
-"""Removing a plan from a vehicle."""
+"""Clearing a plan of a vehicle."""
 
 import pytest
 
 from mavlink_broker.mavlink.dialect import Message, MissionAck, mavlink
 from mavlink_broker.microservices.mission_clear import ATTEMPTS, Cleared, MissionClear, NotCleared
 from mavlink_broker.microservices.round_trip import RoundTrip
-from tests.unit.mavlink_broker.protocol.harness import ROUTE, received, tick_until
+from tests.unit.mavlink_broker.microservices.harness import ROUTE, received, tick_until
 
 FENCE = 1
 
@@ -18,7 +18,7 @@ def ack(result: int, mission_type: int = FENCE) -> Message:
     return received(MissionAck(254, 191, result, mission_type))
 
 
-def test_it_is_over_when_the_vehicle_says_so() -> None:
+def test_it_ends_when_the_vehicle_acknowledges() -> None:
     one = clear()
     (order,) = one.start(0.0)
     assert (order.get_type(), order.mission_type) == ("MISSION_CLEAR_ALL", FENCE)
@@ -28,7 +28,7 @@ def test_it_is_over_when_the_vehicle_says_so() -> None:
     assert one.outcome == Cleared()
 
 
-def test_a_silent_vehicle_is_asked_again_and_given_up() -> None:
+def test_a_silent_vehicle_is_retried_and_then_fails() -> None:
     one = clear()
     sent = one.start(0.0) + tick_until(one, 0.0, 60.0)
     assert len(sent) == ATTEMPTS

@@ -1,4 +1,4 @@
-"""Reading a mission back."""
+"""Downloading a plan of a vehicle."""
 
 import pytest
 
@@ -6,7 +6,7 @@ from mavlink_broker.mavlink.dialect import Message, MissionAck, MissionCount, ma
 from mavlink_broker.mavlink.mission_item import from_message, to_message, waypoint
 from mavlink_broker.microservices.mission_download import Downloaded, MissionDownload, NotDownloaded
 from mavlink_broker.microservices.round_trip import RoundTrip
-from tests.unit.mavlink_broker.protocol.harness import ROUTE, kinds, received, tick_until
+from tests.unit.mavlink_broker.microservices.harness import ROUTE, kinds, received, tick_until
 
 ITEM = waypoint(latitude_deg=1.0, longitude_deg=2.0, relative_altitude_m=5.0)
 
@@ -29,7 +29,7 @@ def is_over(one: MissionDownload) -> bool:
     return one.outcome is not None
 
 
-def test_items_are_asked_for_one_by_one() -> None:
+def test_items_are_requested_one_by_one() -> None:
     one = download()
     (first,) = one.receive(count(2), 0.1)
     assert (first.get_type(), first.seq) == ("MISSION_REQUEST_INT", 0)
@@ -46,7 +46,7 @@ def test_an_empty_mission_is_over_at_once() -> None:
     assert one.outcome == Downloaded(())
 
 
-def test_what_is_not_answered_is_asked_for_again() -> None:
+def test_an_unanswered_request_is_repeated() -> None:
     one = download()
     assert set(kinds(tick_until(one, 0.0, 3.0))) == {"MISSION_REQUEST_LIST"}
     one.receive(count(2), 3.1)
@@ -66,7 +66,7 @@ def test_repeated_and_early_items_are_not_counted() -> None:
     assert [i.seq for i in one.outcome.items] == [0, 1, 2]
 
 
-def test_a_refused_download_is_begun_again_from_the_count() -> None:
+def test_a_refused_download_restarts_from_the_count() -> None:
     one = download()
     one.receive(count(2), 0.1)
     one.receive(received(MissionAck(254, 191, mavlink.MAV_MISSION_ERROR)), 0.2)
@@ -92,7 +92,7 @@ def test_each_kind_of_plan_is_read_by_itself(kind: int) -> None:
     assert (ack.get_type(), ack.mission_type) == ("MISSION_ACK", kind)
 
 
-def test_a_vehicle_without_integer_items_is_asked_in_the_old_way() -> None:
+def test_float_items_are_requested_of_a_vehicle_without_integer_items() -> None:
     one = MissionDownload(ROUTE, RoundTrip(), as_floats=True)
     one.start(0.0)
     assert kinds(one.receive(count(1), 0.1)) == ["MISSION_REQUEST"]

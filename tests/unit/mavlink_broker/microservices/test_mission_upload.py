@@ -1,4 +1,4 @@
-"""The uploader against every answer that vehicles are known to give."""
+"""The upload against every answer that vehicles are known to send."""
 
 from typing import Any
 
@@ -20,7 +20,7 @@ from mavlink_broker.microservices.mission_upload import (
     Uncertain,
 )
 from mavlink_broker.microservices.round_trip import RoundTrip
-from tests.unit.mavlink_broker.protocol.harness import ROUTE, kinds, received, tick_until
+from tests.unit.mavlink_broker.microservices.harness import ROUTE, kinds, received, tick_until
 
 COUNT = 3
 ITEM = waypoint(latitude_deg=1.0, longitude_deg=2.0, relative_altitude_m=5.0)
@@ -54,7 +54,7 @@ def sent_all() -> MissionUpload:
     return one
 
 
-def test_every_item_is_given_when_asked_for_and_the_id_is_kept() -> None:
+def test_every_requested_item_is_sent_and_the_id_is_returned() -> None:
     one = upload()
     (count,) = one.start(0.0)
     assert (count.get_type(), count.count) == ("MISSION_COUNT", COUNT)
@@ -79,7 +79,7 @@ def test_the_deprecated_request_is_answered_with_the_integer_item() -> None:
     assert kinds(one.receive(request(0, as_float=True), 0.1)) == ["MISSION_ITEM_INT"]
 
 
-def test_a_request_beyond_the_end_or_to_somebody_else_is_ignored() -> None:
+def test_a_request_beyond_the_end_or_to_another_client_is_ignored() -> None:
     one = upload()
     one.start(0.0)
     assert one.receive(request(COUNT), 0.1) == []
@@ -94,7 +94,7 @@ def test_the_count_is_repeated_until_the_first_request() -> None:
     assert tick_until(one, 5.1, 9.0) == []
 
 
-def test_nothing_is_sent_unasked_before_the_last_item() -> None:
+def test_no_item_is_sent_without_a_request_before_the_last() -> None:
     one = upload()
     one.start(0.0)
     one.receive(request(0), 0.1)
@@ -110,7 +110,7 @@ def test_a_missing_acknowledgement_makes_the_last_item_go_again() -> None:
     assert one.outcome == Stored(5)
 
 
-def test_an_acknowledgement_that_never_comes_leaves_it_uncertain() -> None:
+def test_without_an_acknowledgement_the_outcome_is_uncertain() -> None:
     one = sent_all()
     tick_until(one, 0.1, 60.0)
     assert one.outcome == Uncertain()
@@ -126,7 +126,7 @@ def test_a_vehicle_that_knows_no_repeated_item_leaves_it_uncertain(result: int) 
     assert one.outcome == Uncertain()
 
 
-def test_an_acceptance_before_all_items_were_asked_for_is_not_believed() -> None:
+def test_an_acceptance_before_all_requests_is_ignored() -> None:
     one = upload()
     one.start(0.0)
     one.receive(request(0), 0.1)
@@ -171,7 +171,7 @@ def test_a_busy_vehicle_is_left_alone_for_a_while(result: int) -> None:
     assert kinds(tick_until(one, 6.0, 6.3)) == ["MISSION_COUNT"]
 
 
-def test_an_error_in_the_middle_does_not_end_a_transfer_that_goes_on() -> None:
+def test_a_transient_error_does_not_end_a_transfer() -> None:
     one = upload()
     one.start(0.0)
     one.receive(request(0), 0.1)
@@ -179,14 +179,14 @@ def test_an_error_in_the_middle_does_not_end_a_transfer_that_goes_on() -> None:
     assert kinds(one.receive(request(1), 0.3)) == ["MISSION_ITEM_INT"]
 
 
-def test_a_stalled_transfer_is_begun_again() -> None:
+def test_a_stalled_transfer_restarts() -> None:
     one = upload()
     one.start(0.0)
     one.receive(request(0), 0.1)
     assert kinds(tick_until(one, 0.1, 6.4)) == ["MISSION_COUNT"]
 
 
-def test_a_cancelled_transfer_is_begun_again() -> None:
+def test_a_cancelled_transfer_restarts() -> None:
     one = upload()
     one.start(0.0)
     one.receive(request(0), 0.1)
@@ -202,13 +202,13 @@ def test_a_vehicle_that_never_answers_ends_it() -> None:
     assert "no answer to MISSION_COUNT" in one.outcome.reason
 
 
-def test_fence_and_rally_transfers_are_somebody_elses() -> None:
+def test_messages_of_other_mission_types_are_ignored() -> None:
     one = sent_all()
     one.receive(ack(mavlink.MAV_MISSION_ACCEPTED, 3, mission_type=1), 0.2)
     assert one.outcome is None
 
 
-def test_a_vehicle_that_goes_on_asking_is_not_given_up() -> None:
+def test_a_transfer_with_repeated_requests_continues() -> None:
     """Over a link that loses much, one item may take many requests."""
     one = upload()
     one.start(0.0)
@@ -221,7 +221,7 @@ def test_a_vehicle_that_goes_on_asking_is_not_given_up() -> None:
 
 
 @pytest.mark.parametrize("asked", [0, COUNT - 1], ids=["the first", "the last"])
-def test_a_vehicle_that_asks_for_one_item_without_end_is_given_up(asked: int) -> None:
+def test_endless_requests_of_one_item_end_the_transfer(asked: int) -> None:
     one = upload()
     one.start(0.0)
     for seq in range(asked):
@@ -234,7 +234,7 @@ def test_a_vehicle_that_asks_for_one_item_without_end_is_given_up(asked: int) ->
     assert isinstance(one.outcome, NotStored | Uncertain)
 
 
-def test_the_vehicles_last_words_are_the_reason_of_a_stall() -> None:
+def test_the_vehicles_last_answer_is_the_reason_of_a_stall() -> None:
     one = upload()
     one.start(0.0)
     now = 0.0
@@ -277,7 +277,7 @@ class TestAVehicleWithoutIntegerItems:
         upload.start(0.0)
         return upload
 
-    def test_gets_degrees_in_a_plain_frame_when_it_asks_in_the_old_way(self) -> None:
+    def test_gets_degrees_in_a_plain_frame_for_a_float_request(self) -> None:
         (item,) = map(received, self.one().receive(request(0, as_float=True), 0.1))
         assert (item.get_type(), item.frame) == ("MISSION_ITEM", 3)
         assert (item.x, item.y, item.z) == pytest.approx((40.4434, -3.7382, 5.0), abs=8e-6)
@@ -289,5 +289,5 @@ class TestAVehicleWithoutIntegerItems:
         (item,) = map(received, self.one().receive(request(1, as_float=True), 0.1))
         assert (item.x, from_message(item).fifth) == (1.0, 1)
 
-    def test_gets_integers_all_the_same_when_it_asks_for_them(self) -> None:
+    def test_gets_integers_for_an_integer_request(self) -> None:
         assert kinds(self.one().receive(request(0), 0.1)) == ["MISSION_ITEM_INT"]

@@ -1,4 +1,4 @@
-"""No mission flies unproven."""
+"""No mission flies unless it is verified."""
 
 from collections.abc import Sequence
 
@@ -7,7 +7,7 @@ import pytest
 from mavlink_broker.mavlink.dialect import Message, MissionCount, MissionCurrent
 from mavlink_broker.microservices.mission_verify import Different, MissionVerify, Verified
 from mavlink_broker.microservices.round_trip import RoundTrip
-from tests.unit.mavlink_broker.protocol.harness import ROUTE, kinds, received, tick_until
+from tests.unit.mavlink_broker.microservices.harness import ROUTE, kinds, received, tick_until
 
 
 def verify(opaque_id: int, difference: str | None = None) -> MissionVerify:
@@ -44,7 +44,7 @@ def test_without_an_id_it_is_read_back_at_once() -> None:
     assert one.outcome == Verified()
 
 
-def test_a_difference_is_told() -> None:
+def test_a_difference_is_reported() -> None:
     one = verify(0, "item 2 differs")
     one.start(0.0)
     one.receive(received(MissionCount(254, 191, 0)), 0.1)

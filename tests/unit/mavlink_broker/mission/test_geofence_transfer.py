@@ -89,7 +89,7 @@ class TestPlacing:
         assert world.edge.status(1201) == Status.RUNNING
         assert len(vehicle.fence) == 4
 
-    def test_a_plan_of_two_stretches_places_it_once(self) -> None:
+    def test_a_plan_of_two_segments_places_it_once(self) -> None:
         world = World()
         vehicle = fenced_vehicle(world)
         hotpoint = {
@@ -137,7 +137,7 @@ class TestPlacing:
         assert "geofence: item 0 on the vehicle differs in latitude" in message_of(world)
         assert "told to arm" not in vehicle.log
 
-    def test_without_a_geofence_nothing_is_asked_of_the_vehicle(self) -> None:
+    def test_without_a_geofence_nothing_is_requested_of_the_vehicle(self) -> None:
         world = World()
         vehicle = fenced_vehicle(world)
         flown(world, None)
@@ -176,7 +176,7 @@ def placed(vehicle: FencedVehicle, corners: list[list[float]]) -> None:
 
 
 class TestInterruptions:
-    """Before the mission, with the fence half way onto the vehicle."""
+    """Before the mission, with half of the fence uploaded."""
 
     def halfway(self) -> tuple[World, FencedVehicle]:
         world = World()
@@ -185,7 +185,7 @@ class TestInterruptions:
         vehicle.plans[FENCE].busy_until = world.clock.now + 60.0
         world.run_until(lambda: 1 in world.app.sessions)
         world.edge.plan(first_flight(), geofence=fence())
-        world.run_until(lambda: world.app.sessions[1].state is State.FENCING)
+        world.run_until(lambda: world.app.sessions[1].state is State.PLACING_GEOFENCE)
         world.run(2.0)
         return world, vehicle
 
@@ -213,7 +213,7 @@ class TestInterruptions:
         assert world.edge.status(1201) == Status.FAILED
 
 
-class TestGivingBack:
+class TestRestoring:
     @BOTH
     def test_a_vehicle_without_a_fence_has_none_afterwards(self, script: Script) -> None:
         world = World()
@@ -257,7 +257,7 @@ class TestGivingBack:
         world.edge.plan(low, geofence=fence(max_altitude=60.0), rally_points=[POINT])
         world.run_until_over(1201)
         assert world.edge.status(1201) == Status.FINISHED
-        world.run_until(lambda: not world.app.sessions[1].vehicle.loan.is_open)
+        world.run_until(lambda: not world.app.sessions[1].vehicle.overrides.is_open)
         assert vehicle.fence == vehicle.plans[RALLY].items == []
         assert vehicle.values == (PX4_VALUES if script is PX4 else ARDUPILOT_VALUES)
 
@@ -324,14 +324,14 @@ class TestGivingBack:
         assert vehicle.log.count("stored 1") == 1
         assert vehicle.fence == []
 
-    def test_whoever_would_leave_can_see_that_something_is_still_to_be_given_back(self) -> None:
+    def test_the_session_shows_that_something_is_still_to_be_restored(self) -> None:
         world = World()
         vehicle = fenced_vehicle(world)
         flown(world, fence(max_altitude=40.0))
         session = world.app.sessions[1]
         world.run_until(lambda: session.state is State.IDLE)
-        assert session.is_giving_back
-        world.run_until(lambda: not session.is_giving_back, within_s=20.0)
+        assert session.is_restoring
+        world.run_until(lambda: not session.is_restoring, within_s=20.0)
         assert vehicle.fence == []
         assert vehicle.values == PX4_VALUES
 
@@ -343,13 +343,13 @@ class TestGivingBack:
         vehicle.refused_values.add("GF_MAX_VER_DIST")
         world.run_until_over(1201)
         session = world.app.sessions[1]
-        world.run_until(lambda: not session.is_giving_back, within_s=60.0)
+        world.run_until(lambda: not session.is_restoring, within_s=60.0)
         assert vehicle.values["GF_MAX_VER_DIST"] == 40.0
         vehicle.refused_values.clear()
         world.run(40.0)
         assert vehicle.values == PX4_VALUES
 
-    def test_a_vehicle_that_was_off_gets_it_back_when_it_is_heard_again(self) -> None:
+    def test_a_vehicle_that_was_off_gets_it_back_when_it_is_connected_again(self) -> None:
         world = World()
         vehicle = fenced_vehicle(world)
         world.edge.plan(first_flight(), geofence=fence())
@@ -414,13 +414,13 @@ class TestHeights:
         assert "parameter GF_MAX_VER_DIST" in message_of(world)
         assert "told to arm" not in vehicle.log
 
-    def test_an_unknown_kind_of_vehicle_says_that_it_keeps_no_height(self) -> None:
+    def test_for_an_unknown_vehicle_the_report_notes_that_it_keeps_no_height(self) -> None:
         world = World()
         vehicle = fenced_vehicle(world, GENERIC, capabilities=ABLE)
         flown(world, fence(max_altitude=60.0))
         assert world.edge.statuses(1201) == FINISHED
         assert "stored 1" in vehicle.log
-        assert "max_altitude: the vehicle keeps none" in message_of(world)
+        assert "max_altitude: checked by the broker only" in message_of(world)
 
 
 class TestRefusing:
@@ -450,8 +450,8 @@ class TestRefusing:
         assert "m outside geofence.inclusion" in message_of(world)
         assert vehicle.log == []
 
-    def test_the_way_home_over_what_is_forbidden(self) -> None:
-        """Round it on the way out, straight over it on the way back."""
+    def test_the_return_over_a_forbidden_area(self) -> None:
+        """Round it outbound, straight over it on the return."""
         world = World()
         vehicle = fenced_vehicle(world)
         east = {"longitude": HOME[1] + 60.0 * 1.2e-5}
@@ -477,7 +477,7 @@ class TestEvents:
         ("kind", "mode", "instead"),
         [(1, PX4_LAND, "it lands where it is"), (2, PX4_RETURN, "it returns and lands")],
     )
-    def test_a_place_outside_is_left_out_and_said_so(
+    def test_a_place_outside_is_left_out_and_reported(
         self, kind: int, mode: int, instead: str
     ) -> None:
         world = World()
@@ -524,7 +524,7 @@ class TestRallyPoints:
         assert vehicle.plans[RALLY].items == []
         assert vehicle.fence == []
 
-    def test_a_vehicle_that_keeps_none_flies_without_and_says_so(self) -> None:
+    def test_a_vehicle_that_keeps_none_flies_without_and_the_report_notes_it(self) -> None:
         world = World()
         fenced_vehicle(world, capabilities=mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE)
         world.edge.plan(first_flight(), rally_points=[POINT])

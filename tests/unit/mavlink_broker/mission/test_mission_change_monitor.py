@@ -40,7 +40,7 @@ def reason(world: World) -> str:
 
 class TestAnotherMission:
     @AUTOPILOTS
-    def test_of_another_length_fails_ours(self, script: Script) -> None:
+    def test_of_another_length_fails_the_mission(self, script: Script) -> None:
         world, vehicle = flying(script)
         vehicle.take_from_another(vehicle.items[:-2])
         world.run_until_over(1201, within_s=20.0)
@@ -50,7 +50,7 @@ class TestAnotherMission:
         )
 
     @pytest.mark.parametrize("script", [PX4_1_14, COPTER_4_6], ids=["px4 1.14", "copter"])
-    def test_whose_transfer_is_overheard_is_read_back_and_named(self, script: Script) -> None:
+    def test_whose_transfer_is_received_is_read_back_and_named(self, script: Script) -> None:
         world, vehicle = flying(script)
         vehicle.take_from_another(moved(vehicle.items, 7), overheard_by=255)
         world.run_until_over(1201, within_s=20.0)
@@ -60,7 +60,7 @@ class TestAnotherMission:
             "item 7 on the vehicle differs in latitude"
         )
 
-    def test_that_ardupilot_tells_everybody_of_is_read_back(self) -> None:
+    def test_that_ardupilot_announces_is_read_back(self) -> None:
         world, vehicle = flying(COPTER_4_6)
         vehicle.take_from_another(moved(vehicle.items, 7))
         vehicle.say("Flight plan received", mavlink.MAV_SEVERITY_INFO)
@@ -101,8 +101,8 @@ class TestAnEarlierItem:
             command.get("message") or ""
             for command in world.edge.reports(1201)[-1]["command_report_array"]
         ]
-        told = f"somebody else set the vehicle back to item {item}"
-        assert sum(told in note for note in notes) == 1
+        expected = f"somebody else set the vehicle back to item {item}"
+        assert sum(expected in note for note in notes) == 1
         world.run_until_over(1201)
         assert world.edge.status(1201) == Status.FINISHED
         assert world.edge.statuses(1201) == [*FINISHED, *[Status.FINISHED] * 5]
@@ -158,7 +158,7 @@ class TestALaterItem:
         assert set(world.edge.statuses(1201)) == {Status.FINISHED}
 
     @AUTOPILOTS
-    def test_of_another_mission_fails_ours(self, script: Script) -> None:
+    def test_of_another_mission_fails_the_mission(self, script: Script) -> None:
         world, vehicle = far_apart(script, 0.0)
         moves(world, vehicle, 5)
         world.run(3.0)

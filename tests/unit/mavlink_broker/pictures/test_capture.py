@@ -6,25 +6,31 @@ from hypothesis import strategies as st
 
 from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import Message, mavlink
-from mavlink_broker.pictures.capture import FilePlace, Place, WebPlace, place_of, read_capture
+from mavlink_broker.pictures.capture import (
+    FileLocation,
+    Location,
+    WebLocation,
+    location_of,
+    read_capture,
+)
 
 
 @pytest.mark.parametrize(
     ("url", "place"),
     [
-        ("mftp:///image/1.jpg", FilePlace("/image/1.jpg")),
-        ("mftp://image/1.jpg", FilePlace("image/1.jpg")),
-        ("mftp://[;comp=100]/image/1.jpg", FilePlace("/image/1.jpg", 100)),
-        ("mftp://;comp=12/1.jpg", FilePlace("/1.jpg", 12)),
-        ("mftp:///[;comp=7]/1.jpg", FilePlace("/1.jpg", 7)),
-        ("/fs/microsd/image/1.jpg", FilePlace("/fs/microsd/image/1.jpg")),
-        ("DCIM/100MEDIA/DJI_0001.JPG", FilePlace("DCIM/100MEDIA/DJI_0001.JPG")),
-        ("http://192.168.1.9/1.jpg", WebPlace("http://192.168.1.9/1.jpg")),
-        ("https://camera.local:8443/1.jpg", WebPlace("https://camera.local:8443/1.jpg")),
+        ("mftp:///image/1.jpg", FileLocation("/image/1.jpg")),
+        ("mftp://image/1.jpg", FileLocation("image/1.jpg")),
+        ("mftp://[;comp=100]/image/1.jpg", FileLocation("/image/1.jpg", 100)),
+        ("mftp://;comp=12/1.jpg", FileLocation("/1.jpg", 12)),
+        ("mftp:///[;comp=7]/1.jpg", FileLocation("/1.jpg", 7)),
+        ("/fs/microsd/image/1.jpg", FileLocation("/fs/microsd/image/1.jpg")),
+        ("DCIM/100MEDIA/DJI_0001.JPG", FileLocation("DCIM/100MEDIA/DJI_0001.JPG")),
+        ("http://192.168.1.9/1.jpg", WebLocation("http://192.168.1.9/1.jpg")),
+        ("https://camera.local:8443/1.jpg", WebLocation("https://camera.local:8443/1.jpg")),
     ],
 )
-def test_every_spelling_is_a_place(url: str, place: Place) -> None:
-    assert place_of(url) == place
+def test_every_form_of_url_is_a_location(url: str, place: Location) -> None:
+    assert location_of(url) == place
 
 
 @pytest.mark.parametrize(
@@ -39,14 +45,14 @@ def test_every_spelling_is_a_place(url: str, place: Place) -> None:
         "https:///1",
     ],
 )
-def test_what_is_no_place_is_none(url: str) -> None:
-    assert place_of(url) is None
+def test_an_invalid_url_is_no_location(url: str) -> None:
+    assert location_of(url) is None
 
 
 @given(st.text(max_size=205))
-def test_whatever_is_written_is_a_place_or_none(url: str) -> None:
-    place = place_of(url)
-    if isinstance(place, FilePlace):
+def test_any_url_is_a_location_or_none(url: str) -> None:
+    place = location_of(url)
+    if isinstance(place, FileLocation):
         assert place.path
         assert place.component is None or 1 <= place.component <= 255
 
@@ -59,7 +65,7 @@ def announcement(index: int, boot_ms: int, component: int = 100) -> Message:
     return decoded
 
 
-def test_the_same_announcement_is_the_same_picture_and_no_other_is() -> None:
+def test_only_equal_announcements_have_the_same_identity() -> None:
     identities = [
         read_capture(message).identity
         for message in (
@@ -74,6 +80,6 @@ def test_the_same_announcement_is_the_same_picture_and_no_other_is() -> None:
     assert len(set(identities)) == 4
 
 
-def test_a_camera_without_a_clock_tells_no_time() -> None:
+def test_a_camera_without_a_clock_sends_no_time() -> None:
     assert read_capture(announcement(0, 0)).taken_s is None
     assert read_capture(announcement(0, 1500)).taken_s == 1.5

@@ -72,16 +72,16 @@ class Flight:
         return text
 
 
-def test_a_picture_comes_as_the_vehicle_has_it() -> None:
+def test_a_picture_is_sent_as_the_vehicle_stores_it() -> None:
     flight = Flight()
     flight.until_pictures()
     index = flight.camera.shoot()
     flight.land()
     (body,) = flight.images
-    told = Image.model_validate(body)
-    assert base64.b64decode(told.frame) == JPEG + bytes([index])
-    assert told.image_size == len(JPEG) + 1
-    assert told.name == "m1201_c3_0000.jpeg"
+    sent = Image.model_validate(body)
+    assert base64.b64decode(sent.frame) == JPEG + bytes([index])
+    assert sent.image_size == len(JPEG) + 1
+    assert sent.name == "m1201_c3_0000.jpeg"
     assert flight.world.edge.status(MISSION) == Status.FINISHED
     assert flight.message() is None
 
@@ -96,7 +96,7 @@ def test_a_burst_of_pictures_keeps_its_order() -> None:
     assert flight.names == [f"m1201_c3_000{number}.jpeg" for number in range(3)]
 
 
-def test_a_picture_between_waypoints_is_the_waypoints() -> None:
+def test_a_picture_between_waypoints_belongs_to_the_waypoint() -> None:
     flight = Flight()
     flight.world.edge.plan(mission(takeoff(), waypoint(), go_home()))
     flight.world.run_until(lambda: flight.item == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
@@ -107,7 +107,7 @@ def test_a_picture_between_waypoints_is_the_waypoints() -> None:
 
 
 @pytest.mark.parametrize("lost", [(0,), (1,), (2,), (0, 1, 2)])
-def test_lost_announcements_are_asked_for_again(lost: tuple[int, ...]) -> None:
+def test_lost_announcements_are_requested(lost: tuple[int, ...]) -> None:
     flight = Flight(count=3, first_index=40)
     flight.until_pictures()
     for number in range(3):
@@ -118,7 +118,7 @@ def test_lost_announcements_are_asked_for_again(lost: tuple[int, ...]) -> None:
     assert flight.message() is None
 
 
-def test_what_was_there_before_the_mission_is_not_its() -> None:
+def test_earlier_pictures_do_not_belong_to_the_mission() -> None:
     flight = Flight(first_index=7)
     flight.until_pictures()
     flight.camera.shoot()
@@ -138,7 +138,7 @@ def test_a_bad_link_loses_no_picture(seed: int) -> None:
     assert sorted(flight.names) == [f"m1201_c3_000{number}.jpeg" for number in range(3)]
 
 
-def test_a_picture_that_failed_is_told() -> None:
+def test_a_failed_picture_is_reported() -> None:
     flight = Flight()
     flight.until_pictures()
     flight.camera.shoot(succeeded=False)
@@ -147,7 +147,7 @@ def test_a_picture_that_failed_is_told() -> None:
     assert flight.message() == "the camera could not take picture 0"
 
 
-def test_a_picture_that_cannot_be_fetched_is_told() -> None:
+def test_a_picture_that_cannot_be_fetched_is_reported() -> None:
     flight = Flight(url="mftp:///elsewhere/{index}.jpg")
     flight.until_pictures()
     flight.camera.shoot()
@@ -157,7 +157,7 @@ def test_a_picture_that_cannot_be_fetched_is_told() -> None:
     assert flight.message() == f"picture 0 cannot be had in flight: {reason}"
 
 
-def test_what_is_not_given_in_flight_is_asked_for_after_the_landing() -> None:
+def test_a_picture_refused_in_flight_is_requested_after_the_landing() -> None:
     flight = Flight(files=ScriptedFiles(unknown=frozenset({4})))
     flight.until_pictures()
     flight.camera.shoot()
@@ -171,9 +171,9 @@ def test_what_is_not_given_in_flight_is_asked_for_after_the_landing() -> None:
 
 @pytest.mark.parametrize(
     ("url", "reason"),
-    [("", "it is told nowhere"), ("gopher://x/1.jpg", "'gopher://x/1.jpg' is no place")],
+    [("", "its location is unknown"), ("gopher://x/1.jpg", "'gopher://x/1.jpg' is not a location")],
 )
-def test_a_place_that_is_none_is_told(url: str, reason: str) -> None:
+def test_an_invalid_location_is_reported(url: str, reason: str) -> None:
     flight = Flight(url=url)
     flight.until_pictures()
     flight.camera.shoot()
@@ -181,7 +181,7 @@ def test_a_place_that_is_none_is_told(url: str, reason: str) -> None:
     assert flight.message() == f"picture 0 cannot be fetched: {reason}"
 
 
-def test_pictures_that_never_come_are_told() -> None:
+def test_missing_pictures_are_reported() -> None:
     flight = Flight(count=2)
     flight.until_pictures()
     flight.camera.shoot()
@@ -202,7 +202,7 @@ def test_a_mission_does_not_wait_for_its_pictures() -> None:
     assert flight.names == ["m1201_c3_0000.jpeg"]
 
 
-def test_the_autopilot_is_asked_for_what_the_camera_does_not_serve() -> None:
+def test_files_that_the_camera_does_not_serve_are_requested_from_the_autopilot() -> None:
     flight = Flight(url="/fs/microsd/{index}.jpg")
     autopilot = ScriptedCamera(1, flight.camera.put, lambda: 0, component=1)
     autopilot.files.files = {"/fs/microsd/0.jpg": JPEG}
@@ -220,7 +220,7 @@ def test_the_autopilot_is_asked_for_what_the_camera_does_not_serve() -> None:
     assert base64.b64decode(body["frame"]) == JPEG
 
 
-def test_a_restarted_broker_tells_the_same_picture_under_the_same_key() -> None:
+def test_a_restarted_broker_sends_the_same_picture_under_the_same_key() -> None:
     flight = Flight()
     flight.until_pictures()
     flight.camera.shoot()
@@ -246,7 +246,7 @@ def test_a_restarted_broker_fetches_what_was_taken_while_it_was_away() -> None:
     assert flight.message() is None
 
 
-def test_old_pictures_are_left_alone_by_a_new_broker() -> None:
+def test_a_new_broker_does_not_fetch_old_pictures() -> None:
     flight = Flight()
     flight.world.is_broker_there = False
     flight.world.run(1.0)
@@ -259,7 +259,7 @@ def test_old_pictures_are_left_alone_by_a_new_broker() -> None:
     assert [number for wanted, number in flight.camera.asked if wanted == 263] == [4]
 
 
-def test_a_camera_with_a_clock_of_its_own_is_understood() -> None:
+def test_the_clock_of_a_camera_may_differ_from_the_vehicles() -> None:
     flight = Flight()
     boot_ms = flight.camera.boot_ms
     flight.camera.boot_ms = lambda: boot_ms() + 5_000_000
@@ -269,7 +269,7 @@ def test_a_camera_with_a_clock_of_its_own_is_understood() -> None:
     assert flight.names == ["m1201_c3_0000.jpeg"]
 
 
-def test_a_camera_that_announces_late_is_no_camera_with_another_clock() -> None:
+def test_a_late_announcement_is_no_difference_of_clocks() -> None:
     flight = Flight(count=2)
     flight.until_pictures()
     for _ in range(2):
@@ -307,7 +307,7 @@ def test_a_restarted_vehicle_still_has_its_pictures() -> None:
     assert flight.names == ["m1201_c3_0000.jpeg"]
 
 
-def test_a_picture_of_nobodys_command_is_not_told() -> None:
+def test_a_picture_of_no_command_is_not_sent() -> None:
     flight = Flight()
     flight.world.run(10.0)
     flight.camera.shoot()
@@ -316,7 +316,7 @@ def test_a_picture_of_nobodys_command_is_not_told() -> None:
 
 
 @pytest.mark.parametrize("index", [-1, 2**31 - 2])
-def test_strange_numbers_do_no_harm(index: int) -> None:
+def test_unusual_picture_numbers_are_accepted(index: int) -> None:
     flight = Flight()
     flight.camera.first_index = index
     flight.until_pictures()
@@ -326,7 +326,7 @@ def test_strange_numbers_do_no_harm(index: int) -> None:
     assert math.isfinite(flight.world.clock.now)
 
 
-def test_announcements_of_the_past_are_no_restart_of_the_vehicle() -> None:
+def test_old_announcements_do_not_count_as_a_restart() -> None:
     flight = Flight(count=4, component=1)
     flight.camera.heartbeat = lambda: None  # type: ignore[method-assign]  # the autopilot has its own
     flight.world.run(40.0)

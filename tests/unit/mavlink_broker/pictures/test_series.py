@@ -10,11 +10,11 @@ from afarcloud.enumerations import Status
 from mavlink_broker.mavlink.dialect import mavlink
 from mavlink_broker.microservices.round_trip import RoundTrip
 from mavlink_broker.pictures.capture import Capture
-from mavlink_broker.pictures.counting import KEPT, PictureCount
+from mavlink_broker.pictures.counting import MAX_NUMBERS, AnnouncementTracker
 from tests.support.broker_world import World, go_home, mission, takeoff
 from tests.support.scripted_camera import ScriptedCamera
 from tests.support.scripted_vehicle import PX4, PX4_POSITION, ScriptedVehicle
-from tests.unit.mavlink_broker.protocol.harness import ROUTE
+from tests.unit.mavlink_broker.microservices.harness import ROUTE
 
 SLOW = dataclasses.replace(PX4, item_time_s=4.0)
 ORBIT = mavlink.MAV_CMD_DO_ORBIT
@@ -181,13 +181,13 @@ def capture(number: int) -> Capture:
     )
 
 
-def test_what_a_picture_costs_does_not_grow_with_the_pictures_ever_taken() -> None:
+def test_the_memory_for_picture_numbers_is_limited() -> None:
     """By the work done, not by the clock: what is remembered is bounded, gaps are still found."""
-    camera = PictureCount(100, ROUTE, RoundTrip())
-    for number in range(3 * KEPT):
+    camera = AnnouncementTracker(100, ROUTE, RoundTrip())
+    for number in range(3 * MAX_NUMBERS):
         assert camera.take(capture(number), goes_back=False)
-    assert len(camera._heard) <= KEPT
-    assert not camera.is_asking
-    assert camera.take(capture(3 * KEPT + 2), goes_back=False)
+    assert len(camera._announced) <= MAX_NUMBERS
+    assert not camera.is_requesting
+    assert camera.take(capture(3 * MAX_NUMBERS + 2), goes_back=False)
     messages, _ = camera.tick(time.monotonic())
-    assert [int(message.param2) for message in messages] == [3 * KEPT, 3 * KEPT + 1]
+    assert [int(message.param2) for message in messages] == [3 * MAX_NUMBERS, 3 * MAX_NUMBERS + 1]

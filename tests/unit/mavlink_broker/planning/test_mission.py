@@ -213,7 +213,7 @@ def test_the_speed_is_set_once_in_each_stretch_before_anything_flies(
     mission: Mission, family: Family
 ) -> None:
     for plan in stretches_of(mission, family):
-        if family.starts_legs_anew:
+        if family.resets_speed_each_leg:
             continue
         places = [item.is_positional for item in plan.items[plan.first_item :]]
         speeds = [

@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mavlink_broker.planning.target_track import (
-    LeadTrack,
-    Sighting,
     TargetFileError,
+    TargetState,
+    VehicleTrack,
     read_track,
 )
 from tests.support.geodesy import LocalGround
@@ -28,8 +28,8 @@ def test_it_moves_straight_from_mark_to_mark() -> None:
 
 def test_it_stands_before_and_behind_its_way() -> None:
     track = read_track(NORTHWARD)
-    assert track.at(-5.0) == Sighting(40.0, -3.0)
-    assert track.at(31.0) == Sighting(40.001, -2.999)
+    assert track.at(-5.0) == TargetState(40.0, -3.0)
+    assert track.at(31.0) == TargetState(40.001, -2.999)
 
 
 def test_it_crosses_the_date_line_the_short_way() -> None:
@@ -52,23 +52,23 @@ def test_its_velocity_leads_to_where_it_is_a_little_later(time: float, step: flo
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("", "its first line must be"),
-        ("latitude,longitude\n", "its first line must be"),
-        (HEADER, "it names no place"),
-        (HEADER + "0,40,north\n", "line 2: three numbers"),
-        (HEADER + "0,40\n", "line 2: three numbers"),
-        (HEADER + "nan,40,-3\n", "line 2: it is no place"),
-        (HEADER + "0,91,-3\n", "line 2: it is no place"),
-        (HEADER + "0,40,-3\n0,41,-3\n", "line 3: time_s must go on"),
+        ("", "the first line must be"),
+        ("latitude,longitude\n", "the first line must be"),
+        (HEADER, "it contains no position"),
+        (HEADER + "0,40,north\n", "line 2: it must have three numbers"),
+        (HEADER + "0,40\n", "line 2: it must have three numbers"),
+        (HEADER + "nan,40,-3\n", "line 2: it is not a position"),
+        (HEADER + "0,91,-3\n", "line 2: it is not a position"),
+        (HEADER + "0,40,-3\n0,41,-3\n", "line 3: time_s must increase"),
     ],
 )
-def test_what_is_no_way_is_told_by_its_line(text: str, reason: str) -> None:
+def test_the_error_names_the_invalid_line(text: str, reason: str) -> None:
     with pytest.raises(TargetFileError, match=reason):
         read_track(text)
 
 
 def test_another_vehicle_is_where_it_told_last_and_goes_as_it_did() -> None:
-    track = LeadTrack()
+    track = VehicleTrack()
     for second in range(4):
         track.take(float(second), 40.0 + second * 9e-6, -3.0)
     seen = track.at(3.2)
@@ -78,7 +78,7 @@ def test_another_vehicle_is_where_it_told_last_and_goes_as_it_did() -> None:
 
 
 def test_another_vehicle_that_is_silent_is_nowhere() -> None:
-    track = LeadTrack()
+    track = VehicleTrack()
     assert track.at(0.0) is None
     track.take(0.0, 40.0, -3.0)
     assert track.at(0.5) is not None

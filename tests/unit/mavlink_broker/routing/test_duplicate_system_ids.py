@@ -1,9 +1,9 @@
-"""Two vehicles with one number are told from one vehicle with two ways."""
+"""Two vehicles with one system id are distinguished from one vehicle on two links."""
 
 from mavlink_broker.links.url import Address
 from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import Message, mavlink
-from mavlink_broker.routing.duplicate_system_ids import Twins
+from mavlink_broker.routing.duplicate_system_ids import DuplicateSystemIds
 
 THERE = Address("192.0.2.9", 14581)
 
@@ -14,25 +14,27 @@ def attitude(boot_s: float) -> Message:
     return decoded
 
 
-def heard(behind_s: float, seconds: int = 10) -> tuple[Twins, list[bool]]:
+def received(behind_s: float, seconds: int = 10) -> tuple[DuplicateSystemIds, list[bool]]:
     """Two ways, on the second of which the clock is behind by so much."""
-    twins, told = Twins(), []
+    twins, reported = DuplicateSystemIds(), []
     for second in range(seconds):
-        twins.here(attitude(100.0 + second), float(second))
-        told.append(twins.elsewhere(attitude(100.1 + second - behind_s), THERE, second + 0.1))
-    return twins, told
+        twins.receive_active(attitude(100.0 + second), float(second))
+        reported.append(
+            twins.receive_other(attitude(100.1 + second - behind_s), THERE, second + 0.1)
+        )
+    return twins, reported
 
 
-def test_the_same_clock_on_both_ways_is_one_vehicle() -> None:
+def test_the_same_clock_on_both_links_is_one_vehicle() -> None:
     for behind_s in (0.0, 1.5, 5.0):
-        twins, told = heard(behind_s)
-        assert not any(told)
+        twins, reported = received(behind_s)
+        assert not any(reported)
         assert twins.warning(1, 10.0) is None
 
 
-def test_another_clock_is_another_vehicle_and_told_once() -> None:
-    twins, told = heard(40.0)
-    assert told.count(True) == 1
+def test_another_clock_is_another_vehicle_and_reported_once() -> None:
+    twins, reported = received(40.0)
+    assert reported.count(True) == 1
     assert twins.warning(1, 10.0) == (
         "another vehicle at 192.0.2.9:14581 has the same system id, 1"
     )
@@ -40,12 +42,12 @@ def test_another_clock_is_another_vehicle_and_told_once() -> None:
 
 
 def test_a_warning_ends_when_the_other_falls_silent() -> None:
-    twins, _ = heard(40.0)
+    twins, _ = received(40.0)
     assert twins.warning(1, 60.0) is None
 
 
-def test_a_forgotten_system_begins_anew() -> None:
-    twins, _ = heard(40.0)
+def test_a_forgotten_system_has_no_warning() -> None:
+    twins, _ = received(40.0)
     twins.forget(1)
     assert twins.warning(1, 10.0) is None
-    assert not twins.elsewhere(attitude(3.0), THERE, 10.0)
+    assert not twins.receive_other(attitude(3.0), THERE, 10.0)

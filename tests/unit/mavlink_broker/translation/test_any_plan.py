@@ -19,7 +19,7 @@ from mavlink_broker.autopilots.families import ARDUPILOT, GENERIC, OWN, PX4, Fam
 from mavlink_broker.mavlink.addressing import Route
 from mavlink_broker.mavlink.codec import Decoder, Encoder
 from mavlink_broker.mavlink.dialect import Message, mavlink
-from mavlink_broker.planning.live_actions import Circled, Face, Order, Series
+from mavlink_broker.planning.live_actions import Circled, SendCommand, Series, TurnInPlace
 from mavlink_broker.planning.mission import (
     FlightPlan,
     Home,
@@ -208,8 +208,8 @@ def check_live(sent: Command, live: LiveCommand) -> None:
     first = live.action.begin[0][-1 if is_panorama else 0].message(ROUTE, 0)  # It holds before
     if isinstance(live.action.end, Series):
         assert sent.command_type_id is CommandType.CAMERA_PANORAMA
-        faces = [step for step in live.action.end.steps if isinstance(step, Face)]
-        shots = [step for step in live.action.end.steps if isinstance(step, Order)]
+        faces = [step for step in live.action.end.steps if isinstance(step, TurnInPlace)]
+        shots = [step for step in live.action.end.steps if isinstance(step, SendCommand)]
         full = sent.parameters.panorama_mode is PanoramaMode.FULL_CIRCLE
         assert len(shots) == (8 if full else 5)
         turned = faces[-2].turn_deg - faces[0].turn_deg

@@ -1,4 +1,4 @@
-"""Measurements of the environment: units, names, places, and what is too old to be told."""
+"""Measurements of the environment: units, names, places, and what is too old to be reported."""
 
 import math
 
@@ -14,7 +14,7 @@ from mavlink_broker.vehicle.measurements import readings
 from mavlink_broker.vehicle.telemetry import Snapshot
 
 
-def heard(message: Message, component: int = 1) -> Message:
+def received(message: Message, component: int = 1) -> Message:
     (decoded,) = Decoder().decode(Encoder(1, component).encode(message))
     return decoded
 
@@ -51,9 +51,9 @@ class Sensors:
         self.observations = Observations()
         self.snapshot = at(100.0)
 
-    def hear(self, *messages: Message, component: int = 1, now: float = 0.0) -> None:
+    def receive(self, *messages: Message, component: int = 1, now: float = 0.0) -> None:
         for message in messages:
-            self.observations.take(heard(message, component), self.snapshot, now)
+            self.observations.take(received(message, component), self.snapshot, now)
 
     def lists(self, now: float = 0.0) -> list[ObservationList]:
         lists = self.observations.lists(self.snapshot, now, vehicle_id=7, sequence_number=4)
@@ -62,8 +62,8 @@ class Sensors:
     def values(self, now: float = 0.0) -> dict[str, tuple[float, str]]:
         return {
             one.observed_property: (one.result_value, one.result_uom)
-            for told in self.lists(now)
-            for one in told.observation_array
+            for reported in self.lists(now)
+            for one in reported.observation_array
         }
 
     def wind(self) -> tuple[float, float]:
@@ -73,9 +73,9 @@ class Sensors:
         return values["wind_speed"][0], values["wind_direction"][0]
 
 
-def test_a_hygrometer_tells_temperature_and_humidity() -> None:
+def test_a_hygrometer_measures_temperature_and_humidity() -> None:
     sensors = Sensors()
-    sensors.hear(hygrometer(-3.25, 48.5))
+    sensors.receive(hygrometer(-3.25, 48.5))
     assert sensors.values() == {
         "air_temperature": (-3.25, "Cel"),
         "relative_humidity": (48.5, "%"),
@@ -83,7 +83,7 @@ def test_a_hygrometer_tells_temperature_and_humidity() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "told", "unit"),
+    ("name", "reported", "unit"),
     [
         ("temp_air", "air_temperature", "Cel"),
         ("hum_air", "relative_humidity", "%"),
@@ -93,17 +93,17 @@ def test_a_hygrometer_tells_temperature_and_humidity() -> None:
         ("leaf_wet", "leaf_wet", "1"),
     ],
 )
-def test_known_names_have_units_and_others_are_told_as_they_are(
-    name: str, told: str, unit: str
+def test_known_names_have_units_and_others_are_reported_as_they_are(
+    name: str, reported: str, unit: str
 ) -> None:
     sensors = Sensors()
-    sensors.hear(named(name, 12.5))
-    assert sensors.values() == {told: (12.5, unit)}
+    sensors.receive(named(name, 12.5))
+    assert sensors.values() == {reported: (12.5, unit)}
 
 
 def test_a_whole_number_is_a_measurement_too() -> None:
     sensors = Sensors()
-    sensors.hear(mavlink.MAVLink_named_value_int_message(1000, b"light", 54_000))
+    sensors.receive(mavlink.MAVLink_named_value_int_message(1000, b"light", 54_000))
     assert sensors.values() == {"illuminance": (54_000.0, "lx")}
 
 
@@ -111,52 +111,52 @@ def test_a_whole_number_is_a_measurement_too() -> None:
     ("north_m_s", "east_m_s", "from_deg"),
     [(-3.0, 0.0, 0.0), (0.0, -3.0, 90.0), (3.0, 0.0, 180.0), (0.0, 3.0, 270.0)],
 )
-def test_wind_is_told_by_where_it_comes_from(
+def test_wind_is_reported_by_where_it_comes_from(
     north_m_s: float, east_m_s: float, from_deg: float
 ) -> None:
     sensors = Sensors()
-    sensors.hear(wind_cov(north_m_s, east_m_s))
+    sensors.receive(wind_cov(north_m_s, east_m_s))
     speed_m_s, told_deg = sensors.wind()
     assert speed_m_s == pytest.approx(3.0)
     assert told_deg == pytest.approx(from_deg)
 
 
 @pytest.mark.parametrize(("wind_m_s", "is_told"), [(2.9, False), (6.9, False), (7.1, True)])
-def test_a_wind_that_the_vehicle_can_hardly_tell_from_calm_is_not_told(
+def test_a_wind_within_the_vehicles_accuracy_is_not_reported(
     wind_m_s: float, is_told: bool
 ) -> None:
     sensors = Sensors()
-    sensors.hear(wind_cov(wind_m_s, 0.0, accuracy_m_s=3.5))
+    sensors.receive(wind_cov(wind_m_s, 0.0, accuracy_m_s=3.5))
     assert ("wind_speed" in sensors.values()) == is_told
 
 
 def test_still_air_comes_from_nowhere() -> None:
     sensors = Sensors()
-    sensors.hear(wind_cov(0.0, 0.0))
+    sensors.receive(wind_cov(0.0, 0.0))
     assert sensors.values() == {"wind_speed": (0.0, "m/s")}
 
 
 def test_ardupilots_wind_is_the_same_quantity() -> None:
     sensors = Sensors()
-    sensors.hear(mavlink.MAVLink_wind_message(-90.0, 4.0, 0.0))
+    sensors.receive(mavlink.MAVLink_wind_message(-90.0, 4.0, 0.0))
     assert sensors.wind() == pytest.approx((4.0, 270.0))
 
 
 def test_the_barometers_temperature_is_not_called_the_airs() -> None:
     sensors = Sensors()
-    sensors.hear(mavlink.MAVLink_scaled_pressure_message(0, 939.5, 0.0, 4150))
+    sensors.receive(mavlink.MAVLink_scaled_pressure_message(0, 939.5, 0.0, 4150))
     assert sensors.values() == {
         "air_pressure": (939.5, "hPa"),
         "barometer_temperature": (41.5, "Cel"),
     }
 
 
-def test_resources_are_told_apart_and_keep_their_names() -> None:
+def test_resources_have_distinct_names_and_keep_them() -> None:
     sensors = Sensors()
-    sensors.hear(hygrometer(number=0), hygrometer(number=1))
-    sensors.hear(named("temp_air", 20.0), component=158)
-    (told,) = sensors.lists()
-    names = [one.resource_id for one in told.observation_array]
+    sensors.receive(hygrometer(number=0), hygrometer(number=1))
+    sensors.receive(named("temp_air", 20.0), component=158)
+    (reported,) = sensors.lists()
+    names = [one.resource_id for one in reported.observation_array]
     assert names == [
         "urn:afc:uav:7:1:hygrometer0:air_temperature",
         "urn:afc:uav:7:1:hygrometer0:relative_humidity",
@@ -168,22 +168,22 @@ def test_resources_are_told_apart_and_keep_their_names() -> None:
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize("name", ["temp_air", "anything"])
-def test_what_is_no_number_is_not_told(name: str, value: float) -> None:
+def test_what_is_no_number_is_not_reported(name: str, value: float) -> None:
     sensors = Sensors()
-    sensors.hear(named(name, 20.0))
-    sensors.hear(named(name, value))
+    sensors.receive(named(name, 20.0))
+    sensors.receive(named(name, value))
     assert sensors.values() == {}
 
 
-def test_a_sensors_invalid_values_are_not_told() -> None:
+def test_a_sensors_invalid_values_are_not_reported() -> None:
     sensors = Sensors()
-    sensors.hear(mavlink.MAVLink_hygrometer_sensor_message(0, 32_767, 65_535))
+    sensors.receive(mavlink.MAVLink_hygrometer_sensor_message(0, 32_767, 65_535))
     assert sensors.values() == {}
 
 
-def test_what_is_older_than_some_seconds_is_not_told() -> None:
+def test_what_is_older_than_some_seconds_is_not_reported() -> None:
     sensors = Sensors()
-    sensors.hear(named("light", 1.0))
+    sensors.receive(named("light", 1.0))
     sensors.snapshot.time_s = 104.9
     assert sensors.values(now=0.5)
     sensors.snapshot.time_s = 105.1
@@ -192,56 +192,56 @@ def test_what_is_older_than_some_seconds_is_not_told() -> None:
 
 def test_a_simulated_vehicle_may_be_slow_but_a_lost_link_makes_everything_old() -> None:
     sensors = Sensors()
-    sensors.hear(named("light", 1.0))
+    sensors.receive(named("light", 1.0))
     assert sensors.values(now=29.0)
     assert not sensors.values(now=31.0)
 
 
 def test_the_place_is_where_it_was_measured() -> None:
     sensors = Sensors()
-    sensors.hear(named("light", 1.0))
+    sensors.receive(named("light", 1.0))
     sensors.snapshot = at(101.0, latitude_deg=41.0)
-    (told,) = sensors.lists()
-    assert (told.latitude, told.altitude) == (40.0, 5.0)
-    assert (told.vehicle_id, told.sequence_number) == (7, 4)
+    (reported,) = sensors.lists()
+    assert (reported.latitude, reported.altitude) == (40.0, 5.0)
+    assert (reported.vehicle_id, reported.sequence_number) == (7, 4)
 
 
 def test_the_time_is_the_vehicles_own() -> None:
     sensors = Sensors()
     sensors.snapshot.take(mavlink.MAVLink_system_time_message(1_800_000_000_000_000, 50_000))
-    sensors.hear(named("light", 1.0))
+    sensors.receive(named("light", 1.0))
     sensors.snapshot.time_s = 103.0
     assert sensors.lists()[0].observation_array[0].result_time == 1_800_000_050
 
 
 @pytest.mark.parametrize("utc_us", [0, 3_600_000_000])
-def test_a_clock_that_was_not_set_is_not_believed(utc_us: int) -> None:
+def test_a_clock_that_was_not_set_is_ignored(utc_us: int) -> None:
     sensors = Sensors()
     sensors.snapshot.take(mavlink.MAVLink_system_time_message(utc_us, 50_000))
-    sensors.hear(named("light", 1.0))
+    sensors.receive(named("light", 1.0))
     assert sensors.lists()[0].observation_array[0].result_time == 0
 
 
-def test_nothing_is_told_of_an_unknown_place() -> None:
+def test_nothing_is_reported_of_an_unknown_place() -> None:
     sensors = Sensors()
     sensors.snapshot = Snapshot()
-    sensors.hear(named("light", 1.0))
+    sensors.receive(named("light", 1.0))
     assert sensors.lists() == []
 
 
 def test_ten_make_a_list_and_names_without_end_are_not_kept() -> None:
     sensors = Sensors()
-    sensors.hear(*(named(f"n{number}", 1.0) for number in range(200)))
+    sensors.receive(*(named(f"n{number}", 1.0) for number in range(200)))
     lists = sensors.lists()
-    assert [len(told.observation_array) for told in lists] == [10, 10, 10, 10, 10, 10, 4]
-    assert [told.sequence_number for told in lists] == list(range(4, 11))
+    assert [len(reported.observation_array) for reported in lists] == [10, 10, 10, 10, 10, 10, 4]
+    assert [reported.sequence_number for reported in lists] == list(range(4, 11))
 
 
 @given(st.binary(min_size=10, max_size=10), st.floats(allow_nan=True, width=32))
 def test_hostile_names_and_values_give_valid_observations(name: bytes, value: float) -> None:
     sensors = Sensors()
     try:
-        message = heard(mavlink.MAVLink_named_value_float_message(0, name, value))
+        message = received(mavlink.MAVLink_named_value_float_message(0, name, value))
     except UnicodeDecodeError:
         return
     for reading in readings(message):
@@ -250,5 +250,5 @@ def test_hostile_names_and_values_give_valid_observations(name: bytes, value: fl
     sensors.lists()
 
 
-def test_other_messages_tell_nothing() -> None:
+def test_other_messages_have_no_measurements() -> None:
     assert list(readings(mavlink.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3))) == []

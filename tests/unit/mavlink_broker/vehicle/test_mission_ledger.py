@@ -7,15 +7,15 @@ from hypothesis import strategies as st
 from afarcloud.commands import Command, NavHome
 from afarcloud.enumerations import CommandType, Status
 from afarcloud.state import MissionReport
-from mavlink_broker.vehicle.mission_ledger import Ledger, LedgerError
+from mavlink_broker.vehicle.mission_ledger import LedgerError, MissionLedger
 
 
 def commands(count: int) -> list[Command]:
     return [NavHome(command_id=10 + i, command_type_id=CommandType.NAV_HOME) for i in range(count)]
 
 
-def ledger(count: int = 3) -> Ledger:
-    return Ledger(1201, commands(count))
+def ledger(count: int = 3) -> MissionLedger:
+    return MissionLedger(1201, commands(count))
 
 
 def test_a_failure_fails_the_unfinished_command_and_aborts_the_rest() -> None:
@@ -63,7 +63,7 @@ def test_what_has_ended_stays_as_it_is(ended: Status) -> None:
     assert book.status == ended
 
 
-def test_saying_the_same_again_is_no_news() -> None:
+def test_the_same_status_again_is_no_change() -> None:
     book = ledger()
     assert book.set_command(0, Status.RUNNING)
     assert not book.set_command(0, Status.RUNNING)
@@ -105,7 +105,7 @@ def test_a_mission_of_up_to_a_hundred_commands_is_always_reported_as_a_whole() -
 
 @given(st.lists(st.integers(0, 3), min_size=1, max_size=40))
 def test_a_longer_mission_is_reported_by_its_changes_which_add_up(steps: list[int]) -> None:
-    """Who keeps the newest that was said of each command knows all of them at any time."""
+    """The newest status of each command in the reports is complete at any time."""
     book = ledger(700)
     known: dict[int, tuple[Status, str | None]] = {}
     place = 0

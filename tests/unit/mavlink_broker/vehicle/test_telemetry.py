@@ -92,7 +92,7 @@ def test_only_the_first_battery_counts() -> None:
     st.floats(width=32),
     st.integers(-128, 127),
 )
-def test_whatever_a_vehicle_says_the_reports_are_valid_or_absent(
+def test_whatever_a_vehicle_sends_the_reports_are_valid_or_absent(
     lat: int, lon: int, roll: float, pitch: float, yaw: float, remaining: int
 ) -> None:
     snapshot = seen(
@@ -105,7 +105,7 @@ def test_whatever_a_vehicle_says_the_reports_are_valid_or_absent(
         assert -180.0 <= vector.roll < 180.0
 
 
-def test_a_position_before_the_first_fix_is_not_believed() -> None:
+def test_a_position_before_the_first_fix_is_dropped() -> None:
     assert seen(position(lat=0, lon=0)).position is None
 
 
@@ -115,14 +115,14 @@ def system_status(present: int, health: int) -> Any:
     )
 
 
-def test_readiness_is_known_only_where_the_vehicle_tells() -> None:
+def test_readiness_is_known_only_where_the_vehicle_reports_it() -> None:
     prearm = mavlink.MAV_SYS_STATUS_PREARM_CHECK
     assert seen(system_status(0, 0)).ready_to_arm is None
     assert seen(system_status(prearm, 0)).ready_to_arm is False
     assert seen(system_status(prearm, prearm)).ready_to_arm is True
 
 
-def test_a_restarted_vehicle_is_forgotten_but_for_its_battery_size() -> None:
+def test_a_restarted_vehicle_keeps_its_battery_capacity_only() -> None:
     snapshot = seen(position(), attitude(), battery_status(50))
     snapshot.forget()
     assert snapshot == Snapshot(battery_capacity_ah=5.2)

@@ -1,0 +1,108 @@
+"""Logs every frame of the vehicles' links to `.tlog` files, which ground stations replay.
+
+A record is the time in microseconds since 1970, big-endian in 8 bytes, and the frame as it was on
+the link, signature included: what QGroundControl, MAVProxy and pymavlink write and read. Messages
+that carry keys or passwords are left out.
+
+A thread writes from a bounded buffer: a slow or full disk never delays a frame. Frames that cannot
+be written are counted and logged once, and writing is retried.
+"""
+
+import logging
+import struct
+import threading
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final
+
+from mavlink_broker.links.frame_log_files import FrameFiles
+from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.mavlink.frames import message_id
+from mavlink_broker.supervision import SupervisedThread
+
+FLUSH_INTERVAL_S: Final = 0.5
+RETRY_INTERVAL_S: Final = 5.0
+"""Pause after a write error."""
+CLOSE_TIMEOUT_S: Final = 5.0
+"""How long `close` waits for a slow disk."""
+BUFFER_BYTES: Final = 4 << 20
+"""Buffer for a slow disk: some minutes of twenty vehicles."""
+SECRET_MESSAGES: Final = frozenset(
+    {
+        mavlink.MAVLINK_MSG_ID_SETUP_SIGNING,
+        mavlink.MAVLINK_MSG_ID_AUTH_KEY,
+        mavlink.MAVLINK_MSG_ID_WIFI_CONFIG_AP,
+    }
+)
+"""Messages that contain keys or passwords."""
+_STAMP: Final = struct.Struct(">Q")
+
+_LOG = logging.getLogger(__name__)
+
+
+class FrameLog:
+    """A buffer that takes any frame at once, and a thread that writes it to the disk."""
+
+    def __init__(self, folder: Path, *, file_bytes: int, files: int) -> None:
+        """Write into a folder at most `files` files of `file_bytes` each."""
+        self._folder = folder
+        self._store = FrameFiles(folder, file_bytes=file_bytes, files=files)
+        self._lock = threading.Lock()
+        self._waiting = bytearray()
+        self._count = 0
+        self._stop = threading.Event()
+        self._is_refused = False
+        self.dropped = 0  # Frames that could not be written
+        self._thread = SupervisedThread("frame-log", self._run, self._stop)
+        self._thread.start()
+
+    def write(self, frame: bytes, time: datetime) -> None:
+        """Add a frame to the buffer; never waits for the disk."""
+        if message_id(frame) in SECRET_MESSAGES:
+            return
+        stamp = _STAMP.pack(max(0, round(time.timestamp() * 1e6)))
+        with self._lock:
+            if len(self._waiting) > BUFFER_BYTES:
+                self.dropped += 1
+                return
+            self._waiting += stamp
+            self._waiting += frame
+            self._count += 1
+
+    def close(self) -> None:
+        """Write the buffer, if the disk takes it, and end the thread."""
+        self._stop.set()
+        self._thread.join(CLOSE_TIMEOUT_S)
+
+    def _run(self) -> None:
+        pause_s = FLUSH_INTERVAL_S
+        while not self._stop.wait(pause_s):
+            pause_s = FLUSH_INTERVAL_S if self._flush() else RETRY_INTERVAL_S
+        self._flush()
+        self._store.close()
+
+    def _flush(self) -> bool:
+        """Write the buffer; false after a write error."""
+        with self._lock:
+            records, self._waiting = bytes(self._waiting), bytearray()
+            count, self._count = self._count, 0
+        if not records:
+            return True
+        try:
+            self._store.append(records, datetime.now(UTC))
+        except OSError as error:
+            self._refused(error, count)
+            return False
+        if self._is_refused:
+            self._is_refused = False
+            _LOG.warning(
+                "frames are logged in %s again; %d are missing", self._folder, self.dropped
+            )
+        return True
+
+    def _refused(self, error: OSError, count: int) -> None:
+        with self._lock:
+            self.dropped += count
+        if not self._is_refused:
+            _LOG.warning("no frames are logged in %s: %s", self._folder, error.strerror or error)
+        self._is_refused = True

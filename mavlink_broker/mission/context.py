@@ -1,0 +1,147 @@
+"""What the phases of one mission share.
+
+Each attribute has one owner: what only one phase needs belongs to that phase.
+"""
+
+from typing import Final
+
+from afarcloud.enumerations import Status
+from mavlink_broker.edge.work import MissionWork
+from mavlink_broker.effects import Effects
+from mavlink_broker.live.series_monitor import SeriesMonitor
+from mavlink_broker.mavlink.dialect import Message
+from mavlink_broker.mission.authority_monitor import AuthorityMonitor
+from mavlink_broker.mission.segments import Segments
+from mavlink_broker.mission.speed_changes import SpeedChanges
+from mavlink_broker.mission.states import Event
+from mavlink_broker.planning.geofence_check import AreaCheck
+from mavlink_broker.planning.mission import FlightPlan, LiveCommand
+from mavlink_broker.planning.situation import Spot
+from mavlink_broker.vehicle.mission_ledger import MissionLedger
+from mavlink_broker.vehicle.reporter import Reporter
+from mavlink_broker.vehicle.vehicle import Vehicle
+
+VEHICLE_WITHIN_S: Final = 60.0
+"""How long a mission waits for its vehicle before it fails."""
+TELEMETRY_WITHIN_S: Final = 5.0
+"""How long a connected vehicle may take to send battery and attitude; some never do."""
+
+
+class MissionContext:
+    """One mission on one vehicle: its work item, its segments, its statuses, who is in command."""
+
+    def __init__(self, work: MissionWork, vehicle: Vehicle, reporter: Reporter) -> None:
+        self.work = work
+        self.vehicle = vehicle
+        self.reporter = reporter
+        mission = work.mission
+        self.ledger = MissionLedger(
+            mission.mission_id,
+            mission.command_array,
+            name=work.name,
+            work_id=work.work_id,
+            plan_id=work.plan_ulid,
+        )
+        self.segments = Segments(mission, vehicle)
+        self.area = None if work.geofence is None else AreaCheck(work.geofence)
+        self.authority = AuthorityMonitor(vehicle)
+        self.speeds = SpeedChanges(vehicle, self.segments)
+        self.captures = PendingCaptures(work, vehicle)
+        self.began_at = 0.0
+        self.is_confirmed = work.was_accepted  # The edge server knows that this broker flies it
+        self.is_hovering = False  # The vehicle holds in the air, for this mission or before it
+        self.is_start_ordered = False
+        self.was_running = False  # The present segment flew before this broker began to follow it
+
+    def is_expired(self, now: float) -> bool:
+        """Whether it may not begin any more."""
+        return self.work.expires_at is not None and now >= self.work.expires_at
+
+    @property
+    def plan(self) -> FlightPlan:
+        """The mission items of the present segment."""
+        return self.segments.plan
+
+    @property
+    def is_live(self) -> bool:
+        """Whether the present segment is a live command."""
+        return isinstance(self.segments.current, LiveCommand)
+
+    @property
+    def was_reported_running(self) -> bool:
+        """Whether the mission has left NOT_STARTED in its reports."""
+        return self.ledger.status != Status.NOT_STARTED
+
+    @property
+    def is_flying(self) -> bool:
+        """Whether the vehicle holds in the air and is armed."""
+        return self.is_hovering and bool(self.vehicle.snapshot.armed)
+
+    def report(self, effects: Effects) -> None:
+        """Post a mission report."""
+        effects.for_edge.append(self.reporter.mission(self.ledger))
+
+    def translate(self) -> None:
+        """Translate the mission for the vehicle as it is known now.
+
+        Raises:
+            RefusedError: for the first command that cannot be flown.
+        """
+        self.segments.translate()
+        self.note_changes()
+
+    def note_changes(self) -> None:
+        """Write into the reports what the translation changed about each command."""
+        for index, notes in enumerate(self.segments.notes):
+            if not self.ledger.commands[index].is_terminal:
+                self.ledger.note(index, notes)
+
+    def check_area(self, own_limit_m: float | None = None) -> None:
+        """Check the mission against its geofence, from the vehicle's position.
+
+        `own_limit_m` is the vehicle's own height limit [m above home], None without one.
+
+        Raises:
+            RefusedError: for the first command that leads out.
+        """
+        segments = self.segments
+        if self.area is None or segments.itinerary is None or not segments.is_first:
+            return
+        place = self.vehicle.snapshot.position
+        self.area.check(
+            self.work.mission,
+            self.vehicle.family,
+            start=None if place is None else Spot(*place[:3]),
+            home=self.vehicle.snapshot.home,
+            rally=self.work.rally_spots,
+            own_limit_m=own_limit_m,
+        )
+
+    def event_of_segment(self) -> Event:
+        """Name the event that begins the present segment."""
+        if self.is_live:
+            return Event.LIVE_NEXT
+        return Event.ITEMS_NEXT if self.is_hovering else Event.GROUND_NEXT
+
+
+class PendingCaptures:
+    """Waits for the pictures of the command that ended last."""
+
+    def __init__(self, work: MissionWork, vehicle: Vehicle) -> None:
+        self._work = work
+        self._vehicle = vehicle
+        self._monitor: tuple[int, SeriesMonitor] | None = None  # Of the command with that index
+
+    def receive(self, message: Message, now: float) -> None:
+        """Take a message of the vehicle's camera."""
+        if self._monitor is not None:
+            self._monitor[1].receive(message, now)
+
+    def are_pending(self, command: int, now: float, effects: Effects) -> bool:
+        """Whether a command that has ended still takes pictures, so that the next one waits."""
+        if self._monitor is None or self._monitor[0] != command:
+            commands = self._work.mission.command_array
+            self._monitor = command, SeriesMonitor(commands[command], self._vehicle)
+        monitor = self._monitor[1]
+        effects.messages += monitor.tick(now)
+        return not monitor.is_over(now)

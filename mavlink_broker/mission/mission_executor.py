@@ -1,0 +1,481 @@
+"""One mission on one vehicle, from the work item to its terminal report.
+
+Drives the table of `mavlink_broker.mission.states`: the phase of the present state (`phases`) gets
+the vehicle's messages and the time, and returns what follows. What comes from outside at any time
+is handled here: events, alarms, restarts of the vehicle, unexpected errors. Knows neither clock nor
+network.
+"""
+
+import logging
+from typing import Final
+
+from afarcloud.enumerations import EventType, Status
+from afarcloud.plan import Event as PlanEvent
+from mavlink_broker.autopilots.families import Family
+from mavlink_broker.edge.work import EventWork, MissionWork
+from mavlink_broker.effects import Acknowledgement, Effects
+from mavlink_broker.mavlink.dialect import Message, mavlink
+from mavlink_broker.microservices.heartbeat import LinkState
+from mavlink_broker.microservices.mission_protocol import FENCE, RALLY
+from mavlink_broker.mission import exchanges
+from mavlink_broker.mission.abort_executor import (
+    COMMAND_WITHIN_S,
+    REASONS,
+    REPLACED,
+    SoftAbort,
+    return_event,
+)
+from mavlink_broker.mission.context import MissionContext
+from mavlink_broker.mission.phases.aborting import RESTARTED, Aborting
+from mavlink_broker.mission.phases.attaching import Attaching
+from mavlink_broker.mission.phases.failing import Failing
+from mavlink_broker.mission.phases.live_command import FlyingLive
+from mavlink_broker.mission.phases.phase import Fault, Idle, Phase, Request, Result
+from mavlink_broker.mission.phases.running import Running
+from mavlink_broker.mission.phases.starting import Arming, Starting
+from mavlink_broker.mission.phases.transferring import (
+    Holding,
+    PlacingGeofence,
+    Selecting,
+    Uploading,
+    Verifying,
+)
+from mavlink_broker.mission.phases.waiting import Waiting
+from mavlink_broker.mission.speed_changes import MISSION_ENDED
+from mavlink_broker.mission.states import (
+    ARMED_BY_BROKER,
+    ASKING,
+    BEFORE_TAKEOFF,
+    ENDING,
+    IN_FLIGHT,
+    READING,
+    Event,
+    State,
+    follow,
+)
+from mavlink_broker.planning.geofence import fence_items, rally_items
+from mavlink_broker.planning.mission import RefusedError
+from mavlink_broker.vehicle.control_authority import Authority
+from mavlink_broker.vehicle.mission_ledger import MissionLedger
+from mavlink_broker.vehicle.reporter import Reporter
+from mavlink_broker.vehicle.vehicle import Vehicle
+
+MOST_LINK_LOSSES: Final = 5
+"""How often a mission attaches again after its link was away in a state that needs answers."""
+_STANDS: Final[int] = mavlink.MAV_LANDED_STATE_ON_GROUND
+
+_LOG = logging.getLogger(__name__)
+
+
+class MissionExecutor:
+    """One mission."""
+
+    def __init__(self, work: MissionWork, vehicle: Vehicle, reporter: Reporter) -> None:
+        self.state = State.IDLE
+        self._vehicle = vehicle
+        self._context = context = MissionContext(work, vehicle, reporter)
+        self._link_losses = 0  # While the vehicle's answer was needed
+        self._soft_abort: SoftAbort | None = None  # Waits for the running command
+        self._attaching = Attaching(context)
+        self._geofence = PlacingGeofence(context)
+        self._running = Running(context)
+        self._aborting = Aborting(context)
+        self._failing = Failing(context)
+        uploading = Uploading(context)
+        self._phases: dict[State, Phase] = {
+            State.IDLE: Idle(),
+            State.ATTACHING: self._attaching,
+            State.WAITING: Waiting(context),
+            State.PLACING_GEOFENCE: self._geofence,
+            State.HOLDING: Holding(context),
+            State.UPLOADING: uploading,
+            State.VERIFYING: Verifying(context, uploading),
+            State.SELECTING: Selecting(context),
+            State.ARMING: Arming(context),
+            State.STARTING: Starting(context),
+            State.RUNNING: self._running,
+            State.FLYING_LIVE: FlyingLive(context),
+            State.ABORTING: self._aborting,
+            State.FAILING: self._failing,
+        }
+
+    @property
+    def work(self) -> MissionWork:
+        """The work item of the edge server."""
+        return self._context.work
+
+    @property
+    def ledger(self) -> MissionLedger:
+        """The statuses of the mission and its commands."""
+        return self._context.ledger
+
+    @property
+    def is_confirmed(self) -> bool:
+        """Whether the edge server has confirmed that this broker flies it."""
+        return self._context.is_confirmed
+
+    @property
+    def is_attaching(self) -> bool:
+        """Whether it is not known yet what the vehicle has made of it."""
+        return self.state is State.ATTACHING
+
+    @property
+    def is_flight_unknown(self) -> bool:
+        """Whether it was reported to run, and it is not known yet what has become of that."""
+        return self.is_attaching and self._context.was_reported_running
+
+    @property
+    def leaves_hovering(self) -> bool:
+        """Whether the vehicle hovers afterwards: at the end, or still where it did before."""
+        context, segments = self._context, self._context.segments
+        after_abort = self._aborting.leaves_hovering
+        if after_abort is not None:
+            return after_abort
+        if self.ledger.status == Status.FINISHED and segments.has_moved:
+            return not segments.ends_on_ground
+        return context.is_hovering and not context.is_start_ordered
+
+    @property
+    def has_failed_in_flight(self) -> bool:
+        """Whether it was flown, and did not finish."""
+        was_flown = self._context.is_start_ordered or self._context.was_running
+        return was_flown and self.ledger.status in {Status.FAILED, Status.ABORTED}
+
+    def is_expired(self, now: float) -> bool:
+        """Whether it may not begin any more."""
+        return self._context.is_expired(now)
+
+    # Before it begins
+
+    def check_area(self, family: Family) -> None:
+        """Check a mission against its geofence before anything is known of its vehicle.
+
+        One that an earlier run of the broker accepted may be flying: it is not checked again.
+
+        Raises:
+            RefusedError: for the first command that leads out.
+        """
+        area, work = self._context.area, self.work
+        if area is not None and not work.was_accepted:
+            area.check(work.mission, family, start=None, home=None, rally=work.rally_spots)
+
+    def refuse(self, error: RefusedError, effects: Effects) -> None:
+        """Fail a mission that cannot be flown, before anything is sent."""
+        self.ledger.fail(error.reason, error.command_index)
+        self._context.report(effects)
+
+    def abort(self, reason: str, effects: Effects) -> None:
+        """Abort a mission that has not begun."""
+        self.ledger.abort(reason)
+        self._context.report(effects)
+
+    def fail_again(self, reason: str, now: float, effects: Effects) -> None:
+        """Report a failure that an earlier run has noted, and may not have reported."""
+        if self.is_attaching:
+            self._move(Event.ENDED, now, effects)
+        elif self.work.report is not None:
+            self.ledger.restore(self.work.report)
+        self.ledger.fail(reason)
+        self._context.report(effects)
+
+    def confirm(self) -> None:
+        """Take that the edge server has confirmed the acceptance."""
+        self._context.is_confirmed = True
+
+    def begin(self, now: float, effects: Effects, *, hovering: bool, resumed: bool) -> None:
+        """Begin the mission from its start, or (`resumed`) where an earlier run left it.
+
+        `hovering` if the vehicle holds in the air where a mission of this broker left it.
+        """
+        context, work = self._context, self.work
+        context.is_hovering = hovering
+        context.began_at = now
+        if work.report is not None:
+            self.ledger.restore(work.report)
+        context.was_running = self.ledger.status == Status.RUNNING
+        if context.was_running:
+            context.speeds.resume()
+        if resumed:
+            self._vehicle.overrides.assume(FENCE, fence_items(work.geofence))
+            self._vehicle.overrides.assume(RALLY, rally_items(work.rally_points))
+        self._move(Event.MISSION_RESUMED if resumed else Event.MISSION_TAKEN, now, effects)
+
+    # Messages and time
+
+    def receive(self, message: Message, now: float, effects: Effects) -> None:
+        """Take a message of the vehicle's autopilot or camera."""
+        if self._yields(now, effects) and self.state not in READING:
+            return
+        phase = self._phase
+        phase.receive(message, now, effects)
+        self._context.captures.receive(message, now)
+        self._context.speeds.receive(message, now, effects)
+        if phase.exchange is not None:
+            effects.messages += phase.exchange.receive(message, now)
+            self._apply(phase.settle(now, effects), now, effects)
+
+    def tick(self, now: float, effects: Effects) -> None:
+        """Let time pass; while somebody else is in command nothing is ordered."""
+        yields = self._yields(now, effects)
+        phase = self._phase
+        if phase.exchange is not None and (not yields or self.is_attaching):
+            effects.messages += phase.exchange.tick(now)
+            self._apply(phase.settle(now, effects), now, effects)
+        if not yields:
+            self._context.speeds.tick(now, effects)
+        self._apply(self._phase.tick(now, effects), now, effects)
+        if not yields:
+            self._context.speeds.order_late(self.state, now, effects)
+        if self._soft_abort is not None:
+            self._abort_when_due(self._soft_abort, now, effects)
+
+    def _yields(self, now: float, effects: Effects) -> bool:
+        """Fail at once when somebody else takes the vehicle; whether no order may be given.
+
+        While items fly the progress monitor judges whether the mission has ended: a pilot may give
+        the vehicle back within seconds. On the ground the mission waits for whoever armed it.
+        """
+        authority = self._context.authority
+        authority.observe_mode()
+        who = authority.update(self._phase.claim, is_attaching=self.is_attaching)
+        if who is Authority.BROKER:
+            return False
+        waits_in_air = self.state is State.WAITING and self._context.is_hovering
+        if self.state in ASKING or waits_in_air:
+            self._fail(Fault(authority.reason(who)), now, effects)
+        return True
+
+    # States
+
+    @property
+    def _phase(self) -> Phase:
+        return self._phases[self.state]
+
+    @property
+    def _who(self) -> Authority:
+        """Who is in command of the vehicle now."""
+        return self._context.authority.who(self._phase.claim)
+
+    def _apply(self, result: Result, now: float, effects: Effects) -> None:
+        """Do what a hook of the phase has returned."""
+        match result:
+            case Event():
+                self._move(result, now, effects)
+            case Fault() if self._is_link_away(now):
+                self._attach_again(now, effects)
+            case Fault():
+                self._fail(result, now, effects)
+            case Request.NEXT_SEGMENT:
+                self._next_segment(now, effects)
+            case Request.RETURN_HOME:
+                self._return_home(now, effects)
+
+    def _move(self, event: Event, now: float, effects: Effects) -> None:
+        before, after = self.state, follow(self.state, event)
+        self._phase.leave()
+        self.state = after
+        mission_id = self.work.mission.mission_id
+        _LOG.info("mission %d: %s, %s -> %s", mission_id, before.name, event.name, after.name)
+        if after in ENDING:
+            self._context.speeds.cancel(MISSION_ENDED, effects)
+        self._apply(self._phase.enter(now, effects), now, effects)
+
+    def _is_link_away(self, now: float) -> bool:
+        """Whether nothing but a link that is away may have caused a fault."""
+        is_away = self._vehicle.link.state(now) is not LinkState.CONNECTED
+        return self.state in ASKING and is_away and self._link_losses < MOST_LINK_LOSSES
+
+    def _attach_again(self, now: float, effects: Effects) -> None:
+        """Wait for the vehicle, as a restarted broker does, and find out how far it has come."""
+        self._link_losses += 1
+        self._context.was_running = self._context.was_reported_running
+        self._move(Event.LINK_LOST, now, effects)
+
+    def _fail(self, fault: Fault, now: float, effects: Effects) -> None:
+        self._failing.prepare(fault, self.state, self._phase, effects)
+        self._move(Event.FAULT, now, effects)
+
+    def _next_segment(self, now: float, effects: Effects) -> None:
+        """Go on behind a segment, or end; a soft abort that waits for that ends the mission."""
+        context, segments = self._context, self._context.segments
+        landed = segments.is_on_ground if segments.has_moved else not context.is_hovering
+        abort = self._soft_abort
+        if abort is not None and not segments.is_last:
+            self._soft_abort = None
+            self._abort_now(abort.work, now, effects)
+            return
+        if not segments.advance():
+            effects.messages += exchanges.parking(self._vehicle) if landed else []
+            self._move(Event.ENDED, now, effects)
+            return
+        context.was_running = False
+        context.is_hovering = not landed
+        self._move(context.event_of_segment(), now, effects)
+
+    # Events
+
+    def handle_event(self, work: EventWork, now: float, effects: Effects) -> None:
+        """Carry out an event: abort now, abort behind the running command, or change the speed."""
+        if not work.was_accepted:
+            effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))
+        if work.event.maximum_speed is not None:
+            speed_m_s, speeds = work.event.maximum_speed, self._context.speeds
+            speeds.change(work, speed_m_s, self.state, self._who, now, effects)
+        elif work.event.event_type_id is EventType.ABORT_MISSION:
+            self._abort_now(work, now, effects)
+        else:
+            self._abort_softly(work, now, effects)
+
+    def answer_events(self, reason: str, effects: Effects) -> None:
+        """Answer every event that the end of the mission leaves without an answer."""
+        self._end_soft_abort(effects, reason)
+        self._context.speeds.cancel(reason, effects)
+        self._aborting.refuse(reason, effects)
+
+    def _abort_softly(self, work: EventWork, now: float, effects: Effects) -> None:
+        """Wait for the running command; another soft abort changes the place, not the deadline."""
+        before = self._soft_abort
+        self._end_soft_abort(effects, REPLACED)
+        command = self.ledger.finished if self.state in IN_FLIGHT else None
+        deadline_s = self._vehicle_time_s(now) + COMMAND_WITHIN_S
+        if before is not None:
+            command, deadline_s = before.command, before.deadline_s
+        self._soft_abort = SoftAbort(work, command, deadline_s, now)
+        self._abort_when_due(self._soft_abort, now, effects)
+
+    def _end_soft_abort(self, effects: Effects, message: str) -> None:
+        """Answer a soft abort that waits as done: what replaces it has ended the mission."""
+        if self._soft_abort is not None:
+            work_id, self._soft_abort = self._soft_abort.work.work_id, None
+            effects.for_edge.append(Acknowledgement(work_id, "done", message))
+
+    def _abort_when_due(self, abort: SoftAbort, now: float, effects: Effects) -> None:
+        statuses = self.ledger.commands
+        ended = abort.command is not None and statuses[abort.command].is_terminal
+        if self.state is State.IDLE:  # The mission came to its end meanwhile
+            self._soft_abort = None
+            effects.for_edge.append(Acknowledgement(abort.work.work_id, "done"))
+        elif abort.is_due(command_ended=ended, now_s=self._vehicle_time_s(now)):
+            self._soft_abort = None
+            if self._running.was_paused_after(abort.since):
+                self._end_paused(abort.work, now, effects)
+            else:
+                self._abort_now(abort.work, now, effects)
+
+    def _end_paused(self, work: EventWork, now: float, effects: Effects) -> None:
+        """End a mission at the time of a soft abort after which the vehicle was paused."""
+        self.ledger.abort(REASONS[work.event.event_type_id])
+        self._context.report(effects)
+        reason = f"{self._running.pause}: it stays there"
+        effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
+        self._vehicle.take_away()
+        self._move(Event.ENDED, now, effects)
+
+    def _abort_now(self, work: EventWork, now: float, effects: Effects) -> None:
+        """End the mission; a vehicle that is armed is sent where the event says."""
+        authority = self._context.authority
+        self._end_soft_abort(effects, REPLACED)
+        self._cancel_upload(effects)
+        if not self.ledger.status.is_terminal:
+            self.ledger.abort(REASONS[work.event.event_type_id])
+            self._context.report(effects)
+        who = self._aborting.who(now) if self.state is State.ABORTING else None
+        who = who or self._who
+        self._aborting.acknowledge(effects, instead=REPLACED)
+        if who is not Authority.BROKER:
+            self._vehicle.take_away()
+            reason = authority.reason(who)
+            effects.for_edge.append(Acknowledgement(work.work_id, "refused", reason))
+            self._move(Event.ENDED, now, effects)
+        elif not self._vehicle.snapshot.armed and not authority.is_arming_ordered:
+            effects.for_edge.append(Acknowledgement(work.work_id, "done"))
+            self._move(Event.ENDED, now, effects)
+        else:
+            self._leave(work.event, work.work_id, now, effects)
+
+    def _leave(self, event: PlanEvent, work_id: int | None, now: float, effects: Effects) -> None:
+        """Send the vehicle where an event says; `work_id` is None for an alarm."""
+        self._aborting.order(event, work_id, now)
+        self._move(Event.ABORTED, now, effects)
+
+    def _return_home(self, now: float, effects: Effects) -> None:
+        self._leave(return_event(self._vehicle.vehicle_id), None, now, effects)
+
+    def _cancel_upload(self, effects: Effects) -> None:
+        if self.state is State.UPLOADING:
+            effects.messages.append(exchanges.cancellation(self._vehicle))
+
+    def _vehicle_time_s(self, now: float) -> float:
+        """Give the vehicle's time since boot [s], or the broker's clock without one."""
+        time_s = self._vehicle.snapshot.time_s
+        return now if time_s is None else time_s
+
+    # Alarms, restarts, errors
+
+    def withdraw(self, now: float, effects: Effects) -> None:
+        """Drop a mission that the edge server has ended; nothing is reported of it."""
+        _LOG.warning("mission %d was withdrawn", self.work.mission.mission_id)
+        self._cancel_upload(effects)
+        self._move(Event.ENDED, now, effects)
+
+    def raise_alarm(self, reason: str, now: float, effects: Effects) -> None:
+        """Fail a mission that flies; the vehicle returns, or lands if it cannot."""
+        if self.state not in IN_FLIGHT or not self._vehicle.snapshot.armed:
+            return
+        self.ledger.fail(reason)
+        self._context.report(effects)
+        self._end_soft_abort(effects, f"the mission has failed: {reason}")
+        if self._context.authority.is_lost:
+            if self._who is not Authority.BROKER:
+                self._vehicle.take_away()
+            self._move(Event.ENDED, now, effects)
+        else:
+            self._return_home(now, effects)
+
+    def fail_after_error(self, reason: str, now: float, effects: Effects) -> None:
+        """Fail the mission in which the broker has had an unexpected error, in any state.
+
+        A vehicle that flies it returns; one on the ground with turning propellers is disarmed.
+        """
+        context, snapshot = self._context, self._vehicle.snapshot
+        if not self.ledger.status.is_terminal:
+            self.ledger.fail(reason)
+            context.report(effects)
+        self._end_soft_abort(effects, f"the mission has failed: {reason}")
+        self._aborting.refuse(reason, effects)
+        self._cancel_upload(effects)
+        is_ours = self._who is Authority.BROKER
+        if not is_ours:
+            self._vehicle.take_away()
+        if self.state in ARMED_BY_BROKER and not context.is_hovering and is_ours:
+            effects.messages += exchanges.disarming(self._vehicle)
+        self._aborting.drop()
+        if self.state is State.IDLE:
+            return
+        flies = bool(snapshot.armed) and snapshot.landed_state != _STANDS
+        flew = self.state in IN_FLIGHT or (context.is_hovering and context.is_start_ordered)
+        if flies and flew and is_ours and not context.authority.is_lost:
+            self._return_home(now, effects)
+        else:
+            self._move(Event.ENDED, now, effects)
+
+    def vehicle_restarted(self, now: float, effects: Effects) -> None:
+        """Take that the vehicle was restarted: it does not fly this mission any more."""
+        context = self._context
+        if self.state is State.ABORTING:
+            self._aborting.vehicle_restarted(effects)
+            context.is_hovering = False
+            self._move(Event.ENDED, now, effects)
+            return
+        self._geofence.forget()
+        context.authority.is_arming_ordered = False
+        preparing = self.state in BEFORE_TAKEOFF
+        flew_unseen = self.is_flight_unknown and self._link_losses > 0
+        if self.state in IN_FLIGHT or flew_unseen or (preparing and context.is_hovering):
+            self._end_soft_abort(effects, f"the mission has failed: {RESTARTED}")
+            self._fail(Fault(RESTARTED), now, effects)
+        elif preparing:
+            self._move(Event.VEHICLE_RESTARTED, now, effects)
+        elif self.is_attaching:
+            self._attaching.forget()
+        self._failing.forget_vehicle()

@@ -1,0 +1,456 @@
+"""The missions of one vehicle: which one flies, which ones wait, and the events upon them.
+
+One mission flies at a time. The next one begins when the vehicle has landed and is disarmed, or
+hovers where a finished mission of this broker has left it.
+
+Until the edge server has answered the acceptance of a mission, it may hand that mission out again
+to a restarted broker. An abort that has ended such a mission is done only when that answer is
+there: until then the abort is handed out again with the mission, and is noted in the journal.
+"""
+
+import logging
+from collections import deque
+from collections.abc import Sequence
+from typing import Final
+
+from afarcloud.enumerations import EventType, Status
+from mavlink_broker.autopilots.families import MOST_CAPABLE
+from mavlink_broker.edge.work import AcceptanceResult, EventWork, MissionWork
+from mavlink_broker.effects import Acknowledgement, EdgeMessage, Effects
+from mavlink_broker.mavlink.dialect import Message
+from mavlink_broker.mission.abort_executor import REASONS, abort_note
+from mavlink_broker.mission.mission_executor import MissionExecutor
+from mavlink_broker.mission.pending_events import PendingEvents, is_abort
+from mavlink_broker.mission.phases.aborting import RETURN_ENDED
+from mavlink_broker.mission.speed_changes import MISSION_ENDED
+from mavlink_broker.mission.states import State
+from mavlink_broker.planning.geofence_check import check_flyable
+from mavlink_broker.planning.mission import Home, RefusedError, translate
+from mavlink_broker.recovery.record import PendingReturn, RecoveryRecord
+from mavlink_broker.vehicle.alarms import mission_error
+from mavlink_broker.vehicle.mission_ledger import MissionLedger
+from mavlink_broker.vehicle.reporter import Reporter
+from mavlink_broker.vehicle.vehicle import Vehicle
+
+NO_MISSION: Final = "no active mission"
+ANSWERED_KEPT: Final = 256
+"""Work ids of which a second final answer is recognised."""
+
+_LOG = logging.getLogger(__name__)
+
+
+class MissionQueue:
+    """The missions and events of one vehicle."""
+
+    def __init__(self, vehicle: Vehicle, reporter: Reporter) -> None:
+        self.vehicle = vehicle
+        self._reporter = reporter
+        self._events = PendingEvents(vehicle)
+        self._waiting: deque[MissionExecutor] = deque()
+        self._unconfirmed = UnconfirmedMissions(vehicle)
+        self._current: MissionExecutor | None = None
+        self._landing_of: str | None = None  # The mission behind which the vehicle comes down
+        self._failed: PendingReturn | None = None  # In an earlier run
+        self._has_begun = False  # Only the first mission can be one that an earlier run began
+
+    @property
+    def state(self) -> State:
+        """What the broker does for the vehicle's mission."""
+        if self._current is not None:
+            return self._current.state
+        return State.ABORTING if self._events.is_aborting else State.IDLE
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is neither a mission nor an event."""
+        is_idle = self._current is None and not self._waiting
+        return is_idle and not self._events.is_waiting and not self._unconfirmed.are_open
+
+    @property
+    def is_flying(self) -> bool:
+        """Whether one mission is transferred, in flight or ending."""
+        return self._current is not None
+
+    @property
+    def work(self) -> MissionWork | None:
+        """The work item of the mission that flies."""
+        return None if self._current is None else self._current.work
+
+    @property
+    def ledger(self) -> MissionLedger | None:
+        """The statuses of the mission that flies."""
+        return None if self._current is None else self._current.ledger
+
+    @property
+    def running_mission_id(self) -> int | None:
+        """The mission that is reported to run."""
+        ledger = self.ledger
+        return None if ledger is None or ledger.status != Status.RUNNING else ledger.mission_id
+
+    # Missions
+
+    def take_mission(self, work: MissionWork, effects: Effects) -> None:
+        """Queue a mission, or refuse one that cannot be flown.
+
+        It is accepted when its turn comes: until then the edge server may cancel or change it, and
+        it may hold the vehicle.
+
+        A vehicle that has not sent its kind yet may be one that flies everything: its own refusals
+        wait until it has. A refusal's report goes out before the acknowledgement, which closes
+        the work.
+        """
+        self._unconfirmed.reopen(work.work_id)
+        mission = MissionExecutor(work, self.vehicle, self._reporter)
+        family = self.vehicle.family if self.vehicle.is_identified else MOST_CAPABLE
+        try:
+            translate(work.mission, family, Home(0.0, 0.0, 0.0))
+            if not work.was_accepted:
+                check_flyable(work.mission)
+            mission.check_area(family)
+        except RefusedError as error:
+            mission.refuse(error, effects)
+            effects.for_edge.append(Acknowledgement(work.work_id, "refused", str(error)))
+            return
+        self._waiting.append(mission)
+
+    def take_acceptance_result(
+        self, result: AcceptanceResult, now: float, effects: Effects
+    ) -> None:
+        """Confirm a mission that was accepted, or drop it."""
+        if self._unconfirmed.take_acceptance_result(result, effects):
+            return
+        missions = (*self._waiting, self._current)
+        mission = next(
+            (one for one in missions if one and one.work.work_id == result.work_id), None
+        )
+        if mission is None or mission.is_confirmed:
+            return
+        if result.is_confirmed:
+            mission.confirm()
+            return
+        _LOG.warning(
+            "vehicle %d: mission %d is not flown: %s",
+            self.vehicle.vehicle_id,
+            mission.work.mission.mission_id,
+            result.reason or "the edge server has withdrawn it",
+        )
+        if result.has_failed and not mission.ledger.status.is_terminal:
+            mission.ledger.fail(result.reason)
+            effects.for_edge.append(self._reporter.mission(mission.ledger))
+        if mission is not self._current:
+            self._waiting.remove(mission)
+        elif self.state is not State.ABORTING:
+            mission.withdraw(now, effects)
+            self.close_ended(effects)
+
+    def _begin_next(self, now: float, effects: Effects, *, is_unreachable: bool = False) -> None:
+        """Begin the first mission that waits, when the vehicle is free for it.
+
+        A mission whose vehicle is unreachable begins too, and fails if it stays so.
+        """
+        if self._current is not None or not self._waiting:
+            return
+        mission, vehicle = self._waiting[0], self.vehicle
+        reason = self._reason_to_fail(mission)
+        is_resumed = self._is_resumed(mission)
+        if reason is not None and is_resumed:
+            self._waiting.popleft().fail_again(reason, now, effects)
+            return
+        if self._events.is_before(mission.work.work_id) or self._unconfirmed.are_open:
+            return
+        is_free = vehicle.snapshot.is_on_ground or vehicle.hovers
+        if is_resumed or is_free or is_unreachable:
+            self._has_begun = True
+            self._current = self._waiting.popleft()
+            if not mission.work.was_accepted:
+                effects.for_edge.append(Acknowledgement(mission.work.work_id, "accepted"))
+            if not is_resumed:
+                # They may have the names of what was flown before
+                vehicle.recovery.clear_commands()
+            mission.begin(now, effects, hovering=vehicle.hovers, resumed=is_resumed)
+        elif mission.is_expired(now):
+            self._waiting.popleft().abort("expired before take-off", effects)
+
+    def _is_resumed(self, mission: MissionExecutor) -> bool:
+        return mission.work.was_accepted and not self._has_begun
+
+    def _reason_to_fail(self, mission: MissionExecutor) -> str | None:
+        """Why a mission has failed, as an earlier run has noted it."""
+        failed = self._failed
+        return failed.reason if failed and failed.mission == mission.work.name else None
+
+    def close_ended(self, effects: Effects) -> None:
+        """Drop the mission that flies, once it has ended."""
+        mission = self._current
+        if mission is None or mission.state is not State.IDLE:
+            return
+        mission.answer_events(MISSION_ENDED, effects)
+        self.vehicle.set_hovering(hovers=mission.leaves_hovering)
+        self.vehicle.recovery.clear_return()
+        self.vehicle.recovery.clear_commands()
+        if mission.has_failed_in_flight:
+            self._landing_of = mission.work.name
+        self._current = None
+
+    # Messages and time
+
+    def receive(self, message: Message, now: float, effects: Effects) -> None:
+        """Take a message of the vehicle's autopilot."""
+        effects.messages += self._events.receive(message, now)
+        self.receive_payload(message, now, effects)
+
+    def receive_payload(self, message: Message, now: float, effects: Effects) -> None:
+        """Take a message of the vehicle's camera or gimbal."""
+        if self._current is not None:
+            self._current.receive(message, now, effects)
+            self.close_ended(effects)
+
+    def tick(self, now: float, effects: Effects, *, is_unreachable: bool) -> None:
+        """Let time pass; the caller closes a mission that has ended (`close_ended`)."""
+        self._report_landing(now, effects)
+        self._begin_next(now, effects, is_unreachable=is_unreachable)
+        if self._current is not None:
+            self._current.tick(now, effects)
+
+    def _report_landing(self, now: float, effects: Effects) -> None:
+        """Report where a vehicle has landed whose mission was aborted or has failed."""
+        if self._current is not None:
+            self._landing_of = None
+        vehicle = self.vehicle
+        has_landed = vehicle.snapshot.is_on_ground and vehicle.is_connected(now)
+        if self._landing_of is not None and has_landed:
+            effects.for_edge += self._reporter.landing(f"{self._landing_of}/landing")
+            self._landing_of = None
+
+    # Events
+
+    def take_event(self, work: EventWork, now: float, effects: Effects) -> None:
+        """Carry out an event on the mission that flies, as soon as that is known.
+
+        Raises:
+            Exception: an unexpected error; the caller refuses the event then.
+        """
+        self._unconfirmed.reopen(work.work_id)
+        self._events.add(work)
+        try:
+            self._carry_out_events(now, effects)
+        except Exception:
+            self._events.remove(work.work_id)
+            raise
+
+    def tick_events(self, now: float, effects: Effects) -> None:
+        """Carry out the events that are due, while the vehicle is connected."""
+        self._carry_out_events(now, effects)
+        if self._events.take_interrupted_return():
+            failure = mission_error(RETURN_ENDED)
+            effects.for_edge.append(self._reporter.alarm(failure, None))
+        was_aborting = self._events.is_aborting
+        self._events.tick(now, effects)
+        if was_aborting and not self._events.is_aborting:
+            self.vehicle.recovery.clear_return()
+            self.vehicle.set_hovering(hovers=self._events.leaves_hovering)
+
+    def _carry_out_events(self, now: float, effects: Effects) -> None:
+        for work in self._events.take_due(self._is_too_early, now, effects):
+            self._carry_out(work, now, effects)
+            self._events.remove(work.work_id)
+
+    def _is_too_early(self, work: EventWork) -> bool:
+        """Whether it is not known yet what an earlier run of the broker has begun."""
+        if self._current is not None:
+            resumed = self._current.is_flight_unknown
+        else:
+            resumed = bool(self._waiting) and self._is_resumed(self._waiting[0])
+        is_unknown = self.vehicle.snapshot.armed is None
+        is_journal_read = self.vehicle.recovery.tracker.is_loaded
+        if work.was_accepted and (is_unknown or not is_journal_read):
+            return True
+        is_idle = self._current is None and not self._waiting
+        if is_abort(work) and is_idle and not is_journal_read:
+            return True  # The journal may hold an older one that the vehicle obeys
+        if is_unknown:
+            return resumed or (is_abort(work) and self._events.is_before(work.work_id))
+        aborts_now = work.event.event_type_id is EventType.ABORT_MISSION
+        return resumed and not aborts_now
+
+    def _carry_out(self, work: EventWork, now: float, effects: Effects) -> None:
+        first = self._waiting[0] if self._waiting else None
+        if first is not None and self._is_resumed(first) and _concerns(work, first):
+            self._begin_next(now, effects)
+        if is_abort(work):
+            self._abort(work, now, effects)
+        elif self._current is not None and _concerns(work, self._current):
+            self._current.handle_event(work, now, effects)
+            self.close_ended(effects)
+        else:
+            effects.for_edge.append(Acknowledgement(work.work_id, "refused", NO_MISSION))
+
+    def _abort(self, work: EventWork, now: float, effects: Effects) -> None:
+        """End the mission that flies, and those that wait behind it; it replaces older aborts."""
+        self.vehicle.recovery.clear_abort()  # Noted again where something is still to be ordered
+        replaces = self._events.replace(work, effects)
+        ended = [mission for mission in self._waiting if _concerns(work, mission)]
+        for mission in ended:
+            self._waiting.remove(mission)
+            if mission.is_confirmed:
+                mission.abort(REASONS[work.event.event_type_id], effects)
+            else:
+                self._unconfirmed.drop(mission, work)
+                effects.for_edge.append(Acknowledgement(mission.work.work_id, "accepted"))
+        current = self._current
+        if current is not None and self._is_droppable(current) and _concerns(work, current):
+            self._unconfirmed.drop(current, work)
+            current.withdraw(now, effects)
+            self.close_ended(effects)
+            ended.append(current)
+        self._unconfirmed.hold_answer(work)
+        if self._current is not None and _concerns(work, self._current):
+            self._current.handle_event(work, now, effects)
+            self.close_ended(effects)
+        elif replaces or (work.was_accepted and not ended):
+            self._has_begun = True  # What waits was behind it, and has not begun
+            self._events.resume_abort(work, now, effects, is_newer=replaces)
+        elif ended:
+            if self._unconfirmed.are_open and not work.was_accepted:
+                effects.for_edge.append(Acknowledgement(work.work_id, "accepted"))
+            effects.for_edge.append(Acknowledgement(work.work_id, "done"))
+        else:
+            effects.for_edge.append(Acknowledgement(work.work_id, "refused", NO_MISSION))
+
+    def _is_droppable(self, mission: MissionExecutor) -> bool:
+        """Whether nothing has been ordered for the mission yet."""
+        return not mission.is_confirmed and not self.vehicle.hovers
+
+    def due_for_edge(self, messages: Sequence[EdgeMessage]) -> list[EdgeMessage]:
+        """Hold back the answer to an abort until all that it ended is known to be over."""
+        return self._unconfirmed.due(messages)
+
+    # Alarms, restarts, errors
+
+    def raise_alarm(self, reason: str, now: float, effects: Effects) -> None:
+        """Fail the mission in flight."""
+        if self._current is not None:
+            self._current.raise_alarm(reason, now, effects)
+
+    def vehicle_restarted(self, now: float, effects: Effects) -> None:
+        """Take that the vehicle was restarted."""
+        self._events.vehicle_restarted(effects)
+        if self._current is not None:
+            self._current.vehicle_restarted(now, effects)
+
+    def recall(self, record: RecoveryRecord, now: float, effects: Effects) -> None:
+        """Take up what an earlier run of the broker has noted of the vehicle."""
+        self.vehicle.recovery.recall(record)
+        self._failed = record.pending_return
+        mission = self._current
+        if mission is not None and not mission.work.was_accepted:
+            self.vehicle.recovery.clear_commands()
+        if record.abort is not None:
+            self._events.recall_abort(record.abort)
+        if record.pending_return is None:
+            return
+        self._events.recall_return(record.pending_return)
+        reason = None if mission is None else self._reason_to_fail(mission)
+        if mission is not None and mission.is_attaching and reason is not None:
+            mission.fail_again(reason, now, effects)
+            mission.answer_events(MISSION_ENDED, effects)
+            self._current = None
+
+    def fail_after_error(self, reason: str, now: float, effects: Effects) -> None:
+        """Fail the mission in which an unexpected error has occurred; those that wait stay.
+
+        Every event without an answer is refused: the error may have been its own.
+        """
+        self._events.refuse_all(reason, effects)
+        if self._current is not None:
+            self._current.fail_after_error(reason, now, effects)
+            self.close_ended(effects)
+
+    def drop_after_error(self, reason: str, now: float, effects: Effects) -> None:
+        """Fail the mission without another hook of it, because its end has raised an error too."""
+        del now
+        mission, self._current = self._current, None
+        self._events.refuse_all(reason, effects)
+        if mission is None:
+            return
+        mission.answer_events(reason, effects)
+        if not mission.ledger.status.is_terminal:
+            mission.ledger.fail(reason)
+            effects.for_edge.append(self._reporter.mission(mission.ledger))
+
+
+def _concerns(work: EventWork, mission: MissionExecutor) -> bool:
+    """Whether an event is about a mission; one from an earlier run, if that came before."""
+    return not work.was_accepted or mission.work.work_id < work.work_id
+
+
+class UnconfirmedMissions:
+    """Missions that an abort ended before their acceptance was answered.
+
+    Each piece of work has one final answer, and this class decides when it may be sent.
+    """
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+        self._dropped: dict[int, tuple[MissionExecutor, str]] = {}  # By work id, and why
+        self._missions_of: dict[int, set[int]] = {}  # Missions by the work id of the abort
+        self._held: list[Acknowledgement] = []
+        self._answered: deque[int] = deque(maxlen=ANSWERED_KEPT)
+
+    @property
+    def are_open(self) -> bool:
+        """Whether one of them may still be handed out again; no other mission begins before."""
+        return bool(self._dropped)
+
+    def drop(self, mission: MissionExecutor, work: EventWork) -> None:
+        """Take a mission that is reported as aborted once its acceptance is confirmed.
+
+        An abort empties the edge server's queue too: a mission whose acceptance it refuses was
+        ended there, and has its report.
+        """
+        reason = REASONS[work.event.event_type_id]
+        self._dropped[mission.work.work_id] = mission, reason
+
+    def hold_answer(self, work: EventWork) -> None:
+        """Hold the answer to an abort back for all of them."""
+        if self._dropped:
+            self._missions_of[work.work_id] = set(self._dropped)
+            note = abort_note(work.event, work.work_id, self._vehicle)
+            self._vehicle.recovery.hold_abort(note)
+
+    def take_acceptance_result(self, result: AcceptanceResult, effects: Effects) -> bool:
+        """Take the answer to an acceptance; whether it was that of one of them."""
+        if result.work_id not in self._dropped:
+            return False
+        mission, reason = self._dropped.pop(result.work_id)
+        if result.is_confirmed or result.has_failed:
+            mission.abort(reason, effects)
+        for missions in self._missions_of.values():
+            missions.discard(result.work_id)
+        self._missions_of = {
+            abort: missions for abort, missions in self._missions_of.items() if missions
+        }
+        if not self._dropped:
+            self._vehicle.recovery.release_abort()
+        return True
+
+    def reopen(self, work_id: int) -> None:
+        """Take new work; an edge server with a fresh database gives the same numbers again."""
+        if work_id in self._answered:
+            self._answered.remove(work_id)
+
+    def due(self, messages: Sequence[EdgeMessage]) -> list[EdgeMessage]:
+        """Give what may be sent by now; what was held back before comes behind the rest.
+
+        The first final answer counts: whatever ends work behind an error answers it once more.
+        """
+        due: list[EdgeMessage] = []
+        for message in messages:
+            if not isinstance(message, Acknowledgement) or message.status == "accepted":
+                due.append(message)
+            elif message.work_id not in self._answered:
+                self._answered.append(message.work_id)
+                (self._held if message.work_id in self._missions_of else due).append(message)
+        due += [answer for answer in self._held if answer.work_id not in self._missions_of]
+        self._held = [answer for answer in self._held if answer.work_id in self._missions_of]
+        return due

@@ -1,0 +1,84 @@
+"""FAILING: something was refused or went wrong, and the vehicle may still send its reasons."""
+
+from typing import Final
+
+from mavlink_broker.effects import Effects
+from mavlink_broker.mission import exchanges
+from mavlink_broker.mission.context import MissionContext
+from mavlink_broker.mission.phases.phase import Fault, Phase, Request, Result
+from mavlink_broker.mission.states import ARMED_BY_BROKER, ASKING, IN_FLIGHT, Event, State
+from mavlink_broker.vehicle.alarms import is_navigation_failure, mission_error
+from mavlink_broker.vehicle.control_authority import AIRBORNE_MODES, Authority, Claim
+
+REASONS_WITHIN_S: Final = 0.5
+"""How long a vehicle that refused something may take to send its reason."""
+
+
+class Failing(Phase):
+    """The end of a mission that has failed."""
+
+    def __init__(self, context: MissionContext) -> None:
+        self._mission = context
+        self._vehicle = context.vehicle
+        self._entered_at = 0.0
+        self._fault = Fault("")
+        self._stops_propellers = False  # The broker armed the vehicle, and it does not take off
+        self._raises_alarm = False
+        self._is_left_to_failsafe = False
+        self._waits_in_air = False  # And nobody else flies it
+
+    @property
+    def claim(self) -> Claim | None:
+        """The mode in which the broker has armed the vehicle, until it is left."""
+        if not self._stops_propellers:
+            return None
+        return Claim(AIRBORNE_MODES, mode=self._mission.authority.arming_mode)
+
+    def prepare(self, fault: Fault, state: State, phase: Phase, effects: Effects) -> None:
+        """Judge a fault in the phase in which it occurs; the transition to this one ends that."""
+        mission, vehicle = self._mission, self._vehicle
+        who = mission.authority.who(phase.claim)
+        is_taken, was_taken = who is not Authority.BROKER, phase.was_taken
+        self._fault = fault
+        if is_taken or (was_taken and vehicle.snapshot.armed):
+            vehicle.take_away()
+        armed_by_broker = state in ARMED_BY_BROKER and not mission.is_hovering
+        self._stops_propellers = armed_by_broker and not is_taken
+        if self._stops_propellers:
+            effects.messages += exchanges.disarming(vehicle)
+        held = vehicle.is_held_by_failsafe
+        # What a failsafe does is no alarm (its cause may be one), nor is what somebody else does
+        self._raises_alarm = state in IN_FLIGHT and not is_taken and not held
+        self._is_left_to_failsafe = held or who is Authority.FAILSAFE
+        is_begun = mission.is_hovering and mission.was_reported_running
+        waits = state in ASKING and is_begun and not was_taken
+        self._waits_in_air = (waits or phase.was_given_up) and not is_taken
+
+    def forget_vehicle(self) -> None:
+        """Give no further order: the vehicle was restarted."""
+        self._waits_in_air = self._stops_propellers = False
+
+    def enter(self, now: float, effects: Effects) -> Result:
+        """Begin to wait for the vehicle's reasons."""
+        del effects
+        self._entered_at = now
+        return None
+
+    def tick(self, now: float, effects: Effects) -> Result:
+        """Report the failure with the vehicle's reasons; one that waits in the air returns."""
+        if now - self._entered_at < REASONS_WITHIN_S:
+            return None
+        mission, vehicle = self._mission, self._vehicle
+        if self._stops_propellers and mission.authority.who(self.claim) is Authority.BROKER:
+            effects.messages += exchanges.disarming(vehicle)  # The first order may be lost
+        reasons = vehicle.status_texts_since(mission.began_at)
+        text = f"{self._fault.reason} ({reasons})" if reasons else self._fault.reason
+        left = self._is_left_to_failsafe and is_navigation_failure(reasons or "")
+        if self._raises_alarm or left:
+            mission_id = mission.work.mission.mission_id
+            effects.for_edge.append(mission.reporter.alarm(mission_error(text), mission_id))
+        mission.ledger.fail(text, self._fault.command)
+        mission.report(effects)
+        is_free = not vehicle.is_taken and not mission.authority.is_lost
+        comes_home = self._waits_in_air and is_free and vehicle.snapshot.armed
+        return Request.RETURN_HOME if comes_home else Event.ENDED

@@ -1,0 +1,88 @@
+"""The hooks of a phase.
+
+    enter    the state begins
+    receive  a message of the vehicle has arrived
+    settle   the exchange of the phase has run: it may have an outcome
+    tick     time has passed
+    leave    the state ends
+
+`enter`, `settle` and `tick` return what follows: an event of the table of states, a fault, a
+request to the mission, or None while the phase goes on.
+"""
+
+from dataclasses import dataclass
+from enum import Enum, auto
+from typing import Protocol, TypeAlias
+
+from mavlink_broker.effects import Effects
+from mavlink_broker.mavlink.dialect import Message
+from mavlink_broker.mission.exchanges import Exchange
+from mavlink_broker.mission.states import Event
+from mavlink_broker.vehicle.control_authority import Claim
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """Something was refused or went wrong, perhaps in one command (its index)."""
+
+    reason: str
+    command: int | None = None
+
+
+class Request(Enum):
+    """What a phase leaves to the mission, which knows the events that wait."""
+
+    NEXT_SEGMENT = auto()  # The present segment has ended
+    RETURN_HOME = auto()  # The mission has failed, and the vehicle waits in the air
+
+
+Result: TypeAlias = Event | Fault | Request | None
+
+
+class Phase(Protocol):
+    """One state of a mission; a hook that a phase does not need does nothing."""
+
+    exchange: Exchange | None = None
+    """The protocol that runs with the vehicle; the mission passes messages and time to it."""
+
+    @property
+    def claim(self) -> Claim | None:
+        """Modes in which the broker is in command; None: it orders nothing in this phase."""
+        return None
+
+    @property
+    def was_taken(self) -> bool:
+        """Whether somebody else has ended what the vehicle did in this phase."""
+        return False
+
+    @property
+    def was_given_up(self) -> bool:
+        """Whether the vehicle waits in the air and does not go on with its mission."""
+        return False
+
+    def enter(self, now: float, effects: Effects) -> Result:
+        """Begin."""
+        del now, effects
+        return None
+
+    def receive(self, message: Message, now: float, effects: Effects) -> None:
+        """Take a message of the vehicle."""
+        del message, now, effects
+
+    def settle(self, now: float, effects: Effects) -> Result:
+        """Judge the outcome of the exchange, if it has one."""
+        del now, effects
+        return None
+
+    def tick(self, now: float, effects: Effects) -> Result:
+        """Let time pass."""
+        del now, effects
+        return None
+
+    def leave(self) -> None:
+        """End: drop the exchange."""
+        self.exchange = None
+
+
+class Idle(Phase):
+    """The state IDLE: no mission, or one that has ended."""

@@ -1,0 +1,130 @@
+"""RUNNING: the vehicle flies mission items, and the broker follows and reports the progress."""
+
+from typing import NamedTuple
+
+from afarcloud.enumerations import Status
+from mavlink_broker.autopilots.flight_modes import ModeRole
+from mavlink_broker.effects import Effects
+from mavlink_broker.mavlink.dialect import Message
+from mavlink_broker.mission.context import MissionContext
+from mavlink_broker.mission.mission_change_monitor import MissionChangeMonitor
+from mavlink_broker.mission.phases.phase import Fault, Phase, Request, Result
+from mavlink_broker.mission.progress_monitor import ProgressMonitor
+from mavlink_broker.mission.skipped_waypoint_monitor import SkippedWaypointMonitor
+from mavlink_broker.vehicle.control_authority import TAKEOVER_AFTER_S, Authority, Claim
+
+
+class _Monitors(NamedTuple):
+    """What follows one segment."""
+
+    progress: ProgressMonitor
+    changes: MissionChangeMonitor
+    skips: SkippedWaypointMonitor
+
+
+class Running(Phase):
+    """One segment of mission items in flight."""
+
+    def __init__(self, context: MissionContext) -> None:
+        self._mission = context
+        self._vehicle = context.vehicle
+        self._monitors: _Monitors | None = None
+        self._paused_at: float | None = None
+        self._is_pause_reported = False
+
+    @property
+    def claim(self) -> Claim | None:
+        """Modes in which the vehicle flies the mission."""
+        return None if self._monitors is None else self._monitors.progress.claim
+
+    @property
+    def was_given_up(self) -> bool:
+        """Whether the vehicle has given up the mission, and waits where it is."""
+        return self._monitors is not None and self._monitors.progress.has_given_up
+
+    def enter(self, now: float, effects: Effects) -> Result:
+        """Begin to follow the segment."""
+        mission, vehicle = self._mission, self._vehicle
+        self._paused_at, self._is_pause_reported = None, False
+        progress = ProgressMonitor(
+            mission.plan, mission.ledger, vehicle, mission.reporter, resumed=mission.was_running
+        )
+        changes = MissionChangeMonitor(mission.plan, vehicle)
+        self._monitors = _Monitors(progress, changes, SkippedWaypointMonitor(mission.plan, vehicle))
+        effects.for_edge += progress.begin(now)
+        return None
+
+    def leave(self) -> None:
+        """Stop following it."""
+        self._monitors = None
+
+    def receive(self, message: Message, now: float, effects: Effects) -> None:
+        """Take a message about the mission."""
+        if self._monitors is not None:
+            self._monitors.progress.receive(message)
+            effects.messages += self._monitors.changes.receive(message, now)
+            self._monitors.skips.receive(message, now)
+
+    def tick(self, now: float, effects: Effects) -> Result:
+        """Report progress; the segment ends, or somebody else has ended it."""
+        mission = self._mission
+        if self._monitors is None:
+            return None
+        progress, changes, skips = self._monitors
+        self._abort_skipped(skips)
+        last = mission.plan.commands[-1]
+        if progress.is_finished and mission.captures.are_pending(last, now, effects):
+            return Fault(mission.authority.departure, last) if mission.authority.is_lost else None
+        self._observe_pause(now, effects)
+        effects.for_edge += progress.step(now)
+        if mission.authority.who(self.claim) is Authority.BROKER:
+            mission.speeds.repeat(now, effects)
+        if progress.is_finished:
+            return Request.NEXT_SEGMENT
+        self._observe_changes(changes, now, effects)
+        departure = progress.departure or changes.departure
+        return None if departure is None else Fault(departure)
+
+    def _abort_skipped(self, skips: SkippedWaypointMonitor) -> None:
+        ledger = self._mission.ledger
+        for index, reason in skips.take_skipped():
+            if not ledger.commands[index].is_terminal:
+                ledger.set_command(index, Status.ABORTED, reason)
+
+    def _observe_pause(self, now: float, effects: Effects) -> None:
+        """Report that somebody else has paused the vehicle: the broker pauses no mission.
+
+        The vehicle stays where it is until whoever paused it resumes the mission. PX4 also holds
+        at the end of a mission, mostly before its last report of progress.
+        """
+        vehicle, ledger = self._vehicle, self._mission.ledger
+        holds = vehicle.mode_role in {ModeRole.HOLD, ModeRole.PAUSED} and vehicle.family.knows_modes
+        if not holds or not vehicle.snapshot.armed or vehicle.is_held_by_failsafe:
+            self._paused_at, self._is_pause_reported = None, False
+            return
+        self._paused_at = self._paused_at or now
+        if now - self._paused_at >= TAKEOVER_AFTER_S and not self._is_pause_reported:
+            self._is_pause_reported = True
+            last = len(ledger.commands) - 1
+            ledger.add_note(min(ledger.finished, last), self.pause)
+            self._mission.report(effects)
+
+    @property
+    def pause(self) -> str:
+        """Name who has paused the vehicle, as far as that is known."""
+        order = self._vehicle.foreign_order
+        who = "somebody else" if order is None else f"system {order.system}"
+        return f"{who} paused the vehicle: mode {self._vehicle.mode}"
+
+    def was_paused_after(self, since: float) -> bool:
+        """Whether the vehicle is paused, and was not yet at that time."""
+        return self._paused_at is not None and self._paused_at > since
+
+    def _observe_changes(self, changes: MissionChangeMonitor, now: float, effects: Effects) -> None:
+        """Report what somebody else has done to the mission."""
+        effects.messages += changes.tick(now)
+        note, changes.note = changes.note, None
+        if note is not None:
+            ledger = self._mission.ledger
+            ledger.add_note(ledger.finished, note)
+            self._mission.report(effects)

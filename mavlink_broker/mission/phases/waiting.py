@@ -1,0 +1,178 @@
+"""WAITING: a mission waits until its vehicle is connected, has a position and is ready to arm."""
+
+import logging
+import math
+from typing import Final
+
+from afarcloud.commands import FLYING
+from afarcloud.enumerations import CommandType
+from mavlink_broker.autopilots.flight_modes import ModeRole
+from mavlink_broker.effects import Effects
+from mavlink_broker.mission import exchanges
+from mavlink_broker.mission.authority_monitor import DESCENDING, HOVERING, ON_GROUND
+from mavlink_broker.mission.context import (
+    TELEMETRY_WITHIN_S,
+    VEHICLE_WITHIN_S,
+    MissionContext,
+)
+from mavlink_broker.mission.phases.phase import Fault, Phase, Result
+from mavlink_broker.mission.states import Event
+from mavlink_broker.planning.mission import RefusedError
+from mavlink_broker.vehicle.control_authority import Claim
+from mavlink_broker.vehicle.vehicle import Vehicle
+
+LOGGED_AFTER_S: Final = 3.0
+"""How long a mission waits before the log names the obstacle."""
+MODE_EVERY_S: Final = 2.0
+"""Longer than a mode takes to show in a heartbeat."""
+CHECKS_EVERY_S: Final = 14.0
+"""Longer than a vehicle waits by itself, and often enough for its newest reason."""
+ARMED_UNREADY_AFTER_S: Final = 45.0
+"""How long a vehicle may not report that it is ready before it is ordered to arm."""
+
+_LOG = logging.getLogger(__name__)
+
+
+class Waiting(Phase):
+    """Before the transfer to the vehicle."""
+
+    def __init__(self, context: MissionContext) -> None:
+        self._mission = context
+        self._vehicle = context.vehicle
+        self._entered_at = 0.0
+        self._mode_ordered_at = -math.inf  # The vehicle is not ready in the mode that it is in
+        self._checks_requested_at = -math.inf
+        self._obstacle: str | None = None  # That was logged last
+
+    @property
+    def claim(self) -> Claim:
+        """A vehicle that flew a segment of this mission comes down by itself."""
+        if self._mission.is_hovering:
+            return HOVERING
+        return DESCENDING if self._mission.is_start_ordered else ON_GROUND
+
+    def enter(self, now: float, effects: Effects) -> Result:
+        """Begin to wait."""
+        del effects
+        self._entered_at = now
+        return None
+
+    def tick(self, now: float, effects: Effects) -> Result:
+        """Go on when nothing is lacking; fail after `VEHICLE_WITHIN_S`."""
+        mission, vehicle = self._mission, self._vehicle
+        if mission.is_expired(now):
+            mission.ledger.abort("expired before take-off")
+            mission.report(effects)
+            return Event.ENDED
+        waited_s = now - self._entered_at
+        mission.is_hovering |= vehicle.hovers  # Its heartbeat may have arrived after `begin`
+        obstacle = find_obstacle(vehicle, now, hovering=mission.is_hovering, waited_s=waited_s)
+        self._log_obstacle(obstacle, waited_s)
+        if obstacle is None:
+            may_begin = mission.is_confirmed or not self._acts_at_once
+            return self._begin_transfer() if may_begin else None
+        self._request_checks(now, effects)
+        if _may_be_ready_in_another_mode(vehicle) and now >= self._mode_ordered_at + MODE_EVERY_S:
+            self._mode_ordered_at = now
+            effects.messages.append(exchanges.hold_on_ground(vehicle))
+        if waited_s >= VEHICLE_WITHIN_S:
+            return Fault(f"not ready after {VEHICLE_WITHIN_S:.0f} s: {obstacle}")
+        return None
+
+    def _log_obstacle(self, obstacle: str | None, waited_s: float) -> None:
+        """Log what a mission waits for, after `LOGGED_AFTER_S` and whenever it changes."""
+        if obstacle == self._obstacle or (obstacle is not None and waited_s < LOGGED_AFTER_S):
+            return
+        mission_id, vehicle_id = self._mission.work.mission.mission_id, self._vehicle.vehicle_id
+        if obstacle is None:
+            _LOG.info("mission %d goes on after %.0f s", mission_id, waited_s)
+        else:
+            _LOG.warning("mission %d waits for vehicle %d: %s", mission_id, vehicle_id, obstacle)
+        self._obstacle = obstacle
+
+    @property
+    def _acts_at_once(self) -> bool:
+        """Whether the vehicle acts before it is armed: it hovers already, or it takes pictures.
+
+        Only a mission that the edge server has confirmed may do that. A transfer to a vehicle on
+        the ground may begin before.
+        """
+        return self._mission.is_live or self._mission.is_hovering
+
+    def _request_checks(self, now: float, effects: Effects) -> None:
+        """Request the arming checks of a vehicle that is not ready.
+
+        Most vehicles have sent their reasons before the broker was connected.
+        """
+        is_ready = self._vehicle.ready_to_arm is not False or bool(self._vehicle.snapshot.armed)
+        if is_ready or now - max(self._checks_requested_at, self._entered_at) < CHECKS_EVERY_S:
+            return
+        self._checks_requested_at = now
+        effects.messages.append(exchanges.arming_checks(self._vehicle))
+
+    def _begin_transfer(self) -> Result:
+        mission = self._mission
+        try:
+            mission.translate()
+            mission.check_area()
+        except RefusedError as error:
+            return Fault(error.reason, error.command_index)
+        if self._acts_at_once and not mission.is_confirmed:
+            return None
+        is_live = mission.is_live
+        moves = mission.segments.live.action.moves if is_live else self._begins_in_the_air
+        if moves and not mission.is_flying:
+            return Fault("the vehicle is on the ground: a take-off has to come first")
+        return Event.READY
+
+    @property
+    def _begins_in_the_air(self) -> bool:
+        """Whether the mission begins with a landing or a return, which needs a hover."""
+        mission = self._mission
+        kinds = (one.command_type_id for one in mission.work.mission.command_array)
+        first = next((kind for kind in kinds if kind in FLYING), None)
+        is_for_air = first in {CommandType.NAV_LAND, CommandType.NAV_HOME}
+        return is_for_air and mission.segments.is_first and not self._vehicle.stays_on_ground
+
+
+def find_obstacle(vehicle: Vehicle, now: float, *, hovering: bool, waited_s: float) -> str | None:
+    """Name what is lacking before the transfer to the vehicle, or None.
+
+    `hovering`: it holds in the air where a mission of this broker left it, and may fly on.
+    """
+    snapshot = vehicle.snapshot
+    may_navigate = snapshot.can_navigate
+    if may_navigate is None:  # Not requested yet, perhaps
+        may_navigate = not vehicle.family.reports_estimator or waited_s >= TELEMETRY_WITHIN_S
+    obstacles = {
+        "the vehicle is not connected": not vehicle.is_reachable(now),
+        "its kind is not known": not vehicle.is_identified,
+        "its position is not known": snapshot.position is None,
+        "its home is not known": snapshot.home is None,
+        "it cannot navigate yet": not may_navigate and not hovering,
+        "it is armed": bool(snapshot.armed) and not hovering,
+        "it is not ready to arm": _is_unready(vehicle, waited_s) and not hovering,
+        "it is in its mission mode": vehicle.has_run_its_mission and not hovering,
+    }
+    return next((obstacle for obstacle, there in obstacles.items() if there), None)
+
+
+def _is_unready(vehicle: Vehicle, waited_s: float) -> bool:
+    """Whether it would not arm; readiness that is only inferred counts for a limited time."""
+    is_inferred = vehicle.snapshot.ready_to_arm is None
+    return vehicle.ready_to_arm is False and not (is_inferred and waited_s >= ARMED_UNREADY_AFTER_S)
+
+
+def _may_be_ready_in_another_mode(vehicle: Vehicle) -> bool:
+    """Whether a vehicle may be not ready to arm only because of the mode that it is in.
+
+    PX4 judges its readiness for that mode: without a remote control it is never ready to be flown
+    by one, behind a return or a landing it stays in a mode in which it does not arm, and in its
+    mission mode it is ready with a mission only.
+    ArduPilot in AUTO would begin a new mission before its propellers turn.
+    """
+    snapshot = vehicle.snapshot
+    if vehicle.has_run_its_mission:
+        return snapshot.can_navigate is not False
+    waits = snapshot.armed is False and vehicle.ready_to_arm is False
+    return waits and vehicle.family.readiness_by_mode and vehicle.mode_role is not ModeRole.HOLD

@@ -1,0 +1,191 @@
+"""Runs slow jobs on threads: downloads pictures over HTTP and converts pictures.
+
+The web servers are those of the vehicles' cameras, in private networks. A download is one file over
+http or https, without redirects; it fails when the server is slow or sends too much. Pictures that
+fit are not changed; larger ones are shrunk by a separate process, which a hostile picture may
+crash.
+"""
+
+import base64
+import logging
+import queue
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Mapping
+from functools import partial
+from http import HTTPStatus
+from itertools import chain
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import requests
+
+from afarcloud.enumerations import ImageFormat
+from afarcloud.state import MAXIMUM_FRAME_BYTES
+from mavlink_broker.edge.bounded_http import BoundedHttp, TooLargeError
+from mavlink_broker.effects import (
+    ConvertedPicture,
+    ConvertPicture,
+    Downloaded,
+    FetchUrl,
+    Job,
+    JobFailed,
+    JobOutcome,
+)
+from mavlink_broker.internal_errors import reason_of
+from mavlink_broker.pictures import shrink
+from mavlink_broker.supervision import SupervisedThread
+
+CONNECT_TIMEOUT_S: Final = 5.0
+READ_TIMEOUT_S: Final = 10.0
+TOTAL_TIMEOUT_S: Final = 120.0
+SHRINK_TIMEOUT_S: Final = 60.0
+THREADS: Final[Mapping[type[Job], int]] = {FetchUrl: 8, ConvertPicture: 2}
+"""Downloads wait for web servers, at most one per vehicle; conversions use the processor."""
+
+_SHRINK_PROGRAM: Final = Path(shrink.__file__)
+_LOG = logging.getLogger(__name__)
+
+
+class JobError(Exception):
+    """A job has failed; the text says why."""
+
+
+class Finished(NamedTuple):
+    """The outcome of a job, and the system id of its vehicle."""
+
+    system: int
+    outcome: JobOutcome
+
+
+def format_of(data: bytes) -> ImageFormat | None:
+    """Format of a picture by its first bytes; None for one that AFarCloud does not know."""
+    if data.startswith(b"\xff\xd8\xff"):
+        return ImageFormat.JPEG
+    if data.startswith(b"\x89PNG\r\n\x1a\n"):
+        return ImageFormat.PNG
+    if data.startswith((b"II*\x00", b"MM\x00*")):
+        return ImageFormat.TIFF
+    is_webp = data.startswith(b"RIFF") and data[8:12] == b"WEBP"
+    return ImageFormat.WEBP if is_webp else None
+
+
+def convert(job: ConvertPicture) -> ConvertedPicture:
+    """Convert a picture to a format and size that AFarCloud accepts.
+
+    Raises:
+        JobError: if it is not a readable picture, or cannot be made small enough.
+    """
+    data, kind = job.data, format_of(job.data)
+    if kind is None or len(data) > MAXIMUM_FRAME_BYTES:
+        data, kind = _shrink(data), ImageFormat.JPEG
+    return ConvertedPicture(job.number, kind, base64.b64encode(data).decode("ascii"), len(data))
+
+
+def _shrink(data: bytes) -> bytes:
+    command = [sys.executable, "-I", str(_SHRINK_PROGRAM), str(MAXIMUM_FRAME_BYTES)]
+    try:
+        done = subprocess.run(  # noqa: S603  # our own program, and no shell
+            command, input=data, capture_output=True, timeout=SHRINK_TIMEOUT_S, check=False
+        )
+    except (subprocess.TimeoutExpired, OSError) as error:
+        raise JobError(f"it cannot be made smaller: {error}") from error
+    if done.returncode != 0 or not 0 < len(done.stdout) <= MAXIMUM_FRAME_BYTES:
+        lines = done.stderr.decode("utf-8", "replace").strip().splitlines()
+        reason = lines[-1][:200] if lines else f"status {done.returncode}"
+        raise JobError(f"it cannot be converted: {reason}")
+    return done.stdout
+
+
+def download(job: FetchUrl) -> Downloaded:
+    """Download a file of a web server.
+
+    Raises:
+        JobError: if it is not received completely, or is too large.
+    """
+    try:
+        answer = BoundedHttp().exchange(
+            "GET",
+            job.url,
+            within_s=TOTAL_TIMEOUT_S,
+            timeouts_s=(CONNECT_TIMEOUT_S, READ_TIMEOUT_S),
+            max_bytes=job.limit_bytes,
+        )
+    except TooLargeError as error:
+        raise JobError(str(error)) from error
+    except requests.RequestException as error:
+        raise JobError(f"the download failed: {error}") from error
+    if answer.status_code != HTTPStatus.OK:
+        raise JobError(f"the web server answers HTTP {answer.status_code}")
+    if not answer.body:
+        raise JobError("it is empty")
+    return Downloaded(job.number, answer.body)
+
+
+class WorkerPool:
+    """Runs jobs on threads; `wake` is called after each outcome."""
+
+    def __init__(self, wake: Callable[[], None]) -> None:
+        self._wake = wake
+        self._jobs: dict[type[Job], queue.SimpleQueue[tuple[int, Job] | None]] = {
+            kind: queue.SimpleQueue() for kind in THREADS
+        }
+        self._finished: queue.SimpleQueue[Finished] = queue.SimpleQueue()
+        self._stopping = threading.Event()
+        self._threads = {
+            kind: [
+                SupervisedThread(
+                    f"{kind.__name__}-{number}", partial(self._work, kind), self._stopping
+                )
+                for number in range(count)
+            ]
+            for kind, count in THREADS.items()
+        }
+
+    def start(self) -> None:
+        """Start the threads."""
+        for thread in chain.from_iterable(self._threads.values()):
+            thread.start()
+
+    def stop(self) -> None:
+        """Start no more jobs; daemon threads do not delay the end of the program."""
+        self._stopping.set()
+        for kind, threads in self._threads.items():
+            for _ in threads:
+                self._jobs[kind].put(None)
+
+    def put(self, system: int, job: Job) -> None:
+        """Queue a job of a vehicle."""
+        self._jobs[type(job)].put((system, job))
+
+    def take_finished(self) -> list[Finished]:
+        """Return the outcomes since the last call."""
+        finished = []
+        while not self._finished.empty():
+            finished.append(self._finished.get_nowait())
+        return finished
+
+    def _work(self, kind: type[Job]) -> None:
+        while (task := self._jobs[kind].get()) is not None:
+            system, job = task
+            self._finished.put(Finished(system, run_job(job)))
+            self._wake()
+
+
+_HANDLERS: Final[Mapping[type[Job], Callable[..., JobOutcome]]] = {
+    FetchUrl: download,
+    ConvertPicture: convert,
+}
+
+
+def run_job(job: Job) -> JobOutcome:
+    """Run one job; a failure is an outcome too."""
+    try:
+        return _HANDLERS[type(job)](job)
+    except JobError as error:
+        _LOG.info("picture %d: %s", job.number, error)
+        return JobFailed(job.number, str(error))
+    except Exception as error:  # noqa: BLE001  # the boundary of one job, logged
+        _LOG.exception("picture %d", job.number)
+        return JobFailed(job.number, reason_of(error))

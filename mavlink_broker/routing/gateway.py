@@ -1,0 +1,174 @@
+"""Forwards frames between vehicles and ground stations.
+
+A ground station's heartbeat is not forwarded, because a vehicle that has received one may return
+home when the laptop is closed. It is forwarded only if ground stations may command at all times.
+
+Ground stations measure the loss of a link by gaps in the sequence numbers. Frames that the broker
+withholds must not look lost, and frames that it inserts in a vehicle's name must not look like 255
+lost ones. So numbers are shifted by the count of withheld and inserted frames; real losses between
+vehicle and broker stay visible.
+"""
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+from mavlink_broker.mavlink.codec import encoded_as
+from mavlink_broker.mavlink.dialect import Message, Source, mavlink, source_of
+from mavlink_broker.mavlink.frames import sender, sequence, unsigned, with_sequence
+from mavlink_broker.routing.policy import (
+    Answer,
+    BrokerControl,
+    Drop,
+    Forward,
+    Refuse,
+    answering_source,
+    decide,
+    is_message_id,
+    target_of,
+)
+from mavlink_broker.routing.refusals import Refusals
+
+_SEQUENCES = 256
+
+
+class SequenceNumbers:
+    """Shifts sequence numbers by inserted and withheld frames, per sender."""
+
+    def __init__(self) -> None:
+        self._offset: dict[Source, int] = {}
+        self._newest: dict[Source, int] = {}
+
+    def forwarded(self, frame: bytes) -> bytes:
+        """Return an unsigned frame with its sequence number for ground stations."""
+        source = Source(*sender(frame))
+        moved = self._offset.get(source, 0)
+        number = (sequence(frame) + moved) % _SEQUENCES
+        self._newest[source] = number
+        return with_sequence(frame, number) if moved else frame
+
+    def withheld(self, source: Source) -> None:
+        """Count a frame that is not forwarded."""
+        self._offset[source] = (self._offset.get(source, 0) - 1) % _SEQUENCES
+
+    def inserted(self, source: Source) -> int:
+        """Return the sequence number of an inserted frame."""
+        self._offset[source] = (self._offset.get(source, 0) + 1) % _SEQUENCES
+        self._newest[source] = (self._newest.get(source, -1) + 1) % _SEQUENCES
+        return self._newest[source]
+
+
+GCS_TIMEOUT_S: Final = 10.0
+"""A ground station is connected until so long after its last message."""
+REQUESTS_KEPT: Final = 500
+"""Message ids per vehicle; no vehicle sends more."""
+
+
+@dataclass(slots=True)
+class ForwardedFrames:
+    """The frames that one message of a ground station causes."""
+
+    to_vehicles: list[tuple[Source, bytes]] = field(default_factory=list)  # Component 0: autopilot
+    to_ground_stations: list[bytes] = field(default_factory=list)  # Unsigned, for each of them
+
+
+class Gateway:
+    """Forwards between the vehicles of one broker and all ground stations."""
+
+    def __init__(
+        self,
+        own_system: int,
+        control: Callable[[int], BrokerControl],
+        required_intervals_us: Mapping[int, float],
+        *,
+        may_command: bool,
+    ) -> None:
+        """Take the broker's system id, its use of each vehicle, and its streams' intervals [us]."""
+        self._own_system = own_system
+        self._control_of = control
+        self._required_intervals_us = required_intervals_us
+        self._may_command = may_command
+        self._sequence_numbers = SequenceNumbers()
+        self._received_at: float | None = None
+        self._requested: dict[int, set[int]] = {}
+        self.refusals = Refusals()
+
+    def has_ground_station(self, now: float) -> bool:
+        """Whether a ground station has sent something within `GCS_TIMEOUT_S`."""
+        return self._received_at is not None and now - self._received_at <= GCS_TIMEOUT_S
+
+    def requested_messages(self, system: int, now: float) -> Collection[int] | None:
+        """Message ids that ground stations have requested; None without a ground station."""
+        if not self.has_ground_station(now):
+            self._requested.clear()
+            return None
+        return self._requested.get(system, ())
+
+    def from_vehicle(self, message: Message) -> bytes | None:
+        """Return the unsigned copy of a vehicle's frame; None if it is for the broker only."""
+        if target_of(message) == self._own_system:
+            self._sequence_numbers.withheld(source_of(message))
+            return None
+        return self._sequence_numbers.forwarded(unsigned(bytes(message.get_msgbuf())))
+
+    def from_ground_station(
+        self, message: Message, vehicles: Collection[int], now: float
+    ) -> ForwardedFrames:
+        """Decide on a ground station's message for every vehicle that it addresses."""
+        forwarded_frames = ForwardedFrames()
+        source = source_of(message)
+        if source.system in vehicles or source.system in {0, self._own_system}:
+            return forwarded_frames  # A sender must not pose as a vehicle or the broker
+        self._received_at = now
+        self.refusals.log_new(now)
+        if message.get_type() == "HEARTBEAT" and not self._may_command:
+            return forwarded_frames
+        target = target_of(message)
+        for system in vehicles:
+            if target in {0, system}:
+                self._forward(message, system, forwarded_frames, now)
+        return forwarded_frames
+
+    def _forward(
+        self, message: Message, system: int, forwarded_frames: ForwardedFrames, now: float
+    ) -> None:
+        control = BrokerControl.FREE if self._may_command else self._control_of(system)
+        answerer = Source(system, answering_source(message).component)
+        to_whom = Source(system, getattr(message, "target_component", 0))
+        match decide(message, control, self._required_intervals_us):
+            case Forward():
+                self._note_request(message, system)
+                forwarded_frames.to_vehicles.append((to_whom, bytes(message.get_msgbuf())))
+            case Answer(answer):
+                forwarded_frames.to_ground_stations.append(self._framed_as(answerer, answer))
+            case Drop():
+                return
+            case Refuse(answer, instead):
+                if answer is not None:
+                    forwarded_frames.to_ground_stations.append(self._framed_as(answerer, answer))
+                if instead is not None:
+                    frame = encoded_as(instead, source_of(message), message.get_seq())
+                    forwarded_frames.to_vehicles.append((to_whom, frame))
+                self._send_explanation(message, answerer, forwarded_frames, now)
+
+    def _note_request(self, message: Message, system: int) -> None:
+        """Record a requested message: the ground station sets its rate from now on."""
+        command = getattr(message, "command", None)
+        if command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL and is_message_id(message.param1):
+            requested = self._requested.setdefault(system, set())
+            if len(requested) < REQUESTS_KEPT:
+                requested.add(int(message.param1))
+
+    def _send_explanation(
+        self, message: Message, answerer: Source, forwarded_frames: ForwardedFrames, now: float
+    ) -> None:
+        sentence = self.refusals.add(message, answerer.system, now)
+        if sentence is not None:
+            autopilot = answerer._replace(component=mavlink.MAV_COMP_ID_AUTOPILOT1)
+            text = mavlink.MAVLink_statustext_message(
+                mavlink.MAV_SEVERITY_WARNING, sentence.encode("ascii", "replace")
+            )
+            forwarded_frames.to_ground_stations.append(self._framed_as(autopilot, text))
+
+    def _framed_as(self, source: Source, message: Message) -> bytes:
+        return encoded_as(message, source, self._sequence_numbers.inserted(source))

@@ -1,0 +1,58 @@
+"""The other ends of links: a pseudo-terminal that can be unplugged, a hub in a loop."""
+
+import os
+import pty
+import time
+import tty
+from collections.abc import Callable
+from pathlib import Path
+
+from mavlink_broker.links.hub import Hub
+from mavlink_broker.links.link import Arrival
+
+PATIENCE_S = 30.0
+
+
+class Cable:
+    """A pseudo-terminal under a fixed name, as udev gives a radio; plugged in and pulled out."""
+
+    def __init__(self, name: Path) -> None:
+        self.name = name
+        self._far: int | None = None
+        self._near: int | None = None
+
+    def plug_in(self) -> None:
+        self._far, self._near = pty.openpty()
+        tty.setraw(self._near)
+        os.set_blocking(self._far, False)
+        self.name.symlink_to(os.ttyname(self._near))
+
+    def pull_out(self) -> None:
+        self.name.unlink()
+        for descriptor in (self._near, self._far):
+            assert descriptor is not None
+            os.close(descriptor)
+        self._far = self._near = None
+
+    def write(self, data: bytes) -> None:
+        """Send to the program all that the line takes at once."""
+        assert self._far is not None
+        os.write(self._far, data)
+
+    def read(self, most: int = 65_536) -> bytes:
+        """What the program has sent."""
+        assert self._far is not None
+        try:
+            return os.read(self._far, most)
+        except BlockingIOError:
+            return b""
+
+
+def receive_until(hub: Hub, is_enough: Callable[[list[Arrival]], bool]) -> list[Arrival]:
+    """Receive until the condition holds."""
+    arrivals: list[Arrival] = []
+    end = time.monotonic() + PATIENCE_S
+    while not is_enough(arrivals):
+        assert time.monotonic() < end, f"only {len(arrivals)} arrivals"
+        arrivals += hub.receive(0.02)
+    return arrivals

@@ -1,0 +1,159 @@
+"""Heartbeats, reboots and round trips."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mavlink_broker.mavlink.dialect import mavlink
+from mavlink_broker.microservices.heartbeat import (
+    NOT_VEHICLES,
+    LinkMonitor,
+    LinkState,
+    OwnHeartbeat,
+    is_vehicle,
+)
+from mavlink_broker.microservices.reboot import RebootMonitor
+from mavlink_broker.microservices.round_trip import (
+    FIRST_TIMEOUT_S,
+    LONGEST_TIMEOUT_S,
+    SHORTEST_TIMEOUT_S,
+    RoundTrip,
+)
+from tests.unit.mavlink_broker.microservices.harness import tick_until
+
+
+def test_our_heartbeat_is_sent_once_a_second_as_an_onboard_controller() -> None:
+    sent = tick_until(OwnHeartbeat(), 0.0, 10.0)
+    assert len(sent) == 10
+    assert {message.type for message in sent} == {mavlink.MAV_TYPE_ONBOARD_CONTROLLER}
+    assert not is_vehicle(sent[0])
+
+
+@pytest.mark.parametrize("kind", sorted(NOT_VEHICLES))
+def test_what_does_not_fly_is_no_vehicle(kind: int) -> None:
+    message = mavlink.MAVLink_heartbeat_message(kind, mavlink.MAV_AUTOPILOT_PX4, 0, 0, 4, 3)
+    assert not is_vehicle(message)
+
+
+@pytest.mark.parametrize(
+    ("age", "state"),
+    [
+        (0.0, LinkState.CONNECTED),
+        (1.9, LinkState.CONNECTED),
+        (2.1, LinkState.STALE),
+        (4.9, LinkState.STALE),
+        (5.1, LinkState.LOST),
+    ],
+)
+def test_the_link_state_follows_the_age_of_the_heartbeat(age: float, state: LinkState) -> None:
+    watch = LinkMonitor()
+    watch.heartbeat_received(100.0)
+    assert watch.state(100.0 + age) is state
+
+
+def test_a_vehicle_without_a_heartbeat_is_lost() -> None:
+    assert LinkMonitor().state(0.0) is LinkState.LOST
+
+
+def feed(watch: RebootMonitor, *times_ms: int, start_s: float = 0.0, kind: str = "ATTITUDE") -> int:
+    """Give times five times a second; how many restarts they prove."""
+    told = [watch.sample(kind, ms, start_s + 0.2 * i) for i, ms in enumerate(times_ms)]
+    return told.count(True)
+
+
+class TestARestart:
+    @given(st.integers(5_000, 2**31), st.integers(0, 1_000))
+    def test_is_a_clock_that_restarts_and_is_reported_once(self, before: int, after: int) -> None:
+        assert feed(RebootMonitor(), before, *(after + 200 * i for i in range(10))) == 1
+
+    def test_soon_after_the_one_before_is_seen_too(self) -> None:
+        watch = RebootMonitor()
+        assert feed(watch, *range(0, 4_000, 200)) == 0
+        assert feed(watch, *range(100, 3_000, 200), start_s=9.0) == 1
+
+    def test_in_a_silence_shows_by_any_step_back(self) -> None:
+        """50 s old, out of reach for 45 s of which it needed 5 s to restart: 40 s old."""
+        watch = RebootMonitor()
+        assert feed(watch, *range(45_000, 50_000, 200)) == 0
+        assert feed(watch, *range(40_000, 42_000, 200), start_s=50.0) == 1
+
+    @pytest.mark.parametrize("speed", [0.1, 1.0, 40.0])
+    def test_shows_at_any_speed_of_a_simulated_clock(self, speed: float) -> None:
+        watch = RebootMonitor()
+        step = round(200 * speed)
+        assert feed(watch, *(100_000 + step * i for i in range(50))) == 0
+        assert feed(watch, *(step * i for i in range(50)), start_s=10.0) == 1
+
+    def test_shows_in_each_kind_of_message_and_is_reported_once(self) -> None:
+        watch = RebootMonitor()
+        kinds = ("ATTITUDE", "GLOBAL_POSITION_INT", "SYSTEM_TIME")
+        told = 0
+        for index in range(100):
+            boot_ms = 60_000 + 200 * index if index < 50 else 200 * (index - 50)
+            told += sum(watch.sample(kind, boot_ms, 0.2 * index) for kind in kinds)
+        assert told == 1
+
+
+class TestNoRestart:
+    @given(st.lists(st.integers(0, 900), max_size=50))
+    def test_are_frames_that_overtake_one_another(self, late_ms: list[int]) -> None:
+        times = [10_000 + 200 * index - late for index, late in enumerate(late_ms)]
+        assert feed(RebootMonitor(), *times) == 0
+
+    def test_is_one_very_late_frame(self) -> None:
+        assert feed(RebootMonitor(), 60_000, 10_000, 60_200, 10_200, 60_400) == 0
+
+    def test_are_some_seconds_that_a_modem_kept_back(self) -> None:
+        watch = RebootMonitor()
+        kept_back = range(95_000, 100_000, 200)
+        assert feed(watch, 100_000, *kept_back, 100_200, 100_400) == 0
+
+    def test_is_the_end_of_the_counter(self) -> None:
+        end = 2**32
+        times = [(end - 2_000 + 200 * i) % end for i in range(50)]
+        assert feed(RebootMonitor(), *times) == 0
+
+    def test_are_clocks_that_differ_from_message_to_message(self) -> None:
+        watch = RebootMonitor()
+        for index in range(100):
+            assert not watch.sample("ATTITUDE", 60_000 + 200 * index, 0.2 * index)
+            assert not watch.sample("SYSTEM_TIME", 200 * index, 0.2 * index)
+
+
+@given(st.lists(st.floats(0.0, 60.0), min_size=1, max_size=40))
+def test_timeouts_stay_within_what_links_do(samples: list[float]) -> None:
+    round_trip = RoundTrip()
+    for sample in samples:
+        round_trip.sample(sample)
+        assert SHORTEST_TIMEOUT_S <= round_trip.timeout_s <= LONGEST_TIMEOUT_S
+
+
+def test_a_fast_link_has_short_timeouts_and_a_slow_one_long_ones() -> None:
+    timeouts = []
+    for delay in (0.01, 0.4, 1.5):
+        round_trip = RoundTrip()
+        assert round_trip.timeout_s == FIRST_TIMEOUT_S
+        for _ in range(20):
+            round_trip.sample(delay)
+        timeouts.append(round_trip.timeout_s)
+        assert round_trip.timeout_s > delay
+    assert timeouts == sorted(timeouts)
+
+
+def test_a_link_slower_than_the_first_guess_is_learnt_all_the_same() -> None:
+    """Every question is repeated before its answer comes, and no answer tells to which."""
+    round_trip = RoundTrip()
+    round_trip.sample_repeated(1.5)
+    assert round_trip.timeout_s == FIRST_TIMEOUT_S, "one may have been lost"
+    round_trip.sample_repeated(1.5)
+    assert round_trip.timeout_s > 1.5
+
+
+def test_a_lost_answer_now_and_then_does_not_slow_a_fast_link_down() -> None:
+    round_trip = RoundTrip()
+    for index in range(40):
+        if index % 3:
+            round_trip.sample(0.01)
+        else:
+            round_trip.sample_repeated(0.4)
+    assert round_trip.timeout_s == SHORTEST_TIMEOUT_S
